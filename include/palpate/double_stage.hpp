@@ -1,0 +1,96 @@
+// The double-stage method (Diolaiti, Melchiorri & Stramigioli 2005; the paper's eqs. 3–6).
+//
+//   stage 1:  y = F,                φ = [x^n̂, x^n̂ v]  → K̂, B̂   (n̂ of the previous sample)
+//   stage 2:  y = ln(F / (K̂ + B̂ v)), φ = ln x          → n̂       (skipped while K̂ + B̂ v ≤ 0)
+//
+// Each stage takes the other's estimate for the truth, so from most starts it freezes on a ridge
+// between K and n. That is the method's nature, shown here as it is.
+#pragma once
+
+#include "palpate/regression_method.hpp"
+
+namespace palpate {
+
+class DoubleStageMethod {
+ public:
+  using Law = HuntCrossley;
+  static constexpr std::size_t order = 3;
+
+  struct Settings {
+    Law initial;
+    Matrix<2> stage_one_covariance;  // of [K, B], in scaled units
+    double stage_two_covariance;     // of n
+  };
+
+  DoubleStageMethod(const Settings& settings, const Units& units) noexcept
+      : stage_one_({in_scaled_units(settings.initial, units), settings.stage_one_covariance}),
+        stage_two_({{settings.initial.exponent}, {{{settings.stage_two_covariance}}}}) {}
+
+  template <class Adapt>
+  Status learn(const Sample& sample, Adapt&& adapt) noexcept {
+    const double depth = std::log(sample.penetration);
+    // xⁿ stays within e^±100, so that its square is finite and far from the subnormal.
+    const double power = std::exp(std::clamp(stage_two_.parameters()[0] * depth, -100.0, 100.0));
+    const Vector<2> regressor{power, power * sample.velocity};
+    const auto [forgetting_factor, perturbation] =
+        adapt([&]() noexcept { return stage_one_.predict(regressor); });
+
+    LeastSquares<2> one = stage_one_;
+    Status status = one.update(regressor, sample.force, forgetting_factor, perturbation);
+    if (!taken(status)) return status;
+
+    const double rate = one.parameters()[0] + one.parameters()[1] * sample.velocity;
+    const double output = std::log(sample.force / rate);
+    if (rate > 0.0 && std::isfinite(output)) {
+      const Status second = stage_two_.update({depth}, output, forgetting_factor, perturbation);
+      if (!taken(second)) return second;
+      if (second == Status::guarded) status = second;
+    }
+    stage_one_ = one;
+    return status;
+  }
+
+  Law law(const Units& u) const noexcept {
+    const double exponent = saturate(stage_two_.parameters()[0]);
+    const double unit = u.force * bounded_exp(-exponent * u.log_penetration);
+    return {saturate(stage_one_.parameters()[0] * unit),
+            saturate(stage_one_.parameters()[1] * unit / u.velocity), exponent};
+  }
+
+  // The stages' own covariances; neither knows of the other, so K and n appear independent
+  // but for the unit of K, which depends on n.
+  Matrix<order> covariance(const Law& law, const Units& u) const noexcept {
+    return congruence(jacobian(law, u), stages());
+  }
+
+  // The diagonal of covariance().
+  Vector<order> variances(const Law& law, const Units& u) const noexcept {
+    return congruent_diagonal(jacobian(law, u), stages());
+  }
+
+ private:
+  static Vector<2> in_scaled_units(const Law& law, const Units& u) noexcept {
+    const double unit = std::pow(u.penetration, law.exponent) / u.force;
+    return {law.stiffness * unit, law.damping * unit * u.velocity};
+  }
+
+  // Of (K, B, n) in SI by [K, B] in scaled units and n.
+  static Matrix<order> jacobian(const Law& law, const Units& u) noexcept {
+    const double unit = saturate(u.force * bounded_exp(-law.exponent * u.log_penetration));
+    return {{{unit, 0.0, saturate(-law.stiffness * u.log_penetration)},
+             {0.0, saturate(unit / u.velocity), saturate(-law.damping * u.log_penetration)},
+             {0.0, 0.0, 1.0}}};
+  }
+
+  Matrix<order> stages() const noexcept {
+    const Matrix<2> one = stage_one_.scaled_covariance();
+    return {{{one[0][0], one[0][1], 0.0},
+             {one[1][0], one[1][1], 0.0},
+             {0.0, 0.0, stage_two_.scaled_covariance()[0][0]}}};
+  }
+
+  LeastSquares<2> stage_one_;
+  LeastSquares<1> stage_two_;
+};
+
+}  // namespace palpate

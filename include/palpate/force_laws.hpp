@@ -1,0 +1,62 @@
+// Contact force laws F(x, v): x penetration [m], v velocity [m/s, positive while penetrating],
+// F force [N, compression positive]. Equation numbers: Haddadi & Hashtrudi-Zaad, T-RO 2012.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "palpate/matrix.hpp"
+
+namespace palpate {
+
+// Parameters that data drove past this are reported at it, so that their squares stay finite.
+inline constexpr double largest_parameter = 1e100;
+
+constexpr double saturate(double value) noexcept {
+  return std::clamp(value, -largest_parameter, largest_parameter);
+}
+
+// e^a kept within ±largest_parameter (ln 1e100 ≈ 230).
+inline double bounded_exp(double a) noexcept { return std::exp(std::clamp(a, -230.0, 230.0)); }
+
+// F = K x + B v for x ≥ 0, else 0 (eq. 1).
+struct KelvinVoigt {
+  static constexpr std::size_t size = 2;
+  double stiffness;  // K, N/m
+  double damping;    // B, N·s/m
+
+  constexpr double force(double x, double v) const noexcept {
+    return x < 0.0 ? 0.0 : stiffness * x + damping * v;
+  }
+  constexpr Vector<size> parameters() const noexcept { return {stiffness, damping}; }
+};
+
+// F = K₁ x + K₂ x² + B v for x ≥ 0, else 0 (eq. 14).
+struct ExtendedKelvinVoigt {
+  static constexpr std::size_t size = 3;
+  double stiffness;            // K₁, N/m
+  double quadratic_stiffness;  // K₂, N/m²
+  double damping;              // B, N·s/m
+
+  constexpr double force(double x, double v) const noexcept {
+    return x < 0.0 ? 0.0 : stiffness * x + quadratic_stiffness * (x * x) + damping * v;
+  }
+  constexpr Vector<size> parameters() const noexcept {
+    return {stiffness, quadratic_stiffness, damping};
+  }
+};
+
+// F = K xⁿ + B xⁿ v for x > 0, else 0 (eq. 2).
+struct HuntCrossley {
+  static constexpr std::size_t size = 3;
+  double stiffness;  // K, N/mⁿ
+  double damping;    // B, N·s/mⁿ⁺¹
+  double exponent;   // n
+
+  double force(double x, double v) const noexcept {
+    return x <= 0.0 ? 0.0 : std::pow(x, exponent) * (stiffness + damping * v);
+  }
+  constexpr Vector<size> parameters() const noexcept { return {stiffness, damping, exponent}; }
+};
+
+}  // namespace palpate

@@ -1,0 +1,115 @@
+// Vectors and symmetric matrices of a size known when compiling: no heap, trivially copyable.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <limits>
+
+namespace palpate {
+
+template <std::size_t Size>
+using Vector = std::array<double, Size>;
+
+template <std::size_t Size>
+using Matrix = std::array<std::array<double, Size>, Size>;
+
+template <std::size_t Size>
+constexpr double dot(const Vector<Size>& a, const Vector<Size>& b) noexcept {
+  double sum = a[0] * b[0];
+  for (std::size_t i = 1; i < Size; ++i) sum += a[i] * b[i];
+  return sum;
+}
+
+template <std::size_t Size>
+constexpr Vector<Size> multiply(const Matrix<Size>& matrix, const Vector<Size>& vector) noexcept {
+  Vector<Size> product{};
+  for (std::size_t i = 0; i < Size; ++i) product[i] = dot(matrix[i], vector);
+  return product;
+}
+
+template <std::size_t Size>
+constexpr Matrix<Size> diagonal(const Vector<Size>& values) noexcept {
+  Matrix<Size> matrix{};
+  for (std::size_t i = 0; i < Size; ++i) matrix[i][i] = values[i];
+  return matrix;
+}
+
+// Rounding moves a pivot by a few ε of its diagonal; a pivot above this share of it proves that the
+// stored matrix is positive definite.
+inline constexpr double smallest_pivot = 64.0 * std::numeric_limits<double>::epsilon();
+
+// True when the symmetric matrix is provably positive definite. Entries must lie within 1e±70, so
+// that the products below neither overflow nor vanish. NaN fails.
+template <std::size_t Size>
+constexpr bool is_positive_definite(const Matrix<Size>& m) noexcept {
+  if constexpr (Size == 1) {
+    return m[0][0] > 0.0;
+  } else if constexpr (Size <= 3) {
+    // Leading minors, without a division: this runs once a sample.
+    const double minor = m[0][0] * m[1][1] - m[0][1] * m[0][1];
+    if (!(m[0][0] > 0.0 && minor > smallest_pivot * (m[0][0] * m[1][1]))) return false;
+    if constexpr (Size == 2) return true;
+    const double across = m[0][0] * m[1][2] - m[0][1] * m[0][2];
+    const double last = m[0][0] * m[2][2] - m[0][2] * m[0][2];
+    return minor * last - across * across > smallest_pivot * (m[0][0] * minor * m[2][2]);
+  } else {
+    Matrix<Size> reduced = m;  // LDLᵀ
+    for (std::size_t k = 0; k < Size; ++k) {
+      const double pivot = reduced[k][k];
+      if (!(pivot > smallest_pivot * m[k][k] && m[k][k] > 0.0)) return false;
+      for (std::size_t i = k + 1; i < Size; ++i) {
+        const double ratio = reduced[k][i] / pivot;
+        for (std::size_t j = i; j < Size; ++j) reduced[i][j] -= ratio * reduced[k][j];
+      }
+    }
+    return true;
+  }
+}
+
+// Inverse of a positive definite matrix, a column at a time by Gauss–Jordan (no pivoting needed).
+template <std::size_t Size>
+constexpr Matrix<Size> inverse(Matrix<Size> matrix) noexcept {
+  Matrix<Size> result = diagonal(Vector<Size>{});
+  for (std::size_t i = 0; i < Size; ++i) result[i][i] = 1.0;
+  for (std::size_t k = 0; k < Size; ++k) {
+    const double pivot = matrix[k][k];
+    for (std::size_t j = 0; j < Size; ++j) {
+      matrix[k][j] /= pivot;
+      result[k][j] /= pivot;
+    }
+    for (std::size_t i = 0; i < Size; ++i) {
+      if (i == k) continue;
+      const double factor = matrix[i][k];
+      for (std::size_t j = 0; j < Size; ++j) {
+        matrix[i][j] -= factor * matrix[k][j];
+        result[i][j] -= factor * result[k][j];
+      }
+    }
+  }
+  return result;
+}
+
+// J S Jᵀ, symmetric to the last bit.
+template <std::size_t Size>
+constexpr Matrix<Size> congruence(const Matrix<Size>& jacobian, const Matrix<Size>& s) noexcept {
+  Matrix<Size> left{};
+  for (std::size_t i = 0; i < Size; ++i) left[i] = multiply(s, jacobian[i]);
+  Matrix<Size> result{};
+  for (std::size_t i = 0; i < Size; ++i) {
+    for (std::size_t j = i; j < Size; ++j) {
+      result[i][j] = result[j][i] = dot(left[i], jacobian[j]);
+    }
+  }
+  return result;
+}
+
+// The diagonal of J S Jᵀ.
+template <std::size_t Size>
+constexpr Vector<Size> congruent_diagonal(const Matrix<Size>& jacobian,
+                                          const Matrix<Size>& s) noexcept {
+  Vector<Size> result{};
+  for (std::size_t i = 0; i < Size; ++i) result[i] = dot(jacobian[i], multiply(s, jacobian[i]));
+  return result;
+}
+
+}  // namespace palpate

@@ -1,0 +1,55 @@
+// A force law identified by one recursive least squares: KV-RLS, EKV-RLS and the single stage.
+#pragma once
+
+#include "palpate/forgetting.hpp"
+#include "palpate/least_squares.hpp"
+#include "palpate/regressions.hpp"
+
+namespace palpate {
+
+template <class Regression>
+class RegressionMethod {
+ public:
+  using Law = typename Regression::Law;
+  static constexpr std::size_t order = Regression::order;
+
+  struct Settings {
+    Law initial;
+    Matrix<order> initial_covariance;  // of θ, in scaled units
+  };
+
+  RegressionMethod(const Settings& settings, const Units& units) noexcept
+      : least_squares_(
+            {Regression::coefficients(settings.initial, units), settings.initial_covariance}) {}
+
+  // `adapt` is called with a function that gives the a-priori force, which only some need, and
+  // returns λ and π.
+  template <class Adapt>
+  Status learn(const Sample& sample, Adapt&& adapt) noexcept {
+    const auto row = Regression::row(sample);
+    const auto [forgetting_factor, perturbation] = adapt(
+        [&]() noexcept { return Regression::force(least_squares_.parameters(), row.regressor); });
+    return least_squares_.update(row.regressor, row.output, forgetting_factor, perturbation);
+  }
+
+  Law law(const Units& units) const noexcept {
+    return Regression::law(least_squares_.parameters(), units);
+  }
+
+  Matrix<order> covariance(const Law& law, const Units& units) const noexcept {
+    return congruence(Regression::jacobian(law, units), least_squares_.scaled_covariance());
+  }
+
+  // The diagonal of covariance().
+  Vector<order> variances(const Law& law, const Units& units) const noexcept {
+    Vector<order> result = Regression::variances(least_squares_.covariance(), law, units);
+    const double noise = least_squares_.noise_variance();
+    for (double& entry : result) entry *= noise;
+    return result;
+  }
+
+ private:
+  LeastSquares<order> least_squares_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,22 @@
+// What one update did with its sample.
+#pragma once
+
+#include <cstdint>
+
+namespace palpate {
+
+enum class Status : std::uint8_t {
+  waiting,       // no contact so far; nothing was learned
+  updated,       // in contact; the sample was taken
+  guarded,       // taken, but forgetting was withheld so that the covariance stays sound
+  held,          // contact was lost; the estimate is held until it is made again
+  not_finite,    // refused: penetration, velocity or force is NaN or infinite
+  invalid_step,  // refused: dt is not a positive, finite time
+  out_of_range,  // refused: finite, but too large for the arithmetic
+};
+
+constexpr bool taken(Status status) noexcept {
+  return status == Status::updated || status == Status::guarded;
+}
+
+}  // namespace palpate

@@ -1,0 +1,44 @@
+// One Python class for the estimates of every law.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "palpate/estimate.hpp"
+#include "palpate/recursive_estimator.hpp"
+
+namespace palpate::bindings {
+
+enum class LawKind : std::uint8_t { kelvin_voigt, extended_kelvin_voigt, hunt_crossley };
+
+constexpr LawKind kind_of(const KelvinVoigt&) { return LawKind::kelvin_voigt; }
+constexpr LawKind kind_of(const ExtendedKelvinVoigt&) { return LawKind::extended_kelvin_voigt; }
+constexpr LawKind kind_of(const HuntCrossley&) { return LawKind::hunt_crossley; }
+
+struct EstimateValue {
+  static constexpr std::size_t capacity = 3;
+  LawKind kind;
+  std::size_t size;
+  std::array<double, capacity> parameters;
+  std::array<double, capacity * capacity> covariance;  // size × size, row-major
+  double validity_margin;
+  Status status;
+  std::uint64_t samples;
+  std::uint64_t guarded;
+};
+
+template <class Law>
+EstimateValue value_of(const Estimate<Law::size>& estimate) {
+  EstimateValue value{
+      kind_of(Law{}),   Law::size,       {}, {}, estimate.validity_margin, estimate.status,
+      estimate.samples, estimate.guarded};
+  for (std::size_t i = 0; i < Law::size; ++i) {
+    value.parameters[i] = estimate.parameters[i];
+    for (std::size_t j = 0; j < Law::size; ++j) {
+      value.covariance[i * Law::size + j] = estimate.covariance[i][j];
+    }
+  }
+  return value;
+}
+
+}  // namespace palpate::bindings

@@ -1,0 +1,9 @@
+#include "conversions.hpp"
+
+NB_MODULE(_core, module) {
+  module.doc() = "The compiled recursion of palpate.";
+  palpate::bindings::bind_force_laws(module);
+  palpate::bindings::bind_estimate(module);
+  palpate::bindings::bind_least_squares(module);
+  palpate::bindings::bind_estimators(module);
+}

@@ -1,0 +1,55 @@
+"""Real-time identification of contact models, from penetration, velocity and force."""
+
+from palpate._core import Estimate, Status
+from palpate.contact import Contact
+from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError, RecordingError
+from palpate.estimators import (
+    ContactEstimator,
+    DoubleStageRLS,
+    ExtendedKelvinVoigtRLS,
+    KelvinVoigtRLS,
+    SingleStageRLS,
+)
+from palpate.force_laws import ExtendedKelvinVoigt, HuntCrossley, KelvinVoigt
+from palpate.identification import METHODS, Identification, compare, identify
+from palpate.least_squares import LeastSquares
+from palpate.recordings.csv import Columns, read_contact
+from palpate.settings import (
+    ConstantForgetting,
+    ContactGate,
+    FadingForgetting,
+    Scale,
+    SelfPerturbation,
+)
+from palpate.trace import Trace
+
+__all__ = [
+    "METHODS",
+    "Columns",
+    "ConstantForgetting",
+    "Contact",
+    "ContactEstimator",
+    "ContactGate",
+    "DoubleStageRLS",
+    "Estimate",
+    "ExtendedKelvinVoigt",
+    "ExtendedKelvinVoigtRLS",
+    "FadingForgetting",
+    "HuntCrossley",
+    "Identification",
+    "InvalidParameterError",
+    "KelvinVoigt",
+    "KelvinVoigtRLS",
+    "LeastSquares",
+    "MissingExtraError",
+    "PalpateError",
+    "RecordingError",
+    "Scale",
+    "SelfPerturbation",
+    "SingleStageRLS",
+    "Status",
+    "Trace",
+    "compare",
+    "identify",
+    "read_contact",
+]

@@ -1,0 +1,216 @@
+"""Identify a whole contact, with one estimator or with all of them side by side."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from palpate._core import Estimate, Status
+from palpate.contact import Contact
+from palpate.errors import RecordingError
+from palpate.estimators import (
+    ContactEstimator,
+    DoubleStageRLS,
+    ExtendedKelvinVoigtRLS,
+    KelvinVoigtRLS,
+    SingleStageRLS,
+)
+from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
+from palpate.preparation.suggestions import suggest_gate, suggest_scale
+from palpate.settings import ContactGate, Scale
+from palpate.trace import Trace
+from palpate.validation import instance
+
+#: Every method by the name that the command line knows it by.
+METHODS: dict[str, type[ContactEstimator]] = {
+    kind.method: kind
+    for kind in (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS, ExtendedKelvinVoigtRLS)
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """What a whole contact gave.
+
+    Attributes
+    ----------
+    contact : Contact
+        What was identified.
+    estimator : ContactEstimator
+        As it stood after the last sample; it can go on.
+    trace : Trace
+        Every sample, on the contact's clock.
+    flags : tuple of str
+        What a reader should know before trusting the numbers.
+    """
+
+    contact: Contact
+    estimator: ContactEstimator
+    trace: Trace
+    flags: tuple[str, ...] = ()
+
+    @property
+    def method(self) -> str:
+        """Name of the method."""
+        return self.estimator.method
+
+    @property
+    def estimate(self) -> Estimate:
+        """What the estimator knew at the end."""
+        return self.estimator.estimate()
+
+    @property
+    def law(self) -> ForceLaw:
+        """The contact model, SI."""
+        return self.estimate.law
+
+    @property
+    def gate(self) -> ContactGate:
+        """The gate that chose the samples."""
+        return self.estimator.settings["gate"] or ContactGate()
+
+    @property
+    def scale(self) -> Scale:
+        """The units of the arithmetic."""
+        return self.estimator.settings["scale"] or Scale()
+
+    @property
+    def prediction_rmse_percent(self) -> float:
+        """RMSE% of the a-priori force after 0.2 s of contact."""
+        return prediction_rmse_percent(self.trace, self.contact.force, self.contact.time_steps)
+
+    @property
+    def fit_rmse_percent(self) -> float:
+        """RMSE% of the final law over every sample taken."""
+        taken = self.trace.taken
+        contact = self.contact
+        fitted = self.law.force(contact.penetration[taken], contact.velocity[taken])
+        return rmse_percent(contact.force[taken], fitted)
+
+    @property
+    def violated_fraction(self) -> float:
+        """Share of contact at which condition 10 did not hold; NaN for laws it does not concern."""
+        return violated_fraction(self.trace) if isinstance(self.law, HuntCrossley) else math.nan
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as plain numbers and words; what is not defined is None."""
+        law = self.law
+        errors = self.estimate.standard_errors.tolist()
+        return {
+            "method": self.method,
+            "law": {"kind": law.kind, **law.as_dict()},
+            "standard_errors": dict(zip(law.as_dict(), errors, strict=True)),
+            "prediction_rmse_percent": _defined(self.prediction_rmse_percent),
+            "fit_rmse_percent": _defined(self.fit_rmse_percent),
+            "violated_fraction": _defined(self.violated_fraction),
+            "contact_samples": int(np.count_nonzero(self.trace.taken)),
+            "flags": list(self.flags),
+        }
+
+
+def identify(contact: Contact, estimator: ContactEstimator | None = None) -> Identification:
+    """Identify the contact model of a whole contact.
+
+    The samples go one by one through the estimator's own recursion, a segment at a time.
+
+    Parameters
+    ----------
+    contact : Contact
+        Prepared samples, for instance of :func:`read_contact`.
+    estimator : ContactEstimator, optional
+        Method and settings; it is left as it is. :class:`SingleStageRLS` unless given. A ``gate``
+        or ``scale`` it leaves open (None) is chosen from the data: see
+        :mod:`palpate.preparation.suggestions`.
+
+    Raises
+    ------
+    RecordingError
+        The probe never touches: no sample passes the gate.
+    """
+    instance("contact", contact, Contact)
+    given = SingleStageRLS() if estimator is None else estimator
+    instance("estimator", given, ContactEstimator)
+    chosen: dict[str, Any] = {}
+    if given.settings["gate"] is None:
+        chosen["gate"] = suggest_gate(contact)
+    if given.settings["scale"] is None:
+        chosen["scale"] = suggest_scale(contact)
+    fresh = given.replace(**chosen)
+    trace = _replay_segments(contact, fresh)
+    if not trace.taken.any():
+        raise RecordingError(_never_touches(contact, fresh))
+    bare = Identification(contact, fresh, trace)
+    return Identification(contact, fresh, trace, tuple(_flags(bare)))
+
+
+def compare(contact: Contact, *, gate: ContactGate | None = None) -> dict[str, Identification]:
+    """Identify a contact with every method, on the same samples.
+
+    Parameters
+    ----------
+    contact : Contact
+        Prepared samples.
+    gate : ContactGate, optional
+        Which of them are contact; chosen from the data unless given.
+
+    Returns
+    -------
+    dict
+        An :class:`Identification` for each name in ``METHODS``.
+    """
+    return {name: identify(contact, kind(gate=gate)) for name, kind in METHODS.items()}
+
+
+def _replay_segments(contact: Contact, estimator: ContactEstimator) -> Trace:
+    steps = contact.time_steps
+    traces = []
+    for part in contact.segments():
+        # A sample in the free opens the gate: between segments there is no contact.
+        estimator.update(0.0, 0.0, 0.0)
+        traces.append(
+            estimator.replay(
+                contact.penetration[part], contact.velocity[part], contact.force[part], steps[part]
+            )
+        )
+    if len(traces) == 1:
+        return traces[0]
+    return Trace.joined(traces, len(estimator.law_type.symbols))
+
+
+def _never_touches(contact: Contact, estimator: ContactEstimator) -> str:
+    gate = estimator.settings["gate"]
+    where = f"{contact.source}: " if contact.source else ""
+    if not len(contact):
+        return f"{where}there are no samples"
+    return (
+        f"{where}the probe never touches: no sample has penetration above "
+        f"{gate.minimum_penetration:.3g} m and force above {gate.make_force:.3g} N (the "
+        f"largest are {np.nanmax(contact.penetration):.3g} m and {np.nanmax(contact.force):.3g} N); check the "
+        "units and signs, or lower the gate"
+    )
+
+
+def _flags(result: Identification) -> list[str]:
+    flags = []
+    law, estimate, status = result.law, result.estimate, result.trace.status
+    if estimate.samples < 10 * len(law.symbols):
+        flags.append(f"only {estimate.samples} samples in contact")
+    if law.damping < 0.0:
+        flags.append("negative damping: this law gives energy back, which no passive material does")
+    if result.violated_fraction > 0.0:
+        flags.append(f"condition 10 violated in {result.violated_fraction:.1%} of the contact")
+    if math.isnan(result.prediction_rmse_percent):
+        flags.append("less than 0.2 s of contact: no prediction error")
+    if estimate.guarded:
+        flags.append(f"covariance guard acted on {estimate.guarded} samples")
+    for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
+        count = int(np.count_nonzero(status == refusal))
+        if count:
+            flags.append(f"{count} samples refused: {refusal.name.lower().replace('_', ' ')}")
+    return flags
+
+
+def _defined(value: float) -> float | None:
+    return value if math.isfinite(value) else None

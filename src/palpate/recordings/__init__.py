@@ -1,0 +1,1 @@
+"""Recordings made elsewhere, read as they are."""

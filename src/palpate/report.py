@@ -1,0 +1,69 @@
+"""Results as a table that a person reads."""
+
+import math
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from palpate.identification import Identification
+
+
+def print_results(results: Sequence[Identification], console: Console | None = None) -> None:
+    """Print one contact's identifications side by side, and what to know about them."""
+    console = console or Console(highlight=False)
+    first = results[0]
+    contact, gate, scale = first.contact, first.gate, first.scale
+    console.print(Text(f"{contact.source or 'contact'}", style="bold"))
+    console.print(
+        Text(
+            f"{len(contact)} samples, {first.estimate.samples} in contact (penetration > "
+            f"{gate.minimum_penetration:.3g} m, force > {gate.make_force:.3g} N); computed in "
+            f"units of {scale.penetration:.3g} m, {scale.velocity:.3g} m/s, {scale.force:.3g} N"
+        ),
+        soft_wrap=True,
+    )
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    table.add_column("method")
+    table.add_column("contact model (± standard error)", no_wrap=True)
+    for heading in ("predicted", "fit", "cond. 10"):
+        table.add_column(heading, justify="right")
+    for result in results:
+        table.add_row(
+            result.method,
+            "\n".join(_parameters(result)),
+            _percent(result.prediction_rmse_percent),
+            _percent(result.fit_rmse_percent),
+            _share(result.violated_fraction),
+        )
+    console.print(table)
+    console.print(
+        Text(
+            "predicted, fit: RMSE% of force, a priori after 0.2 s and of the final law; "
+            "cond. 10: contact in which |v| < 0.1 K/B does not hold",
+            style="dim",
+        ),
+        soft_wrap=True,
+    )
+    for result in results:
+        for flag in result.flags:
+            console.print(Text(f"{result.method}: {flag}", style="yellow"), soft_wrap=True)
+
+
+def _parameters(result: Identification) -> list[str]:
+    law, errors = result.law, result.estimate.standard_errors
+    return [
+        f"{symbol} = {value:.4g} ± {error:.2g} {unit}".rstrip()
+        for symbol, value, error, unit in zip(
+            law.symbols, law.parameters, errors, law.units, strict=True
+        )
+    ]
+
+
+def _percent(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.2f} %"
+
+
+def _share(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.1%}"

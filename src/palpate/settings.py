@@ -1,0 +1,146 @@
+"""Settings that estimators share: the gate, how the past is forgotten, the units."""
+
+from dataclasses import dataclass
+
+from palpate.errors import InvalidParameterError
+from palpate.validation import number_in
+
+
+@dataclass(frozen=True, slots=True)
+class ContactGate:
+    """Which samples are contact.
+
+    Contact is made above ``make_force`` and lost at or below ``break_force``; a sample also has to
+    be deeper than ``minimum_penetration``. Outside contact an estimate is held, never erased.
+
+    Near the surface noise biases a logarithm, E ln(F + ε) ≈ ln F − σ²/2F²: put ``break_force`` at
+    about ten times the force noise.
+
+    Parameters
+    ----------
+    minimum_penetration : float
+        m, ≥ 0.
+    make_force, break_force : float
+        N, 0 ≤ break_force ≤ make_force. ``break_force=None`` means 0.8 × ``make_force``.
+    """
+
+    minimum_penetration: float = 0.0
+    make_force: float = 0.0
+    break_force: float | None = None
+
+    def __post_init__(self) -> None:
+        make = number_in("make_force", self.make_force, 0.0, 1e100)
+        given = 0.8 * make if self.break_force is None else self.break_force
+        if number_in("break_force", given, 0.0, 1e100) > make:
+            raise InvalidParameterError(
+                f"break_force must be in [0, make_force = {make:g}], not {given!r}"
+            )
+        depth = number_in("minimum_penetration", self.minimum_penetration, 0.0, 1e100)
+        object.__setattr__(self, "minimum_penetration", depth)
+        object.__setattr__(self, "make_force", make)
+        object.__setattr__(self, "break_force", float(given))
+
+    def _plain(self) -> tuple[float, float, float]:
+        assert self.break_force is not None
+        return self.minimum_penetration, self.make_force, self.break_force
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantForgetting:
+    """The same forgetting factor λ at every sample; 1 forgets nothing (plain RLS).
+
+    A constant factor below 1 winds the covariance up whenever the motion stops exciting it (the
+    paper: "instability occurs"); ``docs/numerics.md`` says where the guard ends that.
+
+    Parameters
+    ----------
+    factor : float
+        λ per sample, in (0, 1].
+    """
+
+    factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        factor = number_in("factor", self.factor, 0.0, 1.0, open_low=True)
+        object.__setattr__(self, "factor", factor)
+
+    def _plain(self) -> tuple[float, float]:
+        return self.factor, 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class FadingForgetting:
+    """Forgetting that fades after each contact: λ(t) = 1 − (1 − λ₀) e^(−α t), section V-A-3.
+
+    Parameters
+    ----------
+    initial_factor : float
+        λ₀ per sample, in (0, 1].
+    rate : float
+        α, 1/s, > 0. The paper finds 5 to 8 good and 0.1 unstable.
+    """
+
+    initial_factor: float = 0.99
+    rate: float = 5.0
+
+    def __post_init__(self) -> None:
+        initial = number_in("initial_factor", self.initial_factor, 0.0, 1.0, open_low=True)
+        object.__setattr__(self, "initial_factor", initial)
+        object.__setattr__(self, "rate", number_in("rate", self.rate, 0.0, 1e6, open_low=True))
+
+    def _plain(self) -> tuple[float, float]:
+        return self.initial_factor, self.rate
+
+
+Forgetting = ConstantForgetting | FadingForgetting
+
+
+@dataclass(frozen=True, slots=True)
+class SelfPerturbation:
+    """Self-perturbing least squares (Park & Jun 1992), section VII.
+
+    P ← (1/λ) [P − L gᵀ + β NINT(γ e²) I], and λ returns to λ₀ whenever NINT(γ e²) > 0; e is the
+    a-priori force error in newtons. Errors below √(0.5/γ) perturb nothing.
+
+    Parameters
+    ----------
+    gain : float
+        β, in the units of P, ≥ 0.
+    sensitivity : float
+        γ, 1/N², ≥ 0.
+    """
+
+    gain: float = 0.05
+    sensitivity: float = 2.5
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gain", number_in("gain", self.gain, 0.0, 1e20))
+        sensitivity = number_in("sensitivity", self.sensitivity, 0.0, 1e40)
+        object.__setattr__(self, "sensitivity", sensitivity)
+
+    def _plain(self) -> tuple[float, float]:
+        return self.gain, self.sensitivity
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Units of the arithmetic: inputs are divided by these, laws come back in SI.
+
+    An initial covariance is meant in scaled units. ``Scale()`` is plain SI, as in the paper.
+
+    Parameters
+    ----------
+    penetration, velocity, force : float
+        m, m/s and N; in [1e-30, 1e30]. Best near the largest values of a recording.
+    """
+
+    penetration: float = 1.0
+    velocity: float = 1.0
+    force: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("penetration", "velocity", "force"):
+            object.__setattr__(self, name, number_in(name, getattr(self, name), 1e-30, 1e30))
+
+    def _plain(self) -> tuple[float, float, float]:
+        return self.penetration, self.velocity, self.force
