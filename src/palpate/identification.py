@@ -186,8 +186,9 @@ def _never_touches(contact: Contact, estimator: ContactEstimator) -> str:
         return f"{where}there are no samples"
     return (
         f"{where}the probe never touches: no sample has penetration above "
-        f"{gate.minimum_penetration:.3g} m and force above {gate.make_force:.3g} N (the "
-        f"largest are {np.nanmax(contact.penetration):.3g} m and {np.nanmax(contact.force):.3g} N); check the "
+        f"{gate.minimum_penetration:.3g} m and force above {gate.make_force:.3g} N "
+        f"(the largest are {np.nanmax(contact.penetration):.3g} m and "
+        f"{np.nanmax(contact.force):.3g} N); check the "
         "units and signs, or lower the gate"
     )
 
