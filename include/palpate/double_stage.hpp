@@ -13,6 +13,7 @@ namespace palpate {
 
 class DoubleStageMethod {
  public:
+  static constexpr double largest_input = 1e100;
   using Law = HuntCrossley;
   static constexpr std::size_t order = 3;
 
@@ -57,15 +58,18 @@ class DoubleStageMethod {
             saturate(stage_one_.parameters()[1] * unit / u.velocity), exponent};
   }
 
-  // The stages' own covariances; neither knows of the other, so K and n appear independent
+  double force(const Units& u, double x, double v) const noexcept { return law(u).force(x, v); }
+
+  // The covariance is the stages' own; neither knows of the other, so K and n appear independent
   // but for the unit of K, which depends on n.
-  Matrix<order> covariance(const Law& law, const Units& u) const noexcept {
-    return congruence(jacobian(law, u), stages());
+  Fit<Law> fit(const Units& u) const noexcept {
+    const Law now = law(u);
+    return {now, congruence(jacobian(now, u), stages())};
   }
 
-  // The diagonal of covariance().
-  Vector<order> variances(const Law& law, const Units& u) const noexcept {
-    return congruent_diagonal(jacobian(law, u), stages());
+  Moment<Law> moment(const Units& u) const noexcept {
+    const Law now = law(u);
+    return {now, congruent_diagonal(jacobian(now, u), stages())};
   }
 
  private:

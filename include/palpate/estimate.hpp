@@ -25,10 +25,36 @@ constexpr double validity_margin(const Law&, double) noexcept {
   return 1.0;
 }
 
+// What a motion leaves undetermined, as bits.
+enum Doubt : std::uint8_t {
+  exponent_not_identifiable = 1,
+  damping_not_identifiable = 2,
+  exponent_at_edge = 4,
+};
+
+// A force offset that is estimated beside the law: what the removal of the sensor's bias left.
+template <std::size_t Size>
+struct Offset {
+  double value = 0.0;         // N
+  double variance = 0.0;      // N²
+  Vector<Size> covariance{};  // with the law's parameters, SI
+};
+
+// What a method has fitted.
+template <class Law>
+struct Fit {
+  Law law;
+  Matrix<Law::size> covariance;  // of the law's parameters, SI
+  Offset<Law::size> offset{};
+  std::uint8_t doubts = 0;
+};
+
 template <std::size_t Size>
 struct Estimate {
   Vector<Size> parameters;  // of the law, SI
   Matrix<Size> covariance;  // of the parameters, SI
+  Offset<Size> offset;
+  std::uint8_t doubts;
   double validity_margin;
   Status status;          // of the last sample that was not refused
   std::uint64_t samples;  // taken
@@ -38,11 +64,10 @@ struct Estimate {
 };
 
 // The part of an estimate that a trace writes down.
-template <std::size_t Size>
+template <class Law>
 struct Moment {
-  Vector<Size> parameters;  // of the law, SI
-  Vector<Size> variances;   // of the parameters, SI
-  double validity_margin;
+  Law law;
+  Vector<Law::size> variances;  // of the law's parameters, SI
 };
 
 }  // namespace palpate

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 
@@ -84,6 +85,48 @@ constexpr Matrix<Size> inverse(Matrix<Size> matrix) noexcept {
         matrix[i][j] -= factor * matrix[k][j];
         result[i][j] -= factor * result[k][j];
       }
+    }
+  }
+  return result;
+}
+
+// Inverse of a symmetric, positive semidefinite matrix, after each row and column is brought to a
+// unit diagonal; a pivot that rounding has eaten counts as the smallest that it could be.
+template <std::size_t Size>
+Matrix<Size> guarded_inverse(const Matrix<Size>& matrix) noexcept {
+  Vector<Size> unit{};
+  for (std::size_t i = 0; i < Size; ++i) {
+    unit[i] = matrix[i][i] > 0.0 ? 1.0 / std::sqrt(matrix[i][i]) : 1.0;
+  }
+  // LDLᵀ of the scaled matrix.
+  Matrix<Size> lower{};
+  Vector<Size> pivots{};
+  for (std::size_t j = 0; j < Size; ++j) {
+    double pivot = 1.0;
+    for (std::size_t k = 0; k < j; ++k) pivot -= lower[j][k] * lower[j][k] * pivots[k];
+    pivots[j] = pivot > smallest_pivot ? pivot : smallest_pivot;
+    for (std::size_t i = j + 1; i < Size; ++i) {
+      double entry = matrix[i][j] * unit[i] * unit[j];
+      for (std::size_t k = 0; k < j; ++k) entry -= lower[i][k] * lower[j][k] * pivots[k];
+      lower[i][j] = entry / pivots[j];
+    }
+  }
+  // Columns of L⁻¹, then L⁻ᵀ D⁻¹ L⁻¹.
+  Matrix<Size> inverse_lower{};
+  for (std::size_t j = 0; j < Size; ++j) {
+    inverse_lower[j][j] = 1.0;
+    for (std::size_t i = j + 1; i < Size; ++i) {
+      for (std::size_t k = j; k < i; ++k) inverse_lower[i][j] -= lower[i][k] * inverse_lower[k][j];
+    }
+  }
+  Matrix<Size> result{};
+  for (std::size_t i = 0; i < Size; ++i) {
+    for (std::size_t j = i; j < Size; ++j) {
+      double sum = 0.0;
+      for (std::size_t k = j; k < Size; ++k) {
+        sum += inverse_lower[k][i] * inverse_lower[k][j] / pivots[k];
+      }
+      result[i][j] = result[j][i] = sum * unit[i] * unit[j];
     }
   }
   return result;

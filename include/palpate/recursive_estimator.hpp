@@ -10,14 +10,12 @@
 #include "palpate/double_stage.hpp"
 #include "palpate/estimate.hpp"
 #include "palpate/forgetting.hpp"
+#include "palpate/projection_method.hpp"
 #include "palpate/regression_method.hpp"
 #include "palpate/scale.hpp"
 #include "palpate/status.hpp"
 
 namespace palpate {
-
-// Scaled inputs beyond this are refused: their squares and products stay finite below it.
-inline constexpr double largest_input = 1e100;
 
 template <class Method>
 class RecursiveEstimator {
@@ -56,29 +54,23 @@ class RecursiveEstimator {
     return step(sample, dt, &predicted_force);
   }
 
-  // The force that the present estimate gives, N; zero out of contact.
+  // The force that the sensor would show by the present estimate, N; no law acts out of contact.
   double predict(double penetration, double velocity) const noexcept {
-    return law().force(penetration, velocity);
+    return method_.force(units_, penetration, velocity);
   }
 
   Law law() const noexcept { return method_.law(units_); }
 
   Estimate<order> estimate() const noexcept {
-    const Law now = law();
-    return {now.parameters(),
-            method_.covariance(now, units_),
-            validity_margin(now, velocity_),
-            status_,
-            samples_,
-            guarded_};
+    const Fit<Law> fit = method_.fit(units_);
+    return {fit.law.parameters(), fit.covariance, fit.offset, fit.doubts,
+            validity_margin(fit.law, velocity_), status_, samples_, guarded_};
   }
 
-  // A row of a trace: what of the estimate changes with every sample.
-  Moment<order> moment() const noexcept {
-    const Law now = law();
-    return {now.parameters(), method_.variances(now, units_), validity_margin(now, velocity_)};
-  }
+  // The part of an estimate that a trace writes down at every sample.
+  Moment<Law> moment() const noexcept { return method_.moment(units_); }
 
+  double last_velocity() const noexcept { return velocity_; }
   const Settings& settings() const noexcept { return settings_; }
 
   void reset() noexcept { *this = RecursiveEstimator(settings_); }
@@ -89,8 +81,9 @@ class RecursiveEstimator {
   }
 
   static bool in_range(const Sample& s) noexcept {
-    return s.penetration > 0.0 && s.force > 0.0 && s.penetration < largest_input &&
-           std::abs(s.velocity) < largest_input && s.force < largest_input;
+    constexpr double limit = Method::largest_input;
+    return s.penetration > 0.0 && s.force > 0.0 && s.penetration < limit &&
+           std::abs(s.velocity) < limit && s.force < limit;
   }
 
   Status step(const Sample& sample, double dt, double* predicted_force) noexcept {
@@ -154,5 +147,6 @@ using KelvinVoigtRLS = RecursiveEstimator<RegressionMethod<KelvinVoigtRegression
 using ExtendedKelvinVoigtRLS = RecursiveEstimator<RegressionMethod<ExtendedKelvinVoigtRegression>>;
 using SingleStageRLS = RecursiveEstimator<RegressionMethod<HuntCrossleyLogRegression>>;
 using DoubleStageRLS = RecursiveEstimator<DoubleStageMethod>;
+using VariableProjectionEstimator = RecursiveEstimator<ProjectionMethod>;
 
 }  // namespace palpate

@@ -1,6 +1,7 @@
 // A force law identified by one recursive least squares: KV-RLS, EKV-RLS and the single stage.
 #pragma once
 
+#include "palpate/estimate.hpp"
 #include "palpate/forgetting.hpp"
 #include "palpate/least_squares.hpp"
 #include "palpate/regressions.hpp"
@@ -10,6 +11,8 @@ namespace palpate {
 template <class Regression>
 class RegressionMethod {
  public:
+  // Scaled inputs beyond this are refused: squares and products stay finite below it.
+  static constexpr double largest_input = 1e100;
   using Law = typename Regression::Law;
   static constexpr std::size_t order = Regression::order;
 
@@ -36,11 +39,22 @@ class RegressionMethod {
     return Regression::law(least_squares_.parameters(), units);
   }
 
-  Matrix<order> covariance(const Law& law, const Units& units) const noexcept {
-    return congruence(Regression::jacobian(law, units), least_squares_.scaled_covariance());
+  double force(const Units& units, double x, double v) const noexcept {
+    return law(units).force(x, v);
   }
 
-  // The diagonal of covariance().
+  Fit<Law> fit(const Units& units) const noexcept {
+    const Law now = law(units);
+    return {now, congruence(Regression::jacobian(now, units), least_squares_.scaled_covariance())};
+  }
+
+  Moment<Law> moment(const Units& units) const noexcept {
+    const Law now = law(units);
+    return {now, variances(now, units)};
+  }
+
+ private:
+  // The diagonal of fit().covariance.
   Vector<order> variances(const Law& law, const Units& units) const noexcept {
     Vector<order> result = Regression::variances(least_squares_.covariance(), law, units);
     const double noise = least_squares_.noise_variance();
@@ -48,7 +62,6 @@ class RegressionMethod {
     return result;
   }
 
- private:
   LeastSquares<order> least_squares_;
 };
 

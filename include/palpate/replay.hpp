@@ -39,11 +39,12 @@ void replay(Estimator& estimator, const Signals& in, const TraceColumns& out) no
     const Status status = estimator.update({in.penetration[k], in.velocity[k], in.force[k]}, dt,
                                            out.predicted_force[k]);
     const auto now = estimator.moment();
+    const Vector<size> parameters = now.law.parameters();
     for (std::size_t i = 0; i < size; ++i) {
-      out.parameters[k * size + i] = now.parameters[i];
+      out.parameters[k * size + i] = parameters[i];
       out.standard_errors[k * size + i] = std::sqrt(std::max(now.variances[i], 0.0));
     }
-    out.validity_margin[k] = now.validity_margin;
+    out.validity_margin[k] = validity_margin(now.law, estimator.last_velocity());
     out.status[k] = static_cast<std::uint8_t>(status);
   }
 }

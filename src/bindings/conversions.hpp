@@ -41,6 +41,7 @@ void restore(T& estimator, const nb::bytes& state) {
 void bind_force_laws(nb::module_& module);
 void bind_estimate(nb::module_& module);
 void bind_estimators(nb::module_& module);
+void bind_projection(nb::module_& module);
 void bind_least_squares(nb::module_& module);
 
 }  // namespace palpate::bindings

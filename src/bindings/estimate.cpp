@@ -1,5 +1,6 @@
 #include "estimate.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "conversions.hpp"
@@ -22,6 +23,34 @@ nb::object standard_errors_of(const EstimateValue& e) {
     errors[i] = std::sqrt(std::fmax(e.covariance[i * e.size + i], 0.0));
   }
   return copied_array(errors.data(), {e.size});
+}
+
+// Of the law's parameters and, last, the force offset.
+nb::object joint_covariance_of(const EstimateValue& e) {
+  constexpr std::size_t most = EstimateValue::capacity + 1;
+  std::array<double, most * most> joint{};
+  const std::size_t size = e.size + 1;
+  for (std::size_t i = 0; i < e.size; ++i) {
+    for (std::size_t j = 0; j < e.size; ++j) joint[i * size + j] = e.covariance[i * e.size + j];
+    joint[i * size + e.size] = joint[e.size * size + i] = e.offset_covariance[i];
+  }
+  joint[e.size * size + e.size] = e.offset_variance;
+  return copied_array(joint.data(), {size, size});
+}
+
+nb::tuple flags_of(const EstimateValue& e) {
+  nb::list flags;
+  if (e.doubts & exponent_not_identifiable) {
+    flags.append(
+        "exponent not identifiable from this motion: reach shallow and deep penetrations in turn");
+  }
+  if (e.doubts & damping_not_identifiable) {
+    flags.append("damping not identifiable: pass the same depths at different speeds, both ways");
+  }
+  if (e.doubts & exponent_at_edge) {
+    flags.append("exponent at the edge of its range: widen exponent_range, or check the surface");
+  }
+  return nb::tuple(flags);
 }
 
 }  // namespace
@@ -56,6 +85,12 @@ covariance : numpy.ndarray, shape (p, p)
     the variance of its residual, taken from θ to the law by the delta method.
 standard_errors : numpy.ndarray, shape (p,)
     Square roots of its diagonal.
+offset, offset_standard_error : float
+    Force that the sensor shows without contact, N, by methods that estimate it; else 0.
+joint_covariance : numpy.ndarray, shape (p + 1, p + 1)
+    Covariance of the law's parameters and, last, the offset.
+flags : tuple of str
+    What this motion left undetermined, and what motion would help.
 valid : bool
     Condition 10, |v| < 0.1 K/B, at the last sample taken. Always true for laws without a
     logarithm.
@@ -84,6 +119,12 @@ guarded : int
           nb::sig("def covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
       .def_prop_ro("standard_errors", &standard_errors_of,
                    nb::sig("def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]"))
+      .def_prop_ro("joint_covariance", &joint_covariance_of,
+                   nb::sig("def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
+      .def_ro("offset", &EstimateValue::offset)
+      .def_prop_ro("offset_standard_error",
+                   [](const EstimateValue& e) { return std::sqrt(std::max(e.offset_variance, 0.0)); })
+      .def_prop_ro("flags", &flags_of, nb::sig("def flags(self) -> tuple[str, ...]"))
       .def_prop_ro("valid", [](const EstimateValue& e) { return e.validity_margin > 0.0; })
       .def_ro("validity_margin", &EstimateValue::validity_margin)
       .def_ro("status", &EstimateValue::status)

@@ -21,6 +21,10 @@ struct EstimateValue {
   std::size_t size;
   std::array<double, capacity> parameters;
   std::array<double, capacity * capacity> covariance;  // size × size, row-major
+  double offset;
+  double offset_variance;
+  std::array<double, capacity> offset_covariance;
+  std::uint8_t doubts;
   double validity_margin;
   Status status;
   std::uint64_t samples;
@@ -29,11 +33,21 @@ struct EstimateValue {
 
 template <class Law>
 EstimateValue value_of(const Estimate<Law::size>& estimate) {
-  EstimateValue value{
-      kind_of(Law{}),   Law::size,       {}, {}, estimate.validity_margin, estimate.status,
-      estimate.samples, estimate.guarded};
+  EstimateValue value{.kind = kind_of(Law{}),
+                      .size = Law::size,
+                      .parameters = {},
+                      .covariance = {},
+                      .offset = estimate.offset.value,
+                      .offset_variance = estimate.offset.variance,
+                      .offset_covariance = {},
+                      .doubts = estimate.doubts,
+                      .validity_margin = estimate.validity_margin,
+                      .status = estimate.status,
+                      .samples = estimate.samples,
+                      .guarded = estimate.guarded};
   for (std::size_t i = 0; i < Law::size; ++i) {
     value.parameters[i] = estimate.parameters[i];
+    value.offset_covariance[i] = estimate.offset.covariance[i];
     for (std::size_t j = 0; j < Law::size; ++j) {
       value.covariance[i * Law::size + j] = estimate.covariance[i][j];
     }

@@ -6,4 +6,5 @@ NB_MODULE(_core, module) {
   palpate::bindings::bind_estimate(module);
   palpate::bindings::bind_least_squares(module);
   palpate::bindings::bind_estimators(module);
+  palpate::bindings::bind_projection(module);
 }

@@ -8,7 +8,9 @@ from palpate.estimators import (
     DoubleStageRLS,
     ExtendedKelvinVoigtRLS,
     KelvinVoigtRLS,
+    RecursiveLeastSquaresEstimator,
     SingleStageRLS,
+    VariableProjection,
 )
 from palpate.force_laws import ExtendedKelvinVoigt, HuntCrossley, KelvinVoigt
 from palpate.identification import METHODS, Identification, compare, identify
@@ -44,11 +46,13 @@ __all__ = [
     "MissingExtraError",
     "PalpateError",
     "RecordingError",
+    "RecursiveLeastSquaresEstimator",
     "Scale",
     "SelfPerturbation",
     "SingleStageRLS",
     "Status",
     "Trace",
+    "VariableProjection",
     "compare",
     "identify",
     "read_contact",

@@ -78,7 +78,7 @@ def identify(
     file: Path,
     /,
     *,
-    method: str = "single-stage",
+    method: str = "variable-projection",
     figure: Path | None = None,
     dark: bool = False,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
@@ -92,7 +92,7 @@ def identify(
         CSV with a header and, unless named otherwise, columns time_s, penetration_m, force_N and
         optionally velocity_m_s and segment.
     method
-        kelvin-voigt, extended-kelvin-voigt, single-stage or double-stage.
+        variable-projection, single-stage, double-stage, kelvin-voigt or extended-kelvin-voigt.
     figure
         Draw it to this file (.svg, .pdf or .png).
     dark
@@ -108,7 +108,7 @@ def identify(
     if method not in METHODS:
         raise InvalidParameterError(f"--method must be one of {', '.join(METHODS)}, not {method!r}")
     contact = reading.contact(file)
-    result = run(contact, METHODS[method](gate=reading.gate(contact)))
+    result = run(contact, METHODS[method](**{"gate": reading.gate(contact)}))
     if figure is not None:
         from palpate import figures
 

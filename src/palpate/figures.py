@@ -39,10 +39,10 @@ class _Theme:
 
 
 _LIGHT = _Theme(
-    "#ffffff", "#1a1a1a", "#dddddd", "#8c8c8c", ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+    "#ffffff", "#1a1a1a", "#dddddd", "#8c8c8c", ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#a6761d")
 )
 _DARK = _Theme(
-    "#16181c", "#e8e8e8", "#3a3d44", "#9a9a9a", ("#56b4e9", "#e69f00", "#2fc99a", "#e39ac3")
+    "#16181c", "#e8e8e8", "#3a3d44", "#9a9a9a", ("#56b4e9", "#e69f00", "#2fc99a", "#e39ac3", "#c9b458")
 )
 
 
@@ -266,8 +266,7 @@ def _draw_loop(axes: "Axes", shown: list[Identification], theme: _Theme) -> None
         label="measured",
     )
     for result, colour in zip(shown, theme.lines, strict=False):
-        fitted = result.law.force(contact.penetration, contact.velocity)
-        inside = np.where(result.trace.taken, fitted, np.nan)
+        inside = np.where(result.trace.taken, result.fitted_force, np.nan)
         label = result.method if len(shown) > 1 else "final law"
         axes.plot(
             depth[keep], _broken(inside, contact, keep), color=colour, linewidth=0.9, label=label

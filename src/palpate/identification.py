@@ -15,18 +15,25 @@ from palpate.estimators import (
     ExtendedKelvinVoigtRLS,
     KelvinVoigtRLS,
     SingleStageRLS,
+    VariableProjection,
 )
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.suggestions import suggest_gate, suggest_scale
 from palpate.settings import ContactGate, Scale
 from palpate.trace import Trace
-from palpate.validation import instance
+from palpate.validation import Floats, instance
 
 #: Every method by the name that the command line knows it by.
 METHODS: dict[str, type[ContactEstimator]] = {
     kind.method: kind
-    for kind in (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS, ExtendedKelvinVoigtRLS)
+    for kind in (
+        VariableProjection,
+        SingleStageRLS,
+        DoubleStageRLS,
+        KelvinVoigtRLS,
+        ExtendedKelvinVoigtRLS,
+    )
 }
 
 
@@ -83,11 +90,15 @@ class Identification:
 
     @property
     def fit_rmse_percent(self) -> float:
-        """RMSE% of the final law over every sample taken."""
+        """RMSE% of the final law, and offset where one is estimated, over every sample taken."""
         taken = self.trace.taken
-        contact = self.contact
-        fitted = self.law.force(contact.penetration[taken], contact.velocity[taken])
-        return rmse_percent(contact.force[taken], fitted)
+        return rmse_percent(self.contact.force[taken], self.fitted_force[taken])
+
+    @property
+    def fitted_force(self) -> Floats:
+        """Force by the final law, and offset where one is estimated, at every sample, N."""
+        law = self.law.force(self.contact.penetration, self.contact.velocity)
+        return law + self.estimate.offset
 
     @property
     def violated_fraction(self) -> float:
@@ -98,10 +109,17 @@ class Identification:
         """Return the result as plain numbers and words; what is not defined is None."""
         law = self.law
         errors = self.estimate.standard_errors.tolist()
+        offset = {}
+        if self.estimate.offset_standard_error > 0.0:
+            offset = {
+                "offset": self.estimate.offset,
+                "offset_standard_error": self.estimate.offset_standard_error,
+            }
         return {
             "method": self.method,
             "law": {"kind": law.kind, **law.as_dict()},
             "standard_errors": dict(zip(law.as_dict(), errors, strict=True)),
+            **offset,
             "prediction_rmse_percent": _defined(self.prediction_rmse_percent),
             "fit_rmse_percent": _defined(self.fit_rmse_percent),
             "violated_fraction": _defined(self.violated_fraction),
@@ -120,7 +138,7 @@ def identify(contact: Contact, estimator: ContactEstimator | None = None) -> Ide
     contact : Contact
         Prepared samples, for instance of :func:`read_contact`.
     estimator : ContactEstimator, optional
-        Method and settings; it is left as it is. :class:`SingleStageRLS` unless given. A ``gate``
+        Method and settings; it is left as it is. :class:`VariableProjection` unless given. A ``gate``
         or ``scale`` it leaves open (None) is chosen from the data: see
         :mod:`palpate.preparation.suggestions`.
 
@@ -130,7 +148,7 @@ def identify(contact: Contact, estimator: ContactEstimator | None = None) -> Ide
         The probe never touches: no sample passes the gate.
     """
     instance("contact", contact, Contact)
-    given = SingleStageRLS() if estimator is None else estimator
+    given = VariableProjection() if estimator is None else estimator
     instance("estimator", given, ContactEstimator)
     chosen: dict[str, Any] = {}
     if given.settings["gate"] is None:
@@ -160,7 +178,7 @@ def compare(contact: Contact, *, gate: ContactGate | None = None) -> dict[str, I
     dict
         An :class:`Identification` for each name in ``METHODS``.
     """
-    return {name: identify(contact, kind(gate=gate)) for name, kind in METHODS.items()}
+    return {name: identify(contact, kind(**{"gate": gate})) for name, kind in METHODS.items()}
 
 
 def _replay_segments(contact: Contact, estimator: ContactEstimator) -> Trace:
@@ -194,7 +212,7 @@ def _never_touches(contact: Contact, estimator: ContactEstimator) -> str:
 
 
 def _flags(result: Identification) -> list[str]:
-    flags = []
+    flags = list(result.estimate.flags)
     law, estimate, status = result.law, result.estimate, result.trace.status
     if estimate.samples < 10 * len(law.symbols):
         flags.append(f"only {estimate.samples} samples in contact")

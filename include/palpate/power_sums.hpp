@@ -1,0 +1,123 @@
+// The sufficient statistics of F = k ξⁿ + c ξⁿ w + F₀ over a grid of exponents n: all that variable
+// projection keeps of the past. Accumulating is multiplications and additions in straight lines.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "palpate/lagrange.hpp"
+#include "palpate/matrix.hpp"
+#include "palpate/scale.hpp"
+
+namespace palpate {
+
+// For one exponent, with p = ξⁿ: the sums of p², p²w, p²w², p, pw, pF, pwF.
+enum Power : std::size_t { pp, ppw, ppww, p1, pw, pf, pwf, power_count };
+
+class PowerSums {
+ public:
+  static constexpr std::size_t nodes = 34;
+  using Values = Vector<power_count>;
+
+  // At an exponent between the nodes: the sums, and their first two derivatives by n.
+  struct Local {
+    Values value;
+    Values first;
+    Vector<3> second;  // of p², p²w and p²w² only
+  };
+
+  constexpr PowerSums(double lowest, double highest) noexcept
+      : lowest_(lowest), step_((highest - lowest) / static_cast<double>(nodes - 1)) {}
+
+  constexpr double exponent(std::size_t node) const noexcept {
+    return lowest_ + step_ * static_cast<double>(node);
+  }
+  constexpr double lowest() const noexcept { return lowest_; }
+  constexpr double highest() const noexcept { return exponent(nodes - 1); }
+  constexpr double step() const noexcept { return step_; }
+
+  constexpr double weight() const noexcept { return weight_; }              // Σ 1
+  constexpr double force() const noexcept { return force_; }                // Σ F
+  constexpr double force_squared() const noexcept { return force_squared_; }  // Σ F²
+  constexpr const std::array<double, nodes>& column(Power power) const noexcept {
+    return sums_[power];
+  }
+
+  // Adds a sample in scaled units; one that does not touch (ξ ≤ 0) informs F₀ only.
+  void add(const Sample& s, double forgetting_factor) noexcept {
+    if (forgetting_factor != 1.0) scale(forgetting_factor);
+    weight_ += 1.0;
+    force_ += s.force;
+    force_squared_ += s.force * s.force;
+    if (s.penetration > 0.0) add_powers(std::log(s.penetration), s.velocity, s.force);
+  }
+
+  void clear() noexcept { *this = PowerSums(lowest_, highest()); }
+
+  // Interpolates the sums, never a function of them, between the six nodes around an exponent.
+  Local at(double n) const noexcept {
+    const double place = (n - lowest_) / step_;
+    const double centred = std::floor(place) - 2.0;
+    const std::size_t first =
+        centred <= 0.0 ? 0 : std::min(static_cast<std::size_t>(centred), nodes - 6);
+    const LagrangeWeights weights = lagrange_weights(place - static_cast<double>(first));
+    Local local{};
+    for (std::size_t power = 0; power < power_count; ++power) {
+      const double* sums = &sums_[power][first];
+      local.value[power] = combine(weights.value, sums);
+      local.first[power] = combine(weights.first, sums) / step_;
+    }
+    for (std::size_t power = 0; power < local.second.size(); ++power) {
+      local.second[power] = combine(weights.second, &sums_[power][first]) / (step_ * step_);
+    }
+    return local;
+  }
+
+ private:
+  static constexpr double combine(const Vector<6>& w, const double* sums) noexcept {
+    return (w[0] * sums[0] + w[1] * sums[1]) + (w[2] * sums[2] + w[3] * sums[3]) +
+           (w[4] * sums[4] + w[5] * sums[5]);
+  }
+
+  void scale(double factor) noexcept {
+    weight_ *= factor;
+    force_ *= factor;
+    force_squared_ *= factor;
+    for (auto& column : sums_) {
+      for (double& sum : column) sum *= factor;
+    }
+  }
+
+  void add_powers(double depth, double w, double f) noexcept {
+    // ξ^(n₀ + jh) as products of two exponentials, in four chains so that they overlap.
+    std::array<double, nodes + 2> powers;
+    const double ratio = std::exp(step_ * depth);
+    powers[0] = std::exp(lowest_ * depth);
+    powers[1] = powers[0] * ratio;
+    powers[2] = powers[1] * ratio;
+    powers[3] = powers[2] * ratio;
+    const double fourth = (ratio * ratio) * (ratio * ratio);
+    for (std::size_t j = 4; j < powers.size(); ++j) powers[j] = powers[j - 4] * fourth;
+    const double ww = w * w, wf = w * f;
+    for (std::size_t j = 0; j < nodes; ++j) {
+      const double p = powers[j], square = p * p;
+      sums_[pp][j] += square;
+      sums_[ppw][j] += square * w;
+      sums_[ppww][j] += square * ww;
+      sums_[p1][j] += p;
+      sums_[pw][j] += p * w;
+      sums_[pf][j] += p * f;
+      sums_[pwf][j] += p * wf;
+    }
+  }
+
+  double lowest_;
+  double step_;
+  double weight_ = 0.0;
+  double force_ = 0.0;
+  double force_squared_ = 0.0;
+  alignas(32) std::array<std::array<double, nodes>, power_count> sums_{};
+};
+
+}  // namespace palpate

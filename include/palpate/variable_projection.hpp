@@ -1,0 +1,304 @@
+// The Hunt–Crossley law by variable projection: exact nonlinear least squares in the force domain,
+//
+//   min over (k, c, F₀, n) of Σ (F − k ξⁿ − c ξⁿ w − F₀)²,   ξ = x/x_r, w = v/V,
+//
+// with no logarithm, no condition 10 and no starting values. For a fixed n the law is linear in
+// (k, c, F₀), so what is left is a function J(n) of one variable: searched over a grid for the
+// global minimum, then solved by Newton's method on dJ/dn. See docs/variable-projection.md.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "palpate/estimate.hpp"
+#include "palpate/matrix.hpp"
+#include "palpate/power_sums.hpp"
+
+namespace palpate {
+
+struct Projection {
+  double k, c, offset, n;  // in scaled units
+  double noise_variance;   // of the force, scaled
+  Matrix<4> covariance;    // of (k, c, n, offset), scaled
+  std::uint8_t doubts;
+
+  double force(const Sample& s) const noexcept {
+    const double power = s.penetration > 0.0 ? std::pow(s.penetration, n) : 0.0;
+    return power * (k + c * s.velocity) + offset;
+  }
+};
+
+class VariableProjection {
+ public:
+  struct Settings {
+    double noise = 0.0;  // standard deviation of the force in scaled units; 0: from the residual
+    double lowest_exponent = 0.3;
+    double highest_exponent = 3.6;
+    bool offset = true;
+    double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²); 0: twenty times the noise
+    // Weak priors: n ~ N(1.3, 1) and c/k ~ N(0, 1).
+    double prior_exponent = 1.3;
+    double prior_exponent_deviation = 1.0;
+    double prior_dissipation = 0.0;  // c/k
+    double prior_dissipation_deviation = 1.0;
+  };
+
+  explicit VariableProjection(const Settings& settings) noexcept
+      : settings_(settings), sums_(settings.lowest_exponent, settings.highest_exponent) {}
+
+  void add(const Sample& sample, double forgetting_factor) noexcept {
+    sums_.add(sample, forgetting_factor);
+  }
+
+  const PowerSums& sums() const noexcept { return sums_; }
+  const Settings& settings() const noexcept { return settings_; }
+
+  // Forgets the samples; the prior is the old answer with these deviations.
+  void restart(const Projection& old, double exponent_deviation,
+               double dissipation_deviation) noexcept {
+    settings_.prior_exponent = old.n;
+    settings_.prior_exponent_deviation = exponent_deviation;
+    settings_.prior_dissipation = old.k > 0.0 ? old.c / old.k : 0.0;
+    settings_.prior_dissipation_deviation = dissipation_deviation;
+    sums_.clear();
+  }
+
+  Projection solve() const noexcept {
+    Search search = search_grid();
+    const Point point = refine(search);
+    return result(point, search);
+  }
+
+ private:
+  struct Linear {
+    double k, c, offset;
+    double cost;     // −bᵀÃ⁻¹b
+    bool damped;     // the damping column has a sound pivot
+  };
+
+  struct Search {
+    double n;
+    double variance;  // of the noise, for the weight of the priors
+    double damping_weight;  // ρ_b
+    double offset_share;    // 1 / (Σ1 + ρ_F); 0 without an offset
+  };
+
+  struct Point {
+    double n;
+    PowerSums::Local sums;
+    Linear linear;
+  };
+
+  // ρ_F, in samples.
+  double offset_weight(double variance) const noexcept {
+    const double deviation = settings_.offset_deviation;
+    return deviation > 0.0 ? variance / (deviation * deviation) : 1.0 / 400.0;
+  }
+
+  double offset_share(double variance) const noexcept {
+    return settings_.offset ? 1.0 / (sums_.weight() + offset_weight(variance) + tiny) : 0.0;
+  }
+
+  // The linear least squares for one exponent: F₀ is eliminated first, then (k, c) by determinants.
+  Linear linear(const PowerSums::Values& s, double damping_weight, double share) const noexcept {
+    const double prior = settings_.prior_dissipation;
+    const double a11 = s[pp] - s[p1] * s[p1] * share + damping_weight * prior * prior;
+    const double a12 = s[ppw] - s[p1] * s[pw] * share - damping_weight * prior;
+    const double a22 = s[ppww] - s[pw] * s[pw] * share + damping_weight;
+    const double b1 = s[pf] - s[p1] * sums_.force() * share;
+    const double b2 = s[pwf] - s[pw] * sums_.force() * share;
+    const double determinant = a11 * a22 - a12 * a12;
+    const bool damped = determinant > smallest_share * (a11 * a22);
+    Linear r{};
+    r.damped = damped;
+    r.k = damped ? (a22 * b1 - a12 * b2) / determinant : a11 > 0.0 ? b1 / a11 : 0.0;
+    r.c = damped ? (a11 * b2 - a12 * b1) / determinant : 0.0;
+    r.offset = share * (sums_.force() - r.k * s[p1] - r.c * s[pw]);
+    r.cost = -(r.k * b1 + r.c * b2) - share * sums_.force() * sums_.force();
+    return r;
+  }
+
+  // J over the grid without priors on the linear part, in one straight line of arithmetic.
+  Search search_grid() const noexcept {
+    std::array<double, PowerSums::nodes> cost;
+    const auto &spp = sums_.column(pp), &sppw = sums_.column(ppw), &sppww = sums_.column(ppww),
+               &sp = sums_.column(p1), &spw = sums_.column(pw), &spf = sums_.column(pf),
+               &spwf = sums_.column(pwf);
+    const double share = offset_share(settings_.noise * settings_.noise), total = sums_.force();
+    for (std::size_t j = 0; j < PowerSums::nodes; ++j) {
+      const double a11 = spp[j] - sp[j] * sp[j] * share;
+      const double a12 = sppw[j] - sp[j] * spw[j] * share;
+      const double a22 = sppww[j] - spw[j] * spw[j] * share;
+      const double b1 = spf[j] - sp[j] * total * share;
+      const double b2 = spwf[j] - spw[j] * total * share;
+      // b₁²/a₁₁ + (what damping adds), with one division; ridge keeps a column that is not there out.
+      const double ridge = smallest_share * a22 + tiny;
+      const double rest = b2 * a11 - b1 * a12;
+      const double determinant = a11 * (a22 + ridge) - a12 * a12;
+      cost[j] = -(b1 * b1 * determinant + rest * rest) / (a11 * determinant + tiny);
+    }
+    std::size_t best = 0;
+    for (std::size_t j = 1; j < PowerSums::nodes; ++j) {
+      if (cost[j] < cost[best]) best = j;
+    }
+    Search search{};
+    search.variance =
+        prior_variance(cost[best] - share * total * total);
+    for (std::size_t j = 0; j < PowerSums::nodes; ++j) {
+      const double away =
+          (sums_.exponent(j) - settings_.prior_exponent) / settings_.prior_exponent_deviation;
+      cost[j] += search.variance * away * away;
+    }
+    best = 0;
+    for (std::size_t j = 1; j < PowerSums::nodes; ++j) {
+      if (cost[j] < cost[best]) best = j;
+    }
+    search.offset_share = offset_share(search.variance);
+    search.n = sums_.exponent(best);
+    if (best > 0 && best + 1 < PowerSums::nodes) {
+      const double bend = cost[best - 1] - 2.0 * cost[best] + cost[best + 1];
+      const double slope = 0.5 * (cost[best + 1] - cost[best - 1]);
+      if (bend > std::abs(slope)) search.n -= sums_.step() * slope / bend;
+    }
+    return search;
+  }
+
+  // σ² for the weight of the priors. Few samples fit exactly; the relative floor keeps the priors
+  // from vanishing then.
+  double prior_variance(double cost) const noexcept {
+    if (settings_.noise > 0.0) return settings_.noise * settings_.noise;
+    const double n = sums_.weight();
+    const double floor = 1e-4 * sums_.force_squared() / std::max(n, 1.0);
+    const double residual = std::max(sums_.force_squared() + cost, 0.0);
+    return (residual + 2.0 * floor) / (std::max(n - 4.0, 0.0) + 2.0);
+  }
+
+  // Newton's method on dJ/dn with the sums' own derivatives; the curvature is Gauss and Newton's.
+  Point refine(Search& search) const noexcept {
+    const double exponent_weight =
+        search.variance / (settings_.prior_exponent_deviation * settings_.prior_exponent_deviation);
+    double n = std::clamp(search.n, sums_.lowest(), sums_.highest());
+    Point point{n, sums_.at(n), {}};
+    point.linear = linear(point.sums.value, 0.0, search.offset_share);
+    search.damping_weight = damping_weight(point.linear.k, search.variance);
+    for (int round = 0; round < 4; ++round) {
+      point.linear = linear(point.sums.value, search.damping_weight, search.offset_share);
+      const Curve curve = curve_at(point, search);
+      const double slope =
+          curve.slope + 2.0 * exponent_weight * (point.n - settings_.prior_exponent);
+      const double bend = 2.0 * (curve.bend + exponent_weight);
+      if (!(bend > 0.0)) break;
+      const double limit = sums_.step();
+      const double step = std::clamp(-slope / bend, -limit, limit);
+      const double next = std::clamp(point.n + step, sums_.lowest(), sums_.highest());
+      // Steps shrink by a hundred or more, so the one after this would be below 1e-8.
+      const bool settled = std::abs(next - point.n) < 1e-6;
+      point.n = next;
+      point.sums = sums_.at(next);
+      if (settled) break;
+    }
+    point.linear = linear(point.sums.value, search.damping_weight, search.offset_share);
+    return point;
+  }
+
+  // dJ/dn = θᵀA'θ − 2b'ᵀθ (θ minimises, so its own change does not count), and the Schur complement
+  // of the linear part in JᵀJ.
+  struct Curve {
+    double slope;
+    double bend;
+  };
+
+  Curve curve_at(const Point& point, const Search& search) const noexcept {
+    const Matrix<4> m = information(point, search);
+    const auto& [k, c, f0, cost, damped] = point.linear;
+    const PowerSums::Values& d = point.sums.first;
+    const double quadratic = k * k * d[pp] + 2.0 * k * c * d[ppw] + c * c * d[ppww] +
+                             2.0 * f0 * (k * d[p1] + c * d[pw]);
+    const double share = search.offset_share;
+    const double a11 = m[0][0] - m[0][3] * m[0][3] * share;
+    const double a12 = m[0][1] - m[0][3] * m[1][3] * share;
+    const double a22 = m[1][1] - m[1][3] * m[1][3] * share;
+    const double h1 = m[0][2] - m[0][3] * m[2][3] * share;
+    const double h2 = m[1][2] - m[1][3] * m[2][3] * share;
+    const double h = m[2][2] - m[2][3] * m[2][3] * share;
+    const double determinant = a11 * a22 - a12 * a12;
+    const double taken = damped ? (a22 * h1 * h1 - 2.0 * a12 * h1 * h2 + a11 * h2 * h2) / determinant
+                         : a11 > 0.0 ? h1 * h1 / a11
+                                     : 0.0;
+    return {quadratic - 2.0 * (k * d[pf] + c * d[pwf]), std::max(h - taken, 0.0)};
+  }
+
+  // JᵀJ for (k, c, n, F₀), from the sums and their derivatives: Σ ln ξ · p² = (Σ p²)'/2, and so on.
+  Matrix<4> information(const Point& point, const Search& search) const noexcept {
+    const PowerSums::Values &v = point.sums.value, &d = point.sums.first;
+    const Vector<3>& dd = point.sums.second;
+    const double k = point.linear.k, c = point.linear.c;
+    Matrix<4> m{};
+    m[0] = {v[pp], v[ppw], 0.5 * (k * d[pp] + c * d[ppw]), v[p1]};
+    m[1] = {v[ppw], v[ppww], 0.5 * (k * d[ppw] + c * d[ppww]), v[pw]};
+    m[2] = {m[0][2], m[1][2],
+            0.25 * (k * k * dd[pp] + 2.0 * k * c * dd[ppw] + c * c * dd[ppww]),
+            k * d[p1] + c * d[pw]};
+    m[3] = {v[p1], v[pw], m[2][3], sums_.weight() + offset_weight(search.variance)};
+    return m;
+  }
+
+  double damping_weight(double k, double variance) const noexcept {
+    const double deviation = settings_.prior_dissipation_deviation * k;
+    return variance / (deviation * deviation + tiny);
+  }
+
+  Projection result(const Point& point, const Search& search) const noexcept {
+    const Linear& linear = point.linear;
+    Projection r{linear.k, linear.c, linear.offset, point.n, search.variance, {}, 0};
+    const double fitted = settings_.offset ? 4.0 : 3.0;
+    const double freedom = sums_.weight() - fitted;
+    if (settings_.noise == 0.0 && freedom >= 10.0) {
+      r.noise_variance = std::max(sums_.force_squared() + linear.cost, 0.0) / freedom;
+    }
+    r.covariance = covariance(point, search, r.noise_variance);
+    r.doubts = doubts(r);
+    return r;
+  }
+
+  Matrix<4> covariance(const Point& point, const Search& search, double variance) const noexcept {
+    Matrix<4> m = information(point, search);
+    const double prior = settings_.prior_dissipation, weight = search.damping_weight;
+    m[0][0] += weight * prior * prior;
+    m[0][1] = m[1][0] = m[0][1] - weight * prior;
+    m[1][1] += weight;
+    m[2][2] +=
+        search.variance / (settings_.prior_exponent_deviation * settings_.prior_exponent_deviation);
+    if (!settings_.offset) {
+      for (std::size_t i = 0; i < 3; ++i) m[i][3] = m[3][i] = 0.0;
+    }
+    Matrix<4> result = guarded_inverse(m);
+    if (!settings_.offset) result[3][3] = 0.0;
+    for (auto& row : result) {
+      for (double& entry : row) entry *= variance;
+    }
+    return result;
+  }
+
+  std::uint8_t doubts(const Projection& r) const noexcept {
+    const double spread = std::sqrt(std::max(r.covariance[2][2], 0.0));
+    const double damping = std::sqrt(std::max(r.covariance[1][1], 0.0));
+    std::uint8_t found = 0;
+    if (!(spread < 0.3)) found |= exponent_not_identifiable;
+    if (!(damping < 0.5 * settings_.prior_dissipation_deviation * std::abs(r.k))) {
+      found |= damping_not_identifiable;
+    }
+    const double margin = 0.25 * sums_.step();
+    if (r.n < sums_.lowest() + margin || r.n > sums_.highest() - margin) found |= exponent_at_edge;
+    return found;
+  }
+
+  static constexpr double smallest_share = 1e-13;
+  static constexpr double tiny = 1e-300;
+
+  Settings settings_;
+  PowerSums sums_;
+};
+
+}  // namespace palpate
