@@ -13,6 +13,7 @@ namespace palpate {
 
 class DoubleStageMethod {
  public:
+  static constexpr bool prediction_lags = false;
   static constexpr double largest_input = 1e100;
   using Law = HuntCrossley;
   static constexpr std::size_t order = 3;
@@ -24,7 +25,8 @@ class DoubleStageMethod {
   };
 
   DoubleStageMethod(const Settings& settings, const Units& units) noexcept
-      : stage_one_({in_scaled_units(settings.initial, units), settings.stage_one_covariance}),
+      : settings_(settings),
+        stage_one_({in_scaled_units(settings.initial, units), settings.stage_one_covariance}),
         stage_two_({{settings.initial.exponent}, {{{settings.stage_two_covariance}}}}) {}
 
   template <class Adapt>
@@ -49,6 +51,12 @@ class DoubleStageMethod {
     }
     stage_one_ = one;
     return status;
+  }
+
+  // Begins anew from the old answer, as uncertain as at the start.
+  void restart() noexcept {
+    stage_one_ = LeastSquares<2>({stage_one_.parameters(), settings_.stage_one_covariance});
+    stage_two_ = LeastSquares<1>({stage_two_.parameters(), {{{settings_.stage_two_covariance}}}});
   }
 
   Law law(const Units& u) const noexcept {
@@ -93,6 +101,7 @@ class DoubleStageMethod {
              {0.0, 0.0, stage_two_.scaled_covariance()[0][0]}}};
   }
 
+  Settings settings_;
   LeastSquares<2> stage_one_;
   LeastSquares<1> stage_two_;
 };

@@ -56,9 +56,10 @@ struct Estimate {
   Offset<Size> offset;
   std::uint8_t doubts;
   double validity_margin;
-  Status status;          // of the last sample that was not refused
-  std::uint64_t samples;  // taken
-  std::uint64_t guarded;  // of them, how many the covariance guard touched
+  Status status;           // of the last sample that was not refused
+  std::uint64_t samples;   // taken
+  std::uint64_t guarded;   // of them, how many the covariance guard touched
+  std::uint64_t restarts;  // how often a change was detected and the estimate began anew
 
   constexpr bool valid() const noexcept { return validity_margin > 0.0; }
 };

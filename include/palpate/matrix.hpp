@@ -1,8 +1,8 @@
 // Vectors and symmetric matrices of a size known when compiling: no heap, trivially copyable.
 #pragma once
 
+#include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <limits>
 
@@ -90,43 +90,38 @@ constexpr Matrix<Size> inverse(Matrix<Size> matrix) noexcept {
   return result;
 }
 
-// Inverse of a symmetric, positive semidefinite matrix, after each row and column is brought to a
-// unit diagonal; a pivot that rounding has eaten counts as the smallest that it could be.
+// Inverse of a symmetric, positive semidefinite matrix by LDLᵀ. A pivot that rounding has eaten
+// counts as the smallest share of its diagonal that it could be; an empty row as the unit one.
 template <std::size_t Size>
-Matrix<Size> guarded_inverse(const Matrix<Size>& matrix) noexcept {
-  Vector<Size> unit{};
-  for (std::size_t i = 0; i < Size; ++i) {
-    unit[i] = matrix[i][i] > 0.0 ? 1.0 / std::sqrt(matrix[i][i]) : 1.0;
-  }
-  // LDLᵀ of the scaled matrix.
+constexpr Matrix<Size> guarded_inverse(const Matrix<Size>& matrix) noexcept {
   Matrix<Size> lower{};
-  Vector<Size> pivots{};
+  Vector<Size> pivots{}, reciprocals{};
   for (std::size_t j = 0; j < Size; ++j) {
-    double pivot = 1.0;
+    const double diagonal = matrix[j][j] > 0.0 ? matrix[j][j] : 1.0;
+    double pivot = diagonal;
     for (std::size_t k = 0; k < j; ++k) pivot -= lower[j][k] * lower[j][k] * pivots[k];
-    pivots[j] = pivot > smallest_pivot ? pivot : smallest_pivot;
+    pivots[j] = std::max(pivot, smallest_pivot * diagonal);
+    reciprocals[j] = 1.0 / pivots[j];
     for (std::size_t i = j + 1; i < Size; ++i) {
-      double entry = matrix[i][j] * unit[i] * unit[j];
+      double entry = matrix[i][j];
       for (std::size_t k = 0; k < j; ++k) entry -= lower[i][k] * lower[j][k] * pivots[k];
-      lower[i][j] = entry / pivots[j];
+      lower[i][j] = entry * reciprocals[j];
     }
   }
   // Columns of L⁻¹, then L⁻ᵀ D⁻¹ L⁻¹.
-  Matrix<Size> inverse_lower{};
+  Matrix<Size> left{};
   for (std::size_t j = 0; j < Size; ++j) {
-    inverse_lower[j][j] = 1.0;
+    left[j][j] = 1.0;
     for (std::size_t i = j + 1; i < Size; ++i) {
-      for (std::size_t k = j; k < i; ++k) inverse_lower[i][j] -= lower[i][k] * inverse_lower[k][j];
+      for (std::size_t k = j; k < i; ++k) left[i][j] -= lower[i][k] * left[k][j];
     }
   }
   Matrix<Size> result{};
   for (std::size_t i = 0; i < Size; ++i) {
     for (std::size_t j = i; j < Size; ++j) {
       double sum = 0.0;
-      for (std::size_t k = j; k < Size; ++k) {
-        sum += inverse_lower[k][i] * inverse_lower[k][j] / pivots[k];
-      }
-      result[i][j] = result[j][i] = sum * unit[i] * unit[j];
+      for (std::size_t k = j; k < Size; ++k) sum += left[k][i] * left[k][j] * reciprocals[k];
+      result[i][j] = result[j][i] = sum;
     }
   }
   return result;

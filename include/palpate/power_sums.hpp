@@ -37,8 +37,8 @@ class PowerSums {
   constexpr double highest() const noexcept { return exponent(nodes - 1); }
   constexpr double step() const noexcept { return step_; }
 
-  constexpr double weight() const noexcept { return weight_; }              // Σ 1
-  constexpr double force() const noexcept { return force_; }                // Σ F
+  constexpr double weight() const noexcept { return weight_; }                // Σ 1
+  constexpr double force() const noexcept { return force_; }                  // Σ F
   constexpr double force_squared() const noexcept { return force_squared_; }  // Σ F²
   constexpr const std::array<double, nodes>& column(Power power) const noexcept {
     return sums_[power];
@@ -57,7 +57,8 @@ class PowerSums {
 
   // Interpolates the sums, never a function of them, between the six nodes around an exponent.
   Local at(double n) const noexcept {
-    const double place = (n - lowest_) / step_;
+    const double per_step = 1.0 / step_;
+    const double place = (n - lowest_) * per_step;
     const double centred = std::floor(place) - 2.0;
     const std::size_t first =
         centred <= 0.0 ? 0 : std::min(static_cast<std::size_t>(centred), nodes - 6);
@@ -66,10 +67,10 @@ class PowerSums {
     for (std::size_t power = 0; power < power_count; ++power) {
       const double* sums = &sums_[power][first];
       local.value[power] = combine(weights.value, sums);
-      local.first[power] = combine(weights.first, sums) / step_;
+      local.first[power] = combine(weights.first, sums) * per_step;
     }
     for (std::size_t power = 0; power < local.second.size(); ++power) {
-      local.second[power] = combine(weights.second, &sums_[power][first]) / (step_ * step_);
+      local.second[power] = combine(weights.second, &sums_[power][first]) * (per_step * per_step);
     }
     return local;
   }

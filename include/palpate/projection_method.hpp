@@ -1,9 +1,12 @@
 // Variable projection as a method of the recursive estimator: samples in, the law in SI out.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "palpate/estimate.hpp"
+#include "palpate/residual_blocks.hpp"
 #include "palpate/scale.hpp"
 #include "palpate/status.hpp"
 #include "palpate/variable_projection.hpp"
@@ -14,6 +17,8 @@ class ProjectionMethod {
  public:
   using Law = HuntCrossley;
   static constexpr std::size_t order = 3;
+  // Errors are measured against an answer that is up to a 64th of the samples old.
+  static constexpr bool prediction_lags = true;
   // ξ^3.6 squared, times w², summed and multiplied by its like three times, stays finite below it.
   static constexpr double largest_input = 1e8;
 
@@ -32,26 +37,41 @@ class ProjectionMethod {
                      .offset = settings.offset,
                      .offset_deviation = settings.offset_deviation / units.force}) {}
 
+  // `adapt` is called with a function that gives the a-priori force, which only some need.
   template <class Adapt>
   Status learn(const Sample& sample, Adapt&& adapt) noexcept {
-    const double forgetting_factor =
-        adapt([&]() noexcept { return projection_.solve().force(sample); }).first;
+    follow();
+    const double predicted = present_.force(sample);
+    const double forgetting_factor = adapt([&]() noexcept { return predicted; }).first;
+    if (projection_.sums().weight() >= 20.0) residuals_.add(sample.force - predicted);
     projection_.add(sample, forgetting_factor);
+    ++unsolved_;
     return Status::updated;
   }
 
-  Law law(const Units& units) const noexcept { return law(projection_.solve(), units); }
+  // Begins anew, with the old answer as a weak prior.
+  void restart() noexcept {
+    projection_.restart(projection_.solve(), 0.3, 0.1);
+    residuals_.clear();
+    unsolved_ = 1;
+  }
+
+  Law law(const Units& units) const noexcept { return law(solve(), units); }
 
   double force(const Units& units, double x, double v) const noexcept {
-    const Projection now = projection_.solve();
+    const Projection now = solve();
     return law(now, units).force(x, v) + now.offset * units.force;
   }
 
   Fit<Law> fit(const Units& units) const noexcept {
-    const Projection now = projection_.solve();
+    const Projection now = solve();
     const Law law = this->law(now, units);
-    const Matrix<4> joint = congruence(jacobian(law, units), now.covariance);
-    Fit<Law> fit{law, {}, {now.offset * units.force, joint[3][3], {}}, now.doubts};
+    const double inflation = residuals_.inflation();
+    Matrix<4> joint = congruence(jacobian(law, units), now.covariance);
+    for (auto& row : joint) {
+      for (double& entry : row) entry *= inflation;
+    }
+    Fit<Law> fit{law, {}, {now.offset * units.force, joint[3][3], {}}, doubts(now, inflation)};
     for (std::size_t i = 0; i < order; ++i) {
       for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
       fit.offset.covariance[i] = joint[3][i];
@@ -60,13 +80,41 @@ class ProjectionMethod {
   }
 
   Moment<Law> moment(const Units& units) const noexcept {
-    const Projection now = projection_.solve();
+    const Projection now = solve();
     const Law law = this->law(now, units);
+    const double inflation = residuals_.inflation();
     const Vector<4> joint = congruent_diagonal(jacobian(law, units), now.covariance);
-    return {law, {joint[0], joint[1], joint[2]}};
+    return {law, {inflation * joint[0], inflation * joint[1], inflation * joint[2]}};
   }
 
  private:
+  // The global search is due again after every 64th part of the samples, but at least every 64.
+  bool due() const noexcept {
+    return static_cast<double>(unsolved_) >=
+           std::min(1.0 + projection_.sums().weight() / 64.0, 64.0);
+  }
+
+  Projection solve() const noexcept {
+    return due() ? projection_.solve() : projection_.solve_near(present_);
+  }
+
+  // Keeps the answer fresh that errors are measured against, and solving starts from.
+  void follow() noexcept {
+    if (!due()) return;
+    present_ = projection_.solve();
+    unsolved_ = 0;
+  }
+
+  std::uint8_t doubts(const Projection& p, double inflation) const noexcept {
+    const double exponent = std::sqrt(std::max(inflation * p.covariance[2][2], 0.0));
+    const double damping = std::sqrt(std::max(inflation * p.covariance[1][1], 0.0));
+    std::uint8_t found = p.at_edge ? exponent_at_edge : 0;
+    if (!(exponent < 0.3)) found |= exponent_not_identifiable;
+    // Against the elastic force: B v is unknown to a quarter of K at the speed of the scale.
+    if (!(damping < 0.25 * std::abs(p.k))) found |= damping_not_identifiable;
+    return found;
+  }
+
   // K = k F₀ x_r⁻ⁿ, B = (c/V) F₀ x_r⁻ⁿ.
   static Law law(const Projection& p, const Units& u) noexcept {
     const double unit = u.force * bounded_exp(-p.n * u.log_penetration);
@@ -84,6 +132,9 @@ class ProjectionMethod {
   }
 
   VariableProjection projection_;
+  Projection present_{};
+  std::uint64_t unsolved_ = 1;  // samples since it was solved for
+  ResidualBlocks residuals_;
 };
 
 }  // namespace palpate

@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "palpate/change_detection.hpp"
 #include "palpate/contact_gate.hpp"
 #include "palpate/double_stage.hpp"
 #include "palpate/estimate.hpp"
@@ -27,6 +28,7 @@ class RecursiveEstimator {
     typename Method::Settings method;
     Forgetting::Settings forgetting;
     SelfPerturbation perturbation;
+    ChangeDetector::Settings changes;
     ContactGate::Settings gate;
     Scale scale;
     double sample_time = 1e-3;  // s
@@ -35,6 +37,7 @@ class RecursiveEstimator {
   explicit RecursiveEstimator(const Settings& settings) noexcept
       : settings_(settings),
         gate_(settings.gate),
+        changes_(settings.changes),
         forgetting_(settings.forgetting, settings.sample_time),
         units_(settings.scale),
         method_(settings.method, units_) {}
@@ -63,8 +66,15 @@ class RecursiveEstimator {
 
   Estimate<order> estimate() const noexcept {
     const Fit<Law> fit = method_.fit(units_);
-    return {fit.law.parameters(), fit.covariance, fit.offset, fit.doubts,
-            validity_margin(fit.law, velocity_), status_, samples_, guarded_};
+    return {fit.law.parameters(),
+            fit.covariance,
+            fit.offset,
+            fit.doubts,
+            validity_margin(fit.law, velocity_),
+            status_,
+            samples_,
+            guarded_,
+            restarts_};
   }
 
   // The part of an estimate that a trace writes down at every sample.
@@ -110,18 +120,28 @@ class RecursiveEstimator {
       forgetting.rearm();
     }
     // An abrupt change perturbs P and takes λ back to λ₀.
+    double error = 0.0;
     const auto adapt = [&](auto&& predict_scaled) noexcept {
       double perturbation = 0.0;
-      if (predicted_force || settings_.perturbation.active()) {
+      if (predicted_force || settings_.perturbation.active() || changes_.active()) {
         const double predicted = predict_scaled() * units_.force;
-        if (predicted_force) *predicted_force = predicted;
-        perturbation = settings_.perturbation(sample.force - predicted);
+        if (predicted_force) {
+          *predicted_force =
+              Method::prediction_lags ? predict(sample.penetration, sample.velocity) : predicted;
+        }
+        error = sample.force - predicted;
+        perturbation = settings_.perturbation(error);
         if (perturbation > 0.0) forgetting.rearm();
       }
       return std::pair{forgetting.factor(), perturbation};
     };
-    const Status status = method_.learn(inner, adapt);
+    Status status = method_.learn(inner, adapt);
     if (!taken(status)) return status;
+    if (changes_.active() && changes_.observe(inner, error)) {
+      forgetting.rearm();
+      restart(forgetting);
+      status = Status::restarted;
+    }
 
     gate_.enter(ContactGate::Phase::contact);
     forgetting_ = forgetting;
@@ -132,8 +152,21 @@ class RecursiveEstimator {
     return status;
   }
 
+  // The estimate begins anew with the samples since the change, and the old value as a weak prior.
+  void restart(Forgetting& forgetting) noexcept {
+    method_.restart();
+    const auto adapt = [&](auto&&) noexcept { return std::pair{forgetting.factor(), 0.0}; };
+    for (std::size_t age = changes_.suspects(); age-- > 0;) {
+      method_.learn(changes_.recent(age), adapt);
+      forgetting.advance(settings_.sample_time);
+    }
+    changes_.rearm();
+    ++restarts_;
+  }
+
   Settings settings_;
   ContactGate gate_;
+  ChangeDetector changes_;
   Forgetting forgetting_;
   Units units_;
   Method method_;
@@ -141,6 +174,7 @@ class RecursiveEstimator {
   Status status_ = Status::waiting;
   std::uint64_t samples_ = 0;
   std::uint64_t guarded_ = 0;
+  std::uint64_t restarts_ = 0;
 };
 
 using KelvinVoigtRLS = RecursiveEstimator<RegressionMethod<KelvinVoigtRegression>>;

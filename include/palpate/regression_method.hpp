@@ -11,6 +11,7 @@ namespace palpate {
 template <class Regression>
 class RegressionMethod {
  public:
+  static constexpr bool prediction_lags = false;
   // Scaled inputs beyond this are refused: squares and products stay finite below it.
   static constexpr double largest_input = 1e100;
   using Law = typename Regression::Law;
@@ -22,7 +23,8 @@ class RegressionMethod {
   };
 
   RegressionMethod(const Settings& settings, const Units& units) noexcept
-      : least_squares_(
+      : initial_covariance_(settings.initial_covariance),
+        least_squares_(
             {Regression::coefficients(settings.initial, units), settings.initial_covariance}) {}
 
   // `adapt` is called with a function that gives the a-priori force, which only some need, and
@@ -33,6 +35,11 @@ class RegressionMethod {
     const auto [forgetting_factor, perturbation] = adapt(
         [&]() noexcept { return Regression::force(least_squares_.parameters(), row.regressor); });
     return least_squares_.update(row.regressor, row.output, forgetting_factor, perturbation);
+  }
+
+  // Begins anew from the old answer, as uncertain as at the start.
+  void restart() noexcept {
+    least_squares_ = LeastSquares<order>({least_squares_.parameters(), initial_covariance_});
   }
 
   Law law(const Units& units) const noexcept {
@@ -62,6 +69,7 @@ class RegressionMethod {
     return result;
   }
 
+  Matrix<order> initial_covariance_;
   LeastSquares<order> least_squares_;
 };
 

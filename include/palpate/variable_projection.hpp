@@ -17,16 +17,21 @@
 
 namespace palpate {
 
-struct Projection {
-  double k, c, offset, n;  // in scaled units
-  double noise_variance;   // of the force, scaled
-  Matrix<4> covariance;    // of (k, c, n, offset), scaled
-  std::uint8_t doubts;
+// F = k ξⁿ + c ξⁿ w + F₀ in scaled units.
+struct ScaledLaw {
+  double k, c, offset, n;
 
   double force(const Sample& s) const noexcept {
     const double power = s.penetration > 0.0 ? std::pow(s.penetration, n) : 0.0;
     return power * (k + c * s.velocity) + offset;
   }
+};
+
+struct Projection : ScaledLaw {
+  double noise_variance;  // of the force
+  double prior_variance;  // the same as the priors were weighted with
+  Matrix<4> covariance;   // of (k, c, n, offset)
+  bool at_edge;           // the exponent ended at the edge of its range
 };
 
 class VariableProjection {
@@ -64,22 +69,24 @@ class VariableProjection {
     sums_.clear();
   }
 
-  Projection solve() const noexcept {
-    Search search = search_grid();
-    const Point point = refine(search);
-    return result(point, search);
+  // The global minimum over the whole range of exponents.
+  Projection solve() const noexcept { return finish(search_grid()); }
+
+  // The same from an answer of a little while ago, in whose basin the minimum still is.
+  Projection solve_near(const Projection& earlier) const noexcept {
+    return finish({earlier.n, earlier.prior_variance, 0.0, offset_share(earlier.prior_variance)});
   }
 
  private:
   struct Linear {
     double k, c, offset;
-    double cost;     // −bᵀÃ⁻¹b
-    bool damped;     // the damping column has a sound pivot
+    double cost;  // −bᵀÃ⁻¹b
+    bool damped;  // the damping column has a sound pivot
   };
 
   struct Search {
     double n;
-    double variance;  // of the noise, for the weight of the priors
+    double variance;        // of the noise, for the weight of the priors
     double damping_weight;  // ρ_b
     double offset_share;    // 1 / (Σ1 + ρ_F); 0 without an offset
   };
@@ -89,6 +96,11 @@ class VariableProjection {
     PowerSums::Local sums;
     Linear linear;
   };
+
+  Projection finish(Search search) const noexcept {
+    const Point point = refine(search);
+    return result(point, search);
+  }
 
   // ρ_F, in samples.
   double offset_weight(double variance) const noexcept {
@@ -132,7 +144,8 @@ class VariableProjection {
       const double a22 = sppww[j] - spw[j] * spw[j] * share;
       const double b1 = spf[j] - sp[j] * total * share;
       const double b2 = spwf[j] - spw[j] * total * share;
-      // b₁²/a₁₁ + (what damping adds), with one division; ridge keeps a column that is not there out.
+      // b₁²/a₁₁ + (what damping adds), with one division; ridge keeps a column that is not there
+      // out.
       const double ridge = smallest_share * a22 + tiny;
       const double rest = b2 * a11 - b1 * a12;
       const double determinant = a11 * (a22 + ridge) - a12 * a12;
@@ -143,8 +156,7 @@ class VariableProjection {
       if (cost[j] < cost[best]) best = j;
     }
     Search search{};
-    search.variance =
-        prior_variance(cost[best] - share * total * total);
+    search.variance = prior_variance(cost[best] - share * total * total);
     for (std::size_t j = 0; j < PowerSums::nodes; ++j) {
       const double away =
           (sums_.exponent(j) - settings_.prior_exponent) / settings_.prior_exponent_deviation;
@@ -213,8 +225,8 @@ class VariableProjection {
     const Matrix<4> m = information(point, search);
     const auto& [k, c, f0, cost, damped] = point.linear;
     const PowerSums::Values& d = point.sums.first;
-    const double quadratic = k * k * d[pp] + 2.0 * k * c * d[ppw] + c * c * d[ppww] +
-                             2.0 * f0 * (k * d[p1] + c * d[pw]);
+    const double quadratic =
+        k * k * d[pp] + 2.0 * k * c * d[ppw] + c * c * d[ppww] + 2.0 * f0 * (k * d[p1] + c * d[pw]);
     const double share = search.offset_share;
     const double a11 = m[0][0] - m[0][3] * m[0][3] * share;
     const double a12 = m[0][1] - m[0][3] * m[1][3] * share;
@@ -223,7 +235,8 @@ class VariableProjection {
     const double h2 = m[1][2] - m[1][3] * m[2][3] * share;
     const double h = m[2][2] - m[2][3] * m[2][3] * share;
     const double determinant = a11 * a22 - a12 * a12;
-    const double taken = damped ? (a22 * h1 * h1 - 2.0 * a12 * h1 * h2 + a11 * h2 * h2) / determinant
+    const double taken = damped
+                             ? (a22 * h1 * h1 - 2.0 * a12 * h1 * h2 + a11 * h2 * h2) / determinant
                          : a11 > 0.0 ? h1 * h1 / a11
                                      : 0.0;
     return {quadratic - 2.0 * (k * d[pf] + c * d[pwf]), std::max(h - taken, 0.0)};
@@ -237,8 +250,7 @@ class VariableProjection {
     Matrix<4> m{};
     m[0] = {v[pp], v[ppw], 0.5 * (k * d[pp] + c * d[ppw]), v[p1]};
     m[1] = {v[ppw], v[ppww], 0.5 * (k * d[ppw] + c * d[ppww]), v[pw]};
-    m[2] = {m[0][2], m[1][2],
-            0.25 * (k * k * dd[pp] + 2.0 * k * c * dd[ppw] + c * c * dd[ppww]),
+    m[2] = {m[0][2], m[1][2], 0.25 * (k * k * dd[pp] + 2.0 * k * c * dd[ppw] + c * c * dd[ppww]),
             k * d[p1] + c * d[pw]};
     m[3] = {v[p1], v[pw], m[2][3], sums_.weight() + offset_weight(search.variance)};
     return m;
@@ -251,14 +263,17 @@ class VariableProjection {
 
   Projection result(const Point& point, const Search& search) const noexcept {
     const Linear& linear = point.linear;
-    Projection r{linear.k, linear.c, linear.offset, point.n, search.variance, {}, 0};
+    Projection r{{linear.k, linear.c, linear.offset, point.n},
+                 search.variance,
+                 search.variance,
+                 {},
+                 at_edge(point.n)};
     const double fitted = settings_.offset ? 4.0 : 3.0;
     const double freedom = sums_.weight() - fitted;
     if (settings_.noise == 0.0 && freedom >= 10.0) {
       r.noise_variance = std::max(sums_.force_squared() + linear.cost, 0.0) / freedom;
     }
     r.covariance = covariance(point, search, r.noise_variance);
-    r.doubts = doubts(r);
     return r;
   }
 
@@ -281,17 +296,9 @@ class VariableProjection {
     return result;
   }
 
-  std::uint8_t doubts(const Projection& r) const noexcept {
-    const double spread = std::sqrt(std::max(r.covariance[2][2], 0.0));
-    const double damping = std::sqrt(std::max(r.covariance[1][1], 0.0));
-    std::uint8_t found = 0;
-    if (!(spread < 0.3)) found |= exponent_not_identifiable;
-    if (!(damping < 0.5 * settings_.prior_dissipation_deviation * std::abs(r.k))) {
-      found |= damping_not_identifiable;
-    }
+  bool at_edge(double n) const noexcept {
     const double margin = 0.25 * sums_.step();
-    if (r.n < sums_.lowest() + margin || r.n > sums_.highest() - margin) found |= exponent_at_edge;
-    return found;
+    return n < sums_.lowest() + margin || n > sums_.highest() - margin;
   }
 
   static constexpr double smallest_share = 1e-13;

@@ -63,6 +63,9 @@ void bind_estimate(nb::module_& module) {
       .value("GUARDED", Status::guarded,
              "Taken, but forgetting was withheld so that the covariance stays sound.")
       .value("HELD", Status::held, "Contact is lost; the estimate is held.")
+      .value(
+          "RESTARTED", Status::restarted,
+          "Taken; the material has changed, and the estimate began anew with the latest samples.")
       .value("NOT_FINITE", Status::not_finite,
              "Refused: penetration, velocity or force is NaN or infinite.")
       .value("INVALID_STEP", Status::invalid_step,
@@ -101,7 +104,9 @@ status : Status
 samples : int
     Samples taken.
 guarded : int
-    Of them, how many the covariance guard touched (``docs/numerics.md``).)")
+    Of them, how many the covariance guard touched (``docs/numerics.md``).
+restarts : int
+    How often a change of the material was detected and the estimate began anew.)")
       .def_prop_ro("law", &law_of,
                    nb::sig("def law(self) -> palpate.force_laws.KelvinVoigt | "
                            "palpate.force_laws.ExtendedKelvinVoigt | "
@@ -122,14 +127,16 @@ guarded : int
       .def_prop_ro("joint_covariance", &joint_covariance_of,
                    nb::sig("def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
       .def_ro("offset", &EstimateValue::offset)
-      .def_prop_ro("offset_standard_error",
-                   [](const EstimateValue& e) { return std::sqrt(std::max(e.offset_variance, 0.0)); })
+      .def_prop_ro(
+          "offset_standard_error",
+          [](const EstimateValue& e) { return std::sqrt(std::max(e.offset_variance, 0.0)); })
       .def_prop_ro("flags", &flags_of, nb::sig("def flags(self) -> tuple[str, ...]"))
       .def_prop_ro("valid", [](const EstimateValue& e) { return e.validity_margin > 0.0; })
       .def_ro("validity_margin", &EstimateValue::validity_margin)
       .def_ro("status", &EstimateValue::status)
       .def_ro("samples", &EstimateValue::samples)
       .def_ro("guarded", &EstimateValue::guarded)
+      .def_ro("restarts", &EstimateValue::restarts)
       .def("__repr__", [](const EstimateValue& e) {
         return nb::str("Estimate({}, standard_errors={}, samples={}, status={})")
             .format(nb::repr(law_of(e)),

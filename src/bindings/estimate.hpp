@@ -29,6 +29,7 @@ struct EstimateValue {
   Status status;
   std::uint64_t samples;
   std::uint64_t guarded;
+  std::uint64_t restarts;
 };
 
 template <class Law>
@@ -44,7 +45,8 @@ EstimateValue value_of(const Estimate<Law::size>& estimate) {
                       .validity_margin = estimate.validity_margin,
                       .status = estimate.status,
                       .samples = estimate.samples,
-                      .guarded = estimate.guarded};
+                      .guarded = estimate.guarded,
+                      .restarts = estimate.restarts};
   for (std::size_t i = 0; i < Law::size; ++i) {
     value.parameters[i] = estimate.parameters[i];
     value.offset_covariance[i] = estimate.offset.covariance[i];

@@ -14,7 +14,12 @@
 namespace palpate::bindings {
 
 using Pair = std::array<double, 2>;
+using Detector = std::array<double, 5>;  // drift, threshold, noise, adaptation, settling
 using Triple = std::array<double, 3>;
+
+inline ChangeDetector::Settings detector_settings(const Detector& d) {
+  return {d[0], d[1], d[2], d[3], static_cast<std::uint32_t>(d[4])};
+}
 
 template <class Method>
 void replay_arrays(RecursiveEstimator<Method>& estimator, const InputArray& penetration,

@@ -32,19 +32,19 @@ void bind_estimator(nb::module_& module, const char* name) {
   using Core = RecursiveEstimator<Method>;
   constexpr std::size_t order = Method::order;
   bind_face<Method>(module, name)
-      .def("__init__",
-           [](Core* self, const std::array<double, order>& initial,
-              const Matrix<order>& initial_covariance, const Pair& forgetting,
-              const Pair& perturbation, const Triple& gate, const Triple& scale,
-              double sample_time) {
-             new (self) Core({method_settings(static_cast<const Method*>(nullptr),
-                                              {initial, initial_covariance}),
-                              {forgetting[0], forgetting[1]},
-                              {perturbation[0], perturbation[1]},
-                              {gate[0], gate[1], gate[2]},
-                              {scale[0], scale[1], scale[2]},
-                              sample_time});
-           });
+      .def("__init__", [](Core* self, const std::array<double, order>& initial,
+                          const Matrix<order>& initial_covariance, const Pair& forgetting,
+                          const Pair& perturbation, const Detector& changes, const Triple& gate,
+                          const Triple& scale, double sample_time) {
+        new (self) Core(
+            {method_settings(static_cast<const Method*>(nullptr), {initial, initial_covariance}),
+             {forgetting[0], forgetting[1]},
+             {perturbation[0], perturbation[1]},
+             detector_settings(changes),
+             {gate[0], gate[1], gate[2]},
+             {scale[0], scale[1], scale[2]},
+             sample_time});
+      });
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 
 namespace palpate::bindings {
 
-inline constexpr std::size_t status_count = 7;
+inline constexpr std::size_t status_count = 8;
 
 // The members of the Python enumeration, by value; filled when the enumeration is bound.
 inline std::array<PyObject*, status_count> status_members{};

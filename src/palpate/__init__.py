@@ -17,6 +17,7 @@ from palpate.identification import METHODS, Identification, compare, identify
 from palpate.least_squares import LeastSquares
 from palpate.recordings.csv import Columns, read_contact
 from palpate.settings import (
+    ChangeDetector,
     ConstantForgetting,
     ContactGate,
     FadingForgetting,
@@ -27,6 +28,7 @@ from palpate.trace import Trace
 
 __all__ = [
     "METHODS",
+    "ChangeDetector",
     "Columns",
     "ConstantForgetting",
     "Contact",

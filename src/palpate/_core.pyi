@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 import enum
+import types
 from typing import Annotated
 
 import numpy
@@ -32,13 +33,18 @@ class Status(enum.IntEnum):
     HELD = 3
     """Contact is lost; the estimate is held."""
 
-    NOT_FINITE = 4
+    RESTARTED = 4
+    """
+    Taken; the material has changed, and the estimate began anew with the latest samples.
+    """
+
+    NOT_FINITE = 5
     """Refused: penetration, velocity or force is NaN or infinite."""
 
-    INVALID_STEP = 5
+    INVALID_STEP = 6
     """Refused: ``dt`` is not a positive, finite time."""
 
-    OUT_OF_RANGE = 6
+    OUT_OF_RANGE = 7
     """Refused: finite, but too large for the arithmetic."""
 
 class Estimate:
@@ -54,6 +60,12 @@ class Estimate:
         the variance of its residual, taken from θ to the law by the delta method.
     standard_errors : numpy.ndarray, shape (p,)
         Square roots of its diagonal.
+    offset, offset_standard_error : float
+        Force that the sensor shows without contact, N, by methods that estimate it; else 0.
+    joint_covariance : numpy.ndarray, shape (p + 1, p + 1)
+        Covariance of the law's parameters and, last, the offset.
+    flags : tuple of str
+        What this motion left undetermined, and what motion would help.
     valid : bool
         Condition 10, |v| < 0.1 K/B, at the last sample taken. Always true for laws without a
         logarithm.
@@ -65,6 +77,8 @@ class Estimate:
         Samples taken.
     guarded : int
         Of them, how many the covariance guard touched (``docs/numerics.md``).
+    restarts : int
+        How often a change of the material was detected and the estimate began anew.
     """
 
     @property
@@ -81,6 +95,18 @@ class Estimate:
     def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]: ...
 
     @property
+    def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def offset(self) -> float: ...
+
+    @property
+    def offset_standard_error(self) -> float: ...
+
+    @property
+    def flags(self) -> tuple[str, ...]: ...
+
+    @property
     def valid(self) -> bool: ...
 
     @property
@@ -94,6 +120,9 @@ class Estimate:
 
     @property
     def guarded(self) -> int: ...
+
+    @property
+    def restarts(self) -> int: ...
 
     def __repr__(self) -> str: ...
 
@@ -133,7 +162,7 @@ class LeastSquares:
     def _restore(self, arg: bytes, /) -> None: ...
 
 class KelvinVoigtRLS:
-    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float], arg6: float, /) -> None: ...
+    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float], arg6: Sequence[float], arg7: float, /) -> None: ...
 
     def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
         """
@@ -155,7 +184,7 @@ class KelvinVoigtRLS:
 
     def predict(self, penetration: float, velocity: float) -> float:
         """
-        Force [N] of the present law at a penetration [m] and velocity [m/s]; zero out of contact.
+        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
         """
 
     def estimate(self) -> Estimate:
@@ -171,7 +200,7 @@ class KelvinVoigtRLS:
     def _restore(self, arg: bytes, /) -> None: ...
 
 class ExtendedKelvinVoigtRLS:
-    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float], arg6: float, /) -> None: ...
+    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float], arg6: Sequence[float], arg7: float, /) -> None: ...
 
     def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
         """
@@ -193,7 +222,7 @@ class ExtendedKelvinVoigtRLS:
 
     def predict(self, penetration: float, velocity: float) -> float:
         """
-        Force [N] of the present law at a penetration [m] and velocity [m/s]; zero out of contact.
+        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
         """
 
     def estimate(self) -> Estimate:
@@ -209,7 +238,7 @@ class ExtendedKelvinVoigtRLS:
     def _restore(self, arg: bytes, /) -> None: ...
 
 class SingleStageRLS:
-    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float], arg6: float, /) -> None: ...
+    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float], arg6: Sequence[float], arg7: float, /) -> None: ...
 
     def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
         """
@@ -231,7 +260,7 @@ class SingleStageRLS:
 
     def predict(self, penetration: float, velocity: float) -> float:
         """
-        Force [N] of the present law at a penetration [m] and velocity [m/s]; zero out of contact.
+        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
         """
 
     def estimate(self) -> Estimate:
@@ -247,7 +276,7 @@ class SingleStageRLS:
     def _restore(self, arg: bytes, /) -> None: ...
 
 class DoubleStageRLS:
-    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float], arg6: float, /) -> None: ...
+    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float], arg6: Sequence[float], arg7: float, /) -> None: ...
 
     def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
         """
@@ -269,7 +298,29 @@ class DoubleStageRLS:
 
     def predict(self, penetration: float, velocity: float) -> float:
         """
-        Force [N] of the present law at a penetration [m] and velocity [m/s]; zero out of contact.
+        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
+        """
+
+    def estimate(self) -> Estimate:
+        """What is known now, as an :class:`Estimate`."""
+
+    def reset(self) -> None:
+        """Forget everything but the settings."""
+
+    def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], /) -> None: ...
+
+    def _state(self) -> bytes: ...
+
+    def _restore(self, arg: bytes, /) -> None: ...
+
+class VariableProjection:
+    def __init__(self, arg0: float, arg1: Sequence[float], arg2: bool, arg3: float, arg4: Sequence[float], arg5: Sequence[float], arg6: Sequence[float], arg7: Sequence[float], arg8: float, /) -> None: ...
+
+    update: types.MethodDescriptorType = ...
+
+    def predict(self, penetration: float, velocity: float) -> float:
+        """
+        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
         """
 
     def estimate(self) -> Estimate:

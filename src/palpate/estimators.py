@@ -14,6 +14,8 @@ from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
 from palpate.settings import (
+    NO_DETECTION,
+    ChangeDetector,
     ConstantForgetting,
     ContactGate,
     FadingForgetting,
@@ -155,6 +157,8 @@ class RecursiveLeastSquaresEstimator(ContactEstimator):
         λ over time; the paper's fading one unless given.
     perturbation : SelfPerturbation, optional
         Reopens the covariance when the material changes (section VII); None never does.
+    change_detector : ChangeDetector, optional
+        Restarts the estimate when another material is touched; None never does.
     gate : ContactGate, optional
         Which samples are contact. None: every sample with x > 0 and F > 0, and in :func:`identify`
         a gate chosen from the data.
@@ -180,6 +184,7 @@ class RecursiveLeastSquaresEstimator(ContactEstimator):
         initial_covariance: ArrayLike | None = None,
         forgetting: Forgetting | None = None,
         perturbation: SelfPerturbation | None = None,
+        change_detector: ChangeDetector | None = None,
         gate: ContactGate | None = None,
         sample_time: float = 1e-3,
         scale: Scale | None = None,
@@ -191,6 +196,7 @@ class RecursiveLeastSquaresEstimator(ContactEstimator):
             ),
             "forgetting": FadingForgetting() if forgetting is None else forgetting,
             "perturbation": perturbation,
+            "change_detector": change_detector,
             "gate": gate,
             "sample_time": sample_time,
             "scale": scale,
@@ -204,6 +210,7 @@ class RecursiveLeastSquaresEstimator(ContactEstimator):
         instance("initial", given["initial"], self.law_type)
         instance("forgetting", given["forgetting"], (ConstantForgetting, FadingForgetting))
         instance("perturbation", given["perturbation"], (SelfPerturbation, type(None)))
+        instance("change_detector", given["change_detector"], (ChangeDetector, type(None)))
         instance("gate", given["gate"], (ContactGate, type(None)))
         instance("scale", given["scale"], (Scale, type(None)))
         covariance = covariance_matrix(
@@ -214,10 +221,12 @@ class RecursiveLeastSquaresEstimator(ContactEstimator):
             covariance.tolist(),
             given["forgetting"]._plain(),
             (given["perturbation"] or SelfPerturbation(gain=0.0, sensitivity=0.0))._plain(),
+            _plain_detector(given["change_detector"]),
             (given["gate"] or ContactGate())._plain(),
             (given["scale"] or Scale())._plain(),
             number_in("sample_time", given["sample_time"], 0.0, 1e6, open_low=True),
         )
+
 
 class KelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.KelvinVoigtRLS):
     """The linear contact model by recursive least squares.
@@ -328,6 +337,8 @@ class VariableProjection(ContactEstimator, _core.VariableProjection):
         Standard deviation of the force, N, > 0. None: estimated from the residual.
     forgetting : ConstantForgetting or FadingForgetting, optional
         None forgets nothing.
+    change_detector : ChangeDetector, optional
+        Restarts the estimate when another material is touched; None never does.
     offset : bool
         Estimate a constant force offset beside the law: what the removal of the sensor's bias left.
     offset_deviation : float, optional
@@ -359,6 +370,7 @@ class VariableProjection(ContactEstimator, _core.VariableProjection):
         *,
         noise: float | None = None,
         forgetting: Forgetting | None = None,
+        change_detector: ChangeDetector | None = None,
         offset: bool = True,
         offset_deviation: float | None = None,
         exponent_range: tuple[float, float] = (0.3, 3.6),
@@ -369,6 +381,7 @@ class VariableProjection(ContactEstimator, _core.VariableProjection):
         settings = {
             "noise": noise,
             "forgetting": forgetting,
+            "change_detector": change_detector,
             "offset": offset,
             "offset_deviation": offset_deviation,
             "exponent_range": exponent_range,
@@ -377,6 +390,7 @@ class VariableProjection(ContactEstimator, _core.VariableProjection):
             "scale": scale,
         }
         instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
+        instance("change_detector", change_detector, (ChangeDetector, type(None)))
         instance("offset", offset, bool)
         instance("gate", gate, (ContactGate, type(None)))
         instance("scale", scale, (Scale, type(None)))
@@ -389,10 +403,15 @@ class VariableProjection(ContactEstimator, _core.VariableProjection):
             if offset_deviation is None
             else number_in("offset_deviation", offset_deviation, 0.0, 1e30, open_low=True),
             (forgetting or ConstantForgetting())._plain(),
+            _plain_detector(change_detector),
             (gate or ContactGate())._plain(),
             (scale or Scale(penetration=10e-3, velocity=20e-3, force=1.0))._plain(),
             number_in("sample_time", sample_time, 0.0, 1e6, open_low=True),
         )
+
+
+def _plain_detector(detector: ChangeDetector | None) -> tuple[float, ...]:
+    return NO_DETECTION if detector is None else detector._plain()
 
 
 def _checked_range(exponent_range: tuple[float, float]) -> tuple[float, float]:
@@ -400,8 +419,7 @@ def _checked_range(exponent_range: tuple[float, float]) -> tuple[float, float]:
         low, high = (number_in("exponent_range", n, 0.1, 10.0) for n in exponent_range)
     except (TypeError, ValueError):
         raise InvalidParameterError(
-            "exponent_range must be (lowest, highest) within [0.1, 10], not "
-            f"{exponent_range!r}"
+            f"exponent_range must be (lowest, highest) within [0.1, 10], not {exponent_range!r}"
         ) from None
     if not 0.2 <= high - low <= 5.0:
         raise InvalidParameterError(

@@ -37,7 +37,9 @@ class CramerRaoBound:
     def __getitem__(self, name: str) -> float:
         """Return the bound of one quantity."""
         if name not in self.names:
-            raise InvalidParameterError(f"name must be one of {', '.join(self.names)}, not {name!r}")
+            raise InvalidParameterError(
+                f"name must be one of {', '.join(self.names)}, not {name!r}"
+            )
         return float(self.standard_errors[self.names.index(name)])
 
 

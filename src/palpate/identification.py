@@ -105,6 +105,11 @@ class Identification:
         """Share of contact at which condition 10 did not hold; NaN for laws it does not concern."""
         return violated_fraction(self.trace) if isinstance(self.law, HuntCrossley) else math.nan
 
+    @property
+    def changes(self) -> Floats:
+        """Times at which a change of the material was detected, s."""
+        return self.contact.time[self.trace.status == Status.RESTARTED]
+
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and words; what is not defined is None."""
         law = self.law
@@ -123,6 +128,7 @@ class Identification:
             "prediction_rmse_percent": _defined(self.prediction_rmse_percent),
             "fit_rmse_percent": _defined(self.fit_rmse_percent),
             "violated_fraction": _defined(self.violated_fraction),
+            "changes": self.changes.tolist(),
             "contact_samples": int(np.count_nonzero(self.trace.taken)),
             "flags": list(self.flags),
         }

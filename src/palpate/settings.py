@@ -123,6 +123,61 @@ class SelfPerturbation:
 
 
 @dataclass(frozen=True, slots=True)
+class ChangeDetector:
+    """Notices that another material is touched, and lets the estimate begin anew.
+
+    z = min(e²/s², 200);  g ← max(0, g + z − drift);  alarm at g > threshold   (Page's CUSUM)
+
+    e is the a-priori force error; s² follows e² slowly, so that a material outside the model class
+    raises the bar instead of alarms for ever. On an alarm the estimate restarts with the samples
+    since g was last zero, and the old value as a weak prior: variable projection keeps
+    n ~ N(n̂, 0.3²); a recursive least squares keeps θ̂ with its initial covariance.
+
+    Parameters
+    ----------
+    drift : float
+        What z may be on average without adding up, > 1. White noise has 1.
+    threshold : float
+        Of g, > 0. The larger, the later and the fewer false alarms.
+    noise : float, optional
+        The least s, N, > 0: the sensor's noise. None: from the first errors.
+    adaptation : float
+        Share of the way from s² to e² a sample, in [0, 1].
+    settling : int
+        Samples without alarms at the start and after each change, 10 to 1e6.
+    """
+
+    drift: float = 4.0
+    threshold: float = 60.0
+    noise: float | None = None
+    adaptation: float = 5e-4
+    settling: int = 200
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "drift", number_in("drift", self.drift, 1.0, 199.0))
+        threshold = number_in("threshold", self.threshold, 0.0, 1e12, open_low=True)
+        object.__setattr__(self, "threshold", threshold)
+        if self.noise is not None:
+            noise = number_in("noise", self.noise, 0.0, 1e30, open_low=True)
+            object.__setattr__(self, "noise", noise)
+        adaptation = number_in("adaptation", self.adaptation, 0.0, 1.0)
+        object.__setattr__(self, "adaptation", adaptation)
+        object.__setattr__(self, "settling", int(number_in("settling", self.settling, 10, 1e6)))
+
+    def _plain(self) -> tuple[float, float, float, float, float]:
+        return (
+            self.drift,
+            self.threshold,
+            self.noise or 0.0,
+            self.adaptation,
+            float(self.settling),
+        )
+
+
+NO_DETECTION = (0.0, 60.0, 0.0, 5e-4, 200.0)
+
+
+@dataclass(frozen=True, slots=True)
 class Scale:
     """Units of the arithmetic: inputs are divided by these, laws come back in SI.
 

@@ -77,5 +77,7 @@ class Trace:
     @property
     def taken(self) -> NDArray[np.bool_]:
         """Which samples entered the estimate; shape (k,)."""
-        taken: NDArray[np.bool_] = np.isin(self.status, (Status.UPDATED, Status.GUARDED))
+        taken: NDArray[np.bool_] = np.isin(
+            self.status, (Status.UPDATED, Status.GUARDED, Status.RESTARTED)
+        )
         return taken

@@ -1,0 +1,91 @@
+// An abrupt change of what is touched, from the a-priori force error: a cumulative sum (Page 1954).
+//
+//   z = min(e²/s², 200);  g ← max(0, g + z − drift);  alarm at g > threshold
+//
+// s² follows the clipped e² slowly, so that a material outside the model class, whose error never
+// becomes white, raises the bar instead of alarms for ever.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "palpate/scale.hpp"
+
+namespace palpate {
+
+class ChangeDetector {
+ public:
+  struct Settings {
+    double drift = 0.0;  // of z, a sample; 0 switches the detector off
+    double threshold = 60.0;
+    double noise = 0.0;            // N, the least s; 0: from the first errors alone
+    double adaptation = 5e-4;      // share of the way from s² to e², a sample
+    std::uint32_t settling = 200;  // samples without alarms at the start and after a change
+  };
+
+  // Samples that an alarm can look back on.
+  static constexpr std::size_t memory = 256;
+
+  constexpr explicit ChangeDetector(const Settings& settings) noexcept : settings_(settings) {}
+
+  constexpr bool active() const noexcept { return settings_.drift > 0.0; }
+
+  // Takes a sample and its a-priori error [N]; true is an alarm.
+  bool observe(const Sample& sample, double error) noexcept {
+    recent_[seen_ % memory] = sample;
+    ++seen_;
+    const double square = error * error;
+    if (settling_ < settings_.settling) return settle(square);
+    const double z = std::min(square / (variance_ + 1e-300), 200.0);
+    sum_ = std::max(0.0, sum_ + z - settings_.drift);
+    if (sum_ == 0.0) suspects_from_ = seen_;
+    variance_ += settings_.adaptation * (std::min(square, 9.0 * variance_) - variance_);
+    variance_ = std::max(variance_, settings_.noise * settings_.noise);
+    return sum_ > settings_.threshold;
+  }
+
+  // How many of the latest samples belong to what came after the change.
+  std::size_t suspects() const noexcept {
+    return static_cast<std::size_t>(std::min<std::uint64_t>(seen_ - suspects_from_, memory));
+  }
+
+  // A sample of the past: 0 is the latest.
+  const Sample& recent(std::size_t age) const noexcept {
+    return recent_[(seen_ - 1 - age) % memory];
+  }
+
+  // After an alarm was acted on. The noise is still the sensor's.
+  void rearm() noexcept {
+    sum_ = 0.0;
+    settling_ = 0;
+    suspects_from_ = seen_;
+  }
+
+ private:
+  // The first errors are those of an estimate that is still on its way, so the later half counts.
+  bool settle(double square) noexcept {
+    ++settling_;
+    const std::uint32_t half = settings_.settling / 2;
+    if (settling_ == half) learned_ = 0.0;
+    learned_ += square;
+    suspects_from_ = seen_;
+    if (settling_ == settings_.settling) {
+      const double mean = learned_ / static_cast<double>(settings_.settling - half + 1);
+      variance_ = std::max(mean, settings_.noise * settings_.noise);
+    }
+    return false;
+  }
+
+  Settings settings_;
+  std::array<Sample, memory> recent_{};
+  std::uint64_t seen_ = 0;
+  std::uint64_t suspects_from_ = 0;
+  std::uint32_t settling_ = 0;
+  double learned_ = 0.0;
+  double variance_ = 0.0;
+  double sum_ = 0.0;
+};
+
+}  // namespace palpate

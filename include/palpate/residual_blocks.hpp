@@ -1,0 +1,61 @@
+// How much wider error bars must be because residuals are not white.
+//
+// Sums of residuals over blocks of 1, 2, 4 … samples: for white residuals their variance grows as
+// the length of the block; where neighbours agree (a law that does not quite hold, a quantised
+// sensor) it grows faster, up to the length of the correlation (Flyvbjerg & Petersen 1989).
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+namespace palpate {
+
+class ResidualBlocks {
+ public:
+  // Amortised two additions a sample: a block of length 2L is the sum of two of length L.
+  void add(double residual) noexcept {
+    double sum = residual;
+    for (Level& level : levels_) {
+      level.squares += sum * sum;
+      ++level.blocks;
+      if (level.blocks % 2 != 0) {
+        level.half = sum;
+        return;
+      }
+      sum += level.half;
+    }
+  }
+
+  // Factor on variances, ≥ 1. A length counts with at least 16 blocks, and only by what exceeds the
+  // scatter of white residuals (two standard deviations of the variance of as many blocks).
+  double inflation() const noexcept {
+    const Level& single = levels_[0];
+    if (single.blocks < 16 || !(single.squares > 0.0)) return 1.0;
+    const double variance = single.squares / static_cast<double>(single.blocks);
+    double largest = 1.0, length = 1.0;
+    for (const Level& level : levels_) {
+      if (level.blocks < 16) break;
+      const double blocks = static_cast<double>(level.blocks);
+      const double scatter = 1.0 + 2.0 * std::sqrt(2.0 / blocks);
+      largest = std::max(largest, level.squares / (blocks * length * variance * scatter));
+      length *= 2.0;
+    }
+    return largest;
+  }
+
+  void clear() noexcept { *this = ResidualBlocks(); }
+
+ private:
+  struct Level {
+    double squares = 0.0;  // Σ (block sum)²
+    double half = 0.0;     // the first of the two blocks that make the next longer one
+    std::uint64_t blocks = 0;
+  };
+
+  std::array<Level, 32> levels_{};
+};
+
+}  // namespace palpate
