@@ -14,6 +14,7 @@ namespace palpate {
 class DoubleStageMethod {
  public:
   static constexpr bool prediction_lags = false;
+  static constexpr bool takes_approach = false;
   static constexpr double largest_input = 1e100;
   using Law = HuntCrossley;
   static constexpr std::size_t order = 3;
@@ -30,7 +31,7 @@ class DoubleStageMethod {
         stage_two_({{settings.initial.exponent}, {{{settings.stage_two_covariance}}}}) {}
 
   template <class Adapt>
-  Status learn(const Sample& sample, Adapt&& adapt) noexcept {
+  Status learn(const Sample& sample, double, Adapt&& adapt) noexcept {
     const double depth = std::log(sample.penetration);
     // xⁿ stays within e^±100, so that its square is finite and far from the subnormal.
     const double power = std::exp(std::clamp(stage_two_.parameters()[0] * depth, -100.0, 100.0));

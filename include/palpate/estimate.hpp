@@ -30,6 +30,8 @@ enum Doubt : std::uint8_t {
   exponent_not_identifiable = 1,
   damping_not_identifiable = 2,
   exponent_at_edge = 4,
+  surface_at_edge = 8,
+  still_starting = 16,
 };
 
 // A force offset that is estimated beside the law: what the removal of the sensor's bias left.
@@ -40,12 +42,19 @@ struct Offset {
   Vector<Size> covariance{};  // with the law's parameters, SI
 };
 
+// Where the material begins, in the coordinate of the penetration, where that is searched for.
+struct Surface {
+  double value = 0.0;     // m
+  double variance = 0.0;  // m²
+};
+
 // What a method has fitted.
 template <class Law>
 struct Fit {
   Law law;
   Matrix<Law::size> covariance;  // of the law's parameters, SI
   Offset<Law::size> offset{};
+  Surface surface{};
   std::uint8_t doubts = 0;
 };
 
@@ -54,6 +63,7 @@ struct Estimate {
   Vector<Size> parameters;  // of the law, SI
   Matrix<Size> covariance;  // of the parameters, SI
   Offset<Size> offset;
+  Surface surface;
   std::uint8_t doubts;
   double validity_margin;
   Status status;           // of the last sample that was not refused

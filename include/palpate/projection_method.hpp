@@ -13,8 +13,11 @@
 
 namespace palpate {
 
+// `Projector` is VariableProjection, or SurfaceSearch where the surface is unknown.
+template <class Projector>
 class ProjectionMethod {
  public:
+  static constexpr bool takes_approach = Projector::takes_approach;
   using Law = HuntCrossley;
   static constexpr std::size_t order = 3;
   // Errors are measured against an answer that is up to a 64th of the samples old.
@@ -22,28 +25,21 @@ class ProjectionMethod {
   // ξ^3.6 squared, times w², summed and multiplied by its like three times, stays finite below it.
   static constexpr double largest_input = 1e8;
 
-  struct Settings {
-    double noise;  // N; 0: from the residual
-    double lowest_exponent;
-    double highest_exponent;
-    bool offset;
-    double offset_deviation;  // N; 0: twenty times the noise
-  };
+  using Settings = typename Projector::Settings;  // in scaled units
 
-  ProjectionMethod(const Settings& settings, const Units& units) noexcept
-      : projection_({.noise = settings.noise / units.force,
-                     .lowest_exponent = settings.lowest_exponent,
-                     .highest_exponent = settings.highest_exponent,
-                     .offset = settings.offset,
-                     .offset_deviation = settings.offset_deviation / units.force}) {}
+  ProjectionMethod(const Settings& settings, const Units&) noexcept : projection_(settings) {}
+
+  // Deeper than this a sample says something, in scaled units; only asked where the approach
+  // counts.
+  double lowest_surface() const noexcept { return projection_.lowest_surface(); }
 
   // `adapt` is called with a function that gives the a-priori force, which only some need.
   template <class Adapt>
-  Status learn(const Sample& sample, Adapt&& adapt) noexcept {
+  Status learn(const Sample& sample, double, Adapt&& adapt) noexcept {
     follow();
     const double predicted = present_.force(sample);
     const double forgetting_factor = adapt([&]() noexcept { return predicted; }).first;
-    if (projection_.sums().weight() >= 20.0) residuals_.add(sample.force - predicted);
+    if (projection_.weight() >= 20.0) residuals_.add(sample.force - predicted);
     projection_.add(sample, forgetting_factor);
     ++unsolved_;
     return Status::updated;
@@ -60,18 +56,22 @@ class ProjectionMethod {
 
   double force(const Units& units, double x, double v) const noexcept {
     const Projection now = solve();
-    return law(now, units).force(x, v) + now.offset * units.force;
+    return law(now, units).force(x - now.surface * units.penetration, v) + now.offset * units.force;
   }
 
   Fit<Law> fit(const Units& units) const noexcept {
     const Projection now = solve();
     const Law law = this->law(now, units);
     const double inflation = residuals_.inflation();
-    Matrix<4> joint = congruence(jacobian(law, units), now.covariance);
+    Matrix<5> joint = congruence(jacobian(law, units), now.covariance);
     for (auto& row : joint) {
       for (double& entry : row) entry *= inflation;
     }
-    Fit<Law> fit{law, {}, {now.offset * units.force, joint[3][3], {}}, doubts(now, inflation)};
+    Fit<Law> fit{.law = law,
+                 .covariance = {},
+                 .offset = {now.offset * units.force, joint[3][3], {}},
+                 .surface = {now.surface * units.penetration, joint[4][4]},
+                 .doubts = doubts(now, inflation)};
     for (std::size_t i = 0; i < order; ++i) {
       for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
       fit.offset.covariance[i] = joint[3][i];
@@ -83,15 +83,18 @@ class ProjectionMethod {
     const Projection now = solve();
     const Law law = this->law(now, units);
     const double inflation = residuals_.inflation();
-    const Vector<4> joint = congruent_diagonal(jacobian(law, units), now.covariance);
+    const Vector<5> joint = congruent_diagonal(jacobian(law, units), now.covariance);
     return {law, {inflation * joint[0], inflation * joint[1], inflation * joint[2]}};
   }
+
+ public:
+  // Of the force, in scaled units.
+  double noise_variance() const noexcept { return solve().noise_variance; }
 
  private:
   // The global search is due again after every 64th part of the samples, but at least every 64.
   bool due() const noexcept {
-    return static_cast<double>(unsolved_) >=
-           std::min(1.0 + projection_.sums().weight() / 64.0, 64.0);
+    return static_cast<double>(unsolved_) >= std::min(1.0 + projection_.weight() / 64.0, 64.0);
   }
 
   Projection solve() const noexcept {
@@ -112,6 +115,7 @@ class ProjectionMethod {
     if (!(exponent < 0.3)) found |= exponent_not_identifiable;
     // Against the elastic force: B v is unknown to a quarter of K at the speed of the scale.
     if (!(damping < 0.25 * std::abs(p.k))) found |= damping_not_identifiable;
+    if (!p.surface_found) found |= surface_at_edge;
     return found;
   }
 
@@ -121,20 +125,21 @@ class ProjectionMethod {
     return {saturate(p.k * unit), saturate(p.c * unit / u.velocity), p.n};
   }
 
-  // Of (K, B, n, F₀) in SI by (k, c, n, F₀) in scaled units.
-  static Matrix<4> jacobian(const Law& law, const Units& u) noexcept {
+  // Of (K, B, n, F₀, d) in SI by (k, c, n, F₀, d) in scaled units.
+  static Matrix<5> jacobian(const Law& law, const Units& u) noexcept {
     const double unit = u.force * bounded_exp(-law.exponent * u.log_penetration);
     const double depth = -u.log_penetration;
-    return {{{saturate(unit), 0.0, saturate(law.stiffness * depth), 0.0},
-             {0.0, saturate(unit / u.velocity), saturate(law.damping * depth), 0.0},
-             {0.0, 0.0, 1.0, 0.0},
-             {0.0, 0.0, 0.0, u.force}}};
+    return {{{saturate(unit), 0.0, saturate(law.stiffness * depth), 0.0, 0.0},
+             {0.0, saturate(unit / u.velocity), saturate(law.damping * depth), 0.0, 0.0},
+             {0.0, 0.0, 1.0, 0.0, 0.0},
+             {0.0, 0.0, 0.0, u.force, 0.0},
+             {0.0, 0.0, 0.0, 0.0, u.penetration}}};
   }
 
-  VariableProjection projection_;
+  Projector projection_;
   Projection present_{};
   std::uint64_t unsolved_ = 1;  // samples since it was solved for
-  ResidualBlocks residuals_;
+  LatterResiduals residuals_;
 };
 
 }  // namespace palpate

@@ -9,12 +9,14 @@
 #include "palpate/change_detection.hpp"
 #include "palpate/contact_gate.hpp"
 #include "palpate/double_stage.hpp"
+#include "palpate/drift_method.hpp"
 #include "palpate/estimate.hpp"
 #include "palpate/forgetting.hpp"
 #include "palpate/projection_method.hpp"
 #include "palpate/regression_method.hpp"
 #include "palpate/scale.hpp"
 #include "palpate/status.hpp"
+#include "palpate/surface_search.hpp"
 
 namespace palpate {
 
@@ -69,6 +71,7 @@ class RecursiveEstimator {
     return {fit.law.parameters(),
             fit.covariance,
             fit.offset,
+            fit.surface,
             fit.doubts,
             validity_margin(fit.law, velocity_),
             status_,
@@ -92,15 +95,27 @@ class RecursiveEstimator {
 
   static bool in_range(const Sample& s) noexcept {
     constexpr double limit = Method::largest_input;
-    return s.penetration > 0.0 && s.force > 0.0 && s.penetration < limit &&
-           std::abs(s.velocity) < limit && s.force < limit;
+    const bool signs = Method::takes_approach || (s.penetration > 0.0 && s.force > 0.0);
+    return signs && std::abs(s.penetration) < limit && std::abs(s.velocity) < limit &&
+           std::abs(s.force) < limit;
+  }
+
+  // A method that searches for the surface takes the approach to it too, whatever the force.
+  ContactGate::Phase next_phase(const Sample& sample, const Sample& inner) const noexcept {
+    if constexpr (Method::takes_approach) {
+      // A tenth of the unit before the first candidate is enough to know the force in the free.
+      if (inner.penetration > method_.lowest_surface() - 0.1) return ContactGate::Phase::contact;
+      const bool waiting = gate_.phase() == ContactGate::Phase::waiting;
+      return waiting ? ContactGate::Phase::waiting : ContactGate::Phase::held;
+    }
+    return gate_.next(sample.penetration, sample.force);
   }
 
   Status step(const Sample& sample, double dt, double* predicted_force) noexcept {
     if (!finite(sample)) return Status::not_finite;
     const bool valid_step = dt > 0.0 && std::isfinite(dt);
-    const ContactGate::Phase phase = gate_.next(sample.penetration, sample.force);
     const Sample inner = scaled(sample, units_);
+    const ContactGate::Phase phase = next_phase(sample, inner);
     if (valid_step && phase == ContactGate::Phase::contact && in_range(inner)) [[likely]] {
       return learn(sample, inner, dt, predicted_force);
     }
@@ -135,7 +150,7 @@ class RecursiveEstimator {
       }
       return std::pair{forgetting.factor(), perturbation};
     };
-    Status status = method_.learn(inner, adapt);
+    Status status = method_.learn(inner, dt, adapt);
     if (!taken(status)) return status;
     if (changes_.active() && changes_.observe(inner, error)) {
       forgetting.rearm();
@@ -157,7 +172,7 @@ class RecursiveEstimator {
     method_.restart();
     const auto adapt = [&](auto&&) noexcept { return std::pair{forgetting.factor(), 0.0}; };
     for (std::size_t age = changes_.suspects(); age-- > 0;) {
-      method_.learn(changes_.recent(age), adapt);
+      method_.learn(changes_.recent(age), settings_.sample_time, adapt);
       forgetting.advance(settings_.sample_time);
     }
     changes_.rearm();
@@ -181,6 +196,8 @@ using KelvinVoigtRLS = RecursiveEstimator<RegressionMethod<KelvinVoigtRegression
 using ExtendedKelvinVoigtRLS = RecursiveEstimator<RegressionMethod<ExtendedKelvinVoigtRegression>>;
 using SingleStageRLS = RecursiveEstimator<RegressionMethod<HuntCrossleyLogRegression>>;
 using DoubleStageRLS = RecursiveEstimator<DoubleStageMethod>;
-using VariableProjectionEstimator = RecursiveEstimator<ProjectionMethod>;
+using ProjectionEstimator = RecursiveEstimator<ProjectionMethod<VariableProjection>>;
+using DriftEstimator = RecursiveEstimator<DriftMethod>;
+using SurfaceEstimator = RecursiveEstimator<ProjectionMethod<SurfaceSearch>>;
 
 }  // namespace palpate

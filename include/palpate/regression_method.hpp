@@ -12,6 +12,7 @@ template <class Regression>
 class RegressionMethod {
  public:
   static constexpr bool prediction_lags = false;
+  static constexpr bool takes_approach = false;
   // Scaled inputs beyond this are refused: squares and products stay finite below it.
   static constexpr double largest_input = 1e100;
   using Law = typename Regression::Law;
@@ -30,7 +31,7 @@ class RegressionMethod {
   // `adapt` is called with a function that gives the a-priori force, which only some need, and
   // returns λ and π.
   template <class Adapt>
-  Status learn(const Sample& sample, Adapt&& adapt) noexcept {
+  Status learn(const Sample& sample, double, Adapt&& adapt) noexcept {
     const auto row = Regression::row(sample);
     const auto [forgetting_factor, perturbation] = adapt(
         [&]() noexcept { return Regression::force(least_squares_.parameters(), row.regressor); });

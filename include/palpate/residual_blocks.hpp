@@ -58,4 +58,29 @@ class ResidualBlocks {
   std::array<Level, 32> levels_{};
 };
 
+// The same over the later part of the samples only, at least their latter half: the errors of an
+// estimate that was still on its way say nothing of the residuals of the one that it became.
+class LatterResiduals {
+ public:
+  void add(double residual) noexcept {
+    if (++samples_ == renewal_) {
+      older_ = newer_;
+      newer_.clear();
+      renewal_ *= 2;
+    }
+    older_.add(residual);
+    newer_.add(residual);
+  }
+
+  double inflation() const noexcept { return older_.inflation(); }
+
+  void clear() noexcept { *this = LatterResiduals(); }
+
+ private:
+  ResidualBlocks older_;  // since the last renewal but one
+  ResidualBlocks newer_;  // since the last
+  std::uint64_t samples_ = 0;
+  std::uint64_t renewal_ = 32;
+};
+
 }  // namespace palpate

@@ -17,12 +17,13 @@
 
 namespace palpate {
 
-// F = k ξⁿ + c ξⁿ w + F₀ in scaled units.
+// F = k (ξ − d)ⁿ (1 + c/k w) + F₀ in scaled units.
 struct ScaledLaw {
-  double k, c, offset, n;
+  double k, c, offset, n, surface;
 
   double force(const Sample& s) const noexcept {
-    const double power = s.penetration > 0.0 ? std::pow(s.penetration, n) : 0.0;
+    const double depth = s.penetration - surface;
+    const double power = depth > 0.0 ? std::pow(depth, n) : 0.0;
     return power * (k + c * s.velocity) + offset;
   }
 };
@@ -30,12 +31,16 @@ struct ScaledLaw {
 struct Projection : ScaledLaw {
   double noise_variance;  // of the force
   double prior_variance;  // the same as the priors were weighted with
-  Matrix<4> covariance;   // of (k, c, n, offset)
+  Matrix<5> covariance;   // of (k, c, n, offset, surface)
+  double cost;            // J: the weighted residual sum less Σ F², with the priors
   bool at_edge;           // the exponent ended at the edge of its range
+  bool surface_found;     // true unless a search for the surface ended at the edge of its range
 };
 
 class VariableProjection {
  public:
+  static constexpr bool takes_approach = false;
+
   struct Settings {
     double noise = 0.0;  // standard deviation of the force in scaled units; 0: from the residual
     double lowest_exponent = 0.3;
@@ -56,8 +61,7 @@ class VariableProjection {
     sums_.add(sample, forgetting_factor);
   }
 
-  const PowerSums& sums() const noexcept { return sums_; }
-  const Settings& settings() const noexcept { return settings_; }
+  double weight() const noexcept { return sums_.weight(); }  // samples, less what was forgotten
 
   // Forgets the samples; the prior is the old answer with these deviations.
   void restart(const Projection& old, double exponent_deviation,
@@ -263,17 +267,25 @@ class VariableProjection {
 
   Projection result(const Point& point, const Search& search) const noexcept {
     const Linear& linear = point.linear;
-    Projection r{{linear.k, linear.c, linear.offset, point.n},
-                 search.variance,
-                 search.variance,
-                 {},
-                 at_edge(point.n)};
+    const double away = (point.n - settings_.prior_exponent) / settings_.prior_exponent_deviation;
+    Projection r{};
+    r.k = linear.k;
+    r.c = linear.c;
+    r.offset = linear.offset;
+    r.n = point.n;
+    r.noise_variance = r.prior_variance = search.variance;
+    r.cost = linear.cost + search.variance * away * away;
+    r.at_edge = at_edge(point.n);
+    r.surface_found = true;
     const double fitted = settings_.offset ? 4.0 : 3.0;
     const double freedom = sums_.weight() - fitted;
     if (settings_.noise == 0.0 && freedom >= 10.0) {
       r.noise_variance = std::max(sums_.force_squared() + linear.cost, 0.0) / freedom;
     }
-    r.covariance = covariance(point, search, r.noise_variance);
+    const Matrix<4> covariance = this->covariance(point, search, r.noise_variance);
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j < 4; ++j) r.covariance[i][j] = covariance[i][j];
+    }
     return r;
   }
 

@@ -50,6 +50,12 @@ nb::tuple flags_of(const EstimateValue& e) {
   if (e.doubts & exponent_at_edge) {
     flags.append("exponent at the edge of its range: widen exponent_range, or check the surface");
   }
+  if (e.doubts & surface_at_edge) {
+    flags.append("surface at the edge of its range: widen surface_range, or record the approach");
+  }
+  if (e.doubts & still_starting) {
+    flags.append("not tracking yet: the start still waits for a motion that tells the exponent");
+  }
   return nb::tuple(flags);
 }
 
@@ -90,6 +96,9 @@ standard_errors : numpy.ndarray, shape (p,)
     Square roots of its diagonal.
 offset, offset_standard_error : float
     Force that the sensor shows without contact, N, by methods that estimate it; else 0.
+surface, surface_standard_error : float
+    Where the material begins, in the coordinate of the penetration, m, by methods that search for
+    it; else 0.
 joint_covariance : numpy.ndarray, shape (p + 1, p + 1)
     Covariance of the law's parameters and, last, the offset.
 flags : tuple of str
@@ -130,6 +139,10 @@ restarts : int
       .def_prop_ro(
           "offset_standard_error",
           [](const EstimateValue& e) { return std::sqrt(std::max(e.offset_variance, 0.0)); })
+      .def_ro("surface", &EstimateValue::surface)
+      .def_prop_ro(
+          "surface_standard_error",
+          [](const EstimateValue& e) { return std::sqrt(std::max(e.surface_variance, 0.0)); })
       .def_prop_ro("flags", &flags_of, nb::sig("def flags(self) -> tuple[str, ...]"))
       .def_prop_ro("valid", [](const EstimateValue& e) { return e.validity_margin > 0.0; })
       .def_ro("validity_margin", &EstimateValue::validity_margin)

@@ -24,6 +24,8 @@ struct EstimateValue {
   double offset;
   double offset_variance;
   std::array<double, capacity> offset_covariance;
+  double surface;
+  double surface_variance;
   std::uint8_t doubts;
   double validity_margin;
   Status status;
@@ -41,6 +43,8 @@ EstimateValue value_of(const Estimate<Law::size>& estimate) {
                       .offset = estimate.offset.value,
                       .offset_variance = estimate.offset.variance,
                       .offset_covariance = {},
+                      .surface = estimate.surface.value,
+                      .surface_variance = estimate.surface.variance,
                       .doubts = estimate.doubts,
                       .validity_margin = estimate.validity_margin,
                       .status = estimate.status,

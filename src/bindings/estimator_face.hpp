@@ -21,12 +21,12 @@ inline ChangeDetector::Settings detector_settings(const Detector& d) {
   return {d[0], d[1], d[2], d[3], static_cast<std::uint32_t>(d[4])};
 }
 
-template <class Method>
-void replay_arrays(RecursiveEstimator<Method>& estimator, const InputArray& penetration,
-                   const InputArray& velocity, const InputArray& force,
-                   const std::optional<InputArray>& time_steps, const OutputArray& parameters,
-                   const OutputArray& standard_errors, const OutputArray& predicted_force,
-                   const OutputArray& validity_margin, const StatusArray& status) {
+template <class Core>
+void replay_arrays(Core& estimator, const InputArray& penetration, const InputArray& velocity,
+                   const InputArray& force, const std::optional<InputArray>& time_steps,
+                   const OutputArray& parameters, const OutputArray& standard_errors,
+                   const OutputArray& predicted_force, const OutputArray& validity_margin,
+                   const StatusArray& status) {
   const Signals in{penetration.data(), velocity.data(),
                    force.data(),       time_steps ? time_steps->data() : nullptr,
                    penetration.size(), time_steps && time_steps->size() == 1};
@@ -36,9 +36,8 @@ void replay_arrays(RecursiveEstimator<Method>& estimator, const InputArray& pene
   replay(estimator, in, out);
 }
 
-template <class Method>
-nb::class_<RecursiveEstimator<Method>> bind_face(nb::module_& module, const char* name) {
-  using Core = RecursiveEstimator<Method>;
+template <class Core>
+nb::class_<Core> bind_face(nb::module_& module, const char* name) {
   nb::class_<Core> face(module, name, nb::is_weak_referenceable(),
                         nb::type_slots(update_slots<Core>));
   face.def(
@@ -54,7 +53,7 @@ nb::class_<RecursiveEstimator<Method>> bind_face(nb::module_& module, const char
           [](const Core& self) { return value_of<typename Core::Law>(self.estimate()); },
           "What is known now, as an :class:`Estimate`.")
       .def("reset", &Core::reset, "Forget everything but the settings.")
-      .def("_replay", &replay_arrays<Method>)
+      .def("_replay", &replay_arrays<Core>)
       .def("_state", &state_of<Core>)
       .def("_restore", &restore<Core>);
   return face;

@@ -31,7 +31,7 @@ template <class Method>
 void bind_estimator(nb::module_& module, const char* name) {
   using Core = RecursiveEstimator<Method>;
   constexpr std::size_t order = Method::order;
-  bind_face<Method>(module, name)
+  bind_face<Core>(module, name)
       .def("__init__", [](Core* self, const std::array<double, order>& initial,
                           const Matrix<order>& initial_covariance, const Pair& forgetting,
                           const Pair& perturbation, const Detector& changes, const Triple& gate,

@@ -6,6 +6,7 @@ from palpate.errors import InvalidParameterError, MissingExtraError, PalpateErro
 from palpate.estimators import (
     ContactEstimator,
     DoubleStageRLS,
+    DriftTracking,
     ExtendedKelvinVoigtRLS,
     KelvinVoigtRLS,
     RecursiveLeastSquaresEstimator,
@@ -35,6 +36,7 @@ __all__ = [
     "ContactEstimator",
     "ContactGate",
     "DoubleStageRLS",
+    "DriftTracking",
     "Estimate",
     "ExtendedKelvinVoigt",
     "ExtendedKelvinVoigtRLS",

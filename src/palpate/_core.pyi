@@ -62,6 +62,9 @@ class Estimate:
         Square roots of its diagonal.
     offset, offset_standard_error : float
         Force that the sensor shows without contact, N, by methods that estimate it; else 0.
+    surface, surface_standard_error : float
+        Where the material begins, in the coordinate of the penetration, m, by methods that search for
+        it; else 0.
     joint_covariance : numpy.ndarray, shape (p + 1, p + 1)
         Covariance of the law's parameters and, last, the offset.
     flags : tuple of str
@@ -102,6 +105,12 @@ class Estimate:
 
     @property
     def offset_standard_error(self) -> float: ...
+
+    @property
+    def surface(self) -> float: ...
+
+    @property
+    def surface_standard_error(self) -> float: ...
 
     @property
     def flags(self) -> tuple[str, ...]: ...
@@ -314,6 +323,28 @@ class DoubleStageRLS:
     def _restore(self, arg: bytes, /) -> None: ...
 
 class VariableProjection:
+    def __init__(self, arg0: float, arg1: Sequence[float], arg2: bool, arg3: float, arg4: Sequence[float] | None, arg5: Sequence[float], arg6: Sequence[float], arg7: Sequence[float], arg8: Sequence[float], arg9: float, /) -> None: ...
+
+    update: types.MethodDescriptorType = ...
+
+    def predict(self, penetration: float, velocity: float) -> float:
+        """
+        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
+        """
+
+    def estimate(self) -> Estimate:
+        """What is known now, as an :class:`Estimate`."""
+
+    def reset(self) -> None:
+        """Forget everything but the settings."""
+
+    def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], /) -> None: ...
+
+    def _state(self) -> bytes: ...
+
+    def _restore(self, arg: bytes, /) -> None: ...
+
+class DriftTracking:
     def __init__(self, arg0: float, arg1: Sequence[float], arg2: bool, arg3: float, arg4: Sequence[float], arg5: Sequence[float], arg6: Sequence[float], arg7: Sequence[float], arg8: float, /) -> None: ...
 
     update: types.MethodDescriptorType = ...

@@ -114,7 +114,10 @@ def cramer_rao_bound(
     offset: bool = False,
     surface: bool = False,
 ) -> CramerRaoBound:
-    """Return the least standard errors that a motion allows; arguments as :func:`fisher_information`."""
+    """Return the least standard errors that a motion allows.
+
+    Arguments are those of :func:`fisher_information`.
+    """
     information = fisher_information(
         law, penetration, velocity, noise, offset=offset, surface=surface
     )

@@ -97,8 +97,10 @@ class Identification:
     @property
     def fitted_force(self) -> Floats:
         """Force by the final law, and offset where one is estimated, at every sample, N."""
-        law = self.law.force(self.contact.penetration, self.contact.velocity)
-        return law + self.estimate.offset
+        estimate, contact = self.estimate, self.contact
+        depth = contact.penetration - estimate.surface
+        fitted: Floats = self.law.force(depth, contact.velocity) + estimate.offset
+        return fitted
 
     @property
     def violated_fraction(self) -> float:
@@ -108,23 +110,25 @@ class Identification:
     @property
     def changes(self) -> Floats:
         """Times at which a change of the material was detected, s."""
-        return self.contact.time[self.trace.status == Status.RESTARTED]
+        times: Floats = self.contact.time[self.trace.status == Status.RESTARTED]
+        return times
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and words; what is not defined is None."""
         law = self.law
         errors = self.estimate.standard_errors.tolist()
-        offset = {}
-        if self.estimate.offset_standard_error > 0.0:
-            offset = {
-                "offset": self.estimate.offset,
-                "offset_standard_error": self.estimate.offset_standard_error,
-            }
+        estimate, beside = self.estimate, {}
+        if estimate.offset_standard_error > 0.0:
+            beside["offset"] = estimate.offset
+            beside["offset_standard_error"] = estimate.offset_standard_error
+        if estimate.surface_standard_error > 0.0:
+            beside["surface"] = estimate.surface
+            beside["surface_standard_error"] = estimate.surface_standard_error
         return {
             "method": self.method,
             "law": {"kind": law.kind, **law.as_dict()},
             "standard_errors": dict(zip(law.as_dict(), errors, strict=True)),
-            **offset,
+            **beside,
             "prediction_rmse_percent": _defined(self.prediction_rmse_percent),
             "fit_rmse_percent": _defined(self.fit_rmse_percent),
             "violated_fraction": _defined(self.violated_fraction),
@@ -144,8 +148,8 @@ def identify(contact: Contact, estimator: ContactEstimator | None = None) -> Ide
     contact : Contact
         Prepared samples, for instance of :func:`read_contact`.
     estimator : ContactEstimator, optional
-        Method and settings; it is left as it is. :class:`VariableProjection` unless given. A ``gate``
-        or ``scale`` it leaves open (None) is chosen from the data: see
+        Method and settings; it is left as it is. :class:`VariableProjection` unless given. A
+        ``gate`` or ``scale`` it leaves open (None) is chosen from the data: see
         :mod:`palpate.preparation.suggestions`.
 
     Raises

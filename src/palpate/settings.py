@@ -174,9 +174,6 @@ class ChangeDetector:
         )
 
 
-NO_DETECTION = (0.0, 60.0, 0.0, 5e-4, 200.0)
-
-
 @dataclass(frozen=True, slots=True)
 class Scale:
     """Units of the arithmetic: inputs are divided by these, laws come back in SI.

@@ -1,0 +1,201 @@
+"""The paper's recursive estimators: settings, names and words over the compiled recursion.
+
+The estimator's own numbers (θ, P) live in the units of its ``scale``.
+"""
+
+from typing import Any, ClassVar
+
+from numpy.typing import ArrayLike
+
+from palpate import _core
+from palpate.errors import InvalidParameterError
+from palpate.estimators.contact_estimator import ContactEstimator, loop_settings
+from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
+from palpate.settings import (
+    ChangeDetector,
+    ConstantForgetting,
+    ContactGate,
+    FadingForgetting,
+    Forgetting,
+    Scale,
+    SelfPerturbation,
+)
+from palpate.validation import covariance_matrix, instance
+
+
+class RecursiveLeastSquaresEstimator(ContactEstimator):
+    """The settings of the paper's recursive estimators; its subclasses are the methods.
+
+    Parameters
+    ----------
+    initial : force law, optional
+        Where the estimate starts, SI; small values unless given.
+    initial_covariance : float or array_like, optional
+        P₀ of θ, in units of ``scale``: a scalar, p variances or a p × p matrix, variances in
+        [1e-20, 1e20]. The larger, the faster the start and the larger its overshoot.
+    forgetting : ConstantForgetting or FadingForgetting, optional
+        λ over time; the paper's fading one unless given.
+    perturbation : SelfPerturbation, optional
+        Reopens the covariance when the material changes (section VII); None never does.
+    change_detector : ChangeDetector, optional
+        Restarts the estimate when another material is touched; None never does.
+    gate : ContactGate, optional
+        Which samples are contact. None: every sample with x > 0 and F > 0, and in :func:`identify`
+        a gate chosen from the data.
+    sample_time : float
+        Time between samples where ``update`` is not told, s, in (0, 1e6].
+    scale : Scale, optional
+        Units of the arithmetic. None: plain SI, and in :func:`identify` chosen from the data.
+
+    Raises
+    ------
+    InvalidParameterError
+        A setting is outside its range.
+    """
+
+    __slots__ = ()
+    default_initial: ClassVar[ForceLaw]
+    default_covariance: ClassVar[ArrayLike]
+
+    def __init__(
+        self,
+        *,
+        initial: ForceLaw | None = None,
+        initial_covariance: ArrayLike | None = None,
+        forgetting: Forgetting | None = None,
+        perturbation: SelfPerturbation | None = None,
+        change_detector: ChangeDetector | None = None,
+        gate: ContactGate | None = None,
+        sample_time: float = 1e-3,
+        scale: Scale | None = None,
+    ) -> None:
+        settings: dict[str, Any] = {
+            "initial": self.default_initial if initial is None else initial,
+            "initial_covariance": (
+                self.default_covariance if initial_covariance is None else initial_covariance
+            ),
+            "forgetting": FadingForgetting() if forgetting is None else forgetting,
+            "perturbation": perturbation,
+            "change_detector": change_detector,
+            "gate": gate,
+            "sample_time": sample_time,
+            "scale": scale,
+        }
+        self._settings = settings  # type: ignore[misc]  # a slot of each subclass: two bases with slots would clash
+        super().__init__(*self._plain_settings())
+
+    def _plain_settings(self) -> tuple[Any, ...]:
+        """The settings, checked, as the compiled constructor takes them."""
+        given = self._settings
+        instance("initial", given["initial"], self.law_type)
+        instance("forgetting", given["forgetting"], (ConstantForgetting, FadingForgetting))
+        instance("perturbation", given["perturbation"], (SelfPerturbation, type(None)))
+        covariance = covariance_matrix(
+            "initial_covariance", given["initial_covariance"], len(self.law_type.symbols)
+        )
+        return (
+            given["initial"].parameters.tolist(),
+            covariance.tolist(),
+            given["forgetting"]._plain(),
+            (given["perturbation"] or SelfPerturbation(gain=0.0, sensitivity=0.0))._plain(),
+            *loop_settings(
+                given["change_detector"],
+                given["gate"],
+                given["scale"],
+                given["sample_time"],
+                default_scale=Scale(),
+            ),
+        )
+
+
+class KelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.KelvinVoigtRLS):
+    """The linear contact model by recursive least squares.
+
+    y = F, φ = [x, v], θ = [K, B] in eq. 13. The simplest and quickest to settle; wrong in shape
+    wherever stiffness grows with depth.
+
+    Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is a
+    :class:`KelvinVoigt`, ``initial_covariance`` 1e8 unless given.
+    """
+
+    __slots__ = ("_settings",)
+    method = "kelvin-voigt"
+    law_type = KelvinVoigt
+    default_initial = KelvinVoigt(0.1, 0.0)
+    default_covariance = 1e8
+
+
+class ExtendedKelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.ExtendedKelvinVoigtRLS):
+    """The extended Kelvin–Voigt model by recursive least squares.
+
+    y = F, φ = [x, x², v], θ = [K₁, K₂, B] in eq. 13, for the law of eq. 14.
+
+    Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is an
+    :class:`ExtendedKelvinVoigt`, ``initial_covariance`` 1e10 unless given: in SI x² is so small
+    that K₂ never moves under a smaller one.
+    """
+
+    __slots__ = ("_settings",)
+    method = "extended-kelvin-voigt"
+    law_type = ExtendedKelvinVoigt
+    default_initial = ExtendedKelvinVoigt(0.1, 0.0, 0.0)
+    default_covariance = 1e10
+
+
+class SingleStageRLS(RecursiveLeastSquaresEstimator, _core.SingleStageRLS):
+    """The paper's method: the Hunt–Crossley law, linear in one logarithm.
+
+    y = ln F, φ = [1, v, ln x], θ = [ln K, B/K, n]   (eqs. 9, 12, 13)
+
+    Valid while |v| < 0.1 K/B (eq. 10), which every estimate reports; beyond it K and B are biased
+    low. Low-force samples weigh as much as high-force ones, so gate above the noise.
+
+    Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is a
+    :class:`HuntCrossley` of positive stiffness, ``initial_covariance`` that of θ, 1e3 unless given.
+    """
+
+    __slots__ = ("_settings",)
+    method = "single-stage"
+    law_type = HuntCrossley
+    default_initial = HuntCrossley(0.1, 0.0, 1.0)
+    default_covariance = 1e3
+
+    def _plain_settings(self) -> tuple[Any, ...]:
+        plain = super()._plain_settings()
+        stiffness = self._settings["initial"].stiffness
+        if not stiffness > 0.0:
+            raise InvalidParameterError(
+                f"initial stiffness must be in (0, inf), for its logarithm, not {stiffness!r}"
+            )
+        return plain
+
+
+class DoubleStageRLS(RecursiveLeastSquaresEstimator, _core.DoubleStageRLS):
+    """The double-stage method of Diolaiti, Melchiorri & Stramigioli (2005).
+
+    Stage 1: y = F, φ = [x^n̂, x^n̂ v] → K̂, B̂ (eq. 3).
+    Stage 2: y = ln(F / (K̂ + B̂ v)), φ = ln x → n̂ (eq. 4), skipped while K̂ + B̂ v ≤ 0.
+
+    Kept as it is for comparison: from most starts it freezes where K and n trade against each
+    other, and only starts within about 10 % of the truth converge.
+
+    Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is a
+    :class:`HuntCrossley`, ``initial_covariance`` that of [K, B] and n, (1e8, 1e8, 1e3) unless
+    given, with no covariance between the stages.
+    """
+
+    __slots__ = ("_settings",)
+    method = "double-stage"
+    law_type = HuntCrossley
+    default_initial = HuntCrossley(0.1, 0.0, 1.0)
+    default_covariance = (1e8, 1e8, 1e3)
+
+    def _plain_settings(self) -> tuple[Any, ...]:
+        plain = super()._plain_settings()
+        covariance = plain[1]
+        if covariance[0][2] or covariance[1][2]:
+            raise InvalidParameterError(
+                "initial_covariance must be zero between [K, B] and n: the stages know nothing of "
+                f"each other, not {self._settings['initial_covariance']!r}"
+            )
+        return plain

@@ -1,0 +1,171 @@
+"""Variable projection: no starting values, no logarithm, an error bar on every number."""
+
+from typing import Any, Literal
+
+from palpate import _core
+from palpate.errors import InvalidParameterError
+from palpate.estimators.contact_estimator import ContactEstimator, loop_settings
+from palpate.force_laws import HuntCrossley
+from palpate.settings import (
+    ChangeDetector,
+    ConstantForgetting,
+    ContactGate,
+    FadingForgetting,
+    Forgetting,
+    Scale,
+)
+from palpate.validation import instance, number_in
+
+# Where it is not chosen: the probing of a hand-sized robot.
+PROBING = Scale(penetration=10e-3, velocity=20e-3, force=1.0)
+
+
+class VariableProjection(ContactEstimator, _core.VariableProjection):
+    """The Hunt–Crossley law by variable projection: exact least squares in the force domain.
+
+    min over (K, B, n, F₀) of Σ (F − K xⁿ − B xⁿ v − F₀)²
+
+    For each exponent of a grid the law is linear in the rest, so a few sums per exponent hold all
+    that the samples say; the minimum over n is searched globally and then solved. No logarithm, no
+    condition 10, no starting values, and at the Cramér–Rao bound. Accumulating a sample is cheap;
+    the solve happens when an estimate is asked for.
+
+    Parameters
+    ----------
+    noise : float, optional
+        Standard deviation of the force, N, > 0. None: estimated from the residual.
+    forgetting : ConstantForgetting or FadingForgetting, optional
+        None forgets nothing.
+    change_detector : ChangeDetector, optional
+        Restarts the estimate when another material is touched; None never does.
+    offset : bool
+        Estimate a constant force offset beside the law: what the removal of the sensor's bias left.
+    offset_deviation : float, optional
+        How large that offset is expected to be, N, > 0: a prior F₀ ~ N(0, offset_deviation²). None:
+        twenty times the noise. What quantisation to steps Δ leaves is (Δ/π) exp(−2π²σ²/Δ²).
+    exponent_range : tuple of float
+        Where the exponent is looked for: (lowest, highest), within [0.1, 10], 0.2 to 5 apart.
+    surface : "estimate", optional
+        Search for the place of the surface too, within ``surface_range``, from samples that include
+        the free approach; the gate then does not apply. None: the penetration is measured from the
+        surface.
+    surface_range : tuple of float, optional
+        Where the surface is looked for, m, in the coordinate of the penetration: (lowest, highest).
+        Forty-one candidates. None: ± a fifth of the unit of penetration, ±2 mm without a ``scale``.
+    gate : ContactGate, optional
+        Which samples are contact. None: every sample with x > 0 and F > 0, and in :func:`identify`
+        a gate chosen from the data.
+    sample_time : float
+        Time between samples where ``update`` is not told, s, in (0, 1e6].
+    scale : Scale, optional
+        Units of the arithmetic, near the largest values to come. None: 10 mm, 20 mm/s and 1 N, and
+        in :func:`identify` chosen from the data.
+
+    Raises
+    ------
+    InvalidParameterError
+        A setting is outside its range.
+    """
+
+    __slots__ = ("_settings",)
+    method = "variable-projection"
+    law_type = HuntCrossley
+
+    def __init__(
+        self,
+        *,
+        noise: float | None = None,
+        forgetting: Forgetting | None = None,
+        change_detector: ChangeDetector | None = None,
+        offset: bool = True,
+        offset_deviation: float | None = None,
+        exponent_range: tuple[float, float] = (0.3, 3.6),
+        surface: Literal["estimate"] | None = None,
+        surface_range: tuple[float, float] | None = None,
+        gate: ContactGate | None = None,
+        sample_time: float = 1e-3,
+        scale: Scale | None = None,
+    ) -> None:
+        instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
+        self._settings: dict[str, Any] = {
+            "noise": noise,
+            "forgetting": forgetting,
+            "change_detector": change_detector,
+            "offset": offset,
+            "offset_deviation": offset_deviation,
+            "exponent_range": exponent_range,
+            "surface": surface,
+            "surface_range": surface_range,
+            "gate": gate,
+            "sample_time": sample_time,
+            "scale": scale,
+        }
+        loop = loop_settings(change_detector, gate, scale, sample_time, default_scale=PROBING)
+        super().__init__(
+            *projection_settings(noise, exponent_range, offset, offset_deviation),
+            _checked_surfaces(surface, surface_range, scale or PROBING),
+            (forgetting or ConstantForgetting())._plain(),
+            *loop,
+        )
+
+
+def projection_settings(
+    noise: float | None,
+    exponent_range: tuple[float, float],
+    offset: bool,
+    offset_deviation: float | None,
+) -> tuple[float, tuple[float, float], bool, float]:
+    """Check what the projection is set by, as the compiled constructors take it; 0 is not given."""
+    instance("offset", offset, bool)
+    return (
+        _positive("noise", noise),
+        _checked_range(exponent_range),
+        offset,
+        _positive("offset_deviation", offset_deviation),
+    )
+
+
+def _positive(name: str, value: float | None) -> float:
+    return 0.0 if value is None else number_in(name, value, 0.0, 1e30, open_low=True)
+
+
+def _checked_surfaces(
+    surface: str | None, surface_range: tuple[float, float] | None, scale: Scale
+) -> tuple[float, float] | None:
+    if surface not in (None, "estimate"):
+        raise InvalidParameterError(f"surface must be 'estimate' or None, not {surface!r}")
+    if surface is None:
+        if surface_range is not None:
+            raise InvalidParameterError(
+                "surface_range is for surface='estimate'; without it the surface is at 0"
+            )
+        return None
+    widest = 5.0 * scale.penetration
+    if surface_range is None:
+        return -0.2 * scale.penetration, 0.2 * scale.penetration
+    low, high = _pair("surface_range", surface_range, -widest, widest)
+    if not high > low:
+        raise InvalidParameterError(
+            f"surface_range must be (lowest, highest) in m, not {surface_range!r}: it holds nothing"
+        )
+    return low, high
+
+
+def _checked_range(exponent_range: tuple[float, float]) -> tuple[float, float]:
+    low, high = _pair("exponent_range", exponent_range, 0.1, 10.0)
+    if not 0.2 <= high - low <= 5.0:
+        reason = "nothing" if high <= low else "too little or too much to search"
+        raise InvalidParameterError(
+            f"exponent_range must be 0.2 to 5 wide, not {exponent_range!r}: it holds {reason}"
+        )
+    return low, high
+
+
+def _pair(name: str, pair: tuple[float, float], low: float, high: float) -> tuple[float, float]:
+    try:
+        first, second = pair
+    except (TypeError, ValueError):
+        raise InvalidParameterError(
+            f"{name} must be (lowest, highest) within [{low:g}, {high:g}], not {pair!r}"
+        ) from None
+    return number_in(name, first, low, high), number_in(name, second, low, high)
