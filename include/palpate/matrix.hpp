@@ -90,17 +90,18 @@ constexpr Matrix<Size> inverse(Matrix<Size> matrix) noexcept {
   return result;
 }
 
-// Inverse of a symmetric, positive semidefinite matrix by LDLᵀ. A pivot that rounding has eaten
-// counts as the smallest share of its diagonal that it could be; an empty row as the unit one.
+// Inverse of a symmetric, positive semidefinite information matrix by LDLᵀ. Where rounding has
+// eaten a pivot the samples say nothing, and it counts as `prior`, what was known of it without
+// them (> 0).
 template <std::size_t Size>
-constexpr Matrix<Size> guarded_inverse(const Matrix<Size>& matrix) noexcept {
+constexpr Matrix<Size> guarded_inverse(const Matrix<Size>& matrix,
+                                       const Vector<Size>& prior) noexcept {
   Matrix<Size> lower{};
   Vector<Size> pivots{}, reciprocals{};
   for (std::size_t j = 0; j < Size; ++j) {
-    const double diagonal = matrix[j][j] > 0.0 ? matrix[j][j] : 1.0;
-    double pivot = diagonal;
+    double pivot = matrix[j][j];
     for (std::size_t k = 0; k < j; ++k) pivot -= lower[j][k] * lower[j][k] * pivots[k];
-    pivots[j] = std::max(pivot, smallest_pivot * diagonal);
+    pivots[j] = pivot > smallest_pivot * matrix[j][j] ? std::max(pivot, prior[j]) : prior[j];
     reciprocals[j] = 1.0 / pivots[j];
     for (std::size_t i = j + 1; i < Size; ++i) {
       double entry = matrix[i][j];

@@ -150,7 +150,7 @@ class VariableProjection {
       const double b2 = spwf[j] - spw[j] * total * share;
       // b₁²/a₁₁ + (what damping adds), with one division; ridge keeps a column that is not there
       // out.
-      const double ridge = smallest_share * a22 + tiny;
+      const double ridge = smallest_share * a22 + 1e-30 * a11;
       const double rest = b2 * a11 - b1 * a12;
       const double determinant = a11 * (a22 + ridge) - a12 * a12;
       cost[j] = -(b1 * b1 * determinant + rest * rest) / (a11 * determinant + tiny);
@@ -185,6 +185,7 @@ class VariableProjection {
   double prior_variance(double cost) const noexcept {
     if (settings_.noise > 0.0) return settings_.noise * settings_.noise;
     const double n = sums_.weight();
+    if (!(sums_.force_squared() > 0.0)) return 1.0;
     const double floor = 1e-4 * sums_.force_squared() / std::max(n, 1.0);
     const double residual = std::max(sums_.force_squared() + cost, 0.0);
     return (residual + 2.0 * floor) / (std::max(n - 4.0, 0.0) + 2.0);
@@ -192,8 +193,7 @@ class VariableProjection {
 
   // Newton's method on dJ/dn with the sums' own derivatives; the curvature is Gauss and Newton's.
   Point refine(Search& search) const noexcept {
-    const double exponent_weight =
-        search.variance / (settings_.prior_exponent_deviation * settings_.prior_exponent_deviation);
+    const double exponent_weight = exponent_weight_of(search.variance);
     double n = std::clamp(search.n, sums_.lowest(), sums_.highest());
     Point point{n, sums_.at(n), {}};
     point.linear = linear(point.sums.value, 0.0, search.offset_share);
@@ -289,23 +289,40 @@ class VariableProjection {
     return r;
   }
 
-  Matrix<4> covariance(const Point& point, const Search& search, double variance) const noexcept {
-    Matrix<4> m = information(point, search);
+  // The error bars take the priors in with the variance that they scale by, so that what the motion
+  // does not tell is as uncertain as it was before, whatever the noise.
+  Matrix<4> covariance(const Point& point, Search search, double variance) const noexcept {
+    search.variance = std::max(variance, least_variance());
+    search.damping_weight = damping_weight(point.linear.k, search.variance);
     const double prior = settings_.prior_dissipation, weight = search.damping_weight;
+    const double exponent_weight = exponent_weight_of(search.variance);
+    Matrix<4> m = information(point, search);
     m[0][0] += weight * prior * prior;
     m[0][1] = m[1][0] = m[0][1] - weight * prior;
     m[1][1] += weight;
-    m[2][2] +=
-        search.variance / (settings_.prior_exponent_deviation * settings_.prior_exponent_deviation);
+    m[2][2] += exponent_weight;
     if (!settings_.offset) {
       for (std::size_t i = 0; i < 3; ++i) m[i][3] = m[3][i] = 0.0;
     }
-    Matrix<4> result = guarded_inverse(m);
+    constexpr double unknown_stiffness = 1e-12;  // k ~ N(0, 1e6²)
+    Matrix<4> result =
+        guarded_inverse(m, {unknown_stiffness * search.variance, weight, exponent_weight,
+                            std::max(offset_weight(search.variance), tiny)});
     if (!settings_.offset) result[3][3] = 0.0;
     for (auto& row : result) {
-      for (double& entry : row) entry *= variance;
+      for (double& entry : row) entry *= search.variance;
     }
     return result;
+  }
+
+  // No force sensor is better than a hundred-thousandth; without any force, one unit.
+  double least_variance() const noexcept {
+    if (!(sums_.force_squared() > 0.0)) return 1.0;
+    return 1e-10 * sums_.force_squared() / sums_.weight();
+  }
+
+  double exponent_weight_of(double variance) const noexcept {
+    return variance / (settings_.prior_exponent_deviation * settings_.prior_exponent_deviation);
   }
 
   bool at_edge(double n) const noexcept {
