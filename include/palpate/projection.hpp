@@ -1,0 +1,31 @@
+// What variable projection answers, in scaled units.
+#pragma once
+
+#include <cmath>
+
+#include "palpate/matrix.hpp"
+#include "palpate/scale.hpp"
+
+namespace palpate {
+
+// F = k (ξ − d)ⁿ (1 + c/k w) + F₀ in scaled units.
+struct ScaledLaw {
+  double k, c, offset, n, surface;
+
+  double force(const Sample& s) const noexcept {
+    const double depth = s.penetration - surface;
+    const double power = depth > 0.0 ? std::pow(depth, n) : 0.0;
+    return power * (k + c * s.velocity) + offset;
+  }
+};
+
+struct Projection : ScaledLaw {
+  double noise_variance;  // of the force
+  double prior_variance;  // the same as the priors were weighted with
+  Matrix<5> covariance;   // of (k, c, n, offset, surface)
+  double cost;            // J: the weighted residual sum less Σ F², with the priors
+  bool at_edge;           // the exponent ended at the edge of its range
+  bool surface_found;     // true unless a search for the surface ended at the edge of its range
+};
+
+}  // namespace palpate

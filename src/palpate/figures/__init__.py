@@ -1,0 +1,98 @@
+"""Figures of an identification: the only part that imports matplotlib.
+
+Needs the extra ``figures``.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate.errors import InvalidParameterError
+from palpate.figures.panels import (
+    draw_condition,
+    draw_error,
+    draw_force,
+    draw_loop,
+    draw_parameter,
+)
+from palpate.figures.style import DARK, LIGHT, save, style
+from palpate.force_laws import HuntCrossley
+from palpate.identification import Identification
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["draw", "draw_comparison", "save"]
+
+
+def draw(identification: Identification, *, dark: bool = False) -> "Figure":
+    """Draw what was identified: force, loop, parameters with error bands, and condition 10.
+
+    Parameters
+    ----------
+    identification : Identification
+        As :func:`palpate.identify` returns it.
+    dark : bool
+        For a dark background.
+
+    Raises
+    ------
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    theme = DARK if dark else LIGHT
+    law = identification.law
+    names = list(law.as_dict())
+    with style(theme) as new_figure:
+        figure = new_figure(figsize=(11.0, 8.5), layout="constrained")
+        rows = figure.add_gridspec(3, 6, height_ratios=(1.25, 1.0, 0.8))
+        draw_force(figure.add_subplot(rows[0, :4]), [identification], theme)
+        draw_loop(figure.add_subplot(rows[0, 4:]), [identification], theme)
+        span = 6 // len(names)
+        for i, name in enumerate(names):
+            axes = figure.add_subplot(rows[1, i * span : (i + 1) * span])
+            draw_parameter(axes, identification, i, name, theme)
+        bottom = figure.add_subplot(rows[2, :])
+        if isinstance(law, HuntCrossley):
+            draw_condition(bottom, identification, theme)
+        else:
+            draw_error(bottom, [identification], theme)
+        figure.suptitle(_title(identification), fontsize=11)
+    return figure
+
+
+def draw_comparison(results: Mapping[str, Identification], *, dark: bool = False) -> "Figure":
+    """Draw several identifications of one contact: force, prediction error and loop.
+
+    Parameters
+    ----------
+    results : mapping
+        As :func:`palpate.compare` returns it.
+    dark : bool
+        For a dark background.
+
+    Raises
+    ------
+    InvalidParameterError
+        There is nothing to draw.
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    if not results:
+        raise InvalidParameterError("results must hold at least one identification, not none")
+    theme = DARK if dark else LIGHT
+    shown = list(results.values())
+    with style(theme) as new_figure:
+        figure = new_figure(figsize=(11.0, 7.0), layout="constrained")
+        rows = figure.add_gridspec(2, 3)
+        draw_force(figure.add_subplot(rows[0, :2]), shown, theme)
+        draw_error(figure.add_subplot(rows[1, :2]), shown, theme)
+        draw_loop(figure.add_subplot(rows[:, 2]), shown, theme)
+        figure.suptitle(Path(shown[0].contact.source).name or "comparison", fontsize=11)
+    return figure
+
+
+def _title(result: Identification) -> str:
+    name = Path(result.contact.source).name
+    fit = f"{result.method}, final law fits to {result.fit_rmse_percent:.2g} %"
+    return f"{name}: {fit}" if name else fit
