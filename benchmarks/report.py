@@ -48,7 +48,7 @@ class Row:
         return [
             self.name,
             f"{_significant(self.value)} {self.unit}".strip(),
-            "" if self.ratio is None else _significant(self.ratio),
+            "" if self.ratio is None else f"{self.ratio:.{2 if self.ratio < 100.0 else 0}f}",
             self.reference,
             "" if self.target is None else str(self.target),
             {None: "", True: "yes", False: "NO"}[self.met],
