@@ -18,7 +18,7 @@ NOISE = 0.05  # N
 
 
 def main() -> None:
-    """Press to and fro, learn sample by sample, and compare with the truth."""
+    """Press in and out, learn sample by sample, and compare with the truth."""
     t = np.arange(0.0, 2.0, 1e-3)
     x = 0.010 + 0.004 * np.sin(7.0 * t)
     v = 0.028 * np.cos(7.0 * t)

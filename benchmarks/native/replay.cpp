@@ -49,8 +49,8 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 // The best pass into the same memory again and again, and into new memory each time.
 template <class Estimator>
-void run(const char* name, const typename Estimator::Settings& settings,
-         const palpate::Signals& in, int passes) {
+void run(const char* name, const typename Estimator::Settings& settings, const palpate::Signals& in,
+         int passes) {
   double again = 1e9, anew = 1e9;
   Estimator estimator(settings);
   const Trace kept(in.count, Estimator::Law::size);
