@@ -1,0 +1,61 @@
+"""What one update() allocates: nothing, neither kept nor passing."""
+
+import sys
+import tracemalloc
+from collections.abc import Callable
+from typing import Any
+
+from benchmarks.calls import KINDS
+from benchmarks.motion import Samples, contact_samples
+from benchmarks.report import Row, Section, Target
+
+CALLS = 100_000
+
+
+def _passing_bytes(update: Callable[..., Any], samples: Samples) -> int:
+    """Most bytes held at any time during the calls, above those held before."""
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        tracemalloc.reset_peak()
+        for penetration, velocity, force in samples:
+            update(penetration, velocity, force)
+        return tracemalloc.get_traced_memory()[1] - before
+    finally:
+        tracemalloc.stop()
+
+
+def _kept_blocks(update: Callable[..., Any], samples: Samples) -> int:
+    """Blocks of the interpreter's memory in use after the calls, above those before."""
+    before = sys.getallocatedblocks()
+    for penetration, velocity, force in samples:
+        update(penetration, velocity, force)
+    return sys.getallocatedblocks() - before
+
+
+def _nothing(penetration: float, velocity: float, force: float) -> None:
+    pass
+
+
+def count_allocations() -> Section:
+    """Count for every estimator, in contact and in the free; the larger counts."""
+    contact = contact_samples(CALLS)
+    free = [(-penetration, velocity, 0.0) for penetration, velocity, _ in contact]
+    rows = []
+    for kind in KINDS:
+        update = kind().update
+        update(*contact[0])
+        passing, kept = 0, 0
+        for samples in (contact, free):
+            # Less what the counting itself allocates, a number or two.
+            own = _passing_bytes(_nothing, samples), _kept_blocks(_nothing, samples)
+            passing = max(passing, _passing_bytes(update, samples) - own[0])
+            kept = max(kept, _kept_blocks(update, samples) - own[1])
+        name = f"{kind.__name__}.update"
+        rows.append(Row(f"{name}: passing", passing, "bytes", target=Target(0)))
+        rows.append(Row(f"{name}: kept", kept, "blocks", target=Target(0)))
+    notes = [
+        f"{CALLS} calls in contact and {CALLS} in the free. Passing: tracemalloc's peak during "
+        "the calls above its start. Kept: sys.getallocatedblocks() after less before.",
+    ]
+    return Section("Allocations of update()", rows, notes)

@@ -1,0 +1,40 @@
+"""The contact that everything is timed on: a rubber ball under the paper's three sines."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate import HuntCrossley
+
+Floats = NDArray[np.float64]
+Samples = list[tuple[float, float, float]]
+
+BALL = HuntCrossley(stiffness=2000.0, damping=2000.0, exponent=1.0)
+SINES = ((1.0e-3, 4.0), (1.8e-3, 11.0), (1.8e-3, 15.0))  # m, rad/s
+PERIOD = 5000  # samples
+BLOCK = 65_536
+
+
+def contact_arrays(samples: int) -> tuple[Floats, Floats, Floats]:
+    """Penetration, velocity and force at 1 kHz, always in contact; 0.05 N of noise.
+
+    Filled a block at a time, so that making them needs no memory beside them.
+    """
+    random = np.random.default_rng(1)
+    x, v, force = np.empty(samples), np.empty(samples), np.empty(samples)
+    for start in range(0, samples, BLOCK):
+        part = slice(start, min(start + BLOCK, samples))
+        t = 1e-3 * np.arange(part.start, part.stop)
+        x[part] = 10e-3 + sum(a * np.sin(w * t) for a, w in SINES)
+        v[part] = sum(a * w * np.cos(w * t) for a, w in SINES)
+        force[part] = BALL.force(x[part], v[part]) + 0.05 * random.standard_normal(t.size)
+    return x, v, force
+
+
+def contact_samples(samples: int) -> Samples:
+    """The same as plain floats, a sample at a time: 5 s of contact, again and again.
+
+    A control loop's sample is fresh in the cache; these few stay there.
+    """
+    columns = (array.tolist() for array in contact_arrays(min(samples, PERIOD)))
+    period = list(zip(*columns, strict=True))
+    return (period * -(-samples // len(period)))[:samples]

@@ -1,0 +1,128 @@
+"""Rows, sections and targets, and how they are printed and written."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+HEADINGS = ("measured", "ratio", "to", "target", "met")
+
+
+@dataclass(frozen=True)
+class Target:
+    """A bound on a row's ratio, or on its value where it has no ratio."""
+
+    limit: float
+    at_least: bool = False
+
+    def met_by(self, value: float) -> bool:
+        """Say whether a value keeps it."""
+        return value >= self.limit if self.at_least else value <= self.limit
+
+    def __str__(self) -> str:
+        return f"{'≥' if self.at_least else '≤'} {self.limit:g}"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measured thing."""
+
+    name: str
+    value: float
+    unit: str
+    ratio: float | None = None
+    reference: str = ""
+    target: Target | None = None
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the target is met; None without one."""
+        if self.target is None:
+            return None
+        return self.target.met_by(self.value if self.ratio is None else self.ratio)
+
+    def cells(self) -> list[str]:
+        """The row as words, under ``HEADINGS``."""
+        return [
+            self.name,
+            f"{_significant(self.value)} {self.unit}".strip(),
+            "" if self.ratio is None else f"{self.ratio:.{2 if self.ratio < 100.0 else 0}f}",
+            self.reference,
+            "" if self.target is None else str(self.target),
+            {None: "", True: "yes", False: "NO"}[self.met],
+        ]
+
+
+@dataclass(frozen=True)
+class Section:
+    """Rows that belong together, and what to know about them."""
+
+    title: str
+    rows: Sequence[Row]
+    notes: Sequence[str] = ()
+
+
+def print_sections(sections: Sequence[Section], machine: dict[str, str], console: Console) -> None:
+    """Print every section as a table, and the machine at the end."""
+    for section in sections:
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+        table.add_column(section.title, overflow="fold")
+        for heading in HEADINGS:
+            right = heading in ("measured", "ratio")
+            table.add_column(heading, justify="right" if right else "left")
+        for row in section.rows:
+            style = "bold red" if row.met is False else None
+            table.add_row(*row.cells(), style=style)
+        console.print(table)
+        for note in section.notes:
+            console.print(f"  {note}", style="dim", soft_wrap=True)
+        console.print()
+    console.print(verdict(sections), style="bold")
+    for name, value in machine.items():
+        console.print(f"{name}: {value}", soft_wrap=True)
+
+
+def verdict(sections: Sequence[Section]) -> str:
+    """Return how many targets are met, and which are not."""
+    judged = [row for section in sections for row in section.rows if row.met is not None]
+    missed = [row.name for row in judged if not row.met]
+    text = f"{len(judged) - len(missed)} of {len(judged)} targets met"
+    return f"{text}; not met: {'; '.join(missed)}" if missed else text
+
+
+def as_markdown(sections: Sequence[Section], machine: dict[str, str]) -> str:
+    """Return the tables as Markdown."""
+    lines = []
+    for section in sections:
+        lines += [f"### {section.title}", ""]
+        lines += ["|  | " + " | ".join(HEADINGS) + " |", "|---|--:|--:|---|---|---|"]
+        lines += ["| " + " | ".join(row.cells()) + " |" for row in section.rows]
+        lines += ["", *(f"{note}\n" for note in section.notes)]
+    lines += [f"**{verdict(sections)}.**", ""]
+    lines += [f"- {name}: {value}" for name, value in machine.items()]
+    return "\n".join(lines) + "\n"
+
+
+def as_dict(sections: Sequence[Section], machine: dict[str, str]) -> dict[str, Any]:
+    """Return everything as plain numbers and words."""
+    return {
+        "machine": machine,
+        "sections": [
+            {
+                "title": section.title,
+                "rows": [{**asdict(row), "met": row.met} for row in section.rows],
+                "notes": list(section.notes),
+            }
+            for section in sections
+        ],
+    }
+
+
+def _significant(value: float) -> str:
+    if value == 0.0:
+        return "0"
+    if 1e-3 <= abs(value) < 1e5:
+        return f"{value:.3g}" if abs(value) < 1e3 else f"{value:.0f}"
+    return f"{value:.1e}"

@@ -1,0 +1,77 @@
+"""``python -m benchmarks.speed``: every figure of speed and memory, each beside its target.
+
+All are ratios to something measured in the same run, or bounds that any machine of the last years
+keeps. Needs the ``develop`` extra.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+from rich.console import Console
+
+from benchmarks import machine, report
+from benchmarks.allocations import count_allocations
+from benchmarks.calls import measure_calls
+from benchmarks.memory import measure_memory
+from benchmarks.native_programs import BuildError, native_programs
+from benchmarks.replays import measure_replays
+from benchmarks.side_by_side import compare_with_peers
+from benchmarks.startup import measure_startup
+from benchmarks.timing import Effort, clock
+
+app = App(name="python -m benchmarks.speed", help_format="plaintext", version_flags=[])
+
+
+@app.default
+def main(
+    *,
+    quick: Annotated[bool, Parameter(negative="")] = False,
+    as_json: Annotated[Path | None, Parameter(name="--json")] = None,
+    markdown: Path | None = None,
+) -> None:
+    """Measure, and print a table.
+
+    Parameters
+    ----------
+    quick
+        A short run, for a first look: fewer rounds, shorter recordings.
+    as_json
+        Write everything to this file as JSON.
+    markdown
+        Write the tables to this file as Markdown.
+    """
+    effort = Effort.quick() if quick else Effort()
+    where = machine.describe(_compiler())
+    with clock() as running:
+        sections = [
+            measure_calls(running, effort),
+            count_allocations(),
+            measure_replays(running, effort),
+            compare_with_peers(running, effort),
+            measure_startup(running, effort),
+            measure_memory(effort),
+        ]
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=140)
+    report.print_sections(sections, where, console)
+    if as_json is not None:
+        content = json.dumps(report.as_dict(sections, where), indent=1, ensure_ascii=False)
+        as_json.write_text(content + "\n", encoding="utf-8")
+    if markdown is not None:
+        markdown.write_text(report.as_markdown(sections, where), encoding="utf-8")
+
+
+def _compiler() -> str:
+    try:
+        return native_programs().compiler
+    except BuildError as error:
+        print(f"without the C++ program: {error}", file=sys.stderr)
+        return f"none ({error})"
+
+
+if __name__ == "__main__":
+    app()
