@@ -39,19 +39,19 @@ class DoubleStageMethod {
     const auto [forgetting_factor, perturbation] =
         adapt([&]() noexcept { return stage_one_.predict(regressor); });
 
-    LeastSquares<2> one = stage_one_;
-    Status status = one.update(regressor, sample.force, forgetting_factor, perturbation);
+    const LeastSquares<2>::State before = stage_one_.state();
+    const Status status =
+        stage_one_.update(regressor, sample.force, forgetting_factor, perturbation);
     if (!taken(status)) return status;
 
-    const double rate = one.parameters()[0] + one.parameters()[1] * sample.velocity;
+    const Vector<2>& stiffness = stage_one_.parameters();
+    const double rate = stiffness[0] + stiffness[1] * sample.velocity;
+    if (!(rate > 0.0)) return status;
     const double output = std::log(sample.force / rate);
-    if (rate > 0.0 && std::isfinite(output)) {
-      const Status second = stage_two_.update({depth}, output, forgetting_factor, perturbation);
-      if (!taken(second)) return second;
-      if (second == Status::guarded) status = second;
-    }
-    stage_one_ = one;
-    return status;
+    if (!std::isfinite(output)) return status;
+    const Status second = stage_two_.update({depth}, output, forgetting_factor, perturbation);
+    if (!taken(second)) stage_one_.restore(before);  // a sample is taken whole or not at all
+    return second == Status::updated ? status : second;
   }
 
   // Begins anew from the old answer, as uncertain as at the start.

@@ -34,25 +34,25 @@ class LeastSquares {
   constexpr explicit LeastSquares(const Settings& settings) noexcept
       : settings_(settings),
         initial_information_(inverse(settings.initial_covariance)),
-        parameters_(settings.initial),
-        covariance_(settings.initial_covariance) {
+        independent_start_(is_diagonal(settings.initial_covariance)),
+        state_{settings.initial, settings.initial_covariance} {
     for (std::size_t i = 0; i < Order; ++i) {
       ceiling_ = std::max(ceiling_, largest_windup * settings.initial_covariance[i][i]);
     }
   }
 
-  constexpr const Vector<Order>& parameters() const noexcept { return parameters_; }
-  constexpr const Matrix<Order>& covariance() const noexcept { return covariance_; }
-  constexpr std::uint64_t samples() const noexcept { return samples_; }
+  constexpr const Vector<Order>& parameters() const noexcept { return state_.parameters; }
+  constexpr const Matrix<Order>& covariance() const noexcept { return state_.covariance; }
+  constexpr std::uint64_t samples() const noexcept { return state_.samples; }
 
   constexpr double predict(const Vector<Order>& regressor) const noexcept {
-    return dot(regressor, parameters_);
+    return dot(regressor, state_.parameters);
   }
 
   // Takes the sample whole (updated, guarded) or not at all (out_of_range).
   constexpr Status update(const Vector<Order>& regressor, double output, double forgetting_factor,
                           double perturbation = 0.0) noexcept {
-    const Vector<Order> g = multiply(covariance_, regressor);
+    const Vector<Order> g = multiply(state_.covariance, regressor);
     // Rounding alone can make φᵀPφ negative, and only where cancellation has eaten every digit.
     const double spread = std::max(dot(regressor, g), 0.0);
     const double error = output - predict(regressor);
@@ -60,24 +60,37 @@ class LeastSquares {
     if (sound(step.covariance)) [[likely]]
       return commit(step, error, Status::updated);
     if (forgetting_factor != 1.0 || perturbation != 0.0) step = renewed(g, spread, 1.0, 0.0);
-    if (!sound(step.covariance)) step.covariance = covariance_;
+    if (!sound(step.covariance)) step.covariance = state_.covariance;
     return commit(step, error, Status::guarded);
   }
 
   // Variance of y about φᵀθ: the weighted residual sum of the data alone (the initial values' share
   // is taken out) over its degrees of freedom; 1 until there are more samples than coefficients.
   constexpr double noise_variance() const noexcept {
-    const double freedom = weight_ - static_cast<double>(Order);
+    const double freedom = state_.weight - static_cast<double>(Order);
     if (freedom < 1.0) return 1.0;
     Vector<Order> moved{};
-    for (std::size_t i = 0; i < Order; ++i) moved[i] = parameters_[i] - settings_.initial[i];
-    const double prior = prior_weight_ * dot(moved, multiply(initial_information_, moved));
-    return std::max(residual_ - prior, 0.0) / freedom;
+    for (std::size_t i = 0; i < Order; ++i) moved[i] = state_.parameters[i] - settings_.initial[i];
+    const double prior = state_.prior_weight * information_of(moved);
+    return std::max(state_.residual - prior, 0.0) / freedom;
   }
+
+  // What the samples have changed; the rest is settings. For trying a sample and taking it back.
+  struct State {
+    Vector<Order> parameters;   // θ
+    Matrix<Order> covariance;   // P
+    double residual = 0.0;      // Σ wᵢ (yᵢ − φᵢᵀθ)² and the initial values' share
+    double weight = 0.0;        // Σ wᵢ
+    double prior_weight = 1.0;  // what forgetting left of the initial values
+    std::uint64_t samples = 0;
+  };
+
+  constexpr const State& state() const noexcept { return state_; }
+  constexpr void restore(const State& state) noexcept { state_ = state; }
 
   // Covariance of θ: the noise variance times P.
   constexpr Matrix<Order> scaled_covariance() const noexcept {
-    Matrix<Order> result = covariance_;
+    Matrix<Order> result = state_.covariance;
     const double noise = noise_variance();
     for (auto& line : result) {
       for (double& entry : line) entry *= noise;
@@ -101,7 +114,7 @@ class LeastSquares {
     for (std::size_t i = 0; i < Order; ++i) step.gain[i] = g[i] / step.innovation;
     for (std::size_t i = 0; i < Order; ++i) {
       for (std::size_t j = i; j < Order; ++j) {
-        double entry = covariance_[i][j] - step.gain[i] * g[j];
+        double entry = state_.covariance[i][j] - step.gain[i] * g[j];
         if (i == j) entry += perturbation;
         if (lambda != 1.0) entry /= lambda;
         step.covariance[i][j] = step.covariance[j][i] = entry;
@@ -119,34 +132,47 @@ class LeastSquares {
   }
 
   constexpr Status commit(const Step& step, double error, Status status) noexcept {
-    Vector<Order> moved = parameters_;
+    Vector<Order> moved = state_.parameters;
     bool within = true;
     for (std::size_t i = 0; i < Order; ++i) {
       moved[i] += step.gain[i] * error;
       within &= std::abs(moved[i]) <= largest_coefficient;
     }
     const double lambda = step.forgetting_factor;
-    const double residual = lambda * (residual_ + error * (error / step.innovation));
+    const double residual = lambda * (state_.residual + error * (error / step.innovation));
     if (!(within && residual <= largest_residual)) return Status::out_of_range;
-    parameters_ = moved;
-    covariance_ = step.covariance;
-    residual_ = residual;
-    weight_ = lambda * weight_ + 1.0;
+    state_.parameters = moved;
+    state_.covariance = step.covariance;
+    state_.residual = residual;
+    state_.weight = lambda * state_.weight + 1.0;
     // What is left below this changes no digit, and would end as a subnormal, which is slow.
-    prior_weight_ *= step.perturbation != 0.0 || prior_weight_ < 1e-30 ? 0.0 : lambda;
-    ++samples_;
+    state_.prior_weight *= step.perturbation != 0.0 || state_.prior_weight < 1e-30 ? 0.0 : lambda;
+    ++state_.samples;
     return status;
+  }
+
+  // dᵀ P₀⁻¹ d; a start without covariances is the usual one.
+  constexpr double information_of(const Vector<Order>& d) const noexcept {
+    if (!independent_start_) return dot(d, multiply(initial_information_, d));
+    double sum = initial_information_[0][0] * d[0] * d[0];
+    for (std::size_t i = 1; i < Order; ++i) sum += initial_information_[i][i] * d[i] * d[i];
+    return sum;
+  }
+
+  static constexpr bool is_diagonal(const Matrix<Order>& matrix) noexcept {
+    for (std::size_t i = 0; i < Order; ++i) {
+      for (std::size_t j = i + 1; j < Order; ++j) {
+        if (matrix[i][j] != 0.0) return false;
+      }
+    }
+    return true;
   }
 
   Settings settings_;
   Matrix<Order> initial_information_;
-  Vector<Order> parameters_;
-  Matrix<Order> covariance_;
+  bool independent_start_;
   double ceiling_ = 0.0;
-  double residual_ = 0.0;      // Σ wᵢ (yᵢ − φᵢᵀθ)² and the initial values' share
-  double weight_ = 0.0;        // Σ wᵢ
-  double prior_weight_ = 1.0;  // what forgetting left of the initial values
-  std::uint64_t samples_ = 0;
+  State state_;
 };
 
 }  // namespace palpate

@@ -9,10 +9,22 @@
 namespace palpate::bindings {
 namespace {
 
-nb::object law_of(const EstimateValue& e) {
+// The Python class of a law; looked up once, and kept for the life of the process.
+nb::handle law_class(LawKind kind) {
   static constexpr const char* names[] = {"KelvinVoigt", "ExtendedKelvinVoigt", "HuntCrossley"};
-  const nb::object law =
-      nb::module_::import_("palpate.force_laws").attr(names[static_cast<std::size_t>(e.kind)]);
+  static std::array<PyObject*, 3> classes{};
+  PyObject*& known = classes[static_cast<std::size_t>(kind)];
+  if (!known) {
+    known = nb::module_::import_("palpate.force_laws")
+                .attr(names[static_cast<std::size_t>(kind)])
+                .ptr();
+    Py_INCREF(known);
+  }
+  return known;
+}
+
+nb::object law_of(const EstimateValue& e) {
+  const nb::handle law = law_class(e.kind);
   if (e.size == 2) return law(e.parameters[0], e.parameters[1]);
   return law(e.parameters[0], e.parameters[1], e.parameters[2]);
 }

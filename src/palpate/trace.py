@@ -36,11 +36,16 @@ class Trace:
     @classmethod
     def empty(cls, samples: int, size: int) -> "Trace":
         """Room for ``samples`` samples of a law with ``size`` parameters."""
+        # One block: the fewer new pages, the faster a replay.
+        block = np.empty(samples * (2 * size + 2))
+        parameters, errors, predicted, margin = np.split(
+            block, np.cumsum([samples * size, samples * size, samples])
+        )
         return cls(
-            np.empty((samples, size)),
-            np.empty((samples, size)),
-            np.empty(samples),
-            np.empty(samples),
+            parameters.reshape(samples, size),
+            errors.reshape(samples, size),
+            predicted,
+            margin,
             np.empty(samples, dtype=np.uint8),
         )
 
