@@ -16,6 +16,14 @@ struct Row {
   double output;            // y
 };
 
+// The diagonal of J P Jᵀ for a diagonal J.
+template <std::size_t Order>
+constexpr Vector<Order> scaled_diagonal(const Matrix<Order>& p, const Matrix<Order>& j) noexcept {
+  Vector<Order> result{};
+  for (std::size_t i = 0; i < Order; ++i) result[i] = j[i][i] * j[i][i] * p[i][i];
+  return result;
+}
+
 // y = F, φ = [x, v], θ = [K, B].
 struct KelvinVoigtRegression {
   using Law = KelvinVoigt;
@@ -39,7 +47,7 @@ struct KelvinVoigtRegression {
   }
   static constexpr Vector<order> variances(const Matrix<order>& p, const Law& law,
                                            const Units& u) noexcept {
-    return congruent_diagonal(jacobian(law, u), p);
+    return scaled_diagonal(p, jacobian(law, u));
   }
 };
 
@@ -70,7 +78,7 @@ struct ExtendedKelvinVoigtRegression {
   }
   static constexpr Vector<order> variances(const Matrix<order>& p, const Law& law,
                                            const Units& u) noexcept {
-    return congruent_diagonal(jacobian(law, u), p);
+    return scaled_diagonal(p, jacobian(law, u));
   }
 };
 
