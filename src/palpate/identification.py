@@ -228,7 +228,7 @@ def _flags(result: Identification) -> list[str]:
         flags.append(f"only {estimate.samples} samples in contact")
     if law.damping < 0.0:
         flags.append("negative damping: this law gives energy back, which no passive material does")
-    if result.violated_fraction > 0.0:
+    if isinstance(result.estimator, SingleStageRLS) and result.violated_fraction > 0.0:
         flags.append(f"condition 10 violated in {result.violated_fraction:.1%} of the contact")
     if math.isnan(result.prediction_rmse_percent):
         flags.append("less than 0.2 s of contact: no prediction error")

@@ -25,13 +25,13 @@ def print_results(results: Sequence[Identification], console: Console | None = N
         soft_wrap=True,
     )
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    table.add_column("method", no_wrap=True, min_width=max(len(r.method) for r in results))
+    table.add_column("method", no_wrap=True)
     table.add_column("contact model (± standard error)", no_wrap=True)
     for heading in ("predicted", "fit", "cond. 10"):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=True)
     for result in results:
         table.add_row(
-            result.method,
+            _in_two_lines(result.method),
             "\n".join(_parameters(result)),
             _percent(result.prediction_rmse_percent),
             _percent(result.fit_rmse_percent),
@@ -49,6 +49,11 @@ def print_results(results: Sequence[Identification], console: Console | None = N
     for result in results:
         for flag in result.flags:
             console.print(Text(f"{result.method}: {flag}", style="yellow"), soft_wrap=True)
+
+
+def _in_two_lines(method: str) -> str:
+    """Break long names at the first hyphen: a row has room for as many lines as parameters."""
+    return method.replace("-", "-\n", 1) if len(method) > 12 else method
 
 
 def _parameters(result: Identification) -> list[str]:
