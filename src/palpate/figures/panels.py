@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 # More points than this on a line make a heavy file that looks the same.
-MOST_POINTS = 4000
+MOST_POINTS = 1200
 
 
 def _clock(contact: Contact) -> tuple[Floats, str]:
