@@ -27,10 +27,10 @@ class RecursiveEstimator {
 
   struct Settings {
     typename Method::Settings method;
-    Forgetting::Settings forgetting;
-    SelfPerturbation perturbation;
-    ContactGate::Settings gate;
-    Scale scale;
+    Forgetting::Settings forgetting{};
+    SelfPerturbation perturbation{};
+    ContactGate::Settings gate{};
+    Scale scale{};
     double sample_time = 1e-3;  // s
   };
 
