@@ -9,7 +9,7 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
+#include <cstddef>
 #include <cstdint>
 
 #include "palpate/matrix.hpp"
@@ -123,7 +123,7 @@ class LeastSquares {
     bool within = true;
     for (std::size_t i = 0; i < Order; ++i) {
       moved[i] += step.gain[i] * error;
-      within &= std::abs(moved[i]) <= largest_coefficient;
+      within &= moved[i] >= -largest_coefficient && moved[i] <= largest_coefficient;
     }
     const double lambda = step.forgetting_factor;
     const double residual = lambda * (residual_ + error * (error / step.innovation));
