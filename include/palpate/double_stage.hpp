@@ -24,7 +24,7 @@ class DoubleStageMethod {
 
   DoubleStageMethod(const Settings& settings, const Units& units) noexcept
       : stage_one_({in_scaled_units(settings.initial, units), settings.stage_one_covariance}),
-        stage_two_({{settings.initial.exponent}, {{{settings.stage_two_covariance}}}}) {}
+        stage_two_({{saturate(settings.initial.exponent)}, {{{settings.stage_two_covariance}}}}) {}
 
   template <class Adapt>
   Status learn(const Sample& sample, Adapt&& adapt) noexcept {
@@ -70,8 +70,8 @@ class DoubleStageMethod {
 
  private:
   static Vector<2> in_scaled_units(const Law& law, const Units& u) noexcept {
-    const double unit = std::pow(u.penetration, law.exponent) / u.force;
-    return {law.stiffness * unit, law.damping * unit * u.velocity};
+    const double unit = bounded_exp(law.exponent * u.log_penetration) / u.force;
+    return {saturate(law.stiffness * unit), saturate(law.damping * unit * u.velocity)};
   }
 
   // Of (K, B, n) in SI by [K, B] in scaled units and n.

@@ -20,8 +20,11 @@ namespace palpate {
 // Forgetting may not make a direction more than this much less certain than it was at the start.
 inline constexpr double largest_windup = 1e6;
 inline constexpr double smallest_variance = 1e-70;
-inline constexpr double largest_coefficient = 1e150;
-inline constexpr double largest_residual = 1e250;
+// Samples that would pass these are refused. Within them J P Jᵀ times the noise variance is finite
+// for every law and scale.
+inline constexpr double largest_coefficient = 1e100;
+inline constexpr double largest_residual = 1e70;
+inline constexpr double largest_innovation = 1e300;
 
 template <std::size_t Order>
 class LeastSquares {
@@ -120,7 +123,7 @@ class LeastSquares {
 
   constexpr Status commit(const Step& step, double error, Status status) noexcept {
     Vector<Order> moved = parameters_;
-    bool within = true;
+    bool within = step.innovation <= largest_innovation;
     for (std::size_t i = 0; i < Order; ++i) {
       moved[i] += step.gain[i] * error;
       within &= moved[i] >= -largest_coefficient && moved[i] <= largest_coefficient;
