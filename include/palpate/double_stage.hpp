@@ -50,6 +50,9 @@ class DoubleStageMethod {
     return status;
   }
 
+  const LeastSquares<2>& stage_one() const noexcept { return stage_one_; }
+  const LeastSquares<1>& stage_two() const noexcept { return stage_two_; }
+
   Law law(const Units& u) const noexcept {
     const double exponent = saturate(stage_two_.parameters()[0]);
     const double unit = u.force * bounded_exp(-exponent * u.log_penetration);

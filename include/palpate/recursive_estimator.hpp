@@ -81,6 +81,9 @@ class RecursiveEstimator {
 
   const Settings& settings() const noexcept { return settings_; }
 
+  // The recursion inside, for θ and P as they are, in scaled units.
+  const Method& method() const noexcept { return method_; }
+
   void reset() noexcept { *this = RecursiveEstimator(settings_); }
 
  private:

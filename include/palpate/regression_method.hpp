@@ -32,6 +32,8 @@ class RegressionMethod {
     return least_squares_.update(row.regressor, row.output, forgetting_factor, perturbation);
   }
 
+  const LeastSquares<order>& least_squares() const noexcept { return least_squares_; }
+
   Law law(const Units& units) const noexcept {
     return Regression::law(least_squares_.parameters(), units);
   }
