@@ -7,7 +7,15 @@
 // between K and n. That is the method's nature, shown here as it is.
 #pragma once
 
-#include "palpate/regression_method.hpp"
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "palpate/force_laws.hpp"
+#include "palpate/least_squares.hpp"
+#include "palpate/matrix.hpp"
+#include "palpate/scale.hpp"
+#include "palpate/status.hpp"
 
 namespace palpate {
 

@@ -1,9 +1,13 @@
 // A force law identified by one recursive least squares: KV-RLS, EKV-RLS and the single stage.
 #pragma once
 
-#include "palpate/forgetting.hpp"
+#include <cstddef>
+
 #include "palpate/least_squares.hpp"
+#include "palpate/matrix.hpp"
 #include "palpate/regressions.hpp"
+#include "palpate/scale.hpp"
+#include "palpate/status.hpp"
 
 namespace palpate {
 

@@ -1,8 +1,8 @@
 // Each force law as a linear regression y = φᵀθ in scaled units, and θ back to the law in SI.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 #include "palpate/force_laws.hpp"
 #include "palpate/matrix.hpp"

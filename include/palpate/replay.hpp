@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/estimate.hpp"
+#include "palpate/status.hpp"
 
 namespace palpate {
 

@@ -1,6 +1,8 @@
 #include "estimate.hpp"
 
+#include <array>
 #include <cmath>
+#include <cstddef>
 
 #include "conversions.hpp"
 #include "update_method.hpp"

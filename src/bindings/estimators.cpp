@@ -1,6 +1,9 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 
+#include <array>
+#include <cstddef>
+#include <cstring>
 #include <optional>
 
 #include "conversions.hpp"
@@ -22,6 +25,7 @@ template <class Regression>
 typename RegressionMethod<Regression>::Settings method_settings(
     const RegressionMethod<Regression>*, const PlainSettings<Regression::order>& plain) {
   typename Regression::Law law{};
+  static_assert(sizeof law == sizeof plain.initial);
   std::memcpy(&law, plain.initial.data(), sizeof law);
   return {law, plain.initial_covariance};
 }

@@ -1,5 +1,9 @@
 #include "palpate/least_squares.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <string>
 #include <utility>
 #include <variant>
 
