@@ -34,29 +34,35 @@ constexpr Matrix<Size> diagonal(const Vector<Size>& values) noexcept {
   return matrix;
 }
 
-// Rounding moves a pivot by a few ε of its diagonal; a pivot above this share of it proves that the
-// stored matrix is positive definite.
-inline constexpr double smallest_pivot = 64.0 * std::numeric_limits<double>::epsilon();
+// Eliminating a matrix in floating point is exact for one whose entries differ by a few ε of its
+// diagonal. One that stays positive definite with this share of its diagonal taken off therefore is
+// so as stored (Rump, BIT 46, 2006).
+template <std::size_t Size>
+inline constexpr double definiteness_margin =
+    8.0 * static_cast<double>(Size * Size) * std::numeric_limits<double>::epsilon();
 
 // True when the symmetric matrix is provably positive definite. Entries must lie within 1e±70, so
 // that the products below neither overflow nor vanish. NaN fails.
 template <std::size_t Size>
 constexpr bool is_positive_definite(const Matrix<Size>& m) noexcept {
+  constexpr double kept = 1.0 - definiteness_margin<Size>;
   if constexpr (Size == 1) {
     return m[0][0] > 0.0;
   } else if constexpr (Size <= 3) {
     // Leading minors, without a division: this runs once a sample.
-    const double minor = m[0][0] * m[1][1] - m[0][1] * m[0][1];
-    if (!(m[0][0] > 0.0 && minor > smallest_pivot * (m[0][0] * m[1][1]))) return false;
+    const double first = kept * m[0][0];
+    const double minor = first * (kept * m[1][1]) - m[0][1] * m[0][1];
+    if (!(first > 0.0 && minor > 0.0)) return false;
     if constexpr (Size == 2) return true;
-    const double across = m[0][0] * m[1][2] - m[0][1] * m[0][2];
-    const double last = m[0][0] * m[2][2] - m[0][2] * m[0][2];
-    return minor * last - across * across > smallest_pivot * (m[0][0] * minor * m[2][2]);
+    const double across = first * m[1][2] - m[0][1] * m[0][2];
+    const double last = first * (kept * m[2][2]) - m[0][2] * m[0][2];
+    return minor * last > across * across;
   } else {
     Matrix<Size> reduced = m;  // LDLᵀ
+    for (std::size_t k = 0; k < Size; ++k) reduced[k][k] *= kept;
     for (std::size_t k = 0; k < Size; ++k) {
       const double pivot = reduced[k][k];
-      if (!(pivot > smallest_pivot * m[k][k] && m[k][k] > 0.0)) return false;
+      if (!(pivot > 0.0)) return false;
       for (std::size_t i = k + 1; i < Size; ++i) {
         const double ratio = reduced[k][i] / pivot;
         for (std::size_t j = i; j < Size; ++j) reduced[i][j] -= ratio * reduced[k][j];
