@@ -71,12 +71,14 @@ class DoubleStageMethod {
   // The stages' own covariances; neither knows of the other, so K and n appear independent
   // but for the unit of K, which depends on n.
   Matrix<order> covariance(const Law& law, const Units& u) const noexcept {
-    return congruence(jacobian(law, u), stages());
+    return congruence(jacobian(law, u),
+                      of_stages(stage_one_.scaled_root(), stage_two_.scaled_root()));
   }
 
   // The diagonal of covariance().
   Vector<order> variances(const Law& law, const Units& u) const noexcept {
-    return congruent_diagonal(jacobian(law, u), stages());
+    return congruent_diagonal(jacobian(law, u), of_stages(stage_one_.scaled_covariance(),
+                                                          stage_two_.scaled_covariance()));
   }
 
  private:
@@ -93,11 +95,8 @@ class DoubleStageMethod {
              {0.0, 0.0, 1.0}}};
   }
 
-  Matrix<order> stages() const noexcept {
-    const Matrix<2> one = stage_one_.scaled_covariance();
-    return {{{one[0][0], one[0][1], 0.0},
-             {one[1][0], one[1][1], 0.0},
-             {0.0, 0.0, stage_two_.scaled_covariance()[0][0]}}};
+  static Matrix<order> of_stages(const Matrix<2>& one, const Matrix<1>& two) noexcept {
+    return {{{one[0][0], one[0][1], 0.0}, {one[1][0], one[1][1], 0.0}, {0.0, 0.0, two[0][0]}}};
   }
 
   LeastSquares<2> stage_one_;

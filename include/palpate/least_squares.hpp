@@ -10,6 +10,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -89,6 +90,16 @@ class LeastSquares {
     const double noise = noise_variance();
     for (auto& line : result) {
       for (double& entry : line) entry *= noise;
+    }
+    return result;
+  }
+
+  // The lower triangle L of scaled_covariance() = L Lᵀ.
+  Matrix<Order> scaled_root() const noexcept {
+    Matrix<Order> result = cholesky(covariance_);
+    const double deviation = std::sqrt(noise_variance());
+    for (auto& line : result) {
+      for (double& entry : line) entry *= deviation;
     }
     return result;
   }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 
@@ -95,17 +96,31 @@ constexpr Matrix<Size> inverse(Matrix<Size> matrix) noexcept {
   return result;
 }
 
-// J S Jᵀ, symmetric to the last bit.
+// The lower triangle L of a positive definite matrix L Lᵀ.
 template <std::size_t Size>
-constexpr Matrix<Size> congruence(const Matrix<Size>& jacobian, const Matrix<Size>& s) noexcept {
-  Matrix<Size> left{};
-  for (std::size_t i = 0; i < Size; ++i) left[i] = multiply(s, jacobian[i]);
-  Matrix<Size> result{};
-  for (std::size_t i = 0; i < Size; ++i) {
-    for (std::size_t j = i; j < Size; ++j) {
-      result[i][j] = result[j][i] = dot(left[i], jacobian[j]);
+inline Matrix<Size> cholesky(const Matrix<Size>& m) noexcept {
+  Matrix<Size> lower{};
+  for (std::size_t j = 0; j < Size; ++j) {
+    lower[j][j] = std::sqrt(m[j][j] - dot(lower[j], lower[j]));
+    for (std::size_t i = j + 1; i < Size; ++i) {
+      lower[i][j] = (m[i][j] - dot(lower[i], lower[j])) / lower[j][j];
     }
   }
+  return lower;
+}
+
+// J S Jᵀ of S = L Lᵀ as (J L)(J L)ᵀ: by its form neither unsymmetric nor indefinite.
+template <std::size_t Size>
+constexpr Matrix<Size> congruence(const Matrix<Size>& jacobian,
+                                  const Matrix<Size>& lower) noexcept {
+  Matrix<Size> root{};
+  for (std::size_t i = 0; i < Size; ++i) {
+    for (std::size_t j = 0; j < Size; ++j) {
+      for (std::size_t k = j; k < Size; ++k) root[i][j] += jacobian[i][k] * lower[k][j];
+    }
+  }
+  Matrix<Size> result{};
+  for (std::size_t i = 0; i < Size; ++i) result[i] = multiply(root, root[i]);
   return result;
 }
 

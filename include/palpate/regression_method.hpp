@@ -43,7 +43,7 @@ class RegressionMethod {
   }
 
   Matrix<order> covariance(const Law& law, const Units& units) const noexcept {
-    return congruence(Regression::jacobian(law, units), least_squares_.scaled_covariance());
+    return congruence(Regression::jacobian(law, units), least_squares_.scaled_root());
   }
 
   // The diagonal of covariance().
