@@ -1,12 +1,16 @@
-// Does on purpose what the sanitizers are there to stop: a test that passes when they do.
+// Does on purpose what the sanitizers are there to stop.
+#include <cstdio>
 #include <cstring>
 #include <limits>
 #include <memory>
 
 int main(int count, char** arguments) {
+  volatile int result = 0;
   if (count > 1 && std::strcmp(arguments[1], "overflow") == 0) {
-    return std::numeric_limits<int>::max() - 1 + count;
+    result = std::numeric_limits<int>::max() - 1 + count;
+  } else {
+    const auto numbers = std::make_unique<int[]>(4);
+    result = numbers.get()[count + 3];
   }
-  const auto numbers = std::make_unique<int[]>(4);
-  return numbers.get()[count + 3];
+  std::puts("survived");
 }
