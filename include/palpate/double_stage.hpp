@@ -7,7 +7,16 @@
 // between K and n. That is the method's nature, shown here as it is.
 #pragma once
 
-#include "palpate/regression_method.hpp"
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "palpate/estimate.hpp"
+#include "palpate/force_laws.hpp"
+#include "palpate/least_squares.hpp"
+#include "palpate/matrix.hpp"
+#include "palpate/scale.hpp"
+#include "palpate/status.hpp"
 
 namespace palpate {
 
@@ -28,7 +37,7 @@ class DoubleStageMethod {
   DoubleStageMethod(const Settings& settings, const Units& units) noexcept
       : settings_(settings),
         stage_one_({in_scaled_units(settings.initial, units), settings.stage_one_covariance}),
-        stage_two_({{settings.initial.exponent}, {{{settings.stage_two_covariance}}}}) {}
+        stage_two_({{saturate(settings.initial.exponent)}, {{{settings.stage_two_covariance}}}}) {}
 
   template <class Adapt>
   Status learn(const Sample& sample, double, Adapt&& adapt) noexcept {
@@ -60,6 +69,9 @@ class DoubleStageMethod {
     stage_two_ = LeastSquares<1>({stage_two_.parameters(), {{{settings_.stage_two_covariance}}}});
   }
 
+  const LeastSquares<2>& stage_one() const noexcept { return stage_one_; }
+  const LeastSquares<1>& stage_two() const noexcept { return stage_two_; }
+
   Law law(const Units& u) const noexcept {
     const double exponent = saturate(stage_two_.parameters()[0]);
     const double unit = u.force * bounded_exp(-exponent * u.log_penetration);
@@ -73,18 +85,20 @@ class DoubleStageMethod {
   // but for the unit of K, which depends on n.
   Fit<Law> fit(const Units& u) const noexcept {
     const Law now = law(u);
-    return {now, congruence(jacobian(now, u), stages())};
+    return {now, congruence(jacobian(now, u),
+                            of_stages(stage_one_.scaled_root(), stage_two_.scaled_root()))};
   }
 
   Moment<Law> moment(const Units& u) const noexcept {
     const Law now = law(u);
-    return {now, congruent_diagonal(jacobian(now, u), stages())};
+    return {now, congruent_diagonal(jacobian(now, u), of_stages(stage_one_.scaled_covariance(),
+                                                                stage_two_.scaled_covariance()))};
   }
 
  private:
   static Vector<2> in_scaled_units(const Law& law, const Units& u) noexcept {
-    const double unit = std::pow(u.penetration, law.exponent) / u.force;
-    return {law.stiffness * unit, law.damping * unit * u.velocity};
+    const double unit = bounded_exp(law.exponent * u.log_penetration) / u.force;
+    return {saturate(law.stiffness * unit), saturate(law.damping * unit * u.velocity)};
   }
 
   // Of (K, B, n) in SI by [K, B] in scaled units and n.
@@ -95,11 +109,8 @@ class DoubleStageMethod {
              {0.0, 0.0, 1.0}}};
   }
 
-  Matrix<order> stages() const noexcept {
-    const Matrix<2> one = stage_one_.scaled_covariance();
-    return {{{one[0][0], one[0][1], 0.0},
-             {one[1][0], one[1][1], 0.0},
-             {0.0, 0.0, stage_two_.scaled_covariance()[0][0]}}};
+  static Matrix<order> of_stages(const Matrix<2>& one, const Matrix<1>& two) noexcept {
+    return {{{one[0][0], one[0][1], 0.0}, {one[1][0], one[1][1], 0.0}, {0.0, 0.0, two[0][0]}}};
   }
 
   Settings settings_;

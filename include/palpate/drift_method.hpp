@@ -65,7 +65,7 @@ class DriftMethod {
       return fit;
     }
     const Law law = tracked_law(units);
-    const Matrix<4> joint = congruence(jacobian(law, units), covariance_);
+    const Matrix<4> joint = congruence(jacobian(law, units), cholesky(covariance_));
     Fit<Law> fit{.law = law,
                  .covariance = {},
                  .offset = {state_[3] * units.force, joint[3][3], {}},
@@ -99,7 +99,7 @@ class DriftMethod {
                                per_stiffness * units_.velocity, 0.0, 0.0},
                               {0.0, 0.0, 1.0, 0.0},
                               {0.0, 0.0, 0.0, units_.per_force}}};
-    covariance_ = congruence(to_state, joint(fit));
+    covariance_ = congruence(to_state, cholesky(joint(fit)));
     // The material drifted while it was taken for constant: ten times the deviation covers that.
     for (auto& row : covariance_) {
       for (double& entry : row) entry *= 100.0;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 
 #include "palpate/force_laws.hpp"
@@ -17,7 +18,8 @@ inline double validity_margin(const HuntCrossley& law, double velocity) noexcept
   const double share = std::abs(law.damping) > 0.0
                            ? std::abs(velocity) * std::abs(law.damping) / std::abs(law.stiffness)
                            : 0.0;
-  return std::max(1.0 - share / 0.1, -largest_parameter);
+  // In this order a NaN, of a law without stiffness at rest, is no margin either.
+  return std::max(-largest_parameter, 1.0 - share / 0.1);
 }
 
 template <class Law>

@@ -4,12 +4,14 @@
 //
 // π is the self-perturbation. While the signal excites every direction these are the equations, bit
 // for bit. Where they would wind P up or make it indefinite, the guard takes the sample with λ = 1
-// and π = 0; where even that cannot be represented, P stays and only θ moves, which contracts the
-// error in the norm of P⁻¹ and so is stable for every φ. See docs/numerics.md.
+// and π = 0; where one sample tells so much more than P that P has no digits for both, it counts
+// for as much as P can hold; and where even that cannot be represented, P stays and only θ moves,
+// which contracts the error in the norm of P⁻¹ and so is stable for every φ. See docs/numerics.md.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 
 #include "palpate/matrix.hpp"
@@ -20,8 +22,13 @@ namespace palpate {
 // Forgetting may not make a direction more than this much less certain than it was at the start.
 inline constexpr double largest_windup = 1e6;
 inline constexpr double smallest_variance = 1e-70;
-inline constexpr double largest_coefficient = 1e150;
-inline constexpr double largest_residual = 1e250;
+// A guarded sample may not make its direction more than this much more certain at once.
+inline constexpr double largest_gain = 0x1p36;
+// Samples that would pass these are refused. Within them J P Jᵀ times the noise variance is finite
+// for every law and scale.
+inline constexpr double largest_coefficient = 1e100;
+inline constexpr double largest_residual = 1e70;
+inline constexpr double largest_innovation = 1e300;
 
 template <std::size_t Order>
 class LeastSquares {
@@ -56,10 +63,12 @@ class LeastSquares {
     // Rounding alone can make φᵀPφ negative, and only where cancellation has eaten every digit.
     const double spread = std::max(dot(regressor, g), 0.0);
     const double error = output - predict(regressor);
-    Step step = renewed(g, spread, forgetting_factor, perturbation);
+    Step step = renewed(g, forgetting_factor + spread, forgetting_factor, perturbation);
     if (sound(step.covariance)) [[likely]]
       return commit(step, error, Status::updated);
-    if (forgetting_factor != 1.0 || perturbation != 0.0) step = renewed(g, spread, 1.0, 0.0);
+    const double noise = std::max(spread / largest_gain, 1.0);
+    if (forgetting_factor != 1.0 || perturbation != 0.0) step = renewed(g, 1.0 + spread, 1.0, 0.0);
+    if (noise > 1.0 && !sound(step.covariance)) step = renewed(g, noise + spread, 1.0, 0.0);
     if (!sound(step.covariance)) step.covariance = state_.covariance;
     return commit(step, error, Status::guarded);
   }
@@ -98,19 +107,29 @@ class LeastSquares {
     return result;
   }
 
+  // The lower triangle L of scaled_covariance() = L Lᵀ.
+  Matrix<Order> scaled_root() const noexcept {
+    Matrix<Order> result = cholesky(state_.covariance);
+    const double deviation = std::sqrt(noise_variance());
+    for (auto& line : result) {
+      for (double& entry : line) entry *= deviation;
+    }
+    return result;
+  }
+
  private:
   // One application of eq. 13, not yet committed.
   struct Step {
     Vector<Order> gain;  // L
     Matrix<Order> covariance;
-    double innovation;  // λ + φᵀ g
+    double innovation;  // λ + φᵀ g, or more where guarded
     double forgetting_factor;
     double perturbation;
   };
 
-  constexpr Step renewed(const Vector<Order>& g, double spread, double lambda,
+  constexpr Step renewed(const Vector<Order>& g, double innovation, double lambda,
                          double perturbation) const noexcept {
-    Step step{{}, {}, lambda + spread, lambda, perturbation};
+    Step step{{}, {}, innovation, lambda, perturbation};
     for (std::size_t i = 0; i < Order; ++i) step.gain[i] = g[i] / step.innovation;
     for (std::size_t i = 0; i < Order; ++i) {
       for (std::size_t j = i; j < Order; ++j) {
@@ -133,10 +152,10 @@ class LeastSquares {
 
   constexpr Status commit(const Step& step, double error, Status status) noexcept {
     Vector<Order> moved = state_.parameters;
-    bool within = true;
+    bool within = step.innovation <= largest_innovation;
     for (std::size_t i = 0; i < Order; ++i) {
       moved[i] += step.gain[i] * error;
-      within &= std::abs(moved[i]) <= largest_coefficient;
+      within &= moved[i] >= -largest_coefficient && moved[i] <= largest_coefficient;
     }
     const double lambda = step.forgetting_factor;
     const double residual = lambda * (state_.residual + error * (error / step.innovation));

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 
@@ -35,29 +36,35 @@ constexpr Matrix<Size> diagonal(const Vector<Size>& values) noexcept {
   return matrix;
 }
 
-// Rounding moves a pivot by a few ε of its diagonal; a pivot above this share of it proves that the
-// stored matrix is positive definite.
-inline constexpr double smallest_pivot = 64.0 * std::numeric_limits<double>::epsilon();
+// Eliminating a matrix in floating point is exact for one whose entries differ by a few ε of its
+// diagonal. One that stays positive definite with this share of its diagonal taken off therefore is
+// so as stored (Rump, BIT 46, 2006).
+template <std::size_t Size>
+inline constexpr double definiteness_margin =
+    8.0 * static_cast<double>(Size * Size) * std::numeric_limits<double>::epsilon();
 
 // True when the symmetric matrix is provably positive definite. Entries must lie within 1e±70, so
 // that the products below neither overflow nor vanish. NaN fails.
 template <std::size_t Size>
 constexpr bool is_positive_definite(const Matrix<Size>& m) noexcept {
+  constexpr double kept = 1.0 - definiteness_margin<Size>;
   if constexpr (Size == 1) {
     return m[0][0] > 0.0;
   } else if constexpr (Size <= 3) {
     // Leading minors, without a division: this runs once a sample.
-    const double minor = m[0][0] * m[1][1] - m[0][1] * m[0][1];
-    if (!(m[0][0] > 0.0 && minor > smallest_pivot * (m[0][0] * m[1][1]))) return false;
+    const double first = kept * m[0][0];
+    const double minor = first * (kept * m[1][1]) - m[0][1] * m[0][1];
+    if (!(first > 0.0 && minor > 0.0)) return false;
     if constexpr (Size == 2) return true;
-    const double across = m[0][0] * m[1][2] - m[0][1] * m[0][2];
-    const double last = m[0][0] * m[2][2] - m[0][2] * m[0][2];
-    return minor * last - across * across > smallest_pivot * (m[0][0] * minor * m[2][2]);
+    const double across = first * m[1][2] - m[0][1] * m[0][2];
+    const double last = first * (kept * m[2][2]) - m[0][2] * m[0][2];
+    return minor * last > across * across;
   } else {
     Matrix<Size> reduced = m;  // LDLᵀ
+    for (std::size_t k = 0; k < Size; ++k) reduced[k][k] *= kept;
     for (std::size_t k = 0; k < Size; ++k) {
       const double pivot = reduced[k][k];
-      if (!(pivot > smallest_pivot * m[k][k] && m[k][k] > 0.0)) return false;
+      if (!(pivot > 0.0)) return false;
       for (std::size_t i = k + 1; i < Size; ++i) {
         const double ratio = reduced[k][i] / pivot;
         for (std::size_t j = i; j < Size; ++j) reduced[i][j] -= ratio * reduced[k][j];
@@ -101,7 +108,8 @@ constexpr Matrix<Size> guarded_inverse(const Matrix<Size>& matrix,
   for (std::size_t j = 0; j < Size; ++j) {
     double pivot = matrix[j][j];
     for (std::size_t k = 0; k < j; ++k) pivot -= lower[j][k] * lower[j][k] * pivots[k];
-    pivots[j] = pivot > smallest_pivot * matrix[j][j] ? std::max(pivot, prior[j]) : prior[j];
+    pivots[j] =
+        pivot > definiteness_margin<Size> * matrix[j][j] ? std::max(pivot, prior[j]) : prior[j];
     reciprocals[j] = 1.0 / pivots[j];
     for (std::size_t i = j + 1; i < Size; ++i) {
       double entry = matrix[i][j];
@@ -128,17 +136,33 @@ constexpr Matrix<Size> guarded_inverse(const Matrix<Size>& matrix,
   return result;
 }
 
-// J S Jᵀ, symmetric to the last bit.
+// The lower triangle L of a positive semidefinite matrix L Lᵀ; an empty row gives an empty column.
 template <std::size_t Size>
-constexpr Matrix<Size> congruence(const Matrix<Size>& jacobian, const Matrix<Size>& s) noexcept {
-  Matrix<Size> left{};
-  for (std::size_t i = 0; i < Size; ++i) left[i] = multiply(s, jacobian[i]);
-  Matrix<Size> result{};
-  for (std::size_t i = 0; i < Size; ++i) {
-    for (std::size_t j = i; j < Size; ++j) {
-      result[i][j] = result[j][i] = dot(left[i], jacobian[j]);
+inline Matrix<Size> cholesky(const Matrix<Size>& m) noexcept {
+  Matrix<Size> lower{};
+  for (std::size_t j = 0; j < Size; ++j) {
+    const double pivot = m[j][j] - dot(lower[j], lower[j]);
+    if (!(pivot > 0.0)) continue;
+    lower[j][j] = std::sqrt(pivot);
+    for (std::size_t i = j + 1; i < Size; ++i) {
+      lower[i][j] = (m[i][j] - dot(lower[i], lower[j])) / lower[j][j];
     }
   }
+  return lower;
+}
+
+// J S Jᵀ of S = L Lᵀ as (J L)(J L)ᵀ: by its form neither unsymmetric nor indefinite.
+template <std::size_t Size>
+constexpr Matrix<Size> congruence(const Matrix<Size>& jacobian,
+                                  const Matrix<Size>& lower) noexcept {
+  Matrix<Size> root{};
+  for (std::size_t i = 0; i < Size; ++i) {
+    for (std::size_t j = 0; j < Size; ++j) {
+      for (std::size_t k = j; k < Size; ++k) root[i][j] += jacobian[i][k] * lower[k][j];
+    }
+  }
+  Matrix<Size> result{};
+  for (std::size_t i = 0; i < Size; ++i) result[i] = multiply(root, root[i]);
   return result;
 }
 

@@ -63,7 +63,7 @@ class ProjectionMethod {
     const Projection now = solve();
     const Law law = this->law(now, units);
     const double inflation = residuals_.inflation();
-    Matrix<5> joint = congruence(jacobian(law, units), now.covariance);
+    Matrix<5> joint = congruence(jacobian(law, units), cholesky(now.covariance));
     for (auto& row : joint) {
       for (double& entry : row) entry *= inflation;
     }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <utility>
@@ -28,11 +29,11 @@ class RecursiveEstimator {
 
   struct Settings {
     typename Method::Settings method;
-    Forgetting::Settings forgetting;
-    SelfPerturbation perturbation;
-    ChangeDetector::Settings changes;
-    ContactGate::Settings gate;
-    Scale scale;
+    Forgetting::Settings forgetting{};
+    SelfPerturbation perturbation{};
+    ChangeDetector::Settings changes{};
+    ContactGate::Settings gate{};
+    Scale scale{};
     double sample_time = 1e-3;  // s
   };
 
@@ -85,6 +86,9 @@ class RecursiveEstimator {
 
   double last_velocity() const noexcept { return velocity_; }
   const Settings& settings() const noexcept { return settings_; }
+
+  // The recursion inside, for θ and P as they are, in scaled units.
+  const Method& method() const noexcept { return method_; }
 
   void reset() noexcept { *this = RecursiveEstimator(settings_); }
 

@@ -1,10 +1,14 @@
 // A force law identified by one recursive least squares: KV-RLS, EKV-RLS and the single stage.
 #pragma once
 
+#include <cstddef>
+
 #include "palpate/estimate.hpp"
-#include "palpate/forgetting.hpp"
 #include "palpate/least_squares.hpp"
+#include "palpate/matrix.hpp"
 #include "palpate/regressions.hpp"
+#include "palpate/scale.hpp"
+#include "palpate/status.hpp"
 
 namespace palpate {
 
@@ -42,6 +46,7 @@ class RegressionMethod {
   void restart() noexcept {
     least_squares_ = LeastSquares<order>({least_squares_.parameters(), initial_covariance_});
   }
+  const LeastSquares<order>& least_squares() const noexcept { return least_squares_; }
 
   Law law(const Units& units) const noexcept {
     return Regression::law(least_squares_.parameters(), units);
@@ -53,7 +58,7 @@ class RegressionMethod {
 
   Fit<Law> fit(const Units& units) const noexcept {
     const Law now = law(units);
-    return {now, congruence(Regression::jacobian(now, units), least_squares_.scaled_covariance())};
+    return {now, congruence(Regression::jacobian(now, units), least_squares_.scaled_root())};
   }
 
   Moment<Law> moment(const Units& units) const noexcept {

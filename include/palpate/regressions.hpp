@@ -1,8 +1,8 @@
 // Each force law as a linear regression y = φᵀθ in scaled units, and θ back to the law in SI.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 #include "palpate/force_laws.hpp"
 #include "palpate/matrix.hpp"
@@ -36,7 +36,8 @@ struct KelvinVoigtRegression {
     return dot(phi, theta);
   }
   static constexpr Vector<order> coefficients(const Law& law, const Units& u) noexcept {
-    return {law.stiffness * u.penetration / u.force, law.damping * u.velocity / u.force};
+    return {saturate(law.stiffness * u.penetration / u.force),
+            saturate(law.damping * u.velocity / u.force)};
   }
   static constexpr Law law(const Vector<order>& theta, const Units& u) noexcept {
     return {saturate(theta[0] * u.force / u.penetration),
@@ -63,9 +64,9 @@ struct ExtendedKelvinVoigtRegression {
     return dot(phi, theta);
   }
   static constexpr Vector<order> coefficients(const Law& law, const Units& u) noexcept {
-    return {law.stiffness * u.penetration / u.force,
-            law.quadratic_stiffness * u.penetration * u.penetration / u.force,
-            law.damping * u.velocity / u.force};
+    return {saturate(law.stiffness * u.penetration / u.force),
+            saturate(law.quadratic_stiffness * u.penetration * u.penetration / u.force),
+            saturate(law.damping * u.velocity / u.force)};
   }
   static constexpr Law law(const Vector<order>& theta, const Units& u) noexcept {
     return {saturate(theta[0] * u.force / u.penetration),
@@ -94,8 +95,8 @@ struct HuntCrossleyLogRegression {
     return bounded_exp(theta[0] + theta[2] * phi[2]) * (1.0 + theta[1] * phi[1]);
   }
   static Vector<order> coefficients(const Law& law, const Units& u) noexcept {
-    return {std::log(law.stiffness) + law.exponent * u.log_penetration - u.log_force,
-            law.damping / law.stiffness * u.velocity, law.exponent};
+    return {saturate(std::log(law.stiffness) + law.exponent * u.log_penetration - u.log_force),
+            saturate(law.damping / law.stiffness * u.velocity), saturate(law.exponent)};
   }
   static Law law(const Vector<order>& theta, const Units& u) noexcept {
     const double stiffness = bounded_exp(theta[0] - theta[2] * u.log_penetration + u.log_force);
@@ -112,7 +113,7 @@ struct HuntCrossleyLogRegression {
   static Vector<order> variances(const Matrix<order>& p, const Law& law, const Units& u) noexcept {
     const double depth = -u.log_penetration;
     const double log_stiffness = p[0][0] + depth * (2.0 * p[0][2] + depth * p[2][2]);
-    const double dissipation = law.stiffness / u.velocity;
+    const double dissipation = saturate(law.stiffness / u.velocity);
     const double shared = dissipation * (p[0][1] + depth * p[1][2]);
     return {law.stiffness * law.stiffness * log_stiffness,
             law.damping * (law.damping * log_stiffness + 2.0 * shared) +

@@ -7,6 +7,8 @@
 #include <cstdint>
 
 #include "palpate/estimate.hpp"
+#include "palpate/matrix.hpp"
+#include "palpate/status.hpp"
 
 namespace palpate {
 
@@ -32,7 +34,8 @@ struct TraceColumns {
 
 // Flattened: one body without calls is a tenth quicker than what the inliner chooses.
 template <class Estimator>
-[[gnu::flatten]] void replay(Estimator& estimator, const Signals& in, const TraceColumns& out) noexcept {
+[[gnu::flatten]] void replay(Estimator& estimator, const Signals& in,
+                             const TraceColumns& out) noexcept {
   constexpr std::size_t size = Estimator::Law::size;
   const double sample_time = estimator.settings().sample_time;
   for (std::size_t k = 0; k < in.count; ++k) {

@@ -4,11 +4,11 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
-#include <string>
+#include <initializer_list>
 #include <type_traits>
-
-#include "palpate/matrix.hpp"
 
 namespace palpate::bindings {
 

@@ -1,7 +1,9 @@
 #include "estimate.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 
 #include "conversions.hpp"
 #include "update_method.hpp"

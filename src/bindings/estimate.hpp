@@ -2,10 +2,12 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "palpate/estimate.hpp"
-#include "palpate/recursive_estimator.hpp"
+#include "palpate/force_laws.hpp"
+#include "palpate/status.hpp"
 
 namespace palpate::bindings {
 

@@ -1,4 +1,6 @@
 // The recursive least squares estimators.
+#include <cstring>
+
 #include "estimator_face.hpp"
 
 namespace palpate::bindings {
@@ -15,6 +17,7 @@ template <class Regression>
 typename RegressionMethod<Regression>::Settings method_settings(
     const RegressionMethod<Regression>*, const PlainSettings<Regression::order>& plain) {
   typename Regression::Law law{};
+  static_assert(sizeof law == sizeof plain.initial);
   std::memcpy(&law, plain.initial.data(), sizeof law);
   return {law, plain.initial_covariance};
 }

@@ -1,5 +1,7 @@
 #include "palpate/force_laws.hpp"
 
+#include <cstddef>
+
 #include "conversions.hpp"
 
 namespace palpate::bindings {

@@ -1,5 +1,9 @@
 #include "palpate/least_squares.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <string>
 #include <utility>
 #include <variant>
 
@@ -58,9 +62,10 @@ template <std::size_t Order>
 Status update(LeastSquares<Order>& recursion, const nb::sequence& sequence, double output,
               double forgetting_factor, double perturbation) {
   const Vector<Order> regressor = regressor_of<Order>(sequence);
-  double sum = output;
-  for (const double entry : regressor) sum += entry;
-  if (!std::isfinite(sum) || !std::isfinite(perturbation)) return Status::not_finite;
+  const auto finite = [](double number) { return std::isfinite(number); };
+  if (!finite(output) || !finite(perturbation) || !std::ranges::all_of(regressor, finite)) {
+    return Status::not_finite;
+  }
   if (!(forgetting_factor > 0.0 && forgetting_factor <= 1.0) || perturbation < 0.0) {
     return Status::out_of_range;
   }

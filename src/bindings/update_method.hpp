@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 
 #include "conversions.hpp"
 #include "palpate/status.hpp"

@@ -1,0 +1,48 @@
+// A robot presses its probe into something it does not know, and learns what it is as it moves.
+#include <cmath>
+#include <cstddef>
+#include <cstdio>
+#include <palpate/palpate.hpp>
+#include <random>
+
+int main() {
+  // The world: soft rubber, F = K xⁿ + B xⁿ v, felt by a force sensor with 0.05 N of noise.
+  const palpate::HuntCrossley rubber{.stiffness = 20000.0, .damping = 20000.0, .exponent = 1.5};
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0.0, 0.05);
+
+  // What the robot knows: nothing. It takes the logarithm of the force, so contact is where the
+  // force is well above the noise: made at 1 N, lost at 0.8 N. In between it keeps what it learned.
+  palpate::SingleStageRLS estimator(
+      {.method = {.initial = {.stiffness = 0.1, .damping = 0.0, .exponent = 1.0},
+                  .initial_covariance = palpate::diagonal<3>({1e3, 1e3, 1e3})},
+       .forgetting = {.initial_factor = 0.99, .rate = 5.0},
+       .gate = {.minimum_penetration = 1e-3, .make_force = 1.0, .break_force = 0.8}});
+
+  for (int tick = 0; tick <= 3000; ++tick) {
+    // Your 1 kHz loop: wait for the clock, read the encoder and the force sensor.
+    const double t = 1e-3 * tick;
+    const double approach = 12e-3 * std::exp(-3.0 * t);
+    const double x = 10e-3 - approach + 1.8e-3 * std::sin(11.0 * t) + 1.8e-3 * std::sin(15.0 * t);
+    const double v = 3.0 * approach + 19.8e-3 * std::cos(11.0 * t) + 27e-3 * std::cos(15.0 * t);
+    const double force = rubber.force(x, v) + noise(random);
+
+    estimator.update(x, v, force);  // m, m/s, N; never throws, allocates or blocks
+
+    if (tick % 250 != 0) continue;
+    const auto now = estimator.estimate();
+    const auto error = [&](std::size_t i) { return std::sqrt(now.covariance[i][i]); };
+    std::printf("%4.2f s  K %7.0f ± %3.0f   B %7.0f ± %4.0f   n %.3f ± %.3f   %s\n", t,
+                now.parameters[0], error(0), now.parameters[1], error(1), now.parameters[2],
+                error(2), now.samples == 0 ? "no contact yet" : "");
+  }
+  std::printf("it was  K %7.0f         B %7.0f          n %.3f\n", rubber.stiffness, rubber.damping,
+              rubber.exponent);
+
+  const palpate::HuntCrossley found = estimator.law();
+  const auto close = [](double a, double b) { return std::abs(a - b) < 0.02 * b; };
+  const bool recovered = close(found.stiffness, rubber.stiffness) &&
+                         close(found.damping, rubber.damping) &&
+                         close(found.exponent, rubber.exponent);
+  return recovered ? 0 : 1;
+}

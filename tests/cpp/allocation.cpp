@@ -1,0 +1,73 @@
+// Counts every allocation of the program: none may happen between settings and answers.
+#include <cstdlib>
+#include <new>
+#include <vector>
+
+#include "check.hpp"
+#include "estimators.hpp"
+
+namespace {
+
+long allocations = 0;
+
+void* counted(std::size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size)) return memory;
+  throw std::bad_alloc();
+}
+
+}  // namespace
+
+// The array and nothrow forms end in these.
+void* operator new(std::size_t size) { return counted(size); }
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  ++allocations;
+  const std::size_t unit = static_cast<std::size_t>(alignment);
+  if (void* memory = std::aligned_alloc(unit, (size + unit - 1) / unit * unit)) return memory;
+  throw std::bad_alloc();
+}
+void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
+
+using namespace palpate;
+
+TEST("an allocation is counted") {
+  const long before = allocations;
+  std::vector<double> memory(100);
+  CHECK(allocations == before + 1);
+  memory.resize(1000);
+  CHECK(allocations == before + 2);
+}
+
+TEST("construction, update, predict, estimate, replay and reset never allocate") {
+  constexpr std::size_t count = 200;
+  std::vector<double> x(count), v(count), f(count), parameters(3 * count), errors(3 * count),
+      predicted(count), margins(count);
+  std::vector<std::uint8_t> status(count);
+  for_each_estimator([&]<class Estimator>() {
+    const auto law = ball<typename Estimator::Law>;
+    for (std::size_t k = 0; k < count; ++k) {
+      const Sample s = probed(law, 1e-3 * static_cast<double>(k));
+      x[k] = s.penetration;
+      v[k] = s.velocity;
+      f[k] = s.force;
+    }
+    const long before = allocations;
+    Estimator estimator(defaults<Estimator>());
+    probe(estimator, law, 1.0);
+    estimator.update(std::nan(""), 0.0, 0.0);
+    estimator.update(-1e-3, 0.0, 0.0);
+    // What it gives must be used, or the compiler may leave the work out.
+    double used = estimator.predict(0.01, 0.02);
+    used += estimator.estimate().covariance[0][0];
+    replay(estimator, {x.data(), v.data(), f.data(), nullptr, count},
+           {parameters.data(), errors.data(), predicted.data(), margins.data(), status.data()});
+    estimator.reset();
+    const long after = allocations;
+    CHECK(after == before);
+    CHECK(std::isfinite(used + parameters.back()));
+  });
+}

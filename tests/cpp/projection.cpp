@@ -1,0 +1,140 @@
+// Variable projection, the search for the surface, and the filter for drift.
+#include <cmath>
+#include <cstddef>
+#include <type_traits>
+
+#include "check.hpp"
+#include "estimators.hpp"
+#include "palpate/palpate.hpp"
+#include "random_numbers.hpp"
+
+using namespace palpate;
+
+namespace {
+
+constexpr Scale probing{10e-3, 20e-3, 1.0};
+
+ProjectionEstimator projection() noexcept {
+  return ProjectionEstimator({.method = {}, .scale = probing});
+}
+
+// On clean data what is left is the interpolation of the sums and the rounding of J's slope.
+bool close(double value, double truth, double tolerance = 3e-6) noexcept {
+  return std::abs(value - truth) <= tolerance * std::abs(truth);
+}
+
+template <class Estimator>
+void storm(Estimator estimator, std::uint64_t seed, int count) {
+  RandomNumbers random(seed);
+  for (int k = 0; k < count; ++k) {
+    const bool wild = k % 3 == 0;
+    const Sample s = wild ? Sample{random.any(), random.any(), random.any()}
+                          : Sample{random.between(-0.01, 0.02), random.between(-0.1, 0.1),
+                                   random.between(-1.0, 30.0)};
+    estimator.update(s.penetration, s.velocity, s.force, wild ? random.any() : 1e-3);
+    if (k % 50) continue;
+    const auto now = estimator.estimate();
+    for (std::size_t i = 0; i < 3; ++i) {
+      CHECK(std::isfinite(now.parameters[i]));
+      for (std::size_t j = 0; j < 3; ++j) {
+        CHECK(std::isfinite(now.covariance[i][j]));
+        CHECK(now.covariance[i][j] == now.covariance[j][i]);
+      }
+      CHECK(now.covariance[i][i] >= 0.0);
+    }
+  }
+}
+
+}  // namespace
+
+static_assert(std::is_trivially_copyable_v<ProjectionEstimator>);
+static_assert(std::is_trivially_copyable_v<SurfaceEstimator>);
+static_assert(std::is_trivially_copyable_v<DriftEstimator>);
+
+TEST("Lagrange weights give a polynomial of degree five and its derivatives exactly") {
+  const auto f = [](double t) {
+    return 1.0 + t * (2.0 + t * (-1.0 + t * (0.5 + t * (0.1 - 0.03 * t))));
+  };
+  for (const double t : {0.0, 0.7, 2.5, 3.1, 5.0}) {
+    const LagrangeWeights w = lagrange_weights(t);
+    double value = 0.0, first = 0.0, second = 0.0;
+    for (std::size_t i = 0; i < 6; ++i) {
+      value += w.value[i] * f(static_cast<double>(i));
+      first += w.first[i] * f(static_cast<double>(i));
+      second += w.second[i] * f(static_cast<double>(i));
+    }
+    CHECK(std::abs(value - f(t)) < 1e-11);
+    CHECK(std::abs(first - (2.0 + t * (-2.0 + t * (1.5 + t * (0.4 - 0.15 * t))))) < 1e-11);
+    CHECK(std::abs(second - (-2.0 + t * (3.0 + t * (1.2 - 0.6 * t)))) < 1e-11);
+  }
+}
+
+TEST("clean probing gives the material, without a start") {
+  for (const HuntCrossley law : {HuntCrossley{2000.0, 2000.0, 1.0}, HuntCrossley{1e5, 2e5, 2.0},
+                                 HuntCrossley{300.0, 3000.0, 1.0}, HuntCrossley{50.0, 10.0, 0.6}}) {
+    ProjectionEstimator estimator = projection();
+    probe(estimator, law, 2.0);
+    const auto now = estimator.estimate();
+    CHECK(close(now.parameters[0], law.stiffness));
+    CHECK(close(now.parameters[1], law.damping));
+    CHECK(close(now.parameters[2], law.exponent));
+    CHECK(now.doubts == 0);
+  }
+}
+
+TEST("a held contact leaves the exponent and the damping in doubt") {
+  ProjectionEstimator estimator = projection();
+  for (int k = 0; k < 2000; ++k) estimator.update(0.01, 0.0, 20.0);
+  CHECK(estimator.estimate().doubts & exponent_not_identifiable);
+  CHECK(estimator.estimate().doubts & damping_not_identifiable);
+}
+
+TEST("asking for an estimate changes nothing") {
+  ProjectionEstimator estimator = projection();
+  probe(estimator, HuntCrossley{2000.0, 2000.0, 1.0}, 0.3);
+  const auto before = bytes_of(estimator);
+  estimator.estimate();
+  estimator.predict(0.01, 0.0);
+  CHECK(bytes_of(estimator) == before);
+}
+
+TEST("the surface is found from a free approach") {
+  SurfaceEstimator estimator({.method = {}, .scale = probing});
+  const HuntCrossley law{1e5, 2e5, 2.0};
+  const double surface = 0.7e-3;
+  for (int k = 0; k < 4000; ++k) {
+    const double t = 1e-3 * k;
+    const double x = -2e-3 + 10e-3 * (1.0 - std::cos(2.0 * t)) / 2.0;
+    const double v = 10e-3 * std::sin(2.0 * t);
+    estimator.update(x + surface, v, law.force(x, v));
+  }
+  const auto now = estimator.estimate();
+  CHECK(std::abs(now.surface.value - surface) < 10e-6);
+  CHECK(close(now.parameters[0], law.stiffness, 0.01));
+}
+
+TEST("a change is noticed, and the new material found") {
+  auto settings = ProjectionEstimator::Settings{.method = {}, .scale = probing};
+  settings.changes.drift = 4.0;
+  ProjectionEstimator estimator(settings);
+  RandomNumbers random(1);
+  Status noticed = Status::waiting;
+  for (int k = 0; k < 4000; ++k) {
+    const HuntCrossley law = k < 2000 ? HuntCrossley{1e5, 2e5, 2.0} : HuntCrossley{3e5, 3e5, 2.0};
+    Sample s = probed(law, 1e-3 * k);
+    s.force += random.between(-0.05, 0.05);
+    const Status status = update(estimator, s);
+    if (status == Status::restarted) noticed = status;
+  }
+  CHECK(noticed == Status::restarted);
+  CHECK(estimator.estimate().restarts == 1);
+  // 2 s of 0.03 N noise tell the stiffness to about half a percent.
+  CHECK(close(estimator.estimate().parameters[0], 3e5, 0.02));
+}
+
+TEST("arbitrary samples leave what stands on variable projection sound") {
+  storm(projection(), 1, 20000);
+  storm(SurfaceEstimator({.method = {}, .scale = probing}), 2, 2000);
+  storm(DriftEstimator({.method = {.projection = {}, .drift = {0.02, 0.0, 0.0}}, .scale = probing}),
+        3, 20000);
+}
