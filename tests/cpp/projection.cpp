@@ -72,7 +72,7 @@ TEST("Lagrange weights give a polynomial of degree five and its derivatives exac
 TEST("clean probing gives the material, without a start") {
   for (const HuntCrossley law : {HuntCrossley{2000.0, 2000.0, 1.0}, HuntCrossley{1e5, 2e5, 2.0},
                                  HuntCrossley{300.0, 3000.0, 1.0}, HuntCrossley{50.0, 10.0, 0.6}}) {
-    ProjectionEstimator estimator = projection();
+    ProjectionEstimator estimator({.method = {.offset = false}, .scale = probing});
     probe(estimator, law, 2.0);
     const auto now = estimator.estimate();
     CHECK(close(now.parameters[0], law.stiffness));
