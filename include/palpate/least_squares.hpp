@@ -22,6 +22,8 @@ inline constexpr double largest_windup = 1e6;
 inline constexpr double smallest_variance = 1e-70;
 inline constexpr double largest_coefficient = 1e150;
 inline constexpr double largest_residual = 1e250;
+// Reported at most, so that its product with P and with two derivatives of a law stays finite.
+inline constexpr double largest_noise_variance = 1e60;
 
 template <std::size_t Order>
 class LeastSquares {
@@ -72,7 +74,7 @@ class LeastSquares {
     Vector<Order> moved{};
     for (std::size_t i = 0; i < Order; ++i) moved[i] = parameters_[i] - settings_.initial[i];
     const double prior = prior_weight_ * dot(moved, multiply(initial_information_, moved));
-    return std::max(residual_ - prior, 0.0) / freedom;
+    return std::min(largest_noise_variance, std::max(0.0, residual_ - prior) / freedom);
   }
 
   // Covariance of θ: the noise variance times P.

@@ -104,7 +104,7 @@ struct HuntCrossleyLogRegression {
   static Vector<order> variances(const Matrix<order>& p, const Law& law, const Units& u) noexcept {
     const double depth = -u.log_penetration;
     const double log_stiffness = p[0][0] + depth * (2.0 * p[0][2] + depth * p[2][2]);
-    const double dissipation = law.stiffness / u.velocity;
+    const double dissipation = saturate(law.stiffness / u.velocity);
     const double shared = dissipation * (p[0][1] + depth * p[1][2]);
     return {law.stiffness * law.stiffness * log_stiffness,
             law.damping * (law.damping * log_stiffness + 2.0 * shared) +
