@@ -22,6 +22,7 @@ inline constexpr double largest_windup = 1e6;
 inline constexpr double smallest_variance = 1e-70;
 inline constexpr double largest_coefficient = 1e150;
 inline constexpr double largest_residual = 1e250;
+inline constexpr double largest_innovation = 1e300;
 // Reported at most, so that its product with P and with two derivatives of a law stays finite.
 inline constexpr double largest_noise_variance = 1e60;
 
@@ -129,7 +130,8 @@ class LeastSquares {
     }
     const double lambda = step.forgetting_factor;
     const double residual = lambda * (residual_ + error * (error / step.innovation));
-    if (!(within && residual <= largest_residual)) return Status::out_of_range;
+    within &= residual <= largest_residual && step.innovation <= largest_innovation;
+    if (!within) return Status::out_of_range;
     parameters_ = moved;
     covariance_ = step.covariance;
     residual_ = residual;

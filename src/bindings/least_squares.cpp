@@ -58,9 +58,9 @@ template <std::size_t Order>
 Status update(LeastSquares<Order>& recursion, const nb::sequence& sequence, double output,
               double forgetting_factor, double perturbation) {
   const Vector<Order> regressor = regressor_of<Order>(sequence);
-  double sum = output;
-  for (const double entry : regressor) sum += entry;
-  if (!std::isfinite(sum) || !std::isfinite(perturbation)) return Status::not_finite;
+  bool finite = std::isfinite(output) && std::isfinite(perturbation);
+  for (const double entry : regressor) finite = finite && std::isfinite(entry);
+  if (!finite) return Status::not_finite;
   if (!(forgetting_factor > 0.0 && forgetting_factor <= 1.0) || perturbation < 0.0) {
     return Status::out_of_range;
   }
