@@ -115,6 +115,8 @@ class ContactEstimator:
         """The settings, checked, as the compiled constructor takes them."""
         given = self._settings
         instance("initial", given["initial"], self.law_type)
+        for name, value in given["initial"].as_dict().items():
+            number_in(f"initial {name}", value, -1e100, 1e100)
         instance("forgetting", given["forgetting"], (ConstantForgetting, FadingForgetting))
         instance("perturbation", given["perturbation"], (SelfPerturbation, type(None)))
         instance("gate", given["gate"], (ContactGate, type(None)))
