@@ -64,7 +64,7 @@ class Contact:
             raise InvalidParameterError("force must be given: an array in N, not None")
         t, x, f = signals(time=time, penetration=penetration, force=force)
         labels = _labels(segment, t.size)
-        _check_time(t, labels, source)
+        _check_time(t, labels)
         history = dict(made or {})
         if velocity is None:
             v = np.concatenate(
@@ -148,12 +148,13 @@ def _parts(labels: NDArray[np.int64]) -> list[slice]:
     return [slice(a, b) for a, b in itertools.pairwise(edges) if b > a]
 
 
-def _check_time(time: Floats, labels: NDArray[np.int64], source: str) -> None:
+def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
     wrong = ~np.isfinite(time)
     wrong[1:] |= (np.diff(time) <= 0.0) & (np.diff(labels) == 0)
     if wrong.any():
         first = int(np.argmax(wrong))
+        before = f" after {time[first - 1]} s" if first else ""
         raise InvalidParameterError(
-            f"time must be finite and increase within a segment; sample {first} is "
-            f"{time[first]!r} after {time[first - 1]!r}"
+            "time must be finite and increase within a segment; "
+            f"sample {first} is {time[first]} s{before}"
         )

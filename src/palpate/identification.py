@@ -21,7 +21,7 @@ from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_frac
 from palpate.preparation.suggestions import suggest_gate, suggest_scale
 from palpate.settings import ContactGate, Scale
 from palpate.trace import Trace
-from palpate.validation import instance
+from palpate.validation import Floats, instance
 
 #: Every method by the name that the command line knows it by.
 METHODS: dict[str, type[ContactEstimator]] = {
@@ -187,10 +187,14 @@ def _never_touches(contact: Contact, estimator: ContactEstimator) -> str:
     return (
         f"{where}the probe never touches: no sample has penetration above "
         f"{gate.minimum_penetration:.3g} m and force above {gate.make_force:.3g} N "
-        f"(the largest are {np.nanmax(contact.penetration):.3g} m and "
-        f"{np.nanmax(contact.force):.3g} N); check the "
-        "units and signs, or lower the gate"
+        f"(the largest are {_largest(contact.penetration)} m and {_largest(contact.force)} N); "
+        "check the units and signs, or lower the gate"
     )
+
+
+def _largest(values: Floats) -> str:
+    known = values[~np.isnan(values)]
+    return f"{known.max():.3g}" if known.size else "no"
 
 
 def _flags(result: Identification) -> list[str]:
