@@ -89,6 +89,7 @@ BAD_TIMES = {
     "repeated": ([0.0, 0.1, 0.1, 0.2], "sample 2 is 0.1 s after 0.1 s"),
     "not known": ([0.0, math.nan, 0.1, 0.2], "sample 1 is nan s after 0.0 s"),
     "not known from the start": ([math.nan, 0.0, 0.1, 0.2], "sample 0 is nan s$"),
+    "endless twice": ([0.0, 0.1, math.inf, math.inf], "sample 2 is inf s after 0.1 s"),
     "endless": ([0.0, 0.1, 0.2, math.inf], "sample 3 is inf s after 0.2 s"),
 }
 

@@ -150,7 +150,7 @@ def _parts(labels: NDArray[np.int64]) -> list[slice]:
 
 def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
     wrong = ~np.isfinite(time)
-    wrong[1:] |= (np.diff(time) <= 0.0) & (np.diff(labels) == 0)
+    wrong[1:] |= (time[1:] <= time[:-1]) & (labels[1:] == labels[:-1])
     if wrong.any():
         first = int(np.argmax(wrong))
         before = f" after {time[first - 1]} s" if first else ""
