@@ -122,13 +122,15 @@ def save(figure: "Figure", path: str | Path) -> None:
         The path cannot be written, or no format has its ending.
     """
     path = Path(path)
+    if not path.suffix:
+        raise RecordingError(f"{path}: a figure's name must end in .svg, .pdf or .png")
     try:
         with tempfile.NamedTemporaryFile(
             dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix, delete=False
         ) as part:
             temporary = Path(part.name)
         try:
-            figure.savefig(temporary, facecolor=figure.get_facecolor())
+            _write(figure, temporary)
             temporary.chmod(0o666 & ~_umask())
             temporary.replace(path)
         finally:
@@ -136,9 +138,16 @@ def save(figure: "Figure", path: str | Path) -> None:
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}; choose a folder that exists") from None
     except ValueError:
-        raise RecordingError(
-            f"{path}: cannot draw {path.suffix or 'without an ending'}; use .svg, .pdf or .png"
-        ) from None
+        raise RecordingError(f"{path}: cannot draw {path.suffix}; use .svg, .pdf or .png") from None
+
+
+def _write(figure: "Figure", path: Path) -> None:
+    import matplotlib
+
+    # Without a date or random names, the same result gives the same file.
+    undated = {"Date": None} if path.suffix == ".svg" else None
+    with matplotlib.rc_context({"svg.hashsalt": "palpate"}):
+        figure.savefig(path, facecolor=figure.get_facecolor(), metadata=undated)
 
 
 def _umask() -> int:
@@ -180,7 +189,6 @@ class _style:  # noqa: N801 - reads as a statement
                 "legend.fontsize": 9,
                 "lines.linewidth": 1.3,
                 "font.size": 9.5,
-                "svg.hashsalt": "palpate",
             }
         )
 
@@ -221,8 +229,10 @@ def _draw_force(axes: "Axes", shown: list[Identification], theme: _Theme) -> Non
         inside = np.where(result.trace.taken, result.trace.predicted_force, np.nan)
         predicted = _broken(inside, contact, keep)
         axes.plot(time[keep], predicted, color=colour, linewidth=1.0, label=_label(result, shown))
-    low, high = np.nanmin(contact.force), np.nanmax(contact.force)
-    axes.set_ylim(low - 0.1 * (high - low), high + 0.25 * (high - low))
+    known = contact.force[np.isfinite(contact.force)]
+    low, high = float(known.min()), float(known.max())
+    span = (high - low) or abs(high)
+    axes.set_ylim(low - 0.1 * span, high + 0.25 * span)
     axes.set(xlabel=label, ylabel="force [N]", title="Force, and what was predicted of it")
     axes.legend(loc="upper right", ncols=min(3, 1 + len(shown)))
 
@@ -235,7 +245,7 @@ def _draw_error(axes: "Axes", shown: list[Identification], theme: _Theme) -> Non
     contact = shown[0].contact
     time, label = _clock(contact)
     keep = _shown(contact)
-    largest = float(np.nanmax(np.abs(contact.force)))
+    largest = _largest(np.abs(contact.force))
     for result, colour in zip(shown, theme.lines, strict=False):
         error = np.where(result.trace.taken, contact.force - result.trace.predicted_force, np.nan)
         rmse = result.prediction_rmse_percent
@@ -245,8 +255,9 @@ def _draw_error(axes: "Axes", shown: list[Identification], theme: _Theme) -> Non
         )
     # The first error of each start is as large as the force; the scale shows what comes after.
     errors = [np.abs(r.contact.force - r.trace.predicted_force)[r.trace.taken] for r in shown]
-    limit = max(float(np.nanpercentile(e, 99.0)) for e in errors if e.size)
-    axes.set_ylim(-min(1.3 * limit, largest), min(1.3 * limit, largest))
+    limit = min(1.3 * max(float(np.nanpercentile(e, 99.0)) for e in errors if e.size), largest)
+    limit = max(limit, 1e-12 * largest)
+    axes.set_ylim(-limit, limit)
     axes.set(
         xlabel=label, ylabel="error [N]", title="Prediction error (a priori), RMSE% after 0.2 s"
     )
@@ -256,7 +267,7 @@ def _draw_error(axes: "Axes", shown: list[Identification], theme: _Theme) -> Non
 def _draw_loop(axes: "Axes", shown: list[Identification], theme: _Theme) -> None:
     contact = shown[0].contact
     keep = _shown(contact)
-    prefix, factor = _length_unit(float(np.nanmax(contact.penetration)))
+    prefix, factor = _length_unit(_largest(contact.penetration))
     depth = contact.penetration * factor
     axes.plot(
         depth[keep],
@@ -272,10 +283,14 @@ def _draw_loop(axes: "Axes", shown: list[Identification], theme: _Theme) -> None
         axes.plot(
             depth[keep], _broken(inside, contact, keep), color=colour, linewidth=0.9, label=label
         )
-    largest = float(np.nanmax(depth))
+    largest = _largest(depth)
     axes.set_xlim(-0.1 * largest, 1.05 * largest)
     axes.set(xlabel=f"penetration [{prefix}m]", ylabel="force [N]", title="Force–penetration loop")
     axes.legend(loc="upper left")
+
+
+def _largest(values: Floats) -> float:
+    return float(np.max(values, where=np.isfinite(values), initial=0.0))
 
 
 def _length_unit(largest: float) -> tuple[str, float]:
@@ -328,7 +343,7 @@ def _draw_condition(axes: "Axes", result: Identification, theme: _Theme) -> None
     axes.plot(
         time[keep], _broken(limit, contact, keep), color=theme.lines[1], label="0.1 K/B (estimated)"
     )
-    largest = float(np.nanmax(speed))
+    largest = _largest(speed)
     settled = float(np.nanmedian(limit)) if np.isfinite(limit).any() else largest
     axes.set_ylim(0.0, 1.3 * max(largest, min(settled, 5.0 * largest), 1e-300))
     axes.set(xlabel=label, ylabel="speed [m/s]")
