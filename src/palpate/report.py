@@ -25,7 +25,7 @@ def print_results(results: Sequence[Identification], console: Console | None = N
         soft_wrap=True,
     )
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    table.add_column("method")
+    table.add_column("method", overflow="fold")
     table.add_column("contact model (± standard error)", no_wrap=True)
     for heading in ("predicted", "fit", "cond. 10"):
         table.add_column(heading, justify="right")
