@@ -104,8 +104,7 @@ class Contact:
     def time_steps(self) -> Floats:
         """Time since the previous sample, s; the median one at the start of a segment."""
         steps = np.diff(self.time, prepend=0.0)
-        for part in self.segments():
-            steps[part.start] = self.sample_time
+        steps[[part.start for part in self.segments()]] = self.sample_time
         return steps
 
     def window(self, start: float | None = None, stop: float | None = None) -> "Contact":
