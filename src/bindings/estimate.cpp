@@ -70,7 +70,8 @@ guarded : int
       .def_prop_ro("law", &law_of,
                    nb::sig("def law(self) -> palpate.force_laws.KelvinVoigt | "
                            "palpate.force_laws.ExtendedKelvinVoigt | "
-                           "palpate.force_laws.HuntCrossley"))
+                           "palpate.force_laws.HuntCrossley"),
+                   "The contact model, SI.")
       .def_prop_ro(
           "parameters",
           [](const EstimateValue& e) { return copied_array(e.parameters.data(), {e.size}); },
@@ -81,14 +82,19 @@ guarded : int
           [](const EstimateValue& e) {
             return copied_array(e.covariance.data(), {e.size, e.size});
           },
-          nb::sig("def covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
+          nb::sig("def covariance(self) -> numpy.typing.NDArray[numpy.float64]"),
+          "Joint covariance of the law's parameters, SI.")
       .def_prop_ro("standard_errors", &standard_errors_of,
-                   nb::sig("def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]"))
-      .def_prop_ro("valid", [](const EstimateValue& e) { return e.validity_margin > 0.0; })
-      .def_ro("validity_margin", &EstimateValue::validity_margin)
-      .def_ro("status", &EstimateValue::status)
-      .def_ro("samples", &EstimateValue::samples)
-      .def_ro("guarded", &EstimateValue::guarded)
+                   nb::sig("def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]"),
+                   "Standard errors of the law's parameters, SI.")
+      .def_prop_ro(
+          "valid", [](const EstimateValue& e) { return e.validity_margin > 0.0; },
+          "Whether condition 10 held at the last sample taken.")
+      .def_ro("validity_margin", &EstimateValue::validity_margin,
+              "Condition 10 as a margin: 1 at rest, 0 at the limit, negative beyond it.")
+      .def_ro("status", &EstimateValue::status, "Of the last sample that was not refused.")
+      .def_ro("samples", &EstimateValue::samples, "Samples taken.")
+      .def_ro("guarded", &EstimateValue::guarded, "Of them, those that the guard touched.")
       .def("__repr__", [](const EstimateValue& e) {
         return nb::str("Estimate({}, standard_errors={}, samples={}, status={})")
             .format(nb::repr(law_of(e)),

@@ -33,6 +33,9 @@ class Contact:
         Where it came from: a file's name.
     made : mapping
         How each channel was made, in words.
+    velocity_window : float, optional
+        Length of the velocity filter, s, where ``velocity`` is None; 15 samples but at most 15 ms
+        unless given.
 
     Raises
     ------
