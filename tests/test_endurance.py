@@ -35,17 +35,24 @@ def assert_alive(estimator) -> None:
     assert estimator.predict(10e-3, 0.0) == pytest.approx(20.0, rel=5.0 * NOISE)
 
 
-@pytest.mark.parametrize("noise", [0.0, NOISE], ids=["without noise", "with noise"])
-def test_ten_million_samples_held_at_constant_penetration_stay_sound(kind, noise):
+HOLDS = [
+    pytest.param(0.0, 10, id="ten million without noise"),
+    pytest.param(NOISE, 1, id="one million with noise"),
+    pytest.param(NOISE, 10, id="ten million with noise", marks=pytest.mark.slow),
+]
+
+
+@pytest.mark.parametrize("noise, chunks", HOLDS)
+def test_millions_of_samples_held_at_constant_penetration_stay_sound(kind, noise, chunks):
     estimator = kind(forgetting=ConstantForgetting(0.99))
     signals = held(noise)
-    for _ in range(10):
+    for _ in range(chunks):
         trace = estimator.replay(*signals)
         assert np.isfinite(trace.parameters).all()
         assert np.isfinite(trace.standard_errors).all()
         assert trace.taken.all()
         assert_alive(estimator)
-    assert estimator.estimate().samples == 10 * CHUNK
+    assert estimator.estimate().samples == chunks * CHUNK
     if noise == 0.0:  # nothing but the guard can have saved it: 709 / 0.01 samples overflow
         assert estimator.estimate().guarded > 9 * CHUNK
 
