@@ -15,10 +15,10 @@ namespace palpate {
 // Condition 10, |v| < 0.1 K/B, as a margin 1 − |v B/K| / 0.1: 1 at rest, 0 at the limit, negative
 // beyond it. It concerns the logarithm of the Hunt–Crossley law; other laws always hold it.
 inline double validity_margin(const HuntCrossley& law, double velocity) noexcept {
-  const double share = std::abs(law.damping) > 0.0
-                           ? std::abs(velocity) * std::abs(law.damping) / std::abs(law.stiffness)
-                           : 0.0;
-  // In this order a NaN, of a law without stiffness at rest, is no margin either.
+  const bool moving = velocity != 0.0 && law.damping != 0.0;
+  const double share =
+      moving ? std::abs(velocity) * std::abs(law.damping) / std::abs(law.stiffness) : 0.0;
+  // Without stiffness the limit is no speed at all; where that leaves 0/0, max keeps its first.
   return std::max(-largest_parameter, 1.0 - share / 0.1);
 }
 

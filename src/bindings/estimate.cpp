@@ -133,7 +133,8 @@ restarts : int
       .def_prop_ro("law", &law_of,
                    nb::sig("def law(self) -> palpate.force_laws.KelvinVoigt | "
                            "palpate.force_laws.ExtendedKelvinVoigt | "
-                           "palpate.force_laws.HuntCrossley"))
+                           "palpate.force_laws.HuntCrossley"),
+                   "The contact model, SI.")
       .def_prop_ro(
           "parameters",
           [](const EstimateValue& e) { return copied_array(e.parameters.data(), {e.size}); },
@@ -144,26 +145,35 @@ restarts : int
           [](const EstimateValue& e) {
             return copied_array(e.covariance.data(), {e.size, e.size});
           },
-          nb::sig("def covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
+          nb::sig("def covariance(self) -> numpy.typing.NDArray[numpy.float64]"),
+          "Joint covariance of the law's parameters, SI.")
       .def_prop_ro("standard_errors", &standard_errors_of,
-                   nb::sig("def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]"))
+                   nb::sig("def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]"),
+                   "Standard errors of the law's parameters, SI.")
       .def_prop_ro("joint_covariance", &joint_covariance_of,
-                   nb::sig("def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
-      .def_ro("offset", &EstimateValue::offset)
+                   nb::sig("def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]"),
+                   "Covariance of the law's parameters and, last, the offset, SI.")
+      .def_ro("offset", &EstimateValue::offset, "Force without contact, N.")
       .def_prop_ro(
           "offset_standard_error",
-          [](const EstimateValue& e) { return std::sqrt(std::max(e.offset_variance, 0.0)); })
-      .def_ro("surface", &EstimateValue::surface)
+          [](const EstimateValue& e) { return std::sqrt(std::max(e.offset_variance, 0.0)); },
+          "Its standard error, N; 0 where it is not estimated.")
+      .def_ro("surface", &EstimateValue::surface, "Where the material begins, m.")
       .def_prop_ro(
           "surface_standard_error",
-          [](const EstimateValue& e) { return std::sqrt(std::max(e.surface_variance, 0.0)); })
-      .def_prop_ro("flags", &flags_of, nb::sig("def flags(self) -> tuple[str, ...]"))
-      .def_prop_ro("valid", [](const EstimateValue& e) { return e.validity_margin > 0.0; })
-      .def_ro("validity_margin", &EstimateValue::validity_margin)
-      .def_ro("status", &EstimateValue::status)
-      .def_ro("samples", &EstimateValue::samples)
-      .def_ro("guarded", &EstimateValue::guarded)
-      .def_ro("restarts", &EstimateValue::restarts)
+          [](const EstimateValue& e) { return std::sqrt(std::max(e.surface_variance, 0.0)); },
+          "Its standard error, m; 0 where it is not searched for.")
+      .def_prop_ro("flags", &flags_of, nb::sig("def flags(self) -> tuple[str, ...]"),
+                   "What this motion left undetermined, and what motion would help.")
+      .def_prop_ro(
+          "valid", [](const EstimateValue& e) { return e.validity_margin > 0.0; },
+          "Whether condition 10 held at the last sample taken.")
+      .def_ro("validity_margin", &EstimateValue::validity_margin,
+              "Condition 10 as a margin: 1 at rest, 0 at the limit, negative beyond it.")
+      .def_ro("status", &EstimateValue::status, "Of the last sample that was not refused.")
+      .def_ro("samples", &EstimateValue::samples, "Samples taken.")
+      .def_ro("guarded", &EstimateValue::guarded, "Of them, those that the guard touched.")
+      .def_ro("restarts", &EstimateValue::restarts, "How often the estimate began anew.")
       .def("__repr__", [](const EstimateValue& e) {
         return nb::str("Estimate({}, standard_errors={}, samples={}, status={})")
             .format(nb::repr(law_of(e)),

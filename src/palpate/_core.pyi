@@ -85,53 +85,70 @@ class Estimate:
     """
 
     @property
-    def law(self) -> palpate.force_laws.KelvinVoigt | palpate.force_laws.ExtendedKelvinVoigt | palpate.force_laws.HuntCrossley: ...
+    def law(self) -> palpate.force_laws.KelvinVoigt | palpate.force_laws.ExtendedKelvinVoigt | palpate.force_laws.HuntCrossley:
+        """The contact model, SI."""
 
     @property
     def parameters(self) -> numpy.typing.NDArray[numpy.float64]:
         """The law's parameters in its own order, SI."""
 
     @property
-    def covariance(self) -> numpy.typing.NDArray[numpy.float64]: ...
+    def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Joint covariance of the law's parameters, SI."""
 
     @property
-    def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]: ...
+    def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Standard errors of the law's parameters, SI."""
 
     @property
-    def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]: ...
+    def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Covariance of the law's parameters and, last, the offset, SI."""
 
     @property
-    def offset(self) -> float: ...
+    def offset(self) -> float:
+        """Force without contact, N."""
 
     @property
-    def offset_standard_error(self) -> float: ...
+    def offset_standard_error(self) -> float:
+        """Its standard error, N; 0 where it is not estimated."""
 
     @property
-    def surface(self) -> float: ...
+    def surface(self) -> float:
+        """Where the material begins, m."""
 
     @property
-    def surface_standard_error(self) -> float: ...
+    def surface_standard_error(self) -> float:
+        """Its standard error, m; 0 where it is not searched for."""
 
     @property
-    def flags(self) -> tuple[str, ...]: ...
+    def flags(self) -> tuple[str, ...]:
+        """What this motion left undetermined, and what motion would help."""
 
     @property
-    def valid(self) -> bool: ...
+    def valid(self) -> bool:
+        """Whether condition 10 held at the last sample taken."""
 
     @property
-    def validity_margin(self) -> float: ...
+    def validity_margin(self) -> float:
+        """
+        Condition 10 as a margin: 1 at rest, 0 at the limit, negative beyond it.
+        """
 
     @property
-    def status(self) -> Status: ...
+    def status(self) -> Status:
+        """Of the last sample that was not refused."""
 
     @property
-    def samples(self) -> int: ...
+    def samples(self) -> int:
+        """Samples taken."""
 
     @property
-    def guarded(self) -> int: ...
+    def guarded(self) -> int:
+        """Of them, those that the guard touched."""
 
     @property
-    def restarts(self) -> int: ...
+    def restarts(self) -> int:
+        """How often the estimate began anew."""
 
     def __repr__(self) -> str: ...
 

@@ -191,7 +191,7 @@ def main() -> None:
     from palpate.errors import PalpateError
 
     try:
-        app(exit_on_error=False, print_error=False, result_action="return_value")
+        app(sys.argv[1:], exit_on_error=False, print_error=False, result_action="return_value")
     except (PalpateError, CycloptsError) as error:
         print(f"palpate: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)

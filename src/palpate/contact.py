@@ -33,6 +33,9 @@ class Contact:
         Where it came from: a file's name.
     made : mapping
         How each channel was made, in words.
+    velocity_window : float, optional
+        Length of the velocity filter, s, where ``velocity`` is None; 15 samples but at most 15 ms
+        unless given.
 
     Raises
     ------
@@ -64,7 +67,7 @@ class Contact:
             raise InvalidParameterError("force must be given: an array in N, not None")
         t, x, f = signals(time=time, penetration=penetration, force=force)
         labels = _labels(segment, t.size)
-        _check_time(t, labels, source)
+        _check_time(t, labels)
         history = dict(made or {})
         if velocity is None:
             v = np.concatenate(
@@ -104,8 +107,7 @@ class Contact:
     def time_steps(self) -> Floats:
         """Time since the previous sample, s; the median one at the start of a segment."""
         steps = np.diff(self.time, prepend=0.0)
-        for part in self.segments():
-            steps[part.start] = self.sample_time
+        steps[[part.start for part in self.segments()]] = self.sample_time
         return steps
 
     def window(self, start: float | None = None, stop: float | None = None) -> "Contact":
@@ -148,12 +150,13 @@ def _parts(labels: NDArray[np.int64]) -> list[slice]:
     return [slice(a, b) for a, b in itertools.pairwise(edges) if b > a]
 
 
-def _check_time(time: Floats, labels: NDArray[np.int64], source: str) -> None:
+def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
     wrong = ~np.isfinite(time)
-    wrong[1:] |= (np.diff(time) <= 0.0) & (np.diff(labels) == 0)
+    wrong[1:] |= (time[1:] <= time[:-1]) & (labels[1:] == labels[:-1])
     if wrong.any():
         first = int(np.argmax(wrong))
+        before = f" after {time[first - 1]} s" if first else ""
         raise InvalidParameterError(
-            f"time must be finite and increase within a segment; sample {first} is "
-            f"{time[first]!r} after {time[first - 1]!r}"
+            "time must be finite and increase within a segment; "
+            f"sample {first} is {time[first]} s{before}"
         )

@@ -148,14 +148,14 @@ def _evaluate(
     velocity: ArrayLike,
 ) -> float | Floats:
     try:
-        x, v = np.broadcast_arrays(
-            np.asarray(penetration, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
-        )
+        given = np.asarray(penetration), np.asarray(velocity)
+        if any(array.dtype.kind not in "fiub" for array in given):
+            raise TypeError
+        x, v = np.broadcast_arrays(*(array.astype(np.float64, copy=False) for array in given))
     except (TypeError, ValueError):
         raise InvalidParameterError(
             "penetration and velocity must be numbers, or arrays of shapes that go together, not "
-            f"{type(penetration).__name__} {np.shape(penetration)} and "
-            f"{type(velocity).__name__} {np.shape(velocity)}"
+            f"{penetration!r:.60} and {velocity!r:.60}"
         ) from None
     force = np.empty(x.shape)
     law_over_arrays(

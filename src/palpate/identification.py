@@ -215,10 +215,14 @@ def _never_touches(contact: Contact, estimator: ContactEstimator) -> str:
     return (
         f"{where}the probe never touches: no sample has penetration above "
         f"{gate.minimum_penetration:.3g} m and force above {gate.make_force:.3g} N "
-        f"(the largest are {np.nanmax(contact.penetration):.3g} m and "
-        f"{np.nanmax(contact.force):.3g} N); check the "
-        "units and signs, or lower the gate"
+        f"(the largest are {_largest(contact.penetration)} m and {_largest(contact.force)} N); "
+        "check the units and signs, or lower the gate"
     )
+
+
+def _largest(values: Floats) -> str:
+    known = values[~np.isnan(values)]
+    return f"{known.max():.3g}" if known.size else "no"
 
 
 def _flags(result: Identification) -> list[str]:

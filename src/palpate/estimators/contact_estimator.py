@@ -73,8 +73,9 @@ class ContactEstimator:
         x, v, f = signals(penetration=penetration, velocity=velocity, force=force)
         steps: Floats | None = None
         if dt is not None:
-            steps = signal("dt", np.atleast_1d(np.asarray(dt)))
-            if steps.size not in (1, x.size):
+            one = np.isscalar(dt) or (isinstance(dt, np.ndarray) and dt.ndim == 0)
+            steps = signal("dt", np.array([dt]) if one else dt)
+            if not one and steps.size != x.size:
                 raise InvalidParameterError(
                     "arrays must have the same length: "
                     f"penetration has {x.size}, dt has {steps.size}"

@@ -20,7 +20,7 @@ from palpate.settings import (
     Scale,
     SelfPerturbation,
 )
-from palpate.validation import covariance_matrix, instance
+from palpate.validation import covariance_matrix, instance, number_in
 
 
 class RecursiveLeastSquaresEstimator(ContactEstimator):
@@ -88,6 +88,8 @@ class RecursiveLeastSquaresEstimator(ContactEstimator):
         """The settings, checked, as the compiled constructor takes them."""
         given = self._settings
         instance("initial", given["initial"], self.law_type)
+        for name, value in given["initial"].as_dict().items():
+            number_in(f"initial {name}", value, -1e100, 1e100)
         instance("forgetting", given["forgetting"], (ConstantForgetting, FadingForgetting))
         instance("perturbation", given["perturbation"], (SelfPerturbation, type(None)))
         covariance = covariance_matrix(

@@ -47,8 +47,10 @@ def draw_force(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
         inside = np.where(result.trace.taken, result.trace.predicted_force, np.nan)
         predicted = _broken(inside, contact, keep)
         axes.plot(time[keep], predicted, color=colour, linewidth=1.0, label=_label(result, shown))
-    low, high = np.nanmin(contact.force), np.nanmax(contact.force)
-    axes.set_ylim(low - 0.1 * (high - low), high + 0.25 * (high - low))
+    known = contact.force[np.isfinite(contact.force)]
+    low, high = float(known.min()), float(known.max())
+    span = (high - low) or abs(high)
+    axes.set_ylim(low - 0.1 * span, high + 0.25 * span)
     axes.set(xlabel=label, ylabel="force [N]", title="Force, and what was predicted of it")
     axes.legend(loc="upper right", ncols=min(3, 1 + len(shown)))
 
@@ -62,7 +64,7 @@ def draw_error(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
     contact = shown[0].contact
     time, label = _clock(contact)
     keep = _shown(contact)
-    largest = float(np.nanmax(np.abs(contact.force)))
+    largest = _largest(np.abs(contact.force))
     for result, colour in zip(shown, theme.lines, strict=False):
         error = np.where(result.trace.taken, contact.force - result.trace.predicted_force, np.nan)
         rmse = result.prediction_rmse_percent
@@ -72,8 +74,9 @@ def draw_error(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
         )
     # The first error of each start is as large as the force; the scale shows what comes after.
     errors = [np.abs(r.contact.force - r.trace.predicted_force)[r.trace.taken] for r in shown]
-    limit = max(float(np.nanpercentile(e, 99.0)) for e in errors if e.size)
-    axes.set_ylim(-min(1.3 * limit, largest), min(1.3 * limit, largest))
+    limit = min(1.3 * max(float(np.nanpercentile(e, 99.0)) for e in errors if e.size), largest)
+    limit = max(limit, 1e-12 * largest)
+    axes.set_ylim(-limit, limit)
     axes.set(
         xlabel=label, ylabel="error [N]", title="Prediction error (a priori), RMSE% after 0.2 s"
     )
@@ -84,7 +87,7 @@ def draw_loop(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
     """Force over penetration, measured and by the final laws."""
     contact = shown[0].contact
     keep = _shown(contact)
-    prefix, factor = _length_unit(float(np.nanmax(contact.penetration)))
+    prefix, factor = _length_unit(_largest(contact.penetration))
     depth = contact.penetration * factor
     axes.plot(
         depth[keep],
@@ -99,10 +102,14 @@ def draw_loop(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
         axes.plot(
             depth[keep], _broken(inside, contact, keep), color=colour, linewidth=0.9, label=label
         )
-    largest = float(np.nanmax(depth))
+    largest = _largest(depth)
     axes.set_xlim(-0.1 * largest, 1.05 * largest)
     axes.set(xlabel=f"penetration [{prefix}m]", ylabel="force [N]", title="Force–penetration loop")
     axes.legend(loc="upper left")
+
+
+def _largest(values: Floats) -> float:
+    return float(np.max(values, where=np.isfinite(values), initial=0.0))
 
 
 def _length_unit(largest: float) -> tuple[str, float]:
@@ -157,7 +164,7 @@ def draw_condition(axes: "Axes", result: Identification, theme: Theme) -> None:
     axes.plot(
         time[keep], _broken(limit, contact, keep), color=theme.lines[1], label="0.1 K/B (estimated)"
     )
-    largest = float(np.nanmax(speed))
+    largest = _largest(speed)
     settled = float(np.nanmedian(limit)) if np.isfinite(limit).any() else largest
     axes.set_ylim(0.0, 1.3 * max(largest, min(settled, 5.0 * largest), 1e-300))
     axes.set(xlabel=label, ylabel="speed [m/s]")

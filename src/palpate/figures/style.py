@@ -72,7 +72,6 @@ class style:  # noqa: N801 - reads as a statement
                 "legend.fontsize": 9,
                 "lines.linewidth": 1.3,
                 "font.size": 9.5,
-                "svg.hashsalt": "palpate",
             }
         )
 
@@ -93,13 +92,15 @@ def save(figure: "Figure", path: str | Path) -> None:
         The path cannot be written, or no format has its ending.
     """
     path = Path(path)
+    if not path.suffix:
+        raise RecordingError(f"{path}: a figure's name must end in .svg, .pdf or .png")
     try:
         with tempfile.NamedTemporaryFile(
             dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix, delete=False
         ) as part:
             temporary = Path(part.name)
         try:
-            figure.savefig(temporary, facecolor=figure.get_facecolor())
+            _write(figure, temporary)
             temporary.chmod(0o666 & ~_umask())
             temporary.replace(path)
         finally:
@@ -107,9 +108,16 @@ def save(figure: "Figure", path: str | Path) -> None:
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}; choose a folder that exists") from None
     except ValueError:
-        raise RecordingError(
-            f"{path}: cannot draw {path.suffix or 'without an ending'}; use .svg, .pdf or .png"
-        ) from None
+        raise RecordingError(f"{path}: cannot draw {path.suffix}; use .svg, .pdf or .png") from None
+
+
+def _write(figure: "Figure", path: Path) -> None:
+    import matplotlib
+
+    # Without a date or random names, the same result gives the same file.
+    undated = {"Date": None} if path.suffix == ".svg" else None
+    with matplotlib.rc_context({"svg.hashsalt": "palpate"}):
+        figure.savefig(path, facecolor=figure.get_facecolor(), metadata=undated)
 
 
 def _umask() -> int:

@@ -1,17 +1,19 @@
 """A gate and a scale chosen from the data, where the user chooses none."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.settings import ContactGate, Scale
 from palpate.validation import Floats
 
+LARGEST = 1e100  # m, m/s or N; beyond it no estimator takes a sample
 NOISE_FACTOR = 10.0  # F ≥ 10 σ keeps the bias of the logarithm, σ²/2F², under 0.5 %
 
 
 def suggest_scale(contact: Contact) -> Scale:
     """Units for the arithmetic: the largest penetration, speed and force of the contact."""
-    touching = (contact.penetration > 0.0) & (contact.force > 0.0)
+    touching = _touching(contact)
     if not touching.any():
         return Scale()
     units = (contact.penetration, np.abs(contact.velocity), contact.force)
@@ -20,7 +22,7 @@ def suggest_scale(contact: Contact) -> Scale:
 
 def suggest_gate(contact: Contact) -> ContactGate:
     """Thresholds at ten times the noise, kept between 1 % and 10 % of the largest values."""
-    touching = (contact.penetration > 0.0) & (contact.force > 0.0)
+    touching = _touching(contact)
     if not touching.any():
         return ContactGate()
     make = _threshold(contact.force, touching)
@@ -29,12 +31,18 @@ def suggest_gate(contact: Contact) -> ContactGate:
     )
 
 
+def _touching(contact: Contact) -> NDArray[np.bool_]:
+    x, force = contact.penetration, contact.force
+    positive = (x > 0.0) & (force > 0.0)
+    return positive & (x < LARGEST) & (np.abs(contact.velocity) < LARGEST) & (force < LARGEST)
+
+
 def _unit(values: Floats) -> float:
     largest = float(np.max(values, initial=0.0, where=np.isfinite(values)))
     return min(max(largest, 1e-30), 1e30) if largest > 0.0 else 1.0
 
 
-def _threshold(values: Floats, touching: np.ndarray) -> float:
+def _threshold(values: Floats, touching: NDArray[np.bool_]) -> float:
     # The 99th percentile, so that a spike sets nothing.
     largest = float(np.percentile(values[touching], 99.0))
     return float(np.clip(NOISE_FACTOR * noise_of(values), 0.01 * largest, 0.10 * largest))
@@ -45,7 +53,7 @@ def noise_of(values: Floats) -> float:
 
     They suppress the signal as (ωT)⁴ and have 70 times the noise's variance.
     """
-    differences = np.diff(values[np.isfinite(values)], n=4)
+    differences = np.diff(values[np.abs(values) < LARGEST], n=4)
     if differences.size == 0:
         return 0.0
     return float(np.median(np.abs(differences)) / 0.6745 / np.sqrt(70.0))

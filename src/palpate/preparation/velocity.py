@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from palpate.validation import Floats
+from palpate.validation import Floats, number_in
 
 # Longer than this and the filter flattens the motion of a probe (methods: B within 0.5 % at 15 ms).
 LONGEST_WINDOW = 15e-3  # s
@@ -18,7 +18,8 @@ def window_samples(sample_time: float, window: float | None = None) -> int:
     if window is None:
         samples = min(max(int(LONGEST_WINDOW / sample_time), FEWEST_SAMPLES), MOST_SAMPLES)
     else:
-        samples = max(round(window / sample_time), 3)
+        length = number_in("velocity_window", window, 0.0, 1e6, open_low=True)
+        samples = max(round(length / sample_time), 3)
     return samples | 1
 
 

@@ -63,7 +63,7 @@ def read_contact(
     values = table.numbers(wanted)
     labels = table.words(names.segment) if names.segment in table.header else None
     _check_time(path, names.time, values[0], labels, table.first_row)
-    made = {name: f"column {name!r}" for name in wanted[1:3]}
+    made = {"penetration": f"column {names.penetration!r}", "force": f"column {names.force!r}"}
     if has_velocity:
         made["velocity"] = f"column {names.velocity!r}"
     return Contact(
@@ -95,7 +95,9 @@ class _Table:
                 f"{path}: {error.strerror or 'cannot be read'}; check the path"
             ) from None
         except UnicodeDecodeError:
-            raise RecordingError(f"{path}: not a text file; expected CSV with a header") from None
+            text = "\0"
+        if "\0" in text:
+            raise RecordingError(f"{path}: not a text file; expected CSV with a header")
         lines = text.splitlines()
         notes = 0
         while notes < len(lines) and (not lines[notes].strip() or lines[notes].startswith("#")):
@@ -106,7 +108,10 @@ class _Table:
         if not body:
             raise RecordingError(f"{path}: the file is empty; expected a header and samples")
         delimiter = max(",;\t", key=body[0].count)
-        header = [name.strip() for name in next(csv.reader([body[0]], delimiter=delimiter))]
+        try:
+            header = [name.strip() for name in next(csv.reader([body[0]], delimiter=delimiter))]
+        except csv.Error as error:
+            raise RecordingError(f"{path}: row {notes + 1} is not a header: {error}") from None
         return cls(path, header, delimiter, body[1:], notes + 2)
 
     def numbers(self, names: list[str]) -> list[Floats]:
@@ -114,8 +119,13 @@ class _Table:
         for name in names:
             if name not in self.header:
                 raise RecordingError(
-                    f"{self.path}: no column {name!r}; the file has {', '.join(self.header)} "
+                    f"{self.path}: no column {name!r}; the file has {_listed(self.header)} "
                     "(map other names with --time, --penetration, --force, --velocity)"
+                )
+            if self.header.count(name) > 1:
+                raise RecordingError(
+                    f"{self.path}: {self.header.count(name)} columns are named {name!r}; "
+                    "rename all but one"
                 )
         if not self.lines:
             raise RecordingError(f"{self.path}: a header but no samples")
@@ -144,7 +154,15 @@ class _Table:
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         reader = csv.reader(self.lines, delimiter=self.delimiter)
-        yield from enumerate(reader, start=self.first_row)
+        while True:
+            row = self.first_row + reader.line_num
+            try:
+                fields = next(reader)
+            except StopIteration:
+                return
+            except csv.Error as error:
+                raise RecordingError(f"{self.path}: row {row} cannot be read: {error}") from None
+            yield row, fields
 
     def _row(self, row: int, fields: list[str], names: list[str]) -> list[float]:
         values = []
@@ -152,20 +170,28 @@ class _Table:
             position = self.header.index(name)
             text = fields[position].strip() if position < len(fields) else ""
             try:
-                values.append(float(text))
+                values.append(float(text.replace("_", "?")))  # to Python 1_000 is a number
             except ValueError:
                 found = f"{text[:40]!r} is not a number" if text else "the value is missing"
                 raise RecordingError(f"{self.path}: column {name!r}, row {row}: {found}") from None
         return values
 
 
+def _listed(names: list[str]) -> str:
+    """The names that a person can read on a line."""
+    shown = [name[:40] if name.isprintable() else repr(name[:40]) for name in names[:20]]
+    more = [f"{len(names) - 20} more"] if len(names) > 20 else []
+    return ", ".join(shown + more)
+
+
 def _check_time(
     path: Path, name: str, time: Floats, labels: np.ndarray | None, first_row: int
 ) -> None:
-    step = np.diff(time)
-    wrong = np.concatenate([[not np.isfinite(time[0])], ~(step > 0.0)])
+    behind = time[1:] <= time[:-1]
     if labels is not None:
-        wrong[1:] &= ~((labels[1:] != labels[:-1]) & np.isfinite(time[1:]))
+        behind &= labels[1:] == labels[:-1]
+    wrong = ~np.isfinite(time)
+    wrong[1:] |= behind
     if not wrong.any():
         return
     sample = int(np.argmax(wrong))

@@ -1,0 +1,126 @@
+"""What the tests share: the paper's motions, materials, and the table of all estimators."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import palpate
+
+Floats = NDArray[np.float64]
+
+# The recursive least squares; variable projection has its own tests.
+KINDS = {
+    name: kind
+    for name, kind in palpate.METHODS.items()
+    if issubclass(kind, palpate.RecursiveLeastSquaresEstimator)
+}
+
+# The lab's default materials (methods, section 10), and one of each other law of the same order.
+MATERIALS = {
+    "ball": palpate.HuntCrossley(2000.0, 2000.0, 1.0),
+    "sponge": palpate.HuntCrossley(300.0, 300.0, 1.0),
+    "pvc": palpate.HuntCrossley(1e5, 2e5, 2.0),
+    "linear": palpate.KelvinVoigt(1500.0, 8.0),
+    "quadratic": palpate.ExtendedKelvinVoigt(500.0, 4e4, 5.0),
+}
+
+# For each method a material that its own law describes exactly.
+OWN_MATERIAL = {
+    "single-stage": MATERIALS["pvc"],
+    "double-stage": MATERIALS["pvc"],
+    "kelvin-voigt": MATERIALS["linear"],
+    "extended-kelvin-voigt": MATERIALS["quadratic"],
+}
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Penetration [m], velocity [m/s] and force [N] on one clock [s]."""
+
+    time: Floats
+    penetration: Floats
+    velocity: Floats
+    force: Floats
+
+    def __len__(self) -> int:
+        return self.time.size
+
+    def __getitem__(self, window: slice) -> "Signals":
+        return Signals(
+            self.time[window], self.penetration[window], self.velocity[window], self.force[window]
+        )
+
+    @property
+    def rows(self) -> list[tuple[float, float, float]]:
+        """What ``update`` takes, a sample each."""
+        return list(
+            zip(self.penetration.tolist(), self.velocity.tolist(), self.force.tolist(), strict=True)
+        )
+
+    @property
+    def arrays(self) -> tuple[Floats, Floats, Floats]:
+        """What ``replay`` takes."""
+        return self.penetration, self.velocity, self.force
+
+
+def motion(
+    time: Floats, terms: tuple[tuple[float, float], ...], depth: float = 10e-3
+) -> tuple[Floats, Floats]:
+    """Penetration and its exact derivative for amplitudes [m] and frequencies [rad/s]."""
+    penetration = depth + sum(a * np.sin(w * time) for a, w in terms)
+    velocity = sum(a * w * np.cos(w * time) for a, w in terms)
+    return penetration, velocity
+
+
+THREE_SINES = ((1.0e-3, 4.0), (1.8e-3, 11.0), (1.8e-3, 15.0))  # methods, section 10
+ONE_SINE = ((1.8e-3, 11.0),)
+
+
+Law = palpate.KelvinVoigt | palpate.ExtendedKelvinVoigt | palpate.HuntCrossley
+
+
+def exciting(
+    law: Law,
+    *,
+    seconds: float = 1.0,
+    time: Floats | None = None,
+    noise: float = 0.0,
+    seed: int = 0,
+    terms: tuple[tuple[float, float], ...] = THREE_SINES,
+    depth: float = 10e-3,
+) -> Signals:
+    """A material under the paper's three sines, at 1 kHz unless the times are given.
+
+    ``noise`` is the standard deviation of white noise on the force, N.
+    """
+    if time is None:
+        time = np.arange(round(seconds * 1e3)) * 1e-3
+    penetration, velocity = motion(time, terms, depth)
+    force = law.force(penetration, velocity)
+    force = force + noise * np.random.default_rng(seed).standard_normal(time.size)
+    return Signals(time, penetration, velocity, force)
+
+
+def tapping(law: Law, *, seconds: float = 2.0, noise: float = 0.0, seed: int = 0) -> Signals:
+    """The three sines about a depth so small that contact is lost and made again."""
+    return exciting(law, seconds=seconds, noise=noise, seed=seed, depth=1.5e-3)
+
+
+def knowledge(estimator) -> tuple:
+    """Everything an estimator says that it knows, to be compared bit for bit."""
+    estimate = estimator.estimate()
+    return (
+        estimate.parameters.tobytes(),
+        estimate.covariance.tobytes(),
+        estimate.standard_errors.tobytes(),
+        float(estimate.validity_margin).hex(),
+        estimate.status,
+        estimate.samples,
+        estimate.guarded,
+    )
+
+
+def bits(trace: palpate.Trace) -> tuple[bytes, ...]:
+    """A trace, to be compared bit for bit."""
+    return tuple(getattr(trace, name).tobytes() for name in trace.__dataclass_fields__)

@@ -1,0 +1,33 @@
+"""Fixtures that every test module shares; the table itself is in ``cases.py``."""
+
+import hypothesis
+import pytest
+from cases import KINDS, MATERIALS, Signals, exciting, tapping
+
+# The same examples in every run, and no clock: a slow machine is not a defect.
+hypothesis.settings.register_profile("palpate", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("palpate")
+
+
+@pytest.fixture(scope="session", params=KINDS.values(), ids=KINDS)
+def kind(request):
+    """Each estimator's class."""
+    return request.param
+
+
+@pytest.fixture(scope="session", params=MATERIALS.values(), ids=MATERIALS)
+def material(request):
+    """Each material's force law."""
+    return request.param
+
+
+@pytest.fixture(scope="session")
+def noisy(material) -> Signals:
+    """The three sines on the material, with 0.05 N of noise (the paper's band)."""
+    return exciting(material, noise=0.05, seed=1)
+
+
+@pytest.fixture(scope="session")
+def broken(material) -> Signals:
+    """The three sines near the surface: contact is lost and made again, with 0.02 N of noise."""
+    return tapping(material, noise=0.02, seed=2)

@@ -1,0 +1,121 @@
+"""Bad input on the command line: one line that says what and where, exit status 2, no traceback."""
+
+import sys
+
+import pytest
+from recordings import recording, text_of, written
+from test_csv import BAD_FILES, changed
+
+from palpate import cli
+
+
+@pytest.fixture
+def refused(monkeypatch, capsys):
+    """Calls the command, checks that it refuses as it should, and gives its one line."""
+
+    def call(*arguments) -> str:
+        monkeypatch.setattr(sys, "argv", ["palpate", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        out, err = capsys.readouterr()
+        assert end.value.code == 2
+        assert out == ""
+        assert err.endswith("\n")
+        assert len(err.splitlines()) == 1
+        assert err.startswith("palpate: ")
+        return err
+
+    return call
+
+
+@pytest.fixture
+def good(tmp_path):
+    return recording(tmp_path)
+
+
+@pytest.mark.parametrize("command", ["identify", "compare"])
+@pytest.mark.parametrize("content, words", BAD_FILES.values(), ids=BAD_FILES)
+def test_a_bad_file_is_one_line(refused, tmp_path, command, content, words):
+    path = written(tmp_path / "bad.csv", content)
+    line = refused(command, path)
+    assert str(path) in line
+    for word in words:
+        assert word in line
+
+
+@pytest.mark.parametrize("extra", [(), ("--json",), ("--figure", "out.svg")], ids=str)
+def test_a_bad_file_is_one_line_whatever_was_asked_for(refused, tmp_path, monkeypatch, extra):
+    monkeypatch.chdir(tmp_path)
+    path = written(tmp_path / "bad.csv", changed(3, 2, "oops"))
+    assert "row 5" in refused("identify", path, *extra)
+    assert [file.name for file in tmp_path.iterdir()] == ["bad.csv"]
+
+
+NEVER = {
+    "always in the free": [["0", "-0.01", "0.0"], ["0.1", "-0.01", "0.0"], ["0.2", "-0.02", "0.1"]],
+    "pulling all along": [["0", "0.01", "-1"], ["0.1", "0.01", "-1"], ["0.2", "0.01", "-1"]],
+    "of nothing known": [["0", "nan", "nan"], ["0.1", "nan", "nan"]],
+    "of absurd values": [["0", "1e300", "1e300"], ["1", "2e300", "-1e308"], ["2", "3e300", "1e308"],
+                         ["3", "1e300", "-1e308"], ["4", "1e300", "1e308"], ["5", "1e300", "1"]],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("rows", NEVER.values(), ids=NEVER)
+@pytest.mark.parametrize("command", ["identify", "compare"])
+def test_a_probe_that_never_touches_is_one_line(refused, tmp_path, command, rows):
+    path = written(tmp_path / "never.csv", text_of(rows))
+    line = refused(command, path)
+    assert f"{path}: the probe never touches" in line
+
+
+def test_a_folder_is_one_line(refused, tmp_path):
+    assert f"{tmp_path}: Is a directory" in refused("identify", tmp_path)
+
+
+def test_a_path_to_nothing_is_one_line(refused, tmp_path):
+    path = tmp_path / "absent.csv"
+    assert f"{path}: No such file or directory" in refused("compare", path)
+
+
+def test_a_name_of_two_lines_stays_one_line(refused, tmp_path):
+    refused("identify", tmp_path / "two\nlines.csv")
+
+
+BAD_ARGUMENTS = {
+    "an unknown method": (("--method", "spring"), ["--method", "single-stage", "'spring'"]),
+    "an unknown option": (("--colour", "red"), ["--colour"]),
+    "text for a number": (("--start", "soon"), ["--start", "soon"]),
+    "a window without samples": (("--start", "5"), ["no sample between 5 s", "0.599 s"]),
+    "a window that ends before it starts": (("--start", "0.3", "--stop", "0.2"), ["no sample"]),
+    "a negative force": (("--min-force", "-1"), ["-1"]),
+    "a force that is not a number": (("--min-force", "nan"), ["nan"]),
+    "a depth that nothing reaches": (("--min-penetration", "1"), ["never touches", "above 1 m"]),
+    "a velocity window that is not a number": (("--velocity-window", "nan"), ["nan"]),
+    "a negative velocity window": (("--velocity-window", "-1"), ["-1"]),
+    "a column that is not there": (("--force", "Fz"), ["no column 'Fz'", "force_N"]),
+    "a velocity column that is not there": (("--velocity", "v"), ["no column 'v'"]),
+    "a figure of no format": (("--figure", "out.xyz"), ["out.xyz", ".svg"]),
+    "a figure without an ending": (("--figure", "out"), ["out", ".svg"]),
+    "a figure of an ending only": (("--figure", ".svg"), [".svg", ".png"]),
+    "a figure in no folder": (("--figure", "no/where.svg"), ["no/where.svg"]),
+    "a figure where a folder is": (("--figure", "folder.svg"), ["folder.svg"]),
+}
+
+
+@pytest.mark.parametrize("arguments, words", BAD_ARGUMENTS.values(), ids=BAD_ARGUMENTS)
+def test_a_bad_argument_is_one_line(refused, good, monkeypatch, arguments, words):
+    monkeypatch.chdir(good.parent)
+    (good.parent / "folder.svg").mkdir()
+    line = refused("identify", good, *arguments)
+    for word in words:
+        assert word in line
+    left = sorted(file.name for file in good.parent.iterdir())
+    assert left == ["folder.svg", "probe.csv"]  # no half-written figure
+
+
+def test_no_file_at_all_is_one_line(refused):
+    refused("identify")
+
+
+def test_an_unknown_command_is_one_line(refused):
+    assert "press" in refused("press")

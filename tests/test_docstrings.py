@@ -1,0 +1,116 @@
+"""Every public name says what it is, and names each of its parameters."""
+
+import dataclasses
+import enum
+import inspect
+import re
+
+import pytest
+
+import palpate
+from palpate import figures, metrics
+from palpate.preparation import suggestions, velocity
+from palpate.recordings import csv
+
+NAMES = [name for name in palpate.__all__ if name != "METHODS"]  # data has a comment
+OWN = [getattr(palpate, name) for name in NAMES]
+CLASSES = [thing for thing in OWN if inspect.isclass(thing)]
+FUNCTIONS = [thing for thing in OWN if not inspect.isclass(thing)]
+FUNCTIONS += [figures.draw, figures.draw_comparison, velocity.velocity_of]
+MODULES = [palpate, figures, metrics, suggestions, velocity, csv]
+
+
+def members(kind: type) -> dict[str, object]:
+    """Public methods and properties that the project wrote, inherited ones too."""
+    found = {}
+    for ancestor in kind.__mro__:
+        if not ancestor.__module__.startswith("palpate"):
+            continue
+        for name, value in vars(ancestor).items():
+            described = callable(value) or isinstance(value, property | classmethod)
+            if not name.startswith("_") and described and not inspect.isclass(value):
+                found.setdefault(name, value)
+    return found
+
+
+MEMBERS = [
+    pytest.param(value, id=f"{kind.__name__}.{name}")
+    for kind in CLASSES
+    for name, value in members(kind).items()
+    if not issubclass(kind, enum.Enum)
+]
+
+
+SIGNATURE = re.compile(r"^\w*\(self.*\) -> .*$", re.MULTILINE)  # the binding library's own
+
+
+def described(thing) -> bool:
+    return bool(SIGNATURE.sub("", inspect.getdoc(thing) or "").strip())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_public_name_has_a_docstring(name):
+    thing = getattr(palpate, name)
+    assert described(thing)
+    # A dataclass without one is given its signature.
+    assert not thing.__doc__.startswith(f"{name}(")
+
+
+@pytest.mark.parametrize("member", MEMBERS)
+def test_a_public_method_or_property_has_a_docstring(member):
+    assert described(member)
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda m: m.__name__)
+def test_a_module_has_a_docstring(module):
+    assert described(module)
+
+
+@pytest.mark.parametrize("status", palpate.Status)
+def test_every_status_says_what_it_means(status):
+    assert status.__doc__.endswith(".")
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
+def test_a_functions_docstring_names_its_parameters(function):
+    words = inspect.getdoc(function)
+    assert "Parameters\n-----" in words
+    for name in inspect.signature(function).parameters:
+        assert name in words
+
+
+CONSTRUCTED = [
+    kind
+    for kind in CLASSES
+    if not issubclass(kind, enum.Enum | Exception) and kind is not palpate.Estimate
+]
+
+
+@pytest.mark.parametrize("kind", CONSTRUCTED, ids=lambda k: k.__name__)
+def test_a_classs_docstring_names_what_it_is_made_from(kind):
+    words = inspect.getdoc(kind)
+    if issubclass(kind, palpate.ContactEstimator) and kind is not palpate.ContactEstimator:
+        assert ":class:`ContactEstimator`" in words  # which describes the shared settings
+        return
+    for name in list(inspect.signature(kind.__init__).parameters)[1:]:
+        assert name in words
+
+
+@pytest.mark.parametrize("kind", CONSTRUCTED, ids=lambda k: k.__name__)
+def test_a_dataclass_describes_its_fields(kind):
+    if dataclasses.is_dataclass(kind):
+        for field in dataclasses.fields(kind):
+            assert field.name in kind.__doc__
+
+
+@pytest.mark.parametrize("law", ["KelvinVoigt", "ExtendedKelvinVoigt", "HuntCrossley"])
+def test_a_force_law_gives_its_equation_and_its_number(law):
+    words = getattr(palpate, law).__doc__
+    assert "F = K" in words
+    assert "(eq. " in words
+
+
+def test_all_lists_what_the_package_offers():
+    assert len(set(palpate.__all__)) == len(palpate.__all__)
+    for name in palpate.__all__:
+        assert hasattr(palpate, name)

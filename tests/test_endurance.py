@@ -1,0 +1,115 @@
+"""Long without excitation: forgetting must not wind the covariance up (methods, section 3)."""
+
+import numpy as np
+import pytest
+from cases import KINDS, MATERIALS, ONE_SINE, OWN_MATERIAL, exciting
+
+import palpate
+from palpate import ConstantForgetting, SelfPerturbation, Status
+
+CHUNK = 1_000_000
+NOISE = 1e-3  # of each signal's size
+
+
+def held(noise: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A million samples at 10 mm and 20 N; ``noise`` is relative, on velocity to 50 mm/s."""
+    rng = np.random.default_rng(seed)
+    white = rng.standard_normal((3, CHUNK))
+    return (
+        10e-3 * (1.0 + noise * white[0]),
+        50e-3 * noise * white[1],
+        20.0 * (1.0 + noise * white[2]),
+    )
+
+
+def assert_alive(estimator) -> None:
+    """The estimate is finite, its covariance positive definite, and it knows the force."""
+    estimate = estimator.estimate()
+    assert np.isfinite(estimate.parameters).all()
+    deviation = estimate.standard_errors
+    assert np.isfinite(deviation).all()
+    assert np.all(deviation > 0.0)
+    correlation = estimate.covariance / np.outer(deviation, deviation)
+    assert np.linalg.eigvalsh(correlation).min() > 0.0
+    # Whatever else it lost, the law still passes through the point it is held at.
+    assert estimator.predict(10e-3, 0.0) == pytest.approx(20.0, rel=5.0 * NOISE)
+
+
+HOLDS = [
+    pytest.param(0.0, 10, id="ten million without noise"),
+    pytest.param(NOISE, 1, id="one million with noise"),
+    pytest.param(NOISE, 10, id="ten million with noise", marks=pytest.mark.slow),
+]
+
+
+@pytest.mark.parametrize("noise, chunks", HOLDS)
+def test_millions_of_samples_held_at_constant_penetration_stay_sound(kind, noise, chunks):
+    estimator = kind(forgetting=ConstantForgetting(0.99))
+    signals = held(noise)
+    for _ in range(chunks):
+        trace = estimator.replay(*signals)
+        assert np.isfinite(trace.parameters).all()
+        assert np.isfinite(trace.standard_errors).all()
+        assert trace.taken.all()
+        assert_alive(estimator)
+    assert estimator.estimate().samples == chunks * CHUNK
+    if noise == 0.0:  # nothing but the guard can have saved it: 709 / 0.01 samples overflow
+        assert estimator.estimate().guarded > 9 * CHUNK
+
+
+@pytest.mark.parametrize("factor", [0.95, 0.9])
+def test_quicker_forgetting_that_never_ends_stays_sound_at_rest(kind, factor):
+    estimator = kind(forgetting=ConstantForgetting(factor), perturbation=SelfPerturbation())
+    trace = estimator.replay(*(channel[: CHUNK // 10] for channel in held(0.0)))
+    assert np.isfinite(trace.parameters).all()
+    assert_alive(estimator)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_one_sine_under_never_ending_forgetting_stays_sound_and_predicts(name):
+    law = OWN_MATERIAL[name]
+    signals = exciting(law, seconds=100.0, noise=0.01, seed=1, terms=ONE_SINE)
+    estimator = KINDS[name](
+        forgetting=ConstantForgetting(0.95), scale=palpate.Scale(15e-3, 0.05, 30)
+    )
+    trace = estimator.replay(*signals.arrays)
+    assert np.isfinite(trace.parameters).all()
+    assert np.isfinite(trace.standard_errors).all()
+    covariance = estimator.estimate().covariance
+    deviation = np.sqrt(np.diag(covariance))
+    assert np.linalg.eigvalsh(covariance / np.outer(deviation, deviation)).min() > 0.0
+    # 20 samples' memory and up to 3 parameters: the prediction error is the noise and its
+    # √(p/20) more, beside at most 2 % of 11 N of the logarithm's own.
+    error = (trace.predicted_force - signals.force)[1000:]
+    assert np.sqrt(np.mean(error**2)) < 0.25
+
+
+def test_the_guard_ends_wind_up_at_a_million_times_the_start(kind):
+    estimator = kind(forgetting=ConstantForgetting(0.9))
+    trace = estimator.replay(*(channel[:10_000] for channel in held(0.0)))
+    guarded = trace.status == Status.GUARDED
+    assert guarded.any()
+    assert not guarded[0]
+    # 1e6 = 0.9^-131, and the start-up before it takes a few hundred samples at most.
+    assert np.argmax(guarded) > 100
+    assert estimator.estimate().guarded == np.count_nonzero(guarded)
+
+
+@pytest.mark.parametrize("name", ["kelvin-voigt", "single-stage"])
+def test_motion_after_a_long_rest_is_learned_again(name):
+    law = MATERIALS["ball"]
+    signals = exciting(law, seconds=2.0, noise=0.05, seed=2)
+    estimator = KINDS[name](forgetting=ConstantForgetting(0.99))
+    estimator.replay(*signals.arrays)
+    expected = estimator.estimate().parameters
+    estimator.replay(*(channel[: CHUNK // 10] for channel in held(0.0)))
+    estimator.replay(*signals.arrays)
+    # The memory of 0.99 is 100 samples, the signal 2000: of the rest nothing is left.
+    np.testing.assert_allclose(estimator.estimate().parameters, expected, rtol=1e-4)
+
+
+def test_the_guard_leaves_exciting_signals_alone(kind, noisy):
+    estimator = kind(forgetting=ConstantForgetting(0.99))
+    trace = estimator.replay(*noisy.arrays)
+    assert np.all(trace.status == Status.UPDATED)
+    assert estimator.estimate().guarded == 0

@@ -1,0 +1,196 @@
+"""The force laws, by physical region."""
+
+import copy
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+from cases import MATERIALS
+
+from palpate import ExtendedKelvinVoigt, HuntCrossley, InvalidParameterError, KelvinVoigt
+
+KV = KelvinVoigt(1500.0, 8.0)
+EKV = ExtendedKelvinVoigt(500.0, 4e4, 5.0)
+HC = HuntCrossley(1e5, 2e5, 2.0)
+LAWS = {"kelvin-voigt": KV, "extended-kelvin-voigt": EKV, "hunt-crossley": HC}
+
+
+@pytest.fixture(params=LAWS.values(), ids=LAWS)
+def law(request):
+    return request.param
+
+
+# x [m], v [m/s] and F [N] worked out by hand from eqs. 1, 14 and 2.
+VALUES = [
+    (KV, "at rest", 0.01, 0.0, 15.0),
+    (KV, "penetrating", 0.01, 0.05, 15.4),
+    (KV, "withdrawing", 0.01, -0.05, 14.6),
+    (KV, "at the surface, penetrating", 0.0, 0.05, 0.4),
+    (EKV, "at rest", 0.01, 0.0, 9.0),
+    (EKV, "penetrating", 0.01, 0.05, 9.25),
+    (EKV, "withdrawing", 0.01, -0.05, 8.75),
+    (EKV, "at the surface, penetrating", 0.0, 0.05, 0.25),
+    (HC, "at rest", 0.01, 0.0, 10.0),
+    (HC, "penetrating", 0.01, 0.05, 11.0),
+    (HC, "withdrawing", 0.01, -0.05, 9.0),
+    (HC, "at the surface, penetrating", 0.0, 0.05, 0.0),
+    (HuntCrossley(2000.0, 0.0, 1.5), "of a Hertzian sphere", 0.04, 0.1, 16.0),
+]
+
+
+@pytest.mark.parametrize(
+    "law, region, x, v, force", VALUES, ids=[f"{v[0].kind} {v[1]}" for v in VALUES]
+)
+def test_the_force_is_that_of_the_equation(law, region, x, v, force):
+    assert law.force(x, v) == pytest.approx(force, rel=1e-14), region  # a few roundings
+
+
+@pytest.mark.parametrize("x", [-1e-12, -0.01, -math.inf])
+@pytest.mark.parametrize("v", [-1.0, 0.0, 1.0])
+def test_out_of_contact_there_is_no_force(law, x, v):
+    force = law.force(x, v)
+    assert force == 0.0
+    assert math.copysign(1.0, force) == 1.0
+
+
+def test_a_linear_damper_pulls_on_a_fast_rebound():
+    """The Kelvin–Voigt law's flaw, the paper's Fig. 10: F < 0 while still in contact."""
+    assert KV.force(1e-4, -0.05) < 0.0
+
+
+def test_a_hunt_crossley_contact_neither_jumps_at_the_surface_nor_pulls_in_its_range():
+    assert HC.force(0.0, 0.5) == 0.0
+    slowest = -HC.stiffness / HC.damping
+    assert HC.force(0.01, slowest) == 0.0
+    assert HC.force(0.01, 0.99 * slowest) > 0.0
+
+
+def test_the_force_grows_with_depth_and_with_speed(law):
+    depths = np.linspace(1e-3, 20e-3, 50)
+    speeds = np.linspace(-0.1, 0.1, 50)
+    assert np.all(np.diff(law.force(depths, 0.0)) > 0.0)
+    assert np.all(np.diff(law.force(10e-3, speeds)) > 0.0)
+
+
+@pytest.mark.parametrize("other", MATERIALS.values(), ids=MATERIALS)
+def test_an_array_holds_what_each_of_its_numbers_gives(other):
+    rng = np.random.default_rng(0)
+    x, v = rng.uniform(-5e-3, 20e-3, 100), rng.uniform(-0.1, 0.1, 100)
+    force = other.force(x, v)
+    assert force.dtype == np.float64
+    assert force.tolist() == [
+        other.force(a, b) for a, b in zip(x.tolist(), v.tolist(), strict=True)
+    ]
+
+
+SHAPES = [
+    ((), (), ()),
+    ((5,), (), (5,)),
+    ((), (5,), (5,)),
+    ((3, 1), (4,), (3, 4)),
+    ((2, 3, 4), (2, 3, 4), (2, 3, 4)),
+    ((0,), (0,), (0,)),
+    ((0,), (), (0,)),
+]
+
+
+@pytest.mark.parametrize("depth, speed, result", SHAPES)
+def test_shapes_go_together_as_in_numpy(law, depth, speed, result):
+    x, v = np.full(depth, 0.01), np.full(speed, 0.02)
+    force = law.force(x, v)
+    assert np.shape(force) == result
+    assert np.all(force == law.force(0.01, 0.02))
+    assert isinstance(force, float if result == () else np.ndarray)
+
+
+@pytest.mark.parametrize("kind", [int, np.int32, np.float32, np.float64])
+def test_numbers_of_every_type_are_taken(law, kind):
+    force = law.force(kind(1), kind(2))
+    assert isinstance(force, float)
+    assert force == law.force(1.0, 2.0)
+
+
+def test_lists_and_views_are_taken(law):
+    x = np.linspace(0.0, 0.02, 10)
+    assert np.array_equal(law.force(x.tolist(), 0.0), law.force(x, 0.0))
+    assert np.array_equal(law.force(x[::-2], 0.0), law.force(x, 0.0)[::-2])
+    grid = np.asfortranarray(np.outer(x, [1.0, 0.5]))
+    assert np.array_equal(law.force(grid, 0.0), law.force(np.ascontiguousarray(grid), 0.0))
+
+
+def test_what_is_not_known_gives_a_force_that_is_not_known(law):
+    assert math.isnan(law.force(math.nan, 0.0))
+    assert math.isnan(law.force(0.01, math.nan))
+
+
+@pytest.mark.parametrize(
+    "x, v",
+    [
+        ("deep", 0.0),
+        (0.01, None),
+        (0.01, 1j),
+        ([1.0, 2.0], [1.0, 2.0, 3.0]),
+        ([[1.0], [1.0, 2.0]], 0.0),
+    ],
+    ids=["text", "nothing", "complex", "shapes that clash", "ragged"],
+)
+def test_what_is_not_a_number_is_refused_by_name(law, x, v):
+    with pytest.raises(InvalidParameterError, match="penetration and velocity must be numbers"):
+        law.force(x, v)
+
+
+def test_dissipation_is_damping_over_stiffness():
+    assert HC.dissipation == 2.0
+    assert HuntCrossley(0.0, 1.0, 1.0).dissipation != HuntCrossley(0.0, 1.0, 1.0).dissipation
+    x, v = 0.007, -0.03
+    expected = HC.stiffness * x**HC.exponent * (1.0 + HC.dissipation * v)
+    assert HC.force(x, v) == pytest.approx(expected, rel=1e-14)  # a few roundings
+
+
+def test_a_law_is_frozen(law):
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        law.stiffness = 1.0
+    with pytest.raises((AttributeError, TypeError)):
+        law.colour = "red"
+
+
+def test_a_law_is_a_value(law):
+    same = type(law)(*law.parameters.tolist())
+    assert same == law
+    assert hash(same) == hash(law)
+    other = dataclasses.replace(law, stiffness=law.stiffness + 1.0)
+    assert other != law
+    assert all(law != another for another in LAWS.values() if another is not law)
+
+
+@pytest.mark.parametrize(
+    "again", [copy.copy, copy.deepcopy, lambda o: pickle.loads(pickle.dumps(o))]
+)
+def test_a_law_survives_copying_and_pickling(law, again):
+    assert again(law) == law
+    assert type(again(law)) is type(law)
+
+
+def test_parameters_names_symbols_and_units_go_together(law):
+    assert list(law.as_dict().values()) == law.parameters.tolist()
+    assert len(law.symbols) == len(law.units) == law.parameters.size
+    assert list(law.as_dict()) == [field.name for field in dataclasses.fields(law)]
+    assert eval(repr(law), {type(law).__name__: type(law)}) == law
+
+
+def test_whole_numbers_become_floats():
+    law = HuntCrossley(1, 2, 3)
+    assert [type(value) for value in law.as_dict().values()] == [float] * 3
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, "stiff", None, 1j, [1.0, 2.0]])
+@pytest.mark.parametrize("position", range(3))
+def test_a_parameter_that_is_not_a_finite_number_is_refused_by_name(bad, position):
+    values = [1.0, 1.0, 1.0]
+    values[position] = bad
+    name = ["stiffness", "damping", "exponent"][position]
+    with pytest.raises(InvalidParameterError, match=f"^{name} must be") as caught:
+        HuntCrossley(*values)
+    assert repr(bad) in str(caught.value)

@@ -1,0 +1,233 @@
+"""The bare engine, for a regression of one's own."""
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from palpate import InvalidParameterError, LeastSquares, Status
+
+ORDERS = range(1, 9)
+
+
+def data(order: int, samples: int = 300, seed: int = 0):
+    """Rows, outputs and what they were made from."""
+    rng = np.random.default_rng(seed)
+    theta = rng.uniform(-3.0, 3.0, order)
+    rows = rng.standard_normal((samples, order))
+    return rows, rows @ theta + 0.1 * rng.standard_normal(samples), theta
+
+
+def taught(order: int, **arguments) -> LeastSquares:
+    engine = LeastSquares(order, **arguments)
+    for row, output in zip(*data(order)[:2], strict=True):
+        assert engine.update(row, float(output)) is Status.UPDATED
+    return engine
+
+
+def batch(rows, outputs, start, prior):
+    root = np.linalg.cholesky(np.linalg.inv(prior)).T
+    stacked = np.vstack([rows, root])
+    return np.linalg.lstsq(stacked, np.concatenate([outputs, root @ start]), rcond=None)[0]
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_the_engine_is_batch_least_squares(order):
+    engine = taught(order)
+    rows, outputs, _ = data(order)
+    expected = batch(rows, outputs, np.zeros(order), 1e6 * np.eye(order))
+    # White rows are conditioned below 2; P₀ = 1e6 costs its 1e6 roundings, 2e-10, at the start.
+    np.testing.assert_allclose(engine.parameters, expected, rtol=1e-9)
+    information = rows.T @ rows + 1e-6 * np.eye(order)
+    np.testing.assert_allclose(engine.covariance @ information, np.eye(order), atol=1e-9)
+    assert engine.samples == len(rows)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_start_with_its_own_covariance_is_more_rows(order):
+    rng = np.random.default_rng(order)
+    square = rng.standard_normal((order, order))
+    prior = square @ square.T + np.eye(order)
+    prior = 0.5 * (prior + prior.T)
+    start = rng.standard_normal(order)
+    engine = taught(order, initial=start, initial_covariance=prior)
+    rows, outputs, _ = data(order)
+    # No large P₀, no cancellation: a few hundred updates' roundings.
+    np.testing.assert_allclose(
+        engine.parameters, batch(rows, outputs, start, prior), rtol=1e-11, atol=1e-13
+    )
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_noise_variance_is_the_residual_sum_over_its_degrees_of_freedom(order):
+    rows, outputs, _ = data(order)
+    engine = taught(order)
+    residual = outputs - rows @ engine.parameters
+    expected = residual @ residual / (len(rows) - order)
+    # The start's share, |θ|²/1e6, is taken out of a sum of about 3.
+    assert engine.noise_variance == pytest.approx(expected, rel=1e-8)
+
+
+def test_noise_variance_is_one_until_there_are_more_rows_than_coefficients():
+    engine = LeastSquares(3)
+    for row in np.eye(3):
+        assert engine.noise_variance == 1.0
+        engine.update(row, 2.0)
+    assert engine.noise_variance == 1.0
+    engine.update([1.0, 1.0, 1.0], 5.0)
+    assert engine.noise_variance != 1.0
+
+
+def test_predict_is_the_regressor_times_the_parameters():
+    engine = taught(4)
+    row = [1.0, -2.0, 0.5, 3.0]
+    assert engine.predict(row) == pytest.approx(float(np.dot(row, engine.parameters)), rel=1e-14)
+
+
+@pytest.mark.parametrize("row", [[1.0, 2.0], (1.0, 2.0), np.array([1.0, 2.0]), [1, 2]])
+def test_a_row_is_any_sequence_of_numbers(row):
+    engine = LeastSquares(2)
+    assert engine.update(row, 3) is Status.UPDATED
+    assert engine.predict(row) == pytest.approx(3.0, rel=1e-5)  # the start weighs 1/(5 P₀) = 2e-7
+
+
+def test_forgetting_follows_a_change():
+    engine = LeastSquares(2)
+    rows, outputs, theta = data(2, samples=2000)
+    for k, (row, output) in enumerate(zip(rows, outputs, strict=True)):
+        engine.update(row, float(output if k < 1000 else -output), forgetting_factor=0.98)
+    # 50 samples' memory of noise 0.1: 0.1/√50 each, and 1000 samples erased the past (0.98^1000).
+    np.testing.assert_allclose(engine.parameters, -theta, atol=4 * 0.1 / math.sqrt(50))
+
+
+def test_perturbation_is_added_to_the_diagonal_before_the_division():
+    calm, shaken = LeastSquares(2), LeastSquares(2)
+    calm.update([1.0, 0.5], 2.0, 0.9)
+    shaken.update([1.0, 0.5], 2.0, 0.9, 0.25)
+    # P₀ = 1e6 and its roundings, 1e-10, stand in the way of more.
+    np.testing.assert_allclose(
+        shaken.covariance - calm.covariance, 0.25 / 0.9 * np.eye(2), atol=1e-8
+    )
+    assert np.array_equal(shaken.parameters, calm.parameters)
+
+
+REFUSED = {
+    "a regressor that is not a number": (([math.nan, 1.0], 1.0), Status.NOT_FINITE),
+    "an infinite regressor": (([1.0, -math.inf], 1.0), Status.NOT_FINITE),
+    "infinities of both signs": (([math.inf, -math.inf], 1.0), Status.NOT_FINITE),
+    "an output that is not a number": (([1.0, 1.0], math.nan), Status.NOT_FINITE),
+    "an infinite output": (([1.0, 1.0], math.inf), Status.NOT_FINITE),
+    "a factor that is not a number": (([1.0, 1.0], 1.0, math.nan), Status.OUT_OF_RANGE),
+    "no factor": (([1.0, 1.0], 1.0, 0.0), Status.OUT_OF_RANGE),
+    "a factor above one": (([1.0, 1.0], 1.0, 1.001), Status.OUT_OF_RANGE),
+    "a negative factor": (([1.0, 1.0], 1.0, -0.5), Status.OUT_OF_RANGE),
+    "a negative perturbation": (([1.0, 1.0], 1.0, 1.0, -1.0), Status.OUT_OF_RANGE),
+    "an infinite perturbation": (([1.0, 1.0], 1.0, 1.0, math.inf), Status.NOT_FINITE),
+    "an output beyond the arithmetic": (([1.0, 1.0], 1e300), Status.OUT_OF_RANGE),
+    "a row beyond the arithmetic": (([1e300, -1e300], 1.0), Status.OUT_OF_RANGE),
+    "finite numbers whose sum is not": (([1.7e308, 1.7e308], 1.0), Status.OUT_OF_RANGE),
+}
+
+
+@pytest.mark.parametrize("arguments, status", REFUSED.values(), ids=REFUSED)
+def test_a_refused_row_changes_nothing(arguments, status):
+    engine = taught(2)
+    before = engine._state()
+    assert engine.update(*arguments) is status
+    assert engine._state() == before
+
+
+@pytest.mark.parametrize("row", [[1.0], [1.0, 2.0, 3.0], []])
+def test_a_row_of_another_size_is_an_error(row):
+    engine = taught(2)
+    before = engine._state()
+    with pytest.raises(ValueError, match="2 entries"):
+        engine.update(row, 1.0)
+    with pytest.raises(ValueError, match="2 entries"):
+        engine.predict(row)
+    assert engine._state() == before
+
+
+COPIES = {
+    "pickle": lambda e: pickle.loads(pickle.dumps(e)),
+    "copy.copy": copy.copy,
+    "copy.deepcopy": copy.deepcopy,
+    "copy()": lambda e: e.copy(),
+}
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("restored", COPIES.values(), ids=COPIES)
+def test_to_save_restore_and_continue_is_never_to_have_stopped(order, restored):
+    never_stopped = taught(order)
+    continued = restored(taught(order))
+    rows, outputs, _ = data(order, seed=1)
+    for row, output in zip(rows, outputs, strict=True):
+        for engine in (never_stopped, continued):
+            engine.update(row, float(output), 0.99)
+    assert continued._state() == never_stopped._state()
+    assert isinstance(continued, LeastSquares)
+
+
+def test_reset_forgets_every_row():
+    engine = taught(3, initial=[1.0, 2.0, 3.0], initial_covariance=5.0)
+    engine.reset()
+    assert engine.samples == 0
+    assert engine.parameters.tolist() == [1.0, 2.0, 3.0]
+    assert engine.covariance.tolist() == (5.0 * np.eye(3)).tolist()
+
+
+@pytest.mark.parametrize("order", [0, 9, -1, 2.0, "2", None])
+def test_an_order_outside_one_to_eight_is_refused(order):
+    with pytest.raises(InvalidParameterError, match=r"order .*\[1, 8\].*not"):
+        LeastSquares(order)
+
+
+@pytest.mark.parametrize("initial", [[1.0], [1.0, math.nan], [1.0, math.inf], [1.0, 1e101]])
+def test_a_start_of_another_size_or_not_finite_is_refused(initial):
+    with pytest.raises(InvalidParameterError, match="initial must be 2 finite coefficients"):
+        LeastSquares(2, initial=initial)
+
+
+number = st.floats(allow_nan=True, allow_infinity=True, allow_subnormal=True, width=64)
+row = st.tuples(number, number, number)
+
+
+@settings(max_examples=300)
+@given(
+    rows=st.lists(
+        st.tuples(
+            row,
+            number,
+            st.one_of(st.floats(0.5, 1.0), number),
+            st.one_of(st.floats(0.0, 1e6), number),
+        ),
+        max_size=30,
+    )
+)
+def test_any_floats_leave_the_engine_sound(rows):
+    engine = LeastSquares(3)
+    for arguments in rows:
+        assert isinstance(engine.update(*arguments), Status)
+        assert np.isfinite(engine.parameters).all()
+        assert math.isfinite(engine.noise_variance)
+        assert engine.noise_variance >= 0.0
+        covariance = engine.covariance
+        assert np.array_equal(covariance, covariance.T)
+        deviation = np.sqrt(np.diag(covariance))
+        assert np.linalg.eigvalsh(covariance / np.outer(deviation, deviation)).min() > 0.0
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_regressor_that_never_changes_is_forgotten_no_further_than_the_start(order):
+    engine = LeastSquares(order, initial_covariance=1.0)
+    row = [1.0] + [0.0] * (order - 1)
+    for _ in range(20_000):
+        engine.update(row, 1.0, 0.99)
+    assert np.linalg.eigvalsh(engine.covariance).min() > 0.0
+    assert np.diag(engine.covariance).max() <= 1e6  # the guard's limit (least_squares.hpp)
+    assert engine.parameters[0] == pytest.approx(1.0, rel=1e-6)

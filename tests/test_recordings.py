@@ -1,0 +1,108 @@
+"""Recordings made by others: they may not be copied into the project, so absent is a skip.
+
+The folder is ``../shared/data`` beside the checkout, or where ``PALPATE_DATA`` says. Its README
+holds the reference fits; numbers are read from there, not repeated here.
+"""
+
+import json
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import palpate
+from palpate import METHODS, ContactGate, RecordingError, SingleStageRLS, read_contact
+
+BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
+FOLDER = Path(os.environ.get("PALPATE_DATA", BESIDE))
+ABSENT = pytest.param(
+    None,
+    marks=pytest.mark.skip(reason="no recordings beside the checkout, and PALPATE_DATA is not set"),
+    id="absent",
+)
+
+
+def files(*patterns: str) -> list:
+    found = sorted(path for pattern in patterns for path in FOLDER.glob(pattern))
+    return [pytest.param(path, id=path.stem) for path in found] or [ABSENT]
+
+
+def reference_rmse(name: str) -> float:
+    """The README's "final RMSE%" of the log form in SI: the third number of its column."""
+    rows = [line.split("|") for line in (FOLDER / "README.md").read_text().splitlines()]
+    [header] = [row for row in rows if any("final RMSE%" in cell for cell in row[1:])]
+    column = next(k for k, cell in enumerate(header) if "final RMSE%" in cell)
+    [row] = [row for row in rows if len(row) > column and row[1].strip() == name]
+    return float(row[column].split("(")[0].split(",")[2])
+
+
+def has_penetration(path: Path) -> bool:
+    with path.open() as lines:
+        return "penetration_m" in next(lines).strip().split(",")
+
+
+def window_of(contact: palpate.Contact, fit: dict) -> palpate.Contact:
+    return contact.window(*fit["time"]) if "time" in fit else contact
+
+
+@pytest.mark.parametrize("path", files("*.csv"))
+def test_every_recording_runs_through_every_method(path):
+    if not has_penetration(path):
+        with pytest.raises(RecordingError, match="no column 'penetration_m'"):
+            read_contact(path)
+        return
+    contact = read_contact(path)
+    results = palpate.compare(contact)
+    assert list(results) == list(METHODS)
+    for result in results.values():
+        assert result.trace.taken.any()
+        assert np.isfinite(result.trace.parameters).all()
+        assert np.isfinite(result.trace.standard_errors).all()
+        assert math.isfinite(result.fit_rmse_percent)
+        json.dumps(result.as_dict(), allow_nan=False)
+
+
+@pytest.mark.parametrize("path", files("A_*.json", "D_dvrk_palpation_trial4_a.json"))
+def test_the_single_stage_fits_as_the_reference_does(path):
+    fit = json.loads(path.read_text())["fit"]
+    contact = window_of(read_contact(path.with_suffix(".csv")), fit)
+    gate = ContactGate(fit["x_min"], make_force=fit["F_min"], break_force=fit["F_min"])
+    result = palpate.identify(contact, SingleStageRLS(gate=gate))
+    # 0.5 points is what the issue asks; the velocity filter alone moves it by 0.1.
+    assert result.fit_rmse_percent == pytest.approx(reference_rmse(path.stem), abs=0.5)
+
+
+@pytest.mark.parametrize("path", files("B_*.csv"))
+def test_a_heel_strike_is_known_to_break_condition_ten(path):
+    """Far outside the method's validity (README, set B): an honest result says so."""
+    result = palpate.identify(read_contact(path))
+    assert result.violated_fraction > 0.1
+    assert any("condition 10" in flag for flag in result.flags)
+
+
+@pytest.mark.parametrize("path", files("E_*.csv"))
+def test_a_micro_scale_recording_learns_damping_in_units_of_its_own(path):
+    """In SI the log form never learns B here (README, set E); a scale of the data's own does."""
+    contact = read_contact(path)
+    scaled = palpate.identify(contact)
+    plain = palpate.identify(contact, SingleStageRLS(gate=scaled.gate, scale=palpate.Scale()))
+    assert scaled.scale.penetration < 1e-3
+    # B/K is some 1e4 s/m, against some 1e2 in SI: of two orders of magnitude one is asked.
+    assert abs(scaled.law.dissipation) > 10.0 * abs(plain.law.dissipation)
+
+
+@pytest.mark.parametrize("path", files("C_*.csv", "B_*.csv", "F_*.csv"))
+def test_velocity_is_bounded_by_what_the_probe_can_do(path):
+    """Taken across a border between segments it would jump by metres per second."""
+    contact = read_contact(path)
+    assert len(list(contact.segments())) > 1
+    inside = np.concatenate(
+        [
+            np.diff(contact.penetration[part]) / np.diff(contact.time[part])
+            for part in contact.segments()
+        ]
+    )
+    # A parabola's slope at its ends is at most some three times the largest difference within.
+    assert np.max(np.abs(contact.velocity)) < 3.0 * np.max(np.abs(inside))

@@ -1,0 +1,112 @@
+"""Scaling the units scales the answer, for every estimator."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from cases import KINDS, Signals
+
+import palpate
+from palpate import ContactGate, FadingForgetting, Scale, SelfPerturbation
+
+
+def converted_law(law, length: float, force: float):
+    """The law where lengths are counted in 1/length m and forces in 1/force N."""
+    if isinstance(law, palpate.HuntCrossley):
+        stiffness = law.stiffness * force / length**law.exponent
+        damping = law.damping * force / length ** (law.exponent + 1.0)
+        return palpate.HuntCrossley(stiffness, damping, law.exponent)
+    by_name = {
+        "stiffness": force / length,
+        "quadratic_stiffness": force / length**2,
+        "damping": force / length,
+    }
+    return type(law)(**{name: value * by_name[name] for name, value in law.as_dict().items()})
+
+
+def converted_signals(signals: Signals, length: float, force: float) -> Signals:
+    return dataclasses.replace(
+        signals,
+        penetration=signals.penetration * length,
+        velocity=signals.velocity * length,
+        force=signals.force * force,
+    )
+
+
+def pair(kind, length: float, force: float):
+    """The same estimator for SI and for the other units."""
+    scale, gate = Scale(15e-3, 50e-3, 30.0), ContactGate(1e-3, 0.5, 0.3)
+    perturbation = SelfPerturbation()
+    ours = kind(scale=scale, gate=gate, perturbation=perturbation)
+    theirs = ours.replace(
+        initial=converted_law(ours.settings["initial"], length, force),
+        scale=Scale(scale.penetration * length, scale.velocity * length, scale.force * force),
+        gate=ContactGate(1e-3 * length, 0.5 * force, 0.3 * force),
+        perturbation=SelfPerturbation(perturbation.gain, perturbation.sensitivity / force**2),
+    )
+    return ours, theirs
+
+
+def test_units_of_a_power_of_two_change_no_bit(kind, broken):
+    length, force = 2.0**20, 2.0**30
+    ours, theirs = pair(kind, length, force)
+    trace = ours.replay(*broken.arrays)
+    other = theirs.replay(*converted_signals(broken, length, force).arrays)
+    assert trace.status.tolist() == other.status.tolist()
+    if issubclass(kind, palpate.KelvinVoigtRLS | palpate.ExtendedKelvinVoigtRLS):
+        assert np.array_equal(trace.predicted_force * force, other.predicted_force)
+    # A logarithm of a scale cannot be exact, and its rounding, 15 ε in ln K, reaches the law.
+    expected = np.array([converted_law(law, length, force).parameters for law in laws(kind, trace)])
+    np.testing.assert_allclose(other.parameters, expected, rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    "length, force", [(1e6, 1e9), (1e-3, 1e-3)], ids=["µm and nN", "km and kN"]
+)
+def test_other_units_give_the_same_law_in_those_units(kind, broken, length, force):
+    ours, theirs = pair(kind, length, force)
+    trace = ours.replay(*broken.arrays)
+    other = theirs.replay(*converted_signals(broken, length, force).arrays)
+    assert trace.status.tolist() == other.status.tolist()
+    last = laws(kind, trace)[-1]
+    # Inputs are rounded anew; a contact's worth of samples magnifies ε by the conditioning, < 1e6.
+    np.testing.assert_allclose(
+        other.parameters[-1], converted_law(last, length, force).parameters, rtol=1e-9
+    )
+
+
+@pytest.mark.parametrize("name", ["kelvin-voigt", "extended-kelvin-voigt"])
+def test_a_scale_with_its_covariance_is_only_another_way_of_writing(name, noisy):
+    """P₀ → D P₀ D where φ → D⁻¹ φ: the estimates stay."""
+    scale = Scale(15e-3, 50e-3, 30.0)
+    unit = {
+        "kelvin-voigt": np.array([scale.penetration, scale.velocity]),
+        "extended-kelvin-voigt": np.array(
+            [scale.penetration, scale.penetration**2, scale.velocity]
+        ),
+    }[name]
+    in_si = 1e-2 / unit**2  # the force's unit weighs rows and start alike
+    plain = KINDS[name](initial_covariance=in_si)
+    scaled = KINDS[name](initial_covariance=1e-2, scale=scale)
+    plain.replay(*noisy.arrays)
+    scaled.replay(*noisy.arrays)
+    # Both recursions round; with P₀|φ|² < 1 neither loses digits to cancellation.
+    np.testing.assert_allclose(
+        scaled.estimate().parameters, plain.estimate().parameters, rtol=1e-10
+    )
+    np.testing.assert_allclose(
+        scaled.estimate().standard_errors, plain.estimate().standard_errors, rtol=1e-10
+    )
+
+
+def test_a_slower_clock_fades_as_fast_in_its_own_time(kind, noisy):
+    """λ fades with α t: twice the sample time at half the rate is the same recursion."""
+    quick = kind(sample_time=1e-3, forgetting=FadingForgetting(0.99, 8.0))
+    slow = kind(sample_time=2e-3, forgetting=FadingForgetting(0.99, 4.0))
+    assert np.array_equal(
+        quick.replay(*noisy.arrays).parameters, slow.replay(*noisy.arrays).parameters
+    )
+
+
+def laws(kind, trace):
+    return [kind.law_type(*row) for row in trace.parameters.tolist()]

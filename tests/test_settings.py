@@ -1,0 +1,204 @@
+"""Settings refuse nonsense in words that name the argument, its value and its range."""
+
+import copy
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import palpate
+from palpate import (
+    ConstantForgetting,
+    ContactGate,
+    FadingForgetting,
+    HuntCrossley,
+    InvalidParameterError,
+    KelvinVoigt,
+    KelvinVoigtRLS,
+    LeastSquares,
+    Scale,
+    SelfPerturbation,
+    SingleStageRLS,
+)
+
+# What is called, with what, the argument that is named, and its range as the message gives it.
+OUT_OF_RANGE = [
+    (ContactGate, {"minimum_penetration": -1e-9}, "minimum_penetration", "[0, 1e+100]"),
+    (ContactGate, {"make_force": -0.1}, "make_force", "[0, 1e+100]"),
+    (ContactGate, {"break_force": -0.1}, "break_force", "[0, 1e+100]"),
+    (ContactGate, {"make_force": 1.0, "break_force": 1.5}, "break_force", "[0, make_force = 1]"),
+    (ConstantForgetting, {"factor": 0.0}, "factor", "(0, 1]"),
+    (ConstantForgetting, {"factor": 1.001}, "factor", "(0, 1]"),
+    (ConstantForgetting, {"factor": -0.5}, "factor", "(0, 1]"),
+    (FadingForgetting, {"initial_factor": 0.0}, "initial_factor", "(0, 1]"),
+    (FadingForgetting, {"initial_factor": 1.5}, "initial_factor", "(0, 1]"),
+    (FadingForgetting, {"rate": 0.0}, "rate", "(0, 1e+06]"),
+    (FadingForgetting, {"rate": -5.0}, "rate", "(0, 1e+06]"),
+    (SelfPerturbation, {"gain": -0.05}, "gain", "[0, 1e+20]"),
+    (SelfPerturbation, {"sensitivity": -2.5}, "sensitivity", "[0, 1e+40]"),
+    (Scale, {"penetration": 0.0}, "penetration", "[1e-30, 1e+30]"),
+    (Scale, {"velocity": -1.0}, "velocity", "[1e-30, 1e+30]"),
+    (Scale, {"force": 1e31}, "force", "[1e-30, 1e+30]"),
+    (KelvinVoigtRLS, {"sample_time": 0.0}, "sample_time", "(0, 1e+06]"),
+    (KelvinVoigtRLS, {"sample_time": -1e-3}, "sample_time", "(0, 1e+06]"),
+    (KelvinVoigtRLS, {"initial_covariance": 0.0}, "initial_covariance", "[1e-20, 1e+20]"),
+    (KelvinVoigtRLS, {"initial_covariance": [1.0, -1.0]}, "initial_covariance", "[1e-20, 1e+20]"),
+    (KelvinVoigtRLS, {"initial_covariance": 1e21}, "initial_covariance", "[1e-20, 1e+20]"),
+    (KelvinVoigtRLS, {"initial_covariance": math.nan}, "initial_covariance", "[1e-20, 1e+20]"),
+]
+
+
+@pytest.mark.parametrize("make, arguments, name, allowed", OUT_OF_RANGE)
+def test_a_value_out_of_range_is_refused_by_name_value_and_range(make, arguments, name, allowed):
+    with pytest.raises(InvalidParameterError) as caught:
+        make(**arguments)
+    words = str(caught.value)
+    assert words.startswith(f"{name} must ")
+    assert allowed in words
+    assert words.endswith(f"not {arguments[name]!r}")
+
+
+NUMBERS = [
+    (ContactGate, "minimum_penetration"),
+    (ContactGate, "make_force"),
+    (ContactGate, "break_force"),
+    (ConstantForgetting, "factor"),
+    (FadingForgetting, "initial_factor"),
+    (FadingForgetting, "rate"),
+    (SelfPerturbation, "gain"),
+    (SelfPerturbation, "sensitivity"),
+    (Scale, "penetration"),
+    (Scale, "velocity"),
+    (Scale, "force"),
+    (KelvinVoigtRLS, "sample_time"),
+]
+
+
+@pytest.mark.parametrize("make, name", NUMBERS)
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, "much", [1.0, 2.0], 1j])
+def test_a_setting_that_is_not_a_finite_number_is_refused_by_name(make, name, bad):
+    with pytest.raises(InvalidParameterError, match=f"^{name} must be") as caught:
+        make(**{name: bad})
+    assert repr(bad) in str(caught.value)
+
+
+OF_ANOTHER_KIND = [
+    ("initial", 5.0, "KelvinVoigt"),
+    ("initial", HuntCrossley(1.0, 1.0, 1.0), "KelvinVoigt"),
+    ("forgetting", 0.99, "ConstantForgetting or FadingForgetting"),
+    ("perturbation", 0.05, "SelfPerturbation"),
+    ("gate", 0.1, "ContactGate"),
+    ("scale", (1.0, 1.0, 1.0), "Scale"),
+]
+
+
+@pytest.mark.parametrize("name, bad, wanted", OF_ANOTHER_KIND)
+def test_a_setting_of_another_kind_is_refused_by_name(name, bad, wanted):
+    with pytest.raises(InvalidParameterError, match=f"^{name} must be a {wanted}") as caught:
+        KelvinVoigtRLS(**{name: bad})
+    assert repr(bad) in str(caught.value)
+
+
+BAD_COVARIANCES = {
+    "of another size": (np.eye(3), "symmetric 2 × 2 matrix"),
+    "of another length": ([1.0, 1.0, 1.0], "2 variances"),
+    "not symmetric": ([[1.0, 0.5], [0.4, 1.0]], "symmetric"),
+    "indefinite": ([[1.0, 2.0], [2.0, 1.0]], "positive definite"),
+    "singular": ([[1.0, 1.0], [1.0, 1.0]], "positive definite"),
+    "of text": ("large", "numbers"),
+}
+
+
+@pytest.mark.parametrize("covariance, words", BAD_COVARIANCES.values(), ids=BAD_COVARIANCES)
+@pytest.mark.parametrize(
+    "make", [KelvinVoigtRLS, lambda **s: LeastSquares(2, **s)], ids=["estimator", "engine"]
+)
+def test_a_bad_covariance_is_refused(make, covariance, words):
+    with pytest.raises(InvalidParameterError, match=words) as caught:
+        make(initial_covariance=covariance)
+    assert str(caught.value).startswith("initial_covariance must be")
+
+
+@pytest.mark.parametrize("covariance", [3.0, [3.0, 3.0], [[3.0, 0.0], [0.0, 3.0]]])
+def test_a_scalar_variances_and_a_matrix_say_the_same(covariance):
+    estimator = KelvinVoigtRLS(initial_covariance=covariance)
+    assert estimator.estimate().covariance.tolist() == [[3.0, 0.0], [0.0, 3.0]]
+
+
+def test_stages_that_know_nothing_of_each_other_have_no_joint_covariance():
+    matrix = np.eye(3)
+    matrix[0, 2] = matrix[2, 0] = 0.1
+    with pytest.raises(InvalidParameterError, match="initial_covariance must be zero"):
+        palpate.DoubleStageRLS(initial_covariance=matrix)
+    matrix[0, 2] = matrix[2, 0] = 0.0
+    matrix[0, 1] = matrix[1, 0] = 0.1
+    palpate.DoubleStageRLS(initial_covariance=matrix)
+
+
+@pytest.mark.parametrize("stiffness", [0.0, -1.0])
+def test_the_single_stage_cannot_start_without_a_stiffness(stiffness):
+    with pytest.raises(InvalidParameterError, match=r"^initial stiffness must be in \(0, inf\)"):
+        SingleStageRLS(initial=HuntCrossley(stiffness, 0.0, 1.0))
+
+
+@pytest.mark.parametrize("name, start", [
+    ("kelvin-voigt", KelvinVoigt(1e101, 0.0)),
+    ("extended-kelvin-voigt", palpate.ExtendedKelvinVoigt(1.0, -1e101, 0.0)),
+    ("single-stage", HuntCrossley(1.0, 1e101, 1.0)),
+    ("double-stage", HuntCrossley(1.0, 1.0, 1e101)),
+])  # fmt: skip
+def test_a_start_beyond_the_arithmetic_is_refused(name, start):
+    with pytest.raises(InvalidParameterError, match=r"^initial .* must be in") as caught:
+        palpate.METHODS[name](initial=start)
+    assert "1e+101" in str(caught.value)
+
+
+def test_every_setting_of_an_estimator_is_given_by_name(kind):
+    with pytest.raises(TypeError):
+        kind(kind.default_initial)
+    with pytest.raises(TypeError):
+        kind(stiffness=5.0)
+
+
+def test_an_invalid_parameter_is_a_value_error_and_one_of_ours():
+    assert issubclass(InvalidParameterError, ValueError)
+    assert issubclass(InvalidParameterError, palpate.PalpateError)
+    assert issubclass(palpate.RecordingError, ValueError)
+    assert issubclass(palpate.MissingExtraError, ImportError)
+
+
+VALUES = [
+    ContactGate(1e-4, 0.5, 0.3),
+    ConstantForgetting(0.99),
+    FadingForgetting(0.98, 6.0),
+    SelfPerturbation(0.1, 3.0),
+    Scale(1e-3, 1e-2, 1.0),
+    palpate.Columns(time="t"),
+]
+
+
+@pytest.mark.parametrize("value", VALUES, ids=lambda v: type(v).__name__)
+def test_a_setting_is_a_frozen_value(value):
+    field = dataclasses.fields(value)[0].name
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(value, field, 1.0)
+    again = pickle.loads(pickle.dumps(value))
+    assert again == value == copy.deepcopy(value)
+    assert hash(again) == hash(value)
+    assert value != type(value)()
+
+
+def test_a_gate_breaks_at_four_fifths_of_its_make_force_unless_told():
+    assert ContactGate(make_force=5.0).break_force == 4.0
+    assert ContactGate(make_force=5.0, break_force=0.0).break_force == 0.0
+
+
+def test_what_an_estimator_starts_with_is_the_papers(kind):
+    settings = kind().settings
+    assert settings["forgetting"] == FadingForgetting(0.99, 5.0)
+    assert settings["perturbation"] is None
+    assert settings["sample_time"] == 1e-3
+    assert settings["initial"].parameters[0] == 0.1  # Kc₀ (methods, section 4)
+    assert SelfPerturbation() == SelfPerturbation(gain=0.05, sensitivity=2.5)

@@ -1,0 +1,112 @@
+"""Standard errors are those of the estimates: a Monte Carlo of many short contacts."""
+
+import numpy as np
+import pytest
+from cases import MATERIALS, exciting
+from scipy import stats
+
+import palpate
+from palpate import ConstantForgetting, HuntCrossley, Scale
+
+RUNS, SAMPLES = 1000, 100
+# A count of hits among RUNS at 95 % falls outside these limits once in a thousand seeds.
+FEWEST, MOST = stats.binom.ppf([0.0005, 0.9995], RUNS, 0.95)
+SCALE = Scale(15e-3, 50e-3, 30.0)
+
+# The log form needs noise of equal share to be least squares, no damping to be linear, and little
+# noise: K is e^θ₁, and the delta method takes that for a straight line.
+CASES = {
+    "kelvin-voigt": (palpate.KelvinVoigtRLS, MATERIALS["linear"], "additive"),
+    "extended-kelvin-voigt": (palpate.ExtendedKelvinVoigtRLS, MATERIALS["quadratic"], "additive"),
+    "single-stage": (palpate.SingleStageRLS, HuntCrossley(1e5, 0.0, 2.0), "relative"),
+}
+
+
+def estimates(name: str):
+    """The final estimates of many contacts that differ in their noise only."""
+    kind, law, how = CASES[name]
+    clean = exciting(law, seconds=SAMPLES * 1e-3)
+    rng = np.random.default_rng(12)
+    for _ in range(RUNS):
+        noise = rng.standard_normal(SAMPLES)
+        force = (
+            clean.force + 0.05 * noise if how == "additive" else clean.force * np.exp(1e-4 * noise)
+        )
+        estimator = kind(scale=SCALE, initial_covariance=1e8, forgetting=ConstantForgetting(1.0))
+        estimator.replay(clean.penetration, clean.velocity, force)
+        yield estimator.estimate()
+
+
+@pytest.fixture(scope="module", params=CASES)
+def monte_carlo(request):
+    """Errors (runs × p), standard errors (runs × p) and covariances (runs × p × p)."""
+    truth = CASES[request.param][1].parameters
+    found = list(estimates(request.param))
+    return (
+        np.array([estimate.parameters - truth for estimate in found]),
+        np.array([estimate.standard_errors for estimate in found]),
+        np.array([estimate.covariance for estimate in found]),
+    )
+
+
+def test_the_95_percent_interval_holds_the_truth_95_times_in_100(monte_carlo):
+    errors, deviations, _ = monte_carlo
+    quantile = stats.t.ppf(0.975, SAMPLES - errors.shape[1])
+    hits = np.count_nonzero(np.abs(errors) < quantile * deviations, axis=0)
+    assert np.all((hits >= FEWEST) & (hits <= MOST)), hits
+
+
+def test_the_95_percent_region_of_all_parameters_holds_the_truth_95_times_in_100(monte_carlo):
+    """The covariances between the parameters are right too: an F-distributed distance."""
+    errors, _, covariances = monte_carlo
+    size = errors.shape[1]
+    distance = np.einsum(
+        "ri,ri->r", errors, np.linalg.solve(covariances, errors[..., None])[..., 0]
+    )
+    limit = size * stats.f.ppf(0.95, size, SAMPLES - size)
+    hits = np.count_nonzero(distance < limit)
+    assert FEWEST <= hits <= MOST, hits
+
+
+def test_the_standard_errors_are_the_spread_of_the_estimates(monte_carlo):
+    errors, deviations, _ = monte_carlo
+    ratio = np.sqrt(np.mean(deviations**2, axis=0)) / np.std(errors, axis=0)
+    # The spread of 1000 is known to 1/√2000 = 2.2 %; four of those.
+    np.testing.assert_allclose(ratio, 1.0, atol=0.09)
+
+
+def test_the_estimates_reach_the_cramer_rao_bound():
+    """Additive white noise and a linear law: least squares is the best there is."""
+    _, law, _ = CASES["kelvin-voigt"]
+    signals = exciting(law, seconds=SAMPLES * 1e-3)
+    rows = np.column_stack([signals.penetration, signals.velocity])
+    bound = 0.05 * np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
+    errors = np.array([e.parameters - law.parameters for e in estimates("kelvin-voigt")])
+    ratio = np.sqrt(np.mean(errors**2, axis=0)) / bound
+    np.testing.assert_allclose(ratio, 1.0, atol=0.09)  # as above
+
+
+def test_under_forgetting_the_standard_errors_err_on_the_safe_side():
+    """P × the noise variance takes weights for variances: (Σwφφᵀ)⁻¹ where the estimates scatter by
+    (Σwφφᵀ)⁻¹ (Σw²φφᵀ) (Σwφφᵀ)⁻¹, which is less.
+    """
+    factor = 0.97
+    _, law, _ = CASES["kelvin-voigt"]
+    clean = exciting(law, seconds=0.5)
+    rows = np.column_stack([clean.penetration, clean.velocity])
+    weight = factor ** np.arange(len(clean) - 1.0, -1.0, -1.0)[:, None]
+    inverse = np.linalg.inv(rows.T @ (weight * rows))
+    scatter = inverse @ (rows.T @ (weight**2 * rows)) @ inverse
+    excess = np.sqrt(np.diag(inverse) / np.diag(scatter))
+    assert np.all(excess > 1.0)
+    rng = np.random.default_rng(13)
+    found = []
+    for _ in range(RUNS):
+        estimator = palpate.KelvinVoigtRLS(scale=SCALE, forgetting=ConstantForgetting(factor))
+        force = clean.force + 0.05 * rng.standard_normal(len(clean))
+        estimator.replay(clean.penetration, clean.velocity, force)
+        found.append(estimator.estimate())
+    errors = np.array([estimate.parameters - law.parameters for estimate in found])
+    deviations = np.array([estimate.standard_errors for estimate in found])
+    ratio = np.sqrt(np.mean(deviations**2, axis=0)) / np.std(errors, axis=0)
+    np.testing.assert_allclose(ratio, excess, rtol=0.09)  # as above

@@ -1,0 +1,162 @@
+"""A gate and a scale chosen from the data."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from cases import MATERIALS, exciting, tapping
+
+import palpate
+from palpate import Contact, ContactGate, Scale
+from palpate.preparation.suggestions import noise_of, suggest_gate, suggest_scale
+
+
+def contact_of(signals, length: float = 1.0, force: float = 1.0) -> Contact:
+    return Contact(
+        signals.time, length * signals.penetration, length * signals.velocity, force * signals.force
+    )
+
+
+# 20 000 fourth differences hold at least a fifth as many independent ones; the median absolute
+# deviation of n is good to 1.17/√n: 3 of those are 5.6 %.
+MEDIAN_TOLERANCE = 0.056
+
+
+@pytest.mark.parametrize("sigma", [1e-12, 0.05, 1e6])
+def test_the_noise_of_white_noise_is_its_deviation(sigma):
+    noise = sigma * np.random.default_rng(0).standard_normal(20_000)
+    assert noise_of(noise) == pytest.approx(sigma, rel=MEDIAN_TOLERANCE)
+
+
+def test_the_noise_on_a_smooth_signal_is_the_noise_alone():
+    signals = exciting(MATERIALS["pvc"], seconds=20.0, noise=0.01, seed=1)
+    assert np.std(signals.force) > 100.0 * 0.01
+    assert noise_of(signals.force) == pytest.approx(0.01, rel=MEDIAN_TOLERANCE)
+
+
+def test_a_few_spikes_are_no_noise():
+    noise = np.random.default_rng(2).standard_normal(20_000)
+    noise[::1000] = 1e6
+    # 20 spikes spoil 100 of the differences, 0.5 %, and shift the median by less than that.
+    assert noise_of(noise) == pytest.approx(1.0, rel=MEDIAN_TOLERANCE + 0.02)
+
+
+@pytest.mark.parametrize("values", [[], [1.0], [1.0, 2.0, 3.0, 4.0], [math.nan] * 9, [5.0] * 9])
+def test_the_noise_of_nothing_is_none(values):
+    assert noise_of(np.array(values)) == 0.0
+
+
+def test_samples_that_are_not_known_have_no_noise():
+    noise = np.random.default_rng(3).standard_normal(20_000)
+    noise[5::7] = math.nan
+    assert noise_of(noise) == pytest.approx(1.0, rel=MEDIAN_TOLERANCE)
+
+
+def test_the_scale_is_the_largest_of_each_channel_in_contact():
+    signals = exciting(MATERIALS["ball"], noise=0.05)
+    free = dataclasses.replace(
+        signals,
+        penetration=np.append(signals.penetration, -5.0),
+        velocity=np.append(signals.velocity, 99.0),
+        force=np.append(signals.force, 1e5),
+        time=np.append(signals.time, 9.0),
+    )
+    expected = Scale(signals.penetration.max(), np.abs(signals.velocity).max(), signals.force.max())
+    assert suggest_scale(contact_of(free)) == expected
+
+
+def test_a_channel_that_stays_zero_has_the_unit_one():
+    still = Contact(np.arange(10.0), np.full(10, 0.01), np.zeros(10), np.full(10, 2.0))
+    assert suggest_scale(still) == Scale(0.01, 1.0, 2.0)
+
+
+def test_the_gate_is_ten_times_the_noise():
+    signals = exciting(MATERIALS["pvc"], seconds=20.0, noise=0.08, seed=4)
+    gate = suggest_gate(contact_of(signals))
+    assert gate.make_force == 10.0 * noise_of(signals.force)
+    assert gate.make_force == pytest.approx(0.8, rel=MEDIAN_TOLERANCE)
+    assert gate.break_force == 0.8 * gate.make_force
+
+
+@pytest.mark.parametrize("noise, share", [(0.0, 0.01), (30.0, 0.10)], ids=["clean", "noisy"])
+def test_the_gate_stays_between_one_and_ten_percent_of_the_largest_values(noise, share):
+    signals = exciting(MATERIALS["ball"], seconds=5.0, noise=noise, seed=5)
+    gate = suggest_gate(contact_of(signals))
+    touching = signals.force[signals.force > 0.0]
+    # Clean in penetration, whatever the force.
+    assert gate.make_force == pytest.approx(share * np.percentile(touching, 99.0), rel=1e-12)
+    depth = signals.penetration[signals.force > 0.0]
+    assert gate.minimum_penetration == pytest.approx(0.01 * np.percentile(depth, 99.0), rel=1e-12)
+
+
+def test_a_spike_sets_no_gate():
+    signals = exciting(MATERIALS["ball"], seconds=2.0, noise=0.05, seed=6)
+    spiked = signals.force.copy()
+    spiked[700] = 1e6
+    before = suggest_gate(contact_of(signals))
+    after = suggest_gate(contact_of(dataclasses.replace(signals, force=spiked)))
+    # One of 2000 samples moves a median and a percentile by a rank or so.
+    assert after.make_force == pytest.approx(before.make_force, rel=0.02)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 1e300])
+@pytest.mark.parametrize("channel", ["penetration", "velocity", "force"])
+def test_a_sample_that_no_estimator_takes_sets_nothing(channel, bad):
+    signals = exciting(MATERIALS["ball"], seconds=0.1, noise=0.05, seed=7)
+    values = getattr(signals, channel).copy()
+    values[50] = bad
+    spoiled = contact_of(dataclasses.replace(signals, **{channel: values}))
+    gate, scale = suggest_gate(spoiled), suggest_scale(spoiled)
+    largest = suggest_scale(contact_of(signals))
+    assert 0.0 < gate.make_force < 0.11 * largest.force
+    assert 0.0 < gate.minimum_penetration < 0.11 * largest.penetration
+    assert scale.penetration <= largest.penetration
+    assert scale.force <= largest.force
+    assert scale.velocity <= largest.velocity
+
+
+@pytest.mark.parametrize("sign", [-1.0, 0.0])
+def test_a_probe_that_never_touches_gets_what_refuses_nothing(sign):
+    away = Contact(np.arange(50.0), np.full(50, sign), np.zeros(50), np.full(50, sign))
+    assert suggest_gate(away) == ContactGate()
+    assert suggest_scale(away) == Scale()
+
+
+@pytest.mark.parametrize("length, force", [(1e9, 1e9), (1e-6, 1e-9), (2.0**-30, 2.0**-40)])
+def test_suggestions_go_with_the_units(length, force):
+    signals = tapping(MATERIALS["pvc"], noise=0.02, seed=8)
+    ours, theirs = contact_of(signals), contact_of(signals, length, force)
+    scale, other = suggest_scale(ours), suggest_scale(theirs)
+    assert dataclasses.astuple(other) == pytest.approx(
+        (scale.penetration * length, scale.velocity * length, scale.force * force), rel=1e-12
+    )
+    gate, other_gate = suggest_gate(ours), suggest_gate(theirs)
+    assert dataclasses.astuple(other_gate) == pytest.approx(
+        (gate.minimum_penetration * length, gate.make_force * force, gate.break_force * force),
+        rel=1e-12,
+    )
+
+
+@pytest.mark.parametrize("method", palpate.METHODS)
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_what_is_identified_does_not_depend_on_the_units(method, unit):
+    """Lengths and forces a thousand million times as large: the same numbers in those units."""
+    signals = tapping(MATERIALS["ball"], noise=0.02, seed=9)
+    kind = palpate.METHODS[method]
+    start = kind.default_initial  # n = 1 or linear: K₀ x₀/F₀ is the same in both
+    if method == "extended-kelvin-voigt":
+        start = palpate.ExtendedKelvinVoigt(0.1, 0.0, 0.0)
+    ours = palpate.identify(contact_of(signals), kind(initial=start))
+    theirs = palpate.identify(contact_of(signals, unit, unit), kind(initial=start))
+    assert theirs.trace.status.tolist() == ours.trace.status.tolist()
+    # The inputs are rounded anew, and P₀ up to 1e10 costs 1e10 ε of the prediction at the start.
+    for measure in ("fit_rmse_percent", "prediction_rmse_percent"):
+        assert getattr(theirs, measure) == pytest.approx(getattr(ours, measure), rel=1e-4)
+    assert theirs.law.parameters[0] == pytest.approx(in_units(ours.law, unit), rel=1e-4)
+
+
+def in_units(law, unit: float) -> float:
+    """The stiffness, N/mⁿ, where metres and newtons are both ``unit`` times as many."""
+    exponent = getattr(law, "exponent", 1.0)
+    return law.stiffness * unit ** (1.0 - exponent)

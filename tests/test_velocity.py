@@ -1,0 +1,102 @@
+"""Velocity from a recorded position: a centred quadratic Savitzky–Golay filter."""
+
+import math
+
+import numpy as np
+import pytest
+from cases import THREE_SINES, motion
+from scipy.signal import savgol_filter
+
+from palpate import InvalidParameterError
+from palpate.preparation.velocity import velocity_of, window_samples
+
+
+@pytest.mark.parametrize(
+    "rate, samples", [(3000.0, 15), (2000.0, 15), (1000.0, 15), (500.0, 7), (200.0, 5), (66.0, 5)]
+)
+def test_on_an_even_clock_it_is_the_classic_filter(rate, samples):
+    time = np.arange(400) / rate
+    x, _ = motion(time, THREE_SINES)
+    x = x + 1e-5 * np.random.default_rng(0).standard_normal(time.size)
+    expected = savgol_filter(x, samples, polyorder=2, deriv=1, delta=1.0 / rate, mode="interp")
+    velocity = velocity_of(time, x)
+    # The clock itself is rounded, at ε t/T = 1e-13 of a step; slopes through zero are absolute.
+    assert np.max(np.abs(velocity - expected)) < 1e-9 * np.max(np.abs(expected))
+
+
+def uneven(samples: int, seed: int = 0) -> np.ndarray:
+    """A clock like set C's: event-triggered, steps of 3 to 19 ms."""
+    return 6.0 + np.cumsum(np.random.default_rng(seed).uniform(3e-3, 19e-3, samples))
+
+
+@pytest.mark.parametrize("samples", [3, 4, 5, 6, 15, 200])
+@pytest.mark.parametrize("window", [None, 0.05, 0.3])
+def test_it_is_exact_on_any_parabola_on_an_uneven_clock(samples, window):
+    time = uneven(samples)
+    since = time - time[0]
+    velocity = velocity_of(time, 5e-3 + 0.03 * since - 0.7 * since**2, window)
+    expected = 0.03 - 1.4 * since
+    # x is rounded at ε; a slope over a few ms makes 1e3 of it and the ends of a window 1e2 more.
+    np.testing.assert_allclose(velocity, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
+
+
+def test_near_the_ends_the_window_stays_whole():
+    """One parabola serves the first half window, so its slopes lie on a straight line."""
+    time = np.arange(100) * 1e-3
+    x = np.random.default_rng(1).standard_normal(100)
+    velocity = velocity_of(time, x)
+    for end in (velocity[:8], velocity[-8:]):
+        assert np.ptp(np.diff(end)) < 1e-9 * np.ptp(velocity)
+    assert np.ptp(np.diff(velocity[7:16])) > 1e-3 * np.ptp(velocity)
+
+
+def test_samples_that_are_not_known_are_left_out():
+    time = uneven(60)
+    x, _ = motion(time, THREE_SINES)
+    holes = [0, 17, 18, 40, 59]
+    x[holes] = [math.nan, math.nan, math.inf, -math.inf, math.nan]
+    known = np.isfinite(x)
+    velocity = velocity_of(time, x)
+    assert np.isnan(velocity[holes]).all()
+    assert np.array_equal(velocity[known], velocity_of(time[known], x[known]))
+
+
+@pytest.mark.parametrize(
+    "x, expected",
+    [([], []), ([1.0], [0.0]), ([1.0, 3.0], [20.0, 20.0]), ([math.nan] * 2, [math.nan] * 2)],
+)
+def test_of_fewer_than_three_samples_it_is_what_they_say(x, expected):
+    time = 0.1 * np.arange(len(x))
+    np.testing.assert_allclose(velocity_of(time, np.array(x, dtype=float)), expected, rtol=1e-14)
+
+
+def test_a_longer_window_lets_less_noise_through():
+    time = np.arange(2000) * 1e-3
+    noise = np.random.default_rng(2).standard_normal(time.size)
+    quick, slow = (np.std(velocity_of(time, noise, window)) for window in (7e-3, 31e-3))
+    # The variance of the slope is 12 σ²/(T² m³) of m samples: (31/7)^1.5 = 9.3 in deviation, from
+    # 2000/31 independent windows, so within 3/√(2·64) of it.
+    assert quick / slow == pytest.approx((31.0 / 7.0) ** 1.5, rel=0.27)
+
+
+@pytest.mark.parametrize(
+    "sample_time, window, samples",
+    [
+        (1e-3, None, 15),
+        (1e-4, None, 15),  # never more than 15 samples
+        (2e-3, None, 7),  # never longer than 15 ms
+        (0.1, None, 5),  # never fewer than 5
+        (1e-3, 0.02, 21),
+        (1e-3, 0.021, 21),
+        (0.1, 0.02, 3),
+    ],
+)
+def test_a_window_has_an_odd_number_of_samples(sample_time, window, samples):
+    assert window_samples(sample_time, window) == samples
+
+
+@pytest.mark.parametrize("window", [0.0, -0.01, math.nan, math.inf, "long"])
+def test_a_window_that_is_no_length_of_time_is_refused(window):
+    with pytest.raises(InvalidParameterError, match="velocity_window must be") as caught:
+        velocity_of(np.arange(10.0), np.arange(10.0), window)
+    assert repr(window) in str(caught.value)
