@@ -1,4 +1,4 @@
-// Six-point Lagrange interpolation on an even grid: value, first and second derivative.
+// Eight-point Lagrange interpolation on an even grid: value, first and second derivative.
 #pragma once
 
 #include <array>
@@ -8,8 +8,10 @@
 
 namespace palpate {
 
+inline constexpr std::size_t lagrange_points = 8;
+
 struct LagrangeWeights {
-  static constexpr std::size_t points = 6;
+  static constexpr std::size_t points = lagrange_points;
   Vector<points> value;
   Vector<points> first;   // per grid step
   Vector<points> second;  // per grid step squared
@@ -17,16 +19,16 @@ struct LagrangeWeights {
 
 namespace detail {
 
-// Coefficients of the six basis polynomials at the points 0 … 5, lowest power first.
-constexpr std::array<Vector<6>, 6> lagrange_basis() noexcept {
-  std::array<Vector<6>, 6> basis{};
-  for (std::size_t i = 0; i < 6; ++i) {
-    Vector<6> polynomial{1.0};
+// [k][i]: the coefficient of tᵏ in the basis polynomial of point i = 0, 1, 2 ….
+constexpr Matrix<lagrange_points> lagrange_basis() noexcept {
+  Matrix<lagrange_points> basis{};
+  for (std::size_t i = 0; i < lagrange_points; ++i) {
+    Vector<lagrange_points> polynomial{1.0};
     std::size_t degree = 0;
     double scale = 1.0;
-    for (std::size_t j = 0; j < 6; ++j) {
+    for (std::size_t j = 0; j < lagrange_points; ++j) {
       if (j == i) continue;
-      Vector<6> product{};
+      Vector<lagrange_points> product{};
       for (std::size_t k = 0; k <= degree; ++k) {
         product[k + 1] += polynomial[k];
         product[k] -= static_cast<double>(j) * polynomial[k];
@@ -35,25 +37,26 @@ constexpr std::array<Vector<6>, 6> lagrange_basis() noexcept {
       ++degree;
       scale *= static_cast<double>(i) - static_cast<double>(j);
     }
-    for (double& coefficient : polynomial) coefficient /= scale;
-    basis[i] = polynomial;
+    for (std::size_t k = 0; k < lagrange_points; ++k) basis[k][i] = polynomial[k] / scale;
   }
   return basis;
 }
 
-inline constexpr std::array<Vector<6>, 6> lagrange_coefficients = lagrange_basis();
+inline constexpr Matrix<lagrange_points> lagrange_coefficients = lagrange_basis();
 
 }  // namespace detail
 
-// Weights at t, in grid steps from the first of the six points; best for 2 ≤ t ≤ 3.
+// Weights at t, in grid steps from the first of the points; best about the middle.
 constexpr LagrangeWeights lagrange_weights(double t) noexcept {
-  LagrangeWeights weights{};
-  for (std::size_t i = 0; i < 6; ++i) {
-    const Vector<6>& c = detail::lagrange_coefficients[i];
-    weights.value[i] = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))));
-    weights.first[i] =
-        c[1] + t * (2.0 * c[2] + t * (3.0 * c[3] + t * (4.0 * c[4] + t * 5.0 * c[5])));
-    weights.second[i] = 2.0 * c[2] + t * (6.0 * c[3] + t * (12.0 * c[4] + t * 20.0 * c[5]));
+  // Horner's scheme for the polynomials and their derivatives at once, all points abreast.
+  LagrangeWeights weights{detail::lagrange_coefficients[lagrange_points - 1], {}, {}};
+  for (std::size_t k = lagrange_points - 1; k-- > 0;) {
+    const Vector<lagrange_points>& c = detail::lagrange_coefficients[k];
+    for (std::size_t i = 0; i < lagrange_points; ++i) {
+      weights.second[i] = weights.second[i] * t + 2.0 * weights.first[i];
+      weights.first[i] = weights.first[i] * t + weights.value[i];
+      weights.value[i] = weights.value[i] * t + c[i];
+    }
   }
   return weights;
 }

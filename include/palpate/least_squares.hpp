@@ -41,7 +41,6 @@ class LeastSquares {
   constexpr explicit LeastSquares(const Settings& settings) noexcept
       : settings_(settings),
         initial_information_(inverse(settings.initial_covariance)),
-        independent_start_(is_diagonal(settings.initial_covariance)),
         state_{settings.initial, settings.initial_covariance} {
     for (std::size_t i = 0; i < Order; ++i) {
       ceiling_ = std::max(ceiling_, largest_windup * settings.initial_covariance[i][i]);
@@ -172,7 +171,7 @@ class LeastSquares {
 
   // dᵀ P₀⁻¹ d; a start without covariances is the usual one.
   constexpr double information_of(const Vector<Order>& d) const noexcept {
-    if (!independent_start_) return dot(d, multiply(initial_information_, d));
+    if (!is_diagonal(initial_information_)) return dot(d, multiply(initial_information_, d));
     double sum = initial_information_[0][0] * d[0] * d[0];
     for (std::size_t i = 1; i < Order; ++i) sum += initial_information_[i][i] * d[i] * d[i];
     return sum;
@@ -189,7 +188,6 @@ class LeastSquares {
 
   Settings settings_;
   Matrix<Order> initial_information_;
-  bool independent_start_;
   double ceiling_ = 0.0;
   State state_;
 };

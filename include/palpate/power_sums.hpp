@@ -55,13 +55,13 @@ class PowerSums {
 
   void clear() noexcept { *this = PowerSums(lowest_, highest()); }
 
-  // Interpolates the sums, never a function of them, between the six nodes around an exponent.
+  // Interpolates the sums, never a function of them, between the eight nodes around an exponent.
   Local at(double n) const noexcept {
     const double per_step = 1.0 / step_;
     const double place = (n - lowest_) * per_step;
-    const double centred = std::floor(place) - 2.0;
+    const double centred = std::floor(place) - 3.0;
     const std::size_t first =
-        centred <= 0.0 ? 0 : std::min(static_cast<std::size_t>(centred), nodes - 6);
+        centred <= 0.0 ? 0 : std::min(static_cast<std::size_t>(centred), nodes - lagrange_points);
     const LagrangeWeights weights = lagrange_weights(place - static_cast<double>(first));
     Local local{};
     for (std::size_t power = 0; power < power_count; ++power) {
@@ -76,9 +76,9 @@ class PowerSums {
   }
 
  private:
-  static constexpr double combine(const Vector<6>& w, const double* sums) noexcept {
+  static constexpr double combine(const Vector<lagrange_points>& w, const double* sums) noexcept {
     return (w[0] * sums[0] + w[1] * sums[1]) + (w[2] * sums[2] + w[3] * sums[3]) +
-           (w[4] * sums[4] + w[5] * sums[5]);
+           (w[4] * sums[4] + w[5] * sums[5]) + (w[6] * sums[6] + w[7] * sums[7]);
   }
 
   void scale(double factor) noexcept {
