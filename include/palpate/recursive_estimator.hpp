@@ -134,16 +134,17 @@ class RecursiveEstimator {
     } else {
       forgetting.rearm();
     }
+    // Before the method refreshes the answer that it measures errors against.
+    if (predicted_force && Method::prediction_lags) {
+      *predicted_force = predict(sample.penetration, sample.velocity);
+    }
     // An abrupt change perturbs P and takes λ back to λ₀.
     double error = 0.0;
     const auto adapt = [&](auto&& predict_scaled) noexcept {
       double perturbation = 0.0;
       if (predicted_force || settings_.perturbation.active() || changes_.active()) {
         const double predicted = predict_scaled() * units_.force;
-        if (predicted_force) {
-          *predicted_force =
-              Method::prediction_lags ? predict(sample.penetration, sample.velocity) : predicted;
-        }
+        if (predicted_force && !Method::prediction_lags) *predicted_force = predicted;
         error = sample.force - predicted;
         perturbation = settings_.perturbation(error);
         if (perturbation > 0.0) forgetting.rearm();
