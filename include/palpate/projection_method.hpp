@@ -112,7 +112,8 @@ class ProjectionMethod {
     const double exponent = std::sqrt(std::max(inflation * p.covariance[2][2], 0.0));
     const double damping = std::sqrt(std::max(inflation * p.covariance[1][1], 0.0));
     std::uint8_t found = p.at_edge ? exponent_at_edge : 0;
-    if (!(exponent < 0.3)) found |= exponent_not_identifiable;
+    // Twice this and a sphere (1.5) is not told from a cone (2) or a spring (1).
+    if (!(exponent < 0.2)) found |= exponent_not_identifiable;
     // Against the elastic force: B v is unknown to a quarter of K at the speed of the scale.
     if (!(damping < 0.25 * std::abs(p.k))) found |= damping_not_identifiable;
     if (!p.surface_found) found |= surface_at_edge;
