@@ -31,6 +31,8 @@ class DriftMethod {
   DriftMethod(const Settings& settings, const Units& units) noexcept
       : settings_(settings), start_(settings.projection, units), units_(units) {}
 
+  double largest_penetration() const noexcept { return start_.largest_penetration(); }
+
   template <class Adapt>
   Status learn(const Sample& sample, double dt, Adapt&& adapt) noexcept {
     if (!tracking_) {
@@ -65,7 +67,8 @@ class DriftMethod {
       return fit;
     }
     const Law law = tracked_law(units);
-    const Matrix<4> joint = congruence(jacobian(law, units), covariance_);
+    Matrix<4> joint = congruence(jacobian(law, units), covariance_);
+    bound_variances(joint, largest_variance);
     Fit<Law> fit{.law = law,
                  .covariance = {},
                  .offset = {state_[3] * units.force, joint[3][3], {}},
@@ -82,7 +85,9 @@ class DriftMethod {
     if (!tracking_) return start_.moment(units);
     const Law law = tracked_law(units);
     const Vector<4> variances = congruent_diagonal(jacobian(law, units), covariance_);
-    return {law, {variances[0], variances[1], variances[2]}};
+    return {law,
+            {bounded_variance(variances[0]), bounded_variance(variances[1]),
+             bounded_variance(variances[2])}};
   }
 
  private:

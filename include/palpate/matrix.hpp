@@ -141,6 +141,16 @@ constexpr Matrix<Size> congruence(const Matrix<Size>& jacobian, const Matrix<Siz
   return result;
 }
 
+// Variances that data drove past `limit` count as it, and as independent of the rest.
+template <std::size_t Size>
+constexpr void bound_variances(Matrix<Size>& covariance, double limit) noexcept {
+  for (std::size_t i = 0; i < Size; ++i) {
+    if (covariance[i][i] < limit) continue;  // false for NaN too
+    for (std::size_t j = 0; j < Size; ++j) covariance[i][j] = covariance[j][i] = 0.0;
+    covariance[i][i] = limit;
+  }
+}
+
 // The diagonal of J S Jᵀ.
 template <std::size_t Size>
 constexpr Vector<Size> congruent_diagonal(const Matrix<Size>& jacobian,

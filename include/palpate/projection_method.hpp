@@ -22,12 +22,18 @@ class ProjectionMethod {
   static constexpr std::size_t order = 3;
   // Errors are measured against an answer that is up to a 64th of the samples old.
   static constexpr bool prediction_lags = true;
-  // ξ^3.6 squared, times w², summed and multiplied by its like three times, stays finite below it.
   static constexpr double largest_input = 1e8;
+  // ξⁿ squared, times w², summed and multiplied by its like three times, stays finite below it.
+  static constexpr double largest_power = 1e29;
 
   using Settings = typename Projector::Settings;  // in scaled units
 
-  ProjectionMethod(const Settings& settings, const Units&) noexcept : projection_(settings) {}
+  ProjectionMethod(const Settings& settings, const Units&) noexcept
+      : projection_(settings),
+        largest_penetration_(std::pow(largest_power, 1.0 / projection_.highest_exponent())) {}
+
+  // In scaled units; samples beyond it are out of range.
+  double largest_penetration() const noexcept { return largest_penetration_; }
 
   // Deeper than this a sample says something, in scaled units; only asked where the approach
   // counts.
@@ -39,7 +45,7 @@ class ProjectionMethod {
     follow();
     const double predicted = present_.force(sample);
     const double forgetting_factor = adapt([&]() noexcept { return predicted; }).first;
-    if (projection_.weight() >= 20.0) residuals_.add(sample.force - predicted);
+    if (projection_.weight() >= 20.0) residuals_.add(saturate(sample.force - predicted));
     projection_.add(sample, forgetting_factor);
     ++unsolved_;
     return Status::updated;
@@ -67,6 +73,7 @@ class ProjectionMethod {
     for (auto& row : joint) {
       for (double& entry : row) entry *= inflation;
     }
+    bound_variances(joint, largest_variance);
     Fit<Law> fit{.law = law,
                  .covariance = {},
                  .offset = {now.offset * units.force, joint[3][3], {}},
@@ -84,7 +91,9 @@ class ProjectionMethod {
     const Law law = this->law(now, units);
     const double inflation = residuals_.inflation();
     const Vector<5> joint = congruent_diagonal(jacobian(law, units), now.covariance);
-    return {law, {inflation * joint[0], inflation * joint[1], inflation * joint[2]}};
+    return {law,
+            {bounded_variance(inflation * joint[0]), bounded_variance(inflation * joint[1]),
+             bounded_variance(inflation * joint[2])}};
   }
 
  public:
@@ -138,6 +147,7 @@ class ProjectionMethod {
   }
 
   Projector projection_;
+  double largest_penetration_;
   Projection present_{};
   std::uint64_t unsolved_ = 1;  // samples since it was solved for
   LatterResiduals residuals_;

@@ -93,8 +93,11 @@ class RecursiveEstimator {
     return std::isfinite(s.penetration) && std::isfinite(s.velocity) && std::isfinite(s.force);
   }
 
-  static bool in_range(const Sample& s) noexcept {
+  bool in_range(const Sample& s) const noexcept {
     constexpr double limit = Method::largest_input;
+    if constexpr (requires { method_.largest_penetration(); }) {
+      if (!(s.penetration < method_.largest_penetration())) return false;
+    }
     const bool signs = Method::takes_approach || (s.penetration > 0.0 && s.force > 0.0);
     return signs && std::abs(s.penetration) < limit && std::abs(s.velocity) < limit &&
            std::abs(s.force) < limit;
@@ -145,7 +148,7 @@ class RecursiveEstimator {
       if (predicted_force || settings_.perturbation.active() || changes_.active()) {
         const double predicted = predict_scaled() * units_.force;
         if (predicted_force && !Method::prediction_lags) *predicted_force = predicted;
-        error = sample.force - predicted;
+        error = saturate(sample.force - predicted);
         perturbation = settings_.perturbation(error);
         if (perturbation > 0.0) forgetting.rearm();
       }

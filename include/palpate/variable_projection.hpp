@@ -62,6 +62,7 @@ class VariableProjection {
   }
 
   double weight() const noexcept { return sums_.weight(); }  // samples, less what was forgotten
+  double highest_exponent() const noexcept { return sums_.highest(); }
 
   // Forgets the samples; the prior is the old answer with these deviations.
   void restart(const Projection& old, double exponent_deviation,
@@ -125,10 +126,10 @@ class VariableProjection {
     const double b1 = s[pf] - s[p1] * sums_.force() * share;
     const double b2 = s[pwf] - s[pw] * sums_.force() * share;
     const double determinant = a11 * a22 - a12 * a12;
-    const bool damped = determinant > smallest_share * (a11 * a22);
+    const bool damped = determinant > smallest_share * (a11 * a22) && a22 > smallest_sum;
     Linear r{};
     r.damped = damped;
-    r.k = damped ? (a22 * b1 - a12 * b2) / determinant : a11 > 0.0 ? b1 / a11 : 0.0;
+    r.k = damped ? (a22 * b1 - a12 * b2) / determinant : a11 > smallest_sum ? b1 / a11 : 0.0;
     r.c = damped ? (a11 * b2 - a12 * b1) / determinant : 0.0;
     r.offset = share * (sums_.force() - r.k * s[p1] - r.c * s[pw]);
     r.cost = -(r.k * b1 + r.c * b2) - share * sums_.force() * sums_.force();
@@ -241,7 +242,7 @@ class VariableProjection {
     const double determinant = a11 * a22 - a12 * a12;
     const double taken = damped
                              ? (a22 * h1 * h1 - 2.0 * a12 * h1 * h2 + a11 * h2 * h2) / determinant
-                         : a11 > 0.0 ? h1 * h1 / a11
+                         : a11 > smallest_sum ? h1 * h1 / a11
                                      : 0.0;
     return {quadratic - 2.0 * (k * d[pf] + c * d[pwf]), std::max(h - taken, 0.0)};
   }
@@ -262,7 +263,7 @@ class VariableProjection {
 
   double damping_weight(double k, double variance) const noexcept {
     const double deviation = settings_.prior_dissipation_deviation * k;
-    return variance / (deviation * deviation + tiny);
+    return std::min(variance / (deviation * deviation + tiny), largest_parameter);
   }
 
   Projection result(const Point& point, const Search& search) const noexcept {
@@ -300,11 +301,20 @@ class VariableProjection {
     if (!settings_.offset) {
       for (std::size_t i = 0; i < 3; ++i) m[i][3] = m[3][i] = 0.0;
     }
-    Matrix<4> result = guarded_inverse(m);
-    if (!settings_.offset) result[3][3] = 0.0;
-    for (auto& row : result) {
-      for (double& entry : row) entry *= variance;
+    // Scaled to a unit diagonal, so that neither the inverse nor its entries overflow.
+    Vector<4> unit{};
+    for (std::size_t i = 0; i < 4; ++i) unit[i] = m[i][i] > 0.0 ? 1.0 / std::sqrt(m[i][i]) : 1.0;
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j < 4; ++j) m[i][j] = m[i][j] * unit[i] * unit[j];
     }
+    Matrix<4> result = guarded_inverse(m);
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = i; j < 4; ++j) {
+        result[i][j] = result[j][i] = result[i][j] * unit[i] * unit[j] * variance;
+      }
+    }
+    if (!settings_.offset) result[3][3] = 0.0;
+    bound_variances(result, largest_variance);
     return result;
   }
 
@@ -314,6 +324,7 @@ class VariableProjection {
   }
 
   static constexpr double smallest_share = 1e-13;
+  static constexpr double smallest_sum = 1e-150;  // of squares; below it a column is not there
   static constexpr double tiny = 1e-300;
 
   Settings settings_;
