@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 
@@ -90,10 +91,11 @@ constexpr Matrix<Size> inverse(Matrix<Size> matrix) noexcept {
   return result;
 }
 
-// Inverse of a symmetric, positive semidefinite matrix by LDLᵀ. A pivot that rounding has eaten
-// counts as the smallest share of its diagonal that it could be; an empty row as the unit one.
+// R with R Rᵀ the inverse of a symmetric, positive semidefinite matrix, by LDLᵀ. A pivot that
+// rounding has eaten counts as the smallest share of its diagonal that it could be; an empty row as
+// the unit one.
 template <std::size_t Size>
-constexpr Matrix<Size> guarded_inverse(const Matrix<Size>& matrix) noexcept {
+Matrix<Size> guarded_inverse_root(const Matrix<Size>& matrix) noexcept {
   Matrix<Size> lower{};
   Vector<Size> pivots{}, reciprocals{};
   for (std::size_t j = 0; j < Size; ++j) {
@@ -108,7 +110,7 @@ constexpr Matrix<Size> guarded_inverse(const Matrix<Size>& matrix) noexcept {
       lower[i][j] = entry * reciprocals[j];
     }
   }
-  // Columns of L⁻¹, then L⁻ᵀ D⁻¹ L⁻¹.
+  // Columns of L⁻¹, then L⁻ᵀ D^(−1/2).
   Matrix<Size> left{};
   for (std::size_t j = 0; j < Size; ++j) {
     left[j][j] = 1.0;
@@ -116,13 +118,31 @@ constexpr Matrix<Size> guarded_inverse(const Matrix<Size>& matrix) noexcept {
       for (std::size_t k = j; k < i; ++k) left[i][j] -= lower[i][k] * left[k][j];
     }
   }
+  Matrix<Size> root{};
+  for (std::size_t k = 0; k < Size; ++k) {
+    const double scale = std::sqrt(reciprocals[k]);
+    for (std::size_t i = 0; i <= k; ++i) root[i][k] = left[k][i] * scale;
+  }
+  return root;
+}
+
+template <std::size_t Size>
+constexpr Matrix<Size> multiply(const Matrix<Size>& a, const Matrix<Size>& b) noexcept {
+  Matrix<Size> product{};
+  for (std::size_t i = 0; i < Size; ++i) {
+    for (std::size_t k = 0; k < Size; ++k) {
+      for (std::size_t j = 0; j < Size; ++j) product[i][j] += a[i][k] * b[k][j];
+    }
+  }
+  return product;
+}
+
+// R Rᵀ: positive semidefinite but for rounding of its own size, and symmetric to the last bit.
+template <std::size_t Size>
+constexpr Matrix<Size> squared(const Matrix<Size>& root) noexcept {
   Matrix<Size> result{};
   for (std::size_t i = 0; i < Size; ++i) {
-    for (std::size_t j = i; j < Size; ++j) {
-      double sum = 0.0;
-      for (std::size_t k = j; k < Size; ++k) sum += left[k][i] * left[k][j] * reciprocals[k];
-      result[i][j] = result[j][i] = sum;
-    }
+    for (std::size_t j = i; j < Size; ++j) result[i][j] = result[j][i] = dot(root[i], root[j]);
   }
   return result;
 }

@@ -69,7 +69,7 @@ class ProjectionMethod {
     const Projection now = solve();
     const Law law = this->law(now, units);
     const double inflation = residuals_.inflation();
-    Matrix<5> joint = congruence(jacobian(law, units), now.covariance);
+    Matrix<5> joint = squared(multiply(jacobian(law, units), now.root));
     for (auto& row : joint) {
       for (double& entry : row) entry *= inflation;
     }
@@ -90,10 +90,12 @@ class ProjectionMethod {
     const Projection now = solve();
     const Law law = this->law(now, units);
     const double inflation = residuals_.inflation();
-    const Vector<5> joint = congruent_diagonal(jacobian(law, units), now.covariance);
-    return {law,
-            {bounded_variance(inflation * joint[0]), bounded_variance(inflation * joint[1]),
-             bounded_variance(inflation * joint[2])}};
+    const Matrix<5> root = multiply(jacobian(law, units), now.root);
+    Moment<Law> moment{law, {}};
+    for (std::size_t i = 0; i < order; ++i) {
+      moment.variances[i] = bounded_variance(inflation * dot(root[i], root[i]));
+    }
+    return moment;
   }
 
  public:
@@ -118,8 +120,8 @@ class ProjectionMethod {
   }
 
   std::uint8_t doubts(const Projection& p, double inflation) const noexcept {
-    const double exponent = std::sqrt(std::max(inflation * p.covariance[2][2], 0.0));
-    const double damping = std::sqrt(std::max(inflation * p.covariance[1][1], 0.0));
+    const double exponent = std::sqrt(inflation * dot(p.root[2], p.root[2]));
+    const double damping = std::sqrt(inflation * dot(p.root[1], p.root[1]));
     std::uint8_t found = p.at_edge ? exponent_at_edge : 0;
     // Twice this and a sphere (1.5) is not told from a cone (2) or a spring (1).
     if (!(exponent < 0.2)) found |= exponent_not_identifiable;

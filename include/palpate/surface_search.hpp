@@ -108,10 +108,8 @@ class SurfaceSearch {
     const Vector<5> moved{(right.k - left.k) * per_surface, (right.c - left.c) * per_surface,
                           (right.n - left.n) * per_surface,
                           (right.offset - left.offset) * per_surface, 1.0};
-    for (std::size_t i = 0; i < 5; ++i) {
-      for (std::size_t j = 0; j < 5; ++j) r.covariance[i][j] += moved[i] * moved[j] * variance;
-    }
-    bound_variances(r.covariance, largest_variance);
+    const double deviation = std::sqrt(variance);
+    for (std::size_t i = 0; i < 5; ++i) r.root[i][4] = saturate(moved[i] * deviation);
   }
 
   template <std::size_t... Index>

@@ -31,7 +31,7 @@ struct ScaledLaw {
 struct Projection : ScaledLaw {
   double noise_variance;  // of the force
   double prior_variance;  // the same as the priors were weighted with
-  Matrix<5> covariance;   // of (k, c, n, offset, surface)
+  Matrix<5> root;         // R Rᵀ is the covariance of (k, c, n, offset, surface)
   double cost;            // J: the weighted residual sum less Σ F², with the priors
   bool at_edge;           // the exponent ended at the edge of its range
   bool surface_found;     // true unless a search for the surface ended at the edge of its range
@@ -283,14 +283,15 @@ class VariableProjection {
     if (settings_.noise == 0.0 && freedom >= 10.0) {
       r.noise_variance = std::max(sums_.force_squared() + linear.cost, 0.0) / freedom;
     }
-    const Matrix<4> covariance = this->covariance(point, search, r.noise_variance);
+    const Matrix<4> root = covariance_root(point, search, r.noise_variance);
     for (std::size_t i = 0; i < 4; ++i) {
-      for (std::size_t j = 0; j < 4; ++j) r.covariance[i][j] = covariance[i][j];
+      for (std::size_t j = 0; j < 4; ++j) r.root[i][j] = root[i][j];
     }
     return r;
   }
 
-  Matrix<4> covariance(const Point& point, const Search& search, double variance) const noexcept {
+  Matrix<4> covariance_root(const Point& point, const Search& search,
+                            double variance) const noexcept {
     Matrix<4> m = information(point, search);
     const double prior = settings_.prior_dissipation, weight = search.damping_weight;
     m[0][0] += weight * prior * prior;
@@ -301,21 +302,19 @@ class VariableProjection {
     if (!settings_.offset) {
       for (std::size_t i = 0; i < 3; ++i) m[i][3] = m[3][i] = 0.0;
     }
-    // Scaled to a unit diagonal, so that neither the inverse nor its entries overflow.
+    // Scaled to a unit diagonal, so that the inverse does not overflow.
     Vector<4> unit{};
     for (std::size_t i = 0; i < 4; ++i) unit[i] = m[i][i] > 0.0 ? 1.0 / std::sqrt(m[i][i]) : 1.0;
     for (std::size_t i = 0; i < 4; ++i) {
       for (std::size_t j = 0; j < 4; ++j) m[i][j] = m[i][j] * unit[i] * unit[j];
     }
-    Matrix<4> result = guarded_inverse(m);
+    Matrix<4> root = guarded_inverse_root(m);
+    const double deviation = std::sqrt(variance);
     for (std::size_t i = 0; i < 4; ++i) {
-      for (std::size_t j = i; j < 4; ++j) {
-        result[i][j] = result[j][i] = result[i][j] * unit[i] * unit[j] * variance;
-      }
+      for (double& entry : root[i]) entry = saturate(entry * (unit[i] * deviation));
     }
-    if (!settings_.offset) result[3][3] = 0.0;
-    bound_variances(result, largest_variance);
-    return result;
+    if (!settings_.offset) root[3] = {};
+    return root;
   }
 
   bool at_edge(double n) const noexcept {
