@@ -158,3 +158,18 @@ def test_microrheology_is_flagged(name: str) -> None:
         estimate = identify(contact.window(times[0], times[-1])).estimate
         assert flagged(estimate, EXPONENT) or flagged(estimate, DAMPING)
     assert flagged(identify(contact).estimate, EXPONENT)
+
+
+@pytest.mark.parametrize("samples", [30, 1000, 100_000])
+@pytest.mark.parametrize("depth", [0.1e-3, 5e-3, 10e-3, 17e-3])
+@pytest.mark.parametrize("speed", [0.0, 5e-3])
+def test_one_reading_repeated_is_flagged_however_clean(
+    depth: float, speed: float, samples: int
+) -> None:
+    # As a held, quantised sensor shows: the fit is exact, but nothing is known.
+    motion = Motion(np.full(samples, depth), np.full(samples, speed))
+    for offset in (False, True):
+        estimator = VariableProjection(offset=offset)
+        estimate = fed(estimator, motion, np.full(samples, 3.125)).estimate()
+        assert flagged(estimate, EXPONENT)
+        assert flagged(estimate, DAMPING)

@@ -112,9 +112,15 @@ class DriftMethod {
     // Without an offset its place in the state stays empty.
     if (!settings_.projection.offset) covariance_[3][3] = 1e-30;
     if (!is_positive_definite(covariance_)) return;
-    state_ = {
+    const Vector<4> state{
         std::log(fit.law.stiffness) + fit.law.exponent * units_.log_penetration - units_.log_force,
         dissipation * units_.velocity, fit.law.exponent, fit.offset.value * units_.per_force};
+    // follow() would refuse every sample beyond it.
+    for (std::size_t i = 0; i < 4; ++i) {
+      const bool bounded = std::abs(state[i]) < largest_input && covariance_[i][i] < largest_input;
+      if (!bounded) return;
+    }
+    state_ = state;
     noise_variance_ = start_.noise_variance();
     tracking_ = true;
   }

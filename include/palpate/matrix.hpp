@@ -91,18 +91,25 @@ constexpr Matrix<Size> inverse(Matrix<Size> matrix) noexcept {
   return result;
 }
 
-// R with R Rᵀ the inverse of a symmetric, positive semidefinite matrix, by LDLᵀ. A pivot that
-// rounding has eaten counts as the smallest share of its diagonal that it could be; an empty row as
-// the unit one.
 template <std::size_t Size>
-Matrix<Size> guarded_inverse_root(const Matrix<Size>& matrix) noexcept {
+struct InverseRoot {
+  Matrix<Size> root;               // R Rᵀ is the inverse
+  std::array<bool, Size> guarded;  // which pivots rounding has eaten
+};
+
+// The inverse of a symmetric, positive semidefinite matrix by LDLᵀ. A pivot that rounding has eaten
+// counts as the smallest share of its diagonal that it could be; an empty row as the unit one.
+template <std::size_t Size>
+InverseRoot<Size> guarded_inverse_root(const Matrix<Size>& matrix) noexcept {
+  InverseRoot<Size> result{};
   Matrix<Size> lower{};
   Vector<Size> pivots{}, reciprocals{};
   for (std::size_t j = 0; j < Size; ++j) {
     const double diagonal = matrix[j][j] > 0.0 ? matrix[j][j] : 1.0;
     double pivot = diagonal;
     for (std::size_t k = 0; k < j; ++k) pivot -= lower[j][k] * lower[j][k] * pivots[k];
-    pivots[j] = std::max(pivot, smallest_pivot * diagonal);
+    result.guarded[j] = !(pivot > smallest_pivot * diagonal);
+    pivots[j] = result.guarded[j] ? smallest_pivot * diagonal : pivot;
     reciprocals[j] = 1.0 / pivots[j];
     for (std::size_t i = j + 1; i < Size; ++i) {
       double entry = matrix[i][j];
@@ -118,12 +125,11 @@ Matrix<Size> guarded_inverse_root(const Matrix<Size>& matrix) noexcept {
       for (std::size_t k = j; k < i; ++k) left[i][j] -= lower[i][k] * left[k][j];
     }
   }
-  Matrix<Size> root{};
   for (std::size_t k = 0; k < Size; ++k) {
     const double scale = std::sqrt(reciprocals[k]);
-    for (std::size_t i = 0; i <= k; ++i) root[i][k] = left[k][i] * scale;
+    for (std::size_t i = 0; i <= k; ++i) result.root[i][k] = left[k][i] * scale;
   }
-  return root;
+  return result;
 }
 
 template <std::size_t Size>

@@ -124,9 +124,9 @@ class ProjectionMethod {
     const double damping = std::sqrt(inflation * dot(p.root[1], p.root[1]));
     std::uint8_t found = p.at_edge ? exponent_at_edge : 0;
     // Twice this and a sphere (1.5) is not told from a cone (2) or a spring (1).
-    if (!(exponent < 0.2)) found |= exponent_not_identifiable;
+    if (!(exponent < 0.2) || !p.exponent_told) found |= exponent_not_identifiable;
     // Against the elastic force: B v is unknown to a quarter of K at the speed of the scale.
-    if (!(damping < 0.25 * std::abs(p.k))) found |= damping_not_identifiable;
+    if (!(damping < 0.25 * std::abs(p.k)) || !p.damping_told) found |= damping_not_identifiable;
     if (!p.surface_found) found |= surface_at_edge;
     return found;
   }

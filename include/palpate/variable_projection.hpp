@@ -33,6 +33,8 @@ struct Projection : ScaledLaw {
   double prior_variance;  // the same as the priors were weighted with
   Matrix<5> root;         // R Rᵀ is the covariance of (k, c, n, offset, surface)
   double cost;            // J: the weighted residual sum less Σ F², with the priors
+  bool damping_told;      // false where v says nothing that ξ does not, but for rounding
+  bool exponent_told;     // false where the depth has hardly varied
   bool at_edge;           // the exponent ended at the edge of its range
   bool surface_found;     // true unless a search for the surface ended at the edge of its range
 };
@@ -227,7 +229,7 @@ class VariableProjection {
   };
 
   Curve curve_at(const Point& point, const Search& search) const noexcept {
-    const Matrix<4> m = information(point, search);
+    const Matrix<4> m = information(point, search.variance);
     const auto& [k, c, f0, cost, damped] = point.linear;
     const PowerSums::Values& d = point.sums.first;
     const double quadratic =
@@ -243,12 +245,12 @@ class VariableProjection {
     const double taken = damped
                              ? (a22 * h1 * h1 - 2.0 * a12 * h1 * h2 + a11 * h2 * h2) / determinant
                          : a11 > smallest_sum ? h1 * h1 / a11
-                                     : 0.0;
+                                              : 0.0;
     return {quadratic - 2.0 * (k * d[pf] + c * d[pwf]), std::max(h - taken, 0.0)};
   }
 
   // JᵀJ for (k, c, n, F₀), from the sums and their derivatives: Σ ln ξ · p² = (Σ p²)'/2, and so on.
-  Matrix<4> information(const Point& point, const Search& search) const noexcept {
+  Matrix<4> information(const Point& point, double variance) const noexcept {
     const PowerSums::Values &v = point.sums.value, &d = point.sums.first;
     const Vector<3>& dd = point.sums.second;
     const double k = point.linear.k, c = point.linear.c;
@@ -257,7 +259,7 @@ class VariableProjection {
     m[1] = {v[ppw], v[ppww], 0.5 * (k * d[ppw] + c * d[ppww]), v[pw]};
     m[2] = {m[0][2], m[1][2], 0.25 * (k * k * dd[pp] + 2.0 * k * c * dd[ppw] + c * c * dd[ppww]),
             k * d[p1] + c * d[pw]};
-    m[3] = {v[p1], v[pw], m[2][3], sums_.weight() + offset_weight(search.variance)};
+    m[3] = {v[p1], v[pw], m[2][3], sums_.weight() + offset_weight(variance)};
     return m;
   }
 
@@ -281,24 +283,32 @@ class VariableProjection {
     const double fitted = settings_.offset ? 4.0 : 3.0;
     const double freedom = sums_.weight() - fitted;
     if (settings_.noise == 0.0 && freedom >= 10.0) {
-      r.noise_variance = std::max(sums_.force_squared() + linear.cost, 0.0) / freedom;
+      // Below rounding of Σ F² there is no residual; a share of it keeps error bars above zero.
+      const double rounding = 1e-15 * sums_.force_squared();
+      r.noise_variance = std::max(sums_.force_squared() + linear.cost, rounding) / freedom;
     }
-    const Matrix<4> root = covariance_root(point, search, r.noise_variance);
+    const InverseRoot<4> inverse = covariance_root(point, search, r.noise_variance);
     for (std::size_t i = 0; i < 4; ++i) {
-      for (std::size_t j = 0; j < 4; ++j) r.root[i][j] = root[i][j];
+      for (std::size_t j = 0; j < 4; ++j) r.root[i][j] = inverse.root[i][j];
     }
+    r.damping_told = !inverse.guarded[1];
+    r.exponent_told =
+        !inverse.guarded[2] && !inverse.guarded[3] && sums_.depth_spread() > smallest_spread;
     return r;
   }
 
-  Matrix<4> covariance_root(const Point& point, const Search& search,
-                            double variance) const noexcept {
-    Matrix<4> m = information(point, search);
-    const double prior = settings_.prior_dissipation, weight = search.damping_weight;
+  InverseRoot<4> covariance_root(const Point& point, const Search& search,
+                                 double variance) const noexcept {
+    Matrix<4> m = information(point, variance);
+    // The priors weigh as the noise that was found, which is not always what the search assumed: an
+    // error bar that only a prior sets is the prior's.
+    const double share = search.variance > 0.0 ? variance / search.variance : 1.0;
+    const double prior = settings_.prior_dissipation, weight = search.damping_weight * share;
+    const double deviation_of_n = settings_.prior_exponent_deviation;
     m[0][0] += weight * prior * prior;
     m[0][1] = m[1][0] = m[0][1] - weight * prior;
     m[1][1] += weight;
-    m[2][2] +=
-        search.variance / (settings_.prior_exponent_deviation * settings_.prior_exponent_deviation);
+    m[2][2] += variance / (deviation_of_n * deviation_of_n);
     if (!settings_.offset) {
       for (std::size_t i = 0; i < 3; ++i) m[i][3] = m[3][i] = 0.0;
     }
@@ -308,13 +318,13 @@ class VariableProjection {
     for (std::size_t i = 0; i < 4; ++i) {
       for (std::size_t j = 0; j < 4; ++j) m[i][j] = m[i][j] * unit[i] * unit[j];
     }
-    Matrix<4> root = guarded_inverse_root(m);
+    InverseRoot<4> inverse = guarded_inverse_root(m);
     const double deviation = std::sqrt(variance);
     for (std::size_t i = 0; i < 4; ++i) {
-      for (double& entry : root[i]) entry = saturate(entry * (unit[i] * deviation));
+      for (double& entry : inverse.root[i]) entry = saturate(entry * (unit[i] * deviation));
     }
-    if (!settings_.offset) root[3] = {};
-    return root;
+    if (!settings_.offset) inverse.root[3] = {};
+    return inverse;
   }
 
   bool at_edge(double n) const noexcept {
@@ -323,7 +333,8 @@ class VariableProjection {
   }
 
   static constexpr double smallest_share = 1e-13;
-  static constexpr double smallest_sum = 1e-150;  // of squares; below it a column is not there
+  static constexpr double smallest_spread = 1e-4;  // of ln ξ: 1 µm at 10 mm, beyond any sensor
+  static constexpr double smallest_sum = 1e-150;   // of squares; below it a column is not there
   static constexpr double tiny = 1e-300;
 
   Settings settings_;
