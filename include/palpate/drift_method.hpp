@@ -31,6 +31,8 @@ class DriftMethod {
   DriftMethod(const Settings& settings, const Units& units) noexcept
       : settings_(settings), start_(settings.projection, units), units_(units) {}
 
+  double largest_penetration() const noexcept { return start_.largest_penetration(); }
+
   template <class Adapt>
   Status learn(const Sample& sample, double dt, Adapt&& adapt) noexcept {
     if (!tracking_) {
@@ -65,7 +67,8 @@ class DriftMethod {
       return fit;
     }
     const Law law = tracked_law(units);
-    const Matrix<4> joint = congruence(jacobian(law, units), cholesky(covariance_));
+    Matrix<4> joint = congruence(jacobian(law, units), cholesky(covariance_));
+    bound_variances(joint, largest_variance);
     Fit<Law> fit{.law = law,
                  .covariance = {},
                  .offset = {state_[3] * units.force, joint[3][3], {}},
@@ -82,7 +85,9 @@ class DriftMethod {
     if (!tracking_) return start_.moment(units);
     const Law law = tracked_law(units);
     const Vector<4> variances = congruent_diagonal(jacobian(law, units), covariance_);
-    return {law, {variances[0], variances[1], variances[2]}};
+    return {law,
+            {bounded_variance(variances[0]), bounded_variance(variances[1]),
+             bounded_variance(variances[2])}};
   }
 
  private:
@@ -107,9 +112,15 @@ class DriftMethod {
     // Without an offset its place in the state stays empty.
     if (!settings_.projection.offset) covariance_[3][3] = 1e-30;
     if (!is_positive_definite(covariance_)) return;
-    state_ = {
+    const Vector<4> state{
         std::log(fit.law.stiffness) + fit.law.exponent * units_.log_penetration - units_.log_force,
         dissipation * units_.velocity, fit.law.exponent, fit.offset.value * units_.per_force};
+    // follow() would refuse every sample beyond it.
+    for (std::size_t i = 0; i < 4; ++i) {
+      const bool bounded = std::abs(state[i]) < largest_input && covariance_[i][i] < largest_input;
+      if (!bounded) return;
+    }
+    state_ = state;
     noise_variance_ = start_.noise_variance();
     tracking_ = true;
   }

@@ -15,10 +15,8 @@ namespace palpate {
 // Condition 10, |v| < 0.1 K/B, as a margin 1 − |v B/K| / 0.1: 1 at rest, 0 at the limit, negative
 // beyond it. It concerns the logarithm of the Hunt–Crossley law; other laws always hold it.
 inline double validity_margin(const HuntCrossley& law, double velocity) noexcept {
-  const bool moving = velocity != 0.0 && law.damping != 0.0;
-  const double share =
-      moving ? std::abs(velocity) * std::abs(law.damping) / std::abs(law.stiffness) : 0.0;
-  // Without stiffness the limit is no speed at all; where that leaves 0/0, max keeps its first.
+  const double viscous = std::abs(velocity) * std::abs(law.damping);
+  const double share = viscous > 0.0 ? viscous / std::abs(law.stiffness) : 0.0;  // not 0/0 at rest
   return std::max(-largest_parameter, 1.0 - share / 0.1);
 }
 

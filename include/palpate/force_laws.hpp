@@ -13,6 +13,12 @@ namespace palpate {
 // Parameters that data drove past this are reported at it, so that their squares stay finite.
 inline constexpr double largest_parameter = 1e100;
 
+inline constexpr double largest_variance = largest_parameter * largest_parameter;
+
+constexpr double bounded_variance(double value) noexcept {
+  return value < largest_variance ? value : largest_variance;  // NaN is as good as unknown
+}
+
 constexpr double saturate(double value) noexcept {
   return std::clamp(value, -largest_parameter, largest_parameter);
 }

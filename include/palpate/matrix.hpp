@@ -97,19 +97,26 @@ constexpr Matrix<Size> inverse(Matrix<Size> matrix) noexcept {
   return result;
 }
 
-// Inverse of a symmetric, positive semidefinite information matrix by LDLᵀ. Where rounding has
+template <std::size_t Size>
+struct InverseRoot {
+  Matrix<Size> root;               // R Rᵀ is the inverse
+  std::array<bool, Size> guarded;  // which pivots rounding has eaten
+};
+
+// The inverse of a symmetric, positive semidefinite information matrix by LDLᵀ. Where rounding has
 // eaten a pivot the samples say nothing, and it counts as `prior`, what was known of it without
 // them (> 0).
 template <std::size_t Size>
-constexpr Matrix<Size> guarded_inverse(const Matrix<Size>& matrix,
+InverseRoot<Size> guarded_inverse_root(const Matrix<Size>& matrix,
                                        const Vector<Size>& prior) noexcept {
+  InverseRoot<Size> result{};
   Matrix<Size> lower{};
   Vector<Size> pivots{}, reciprocals{};
   for (std::size_t j = 0; j < Size; ++j) {
     double pivot = matrix[j][j];
     for (std::size_t k = 0; k < j; ++k) pivot -= lower[j][k] * lower[j][k] * pivots[k];
-    pivots[j] =
-        pivot > definiteness_margin<Size> * matrix[j][j] ? std::max(pivot, prior[j]) : prior[j];
+    result.guarded[j] = !(pivot > definiteness_margin<Size> * matrix[j][j]);
+    pivots[j] = result.guarded[j] ? prior[j] : std::max(pivot, prior[j]);
     reciprocals[j] = 1.0 / pivots[j];
     for (std::size_t i = j + 1; i < Size; ++i) {
       double entry = matrix[i][j];
@@ -117,7 +124,7 @@ constexpr Matrix<Size> guarded_inverse(const Matrix<Size>& matrix,
       lower[i][j] = entry * reciprocals[j];
     }
   }
-  // Columns of L⁻¹, then L⁻ᵀ D⁻¹ L⁻¹.
+  // Columns of L⁻¹, then L⁻ᵀ D^(−1/2).
   Matrix<Size> left{};
   for (std::size_t j = 0; j < Size; ++j) {
     left[j][j] = 1.0;
@@ -125,13 +132,30 @@ constexpr Matrix<Size> guarded_inverse(const Matrix<Size>& matrix,
       for (std::size_t k = j; k < i; ++k) left[i][j] -= lower[i][k] * left[k][j];
     }
   }
+  for (std::size_t k = 0; k < Size; ++k) {
+    const double scale = std::sqrt(reciprocals[k]);
+    for (std::size_t i = 0; i <= k; ++i) result.root[i][k] = left[k][i] * scale;
+  }
+  return result;
+}
+
+template <std::size_t Size>
+constexpr Matrix<Size> multiply(const Matrix<Size>& a, const Matrix<Size>& b) noexcept {
+  Matrix<Size> product{};
+  for (std::size_t i = 0; i < Size; ++i) {
+    for (std::size_t k = 0; k < Size; ++k) {
+      for (std::size_t j = 0; j < Size; ++j) product[i][j] += a[i][k] * b[k][j];
+    }
+  }
+  return product;
+}
+
+// R Rᵀ: positive semidefinite but for rounding of its own size, and symmetric to the last bit.
+template <std::size_t Size>
+constexpr Matrix<Size> squared(const Matrix<Size>& root) noexcept {
   Matrix<Size> result{};
   for (std::size_t i = 0; i < Size; ++i) {
-    for (std::size_t j = i; j < Size; ++j) {
-      double sum = 0.0;
-      for (std::size_t k = j; k < Size; ++k) sum += left[k][i] * left[k][j] * reciprocals[k];
-      result[i][j] = result[j][i] = sum;
-    }
+    for (std::size_t j = i; j < Size; ++j) result[i][j] = result[j][i] = dot(root[i], root[j]);
   }
   return result;
 }
@@ -151,19 +175,20 @@ inline Matrix<Size> cholesky(const Matrix<Size>& m) noexcept {
   return lower;
 }
 
-// J S Jᵀ of S = L Lᵀ as (J L)(J L)ᵀ: by its form neither unsymmetric nor indefinite.
+// J S Jᵀ of S = R Rᵀ as (J R)(J R)ᵀ: by its form neither unsymmetric nor indefinite.
 template <std::size_t Size>
-constexpr Matrix<Size> congruence(const Matrix<Size>& jacobian,
-                                  const Matrix<Size>& lower) noexcept {
-  Matrix<Size> root{};
+constexpr Matrix<Size> congruence(const Matrix<Size>& jacobian, const Matrix<Size>& root) noexcept {
+  return squared(multiply(jacobian, root));
+}
+
+// Variances that data drove past `limit` count as it, and as independent of the rest.
+template <std::size_t Size>
+constexpr void bound_variances(Matrix<Size>& covariance, double limit) noexcept {
   for (std::size_t i = 0; i < Size; ++i) {
-    for (std::size_t j = 0; j < Size; ++j) {
-      for (std::size_t k = j; k < Size; ++k) root[i][j] += jacobian[i][k] * lower[k][j];
-    }
+    if (covariance[i][i] < limit) continue;  // false for NaN too
+    for (std::size_t j = 0; j < Size; ++j) covariance[i][j] = covariance[j][i] = 0.0;
+    covariance[i][i] = limit;
   }
-  Matrix<Size> result{};
-  for (std::size_t i = 0; i < Size; ++i) result[i] = multiply(root, root[i]);
-  return result;
 }
 
 // The diagonal of J S Jᵀ.

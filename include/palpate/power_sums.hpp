@@ -2,6 +2,7 @@
 // projection keeps of the past. Accumulating is multiplications and additions in straight lines.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -40,6 +41,12 @@ class PowerSums {
   constexpr double weight() const noexcept { return weight_; }                // Σ 1
   constexpr double force() const noexcept { return force_; }                  // Σ F
   constexpr double force_squared() const noexcept { return force_squared_; }  // Σ F²
+  // Standard deviation of ln ξ: without it no exponent shows, whatever rounding makes of the sums.
+  double depth_spread() const noexcept {
+    if (!(touching_ > 0.0)) return 0.0;
+    const double mean = depth_ / touching_;
+    return std::sqrt(std::max(depth_squared_ / touching_ - mean * mean, 0.0));
+  }
   constexpr const std::array<double, nodes>& column(Power power) const noexcept {
     return sums_[power];
   }
@@ -85,6 +92,9 @@ class PowerSums {
     weight_ *= factor;
     force_ *= factor;
     force_squared_ *= factor;
+    touching_ *= factor;
+    depth_ *= factor;
+    depth_squared_ *= factor;
     for (auto& column : sums_) {
       for (double& sum : column) sum *= factor;
     }
@@ -100,6 +110,9 @@ class PowerSums {
     powers[3] = powers[2] * ratio;
     const double fourth = (ratio * ratio) * (ratio * ratio);
     for (std::size_t j = 4; j < powers.size(); ++j) powers[j] = powers[j - 4] * fourth;
+    touching_ += 1.0;
+    depth_ += depth;
+    depth_squared_ += depth * depth;
     const double ww = w * w, wf = w * f;
     for (std::size_t j = 0; j < nodes; ++j) {
       const double p = powers[j], square = p * p;
@@ -118,6 +131,9 @@ class PowerSums {
   double weight_ = 0.0;
   double force_ = 0.0;
   double force_squared_ = 0.0;
+  double touching_ = 0.0;  // of the samples, those with ξ > 0
+  double depth_ = 0.0;     // their Σ ln ξ
+  double depth_squared_ = 0.0;
   alignas(32) std::array<std::array<double, nodes>, power_count> sums_{};
 };
 

@@ -22,8 +22,10 @@ struct ScaledLaw {
 struct Projection : ScaledLaw {
   double noise_variance;  // of the force
   double prior_variance;  // the same as the priors were weighted with
-  Matrix<5> covariance;   // of (k, c, n, offset, surface)
+  Matrix<5> root;         // R Rᵀ is the covariance of (k, c, n, offset, surface)
   double cost;            // J: the weighted residual sum less Σ F², with the priors
+  bool damping_told;      // false where v says nothing that ξ does not, but for rounding
+  bool exponent_told;     // false where the depth has hardly varied
   bool at_edge;           // the exponent ended at the edge of its range
   bool surface_found;     // true unless a search for the surface ended at the edge of its range
 };

@@ -22,12 +22,18 @@ class ProjectionMethod {
   static constexpr std::size_t order = 3;
   // Errors are measured against an answer that is up to a 64th of the samples old.
   static constexpr bool prediction_lags = true;
-  // ξ^3.6 squared, times w², summed and multiplied by its like three times, stays finite below it.
   static constexpr double largest_input = 1e8;
+  // ξⁿ squared, times w², summed and multiplied by its like three times, stays finite below it.
+  static constexpr double largest_power = 1e29;
 
   using Settings = typename Projector::Settings;  // in scaled units
 
-  ProjectionMethod(const Settings& settings, const Units&) noexcept : projection_(settings) {}
+  ProjectionMethod(const Settings& settings, const Units&) noexcept
+      : projection_(settings),
+        largest_penetration_(std::pow(largest_power, 1.0 / projection_.highest_exponent())) {}
+
+  // In scaled units; samples beyond it are out of range.
+  double largest_penetration() const noexcept { return largest_penetration_; }
 
   // Deeper than this a sample says something, in scaled units; only asked where the approach
   // counts.
@@ -39,7 +45,7 @@ class ProjectionMethod {
     follow();
     const double predicted = present_.force(sample);
     const double forgetting_factor = adapt([&]() noexcept { return predicted; }).first;
-    if (projection_.weight() >= 20.0) residuals_.add(sample.force - predicted);
+    if (projection_.weight() >= 20.0) residuals_.add(saturate(sample.force - predicted));
     projection_.add(sample, forgetting_factor);
     ++unsolved_;
     return Status::updated;
@@ -49,6 +55,7 @@ class ProjectionMethod {
   void restart() noexcept {
     projection_.restart(projection_.solve(), 0.3, 0.1);
     residuals_.clear();
+    inflation_ = 1.0;
     unsolved_ = 1;
   }
 
@@ -62,11 +69,12 @@ class ProjectionMethod {
   Fit<Law> fit(const Units& units) const noexcept {
     const Projection now = solve();
     const Law law = this->law(now, units);
-    const double inflation = residuals_.inflation();
-    Matrix<5> joint = congruence(jacobian(law, units), cholesky(now.covariance));
+    const double inflation = inflation_;
+    Matrix<5> joint = congruence(jacobian(law, units), now.root);
     for (auto& row : joint) {
       for (double& entry : row) entry *= inflation;
     }
+    bound_variances(joint, largest_variance);
     Fit<Law> fit{.law = law,
                  .covariance = {},
                  .offset = {now.offset * units.force, joint[3][3], {}},
@@ -82,9 +90,13 @@ class ProjectionMethod {
   Moment<Law> moment(const Units& units) const noexcept {
     const Projection now = solve();
     const Law law = this->law(now, units);
-    const double inflation = residuals_.inflation();
-    const Vector<5> joint = congruent_diagonal(jacobian(law, units), now.covariance);
-    return {law, {inflation * joint[0], inflation * joint[1], inflation * joint[2]}};
+    const double inflation = inflation_;
+    const Matrix<5> root = multiply(jacobian(law, units), now.root);
+    Moment<Law> moment{law, {}};
+    for (std::size_t i = 0; i < order; ++i) {
+      moment.variances[i] = bounded_variance(inflation * dot(root[i], root[i]));
+    }
+    return moment;
   }
 
  public:
@@ -105,16 +117,18 @@ class ProjectionMethod {
   void follow() noexcept {
     if (!due()) return;
     present_ = projection_.solve();
+    inflation_ = residuals_.inflation();
     unsolved_ = 0;
   }
 
   std::uint8_t doubts(const Projection& p, double inflation) const noexcept {
-    const double exponent = std::sqrt(std::max(inflation * p.covariance[2][2], 0.0));
-    const double damping = std::sqrt(std::max(inflation * p.covariance[1][1], 0.0));
+    const double exponent = std::sqrt(inflation * dot(p.root[2], p.root[2]));
+    const double damping = std::sqrt(inflation * dot(p.root[1], p.root[1]));
     std::uint8_t found = p.at_edge ? exponent_at_edge : 0;
-    if (!(exponent < 0.3)) found |= exponent_not_identifiable;
+    // Twice this and a sphere (1.5) is not told from a cone (2) or a spring (1).
+    if (!(exponent < 0.2) || !p.exponent_told) found |= exponent_not_identifiable;
     // Against the elastic force: B v is unknown to a quarter of K at the speed of the scale.
-    if (!(damping < 0.25 * std::abs(p.k))) found |= damping_not_identifiable;
+    if (!(damping < 0.25 * std::abs(p.k)) || !p.damping_told) found |= damping_not_identifiable;
     if (!p.surface_found) found |= surface_at_edge;
     return found;
   }
@@ -137,9 +151,11 @@ class ProjectionMethod {
   }
 
   Projector projection_;
+  double largest_penetration_;
   Projection present_{};
   std::uint64_t unsolved_ = 1;  // samples since it was solved for
   LatterResiduals residuals_;
+  double inflation_ = 1.0;  // theirs, when it was last solved for
 };
 
 }  // namespace palpate

@@ -97,8 +97,11 @@ class RecursiveEstimator {
     return std::isfinite(s.penetration) && std::isfinite(s.velocity) && std::isfinite(s.force);
   }
 
-  static bool in_range(const Sample& s) noexcept {
+  bool in_range(const Sample& s) const noexcept {
     constexpr double limit = Method::largest_input;
+    if constexpr (requires { method_.largest_penetration(); }) {
+      if (!(s.penetration < method_.largest_penetration())) return false;
+    }
     const bool signs = Method::takes_approach || (s.penetration > 0.0 && s.force > 0.0);
     return signs && std::abs(s.penetration) < limit && std::abs(s.velocity) < limit &&
            std::abs(s.force) < limit;
@@ -138,17 +141,18 @@ class RecursiveEstimator {
     } else {
       forgetting.rearm();
     }
+    // Before the method refreshes the answer that it measures errors against.
+    if (predicted_force && Method::prediction_lags) {
+      *predicted_force = predict(sample.penetration, sample.velocity);
+    }
     // An abrupt change perturbs P and takes λ back to λ₀.
     double error = 0.0;
     const auto adapt = [&](auto&& predict_scaled) noexcept {
       double perturbation = 0.0;
       if (predicted_force || settings_.perturbation.active() || changes_.active()) {
         const double predicted = predict_scaled() * units_.force;
-        if (predicted_force) {
-          *predicted_force =
-              Method::prediction_lags ? predict(sample.penetration, sample.velocity) : predicted;
-        }
-        error = sample.force - predicted;
+        if (predicted_force && !Method::prediction_lags) *predicted_force = predicted;
+        error = saturate(sample.force - predicted);
         perturbation = settings_.perturbation(error);
         if (perturbation > 0.0) forgetting.rearm();
       }

@@ -42,6 +42,7 @@ class SurfaceSearch {
   }
 
   double weight() const noexcept { return bank_[0].weight(); }
+  double highest_exponent() const noexcept { return bank_[0].highest_exponent(); }
 
   void restart(const Projection& old, double exponent_deviation,
                double dissipation_deviation) noexcept {
@@ -85,7 +86,7 @@ class SurfaceSearch {
     Projection r = centre;
     const bool positive = left.k > 0.0 && centre.k > 0.0 && right.k > 0.0;
     if (positive) {
-      r.k = std::exp(at(std::log(left.k), std::log(centre.k), std::log(right.k)));
+      r.k = bounded_exp(at(std::log(left.k), std::log(centre.k), std::log(right.k)));
       r.c = r.k * at(left.c / left.k, centre.c / centre.k, right.c / right.k);
     }
     r.n = at(left.n, centre.n, right.n);
@@ -107,9 +108,8 @@ class SurfaceSearch {
     const Vector<5> moved{(right.k - left.k) * per_surface, (right.c - left.c) * per_surface,
                           (right.n - left.n) * per_surface,
                           (right.offset - left.offset) * per_surface, 1.0};
-    for (std::size_t i = 0; i < 5; ++i) {
-      for (std::size_t j = 0; j < 5; ++j) r.covariance[i][j] += moved[i] * moved[j] * variance;
-    }
+    const double deviation = std::sqrt(variance);
+    for (std::size_t i = 0; i < 5; ++i) r.root[i][4] = saturate(moved[i] * deviation);
   }
 
   template <std::size_t... Index>

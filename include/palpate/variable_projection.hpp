@@ -43,6 +43,7 @@ class VariableProjection {
   }
 
   double weight() const noexcept { return sums_.weight(); }  // samples, less what was forgotten
+  double highest_exponent() const noexcept { return sums_.highest(); }
 
   // Forgets the samples; the prior is the old answer with these deviations.
   void restart(const Projection& old, double exponent_deviation,
@@ -106,10 +107,10 @@ class VariableProjection {
     const double b1 = s[pf] - s[p1] * sums_.force() * share;
     const double b2 = s[pwf] - s[pw] * sums_.force() * share;
     const double determinant = a11 * a22 - a12 * a12;
-    const bool damped = determinant > smallest_share * (a11 * a22);
+    const bool damped = determinant > smallest_share * (a11 * a22) && a22 > smallest_sum;
     Linear r{};
     r.damped = damped;
-    r.k = damped ? (a22 * b1 - a12 * b2) / determinant : a11 > 0.0 ? b1 / a11 : 0.0;
+    r.k = damped ? (a22 * b1 - a12 * b2) / determinant : a11 > smallest_sum ? b1 / a11 : 0.0;
     r.c = damped ? (a11 * b2 - a12 * b1) / determinant : 0.0;
     r.offset = share * (sums_.force() - r.k * s[p1] - r.c * s[pw]);
     r.cost = -(r.k * b1 + r.c * b2) - share * sums_.force() * sums_.force();
@@ -207,7 +208,7 @@ class VariableProjection {
   };
 
   Curve curve_at(const Point& point, const Search& search) const noexcept {
-    const Matrix<4> m = information(point, search);
+    const Matrix<4> m = information(point, search.variance);
     const auto& [k, c, f0, cost, damped] = point.linear;
     const PowerSums::Values& d = point.sums.first;
     const double quadratic =
@@ -222,13 +223,13 @@ class VariableProjection {
     const double determinant = a11 * a22 - a12 * a12;
     const double taken = damped
                              ? (a22 * h1 * h1 - 2.0 * a12 * h1 * h2 + a11 * h2 * h2) / determinant
-                         : a11 > 0.0 ? h1 * h1 / a11
-                                     : 0.0;
+                         : a11 > smallest_sum ? h1 * h1 / a11
+                                              : 0.0;
     return {quadratic - 2.0 * (k * d[pf] + c * d[pwf]), std::max(h - taken, 0.0)};
   }
 
   // JᵀJ for (k, c, n, F₀), from the sums and their derivatives: Σ ln ξ · p² = (Σ p²)'/2, and so on.
-  Matrix<4> information(const Point& point, const Search& search) const noexcept {
+  Matrix<4> information(const Point& point, double variance) const noexcept {
     const PowerSums::Values &v = point.sums.value, &d = point.sums.first;
     const Vector<3>& dd = point.sums.second;
     const double k = point.linear.k, c = point.linear.c;
@@ -237,13 +238,13 @@ class VariableProjection {
     m[1] = {v[ppw], v[ppww], 0.5 * (k * d[ppw] + c * d[ppww]), v[pw]};
     m[2] = {m[0][2], m[1][2], 0.25 * (k * k * dd[pp] + 2.0 * k * c * dd[ppw] + c * c * dd[ppww]),
             k * d[p1] + c * d[pw]};
-    m[3] = {v[p1], v[pw], m[2][3], sums_.weight() + offset_weight(search.variance)};
+    m[3] = {v[p1], v[pw], m[2][3], sums_.weight() + offset_weight(variance)};
     return m;
   }
 
   double damping_weight(double k, double variance) const noexcept {
     const double deviation = settings_.prior_dissipation_deviation * k;
-    return variance / (deviation * deviation + tiny);
+    return std::min(variance / (deviation * deviation + tiny), largest_parameter);
   }
 
   Projection result(const Point& point, const Search& search) const noexcept {
@@ -261,23 +262,29 @@ class VariableProjection {
     const double fitted = settings_.offset ? 4.0 : 3.0;
     const double freedom = sums_.weight() - fitted;
     if (settings_.noise == 0.0 && freedom >= 10.0) {
-      r.noise_variance = std::max(sums_.force_squared() + linear.cost, 0.0) / freedom;
+      // Below rounding of Σ F² there is no residual; a share of it keeps error bars above zero.
+      const double rounding = 1e-15 * sums_.force_squared();
+      r.noise_variance = std::max(sums_.force_squared() + linear.cost, rounding) / freedom;
     }
-    const Matrix<4> covariance = this->covariance(point, search, r.noise_variance);
+    const InverseRoot<4> inverse = covariance_root(point, search, r.noise_variance);
     for (std::size_t i = 0; i < 4; ++i) {
-      for (std::size_t j = 0; j < 4; ++j) r.covariance[i][j] = covariance[i][j];
+      for (std::size_t j = 0; j < 4; ++j) r.root[i][j] = inverse.root[i][j];
     }
+    r.damping_told = !inverse.guarded[1];
+    r.exponent_told =
+        !inverse.guarded[2] && !inverse.guarded[3] && sums_.depth_spread() > smallest_spread;
     return r;
   }
 
   // The error bars take the priors in with the variance that they scale by, so that what the motion
   // does not tell is as uncertain as it was before, whatever the noise.
-  Matrix<4> covariance(const Point& point, Search search, double variance) const noexcept {
+  InverseRoot<4> covariance_root(const Point& point, Search search,
+                                 double variance) const noexcept {
     search.variance = std::max(variance, least_variance());
     search.damping_weight = damping_weight(point.linear.k, search.variance);
     const double prior = settings_.prior_dissipation, weight = search.damping_weight;
     const double exponent_weight = exponent_weight_of(search.variance);
-    Matrix<4> m = information(point, search);
+    Matrix<4> m = information(point, search.variance);
     m[0][0] += weight * prior * prior;
     m[0][1] = m[1][0] = m[0][1] - weight * prior;
     m[1][1] += weight;
@@ -286,14 +293,24 @@ class VariableProjection {
       for (std::size_t i = 0; i < 3; ++i) m[i][3] = m[3][i] = 0.0;
     }
     constexpr double unknown_stiffness = 1e-12;  // k ~ N(0, 1e6²)
-    Matrix<4> result =
-        guarded_inverse(m, {unknown_stiffness * search.variance, weight, exponent_weight,
-                            std::max(offset_weight(search.variance), tiny)});
-    if (!settings_.offset) result[3][3] = 0.0;
-    for (auto& row : result) {
-      for (double& entry : row) entry *= search.variance;
+    Vector<4> priors{unknown_stiffness * search.variance, weight, exponent_weight,
+                     offset_weight(search.variance)};
+    // Scaled to a unit diagonal, so that the inverse does not overflow.
+    Vector<4> unit{};
+    for (std::size_t i = 0; i < 4; ++i) {
+      unit[i] = m[i][i] > 0.0 ? 1.0 / std::sqrt(m[i][i]) : 1.0;
+      priors[i] = std::max(priors[i] * unit[i] * unit[i], tiny);
     }
-    return result;
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j < 4; ++j) m[i][j] = m[i][j] * unit[i] * unit[j];
+    }
+    InverseRoot<4> inverse = guarded_inverse_root(m, priors);
+    const double deviation = std::sqrt(search.variance);
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (double& entry : inverse.root[i]) entry = saturate(entry * (unit[i] * deviation));
+    }
+    if (!settings_.offset) inverse.root[3] = {};
+    return inverse;
   }
 
   // No force sensor is better than a hundred-thousandth; without any force, one unit.
@@ -312,6 +329,8 @@ class VariableProjection {
   }
 
   static constexpr double smallest_share = 1e-13;
+  static constexpr double smallest_spread = 1e-4;  // of ln ξ: 1 µm at 10 mm, beyond any sensor
+  static constexpr double smallest_sum = 1e-150;   // of squares; below it a column is not there
   static constexpr double tiny = 1e-300;
 
   Settings settings_;

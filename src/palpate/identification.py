@@ -36,6 +36,9 @@ METHODS: dict[str, type[ContactEstimator]] = {
     )
 }
 
+# Samples above the surface that a search for it needs: the force in the free to a quarter of σ.
+FEWEST_ABOVE = 20
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification:
@@ -155,7 +158,8 @@ def identify(contact: Contact, estimator: ContactEstimator | None = None) -> Ide
     Raises
     ------
     RecordingError
-        The probe never touches: no sample passes the gate.
+        The probe never touches: no sample passes the gate; or a search for the surface has no free
+        approach: fewer than 20 samples lie above the surface that it found.
     """
     instance("contact", contact, Contact)
     given = VariableProjection() if estimator is None else estimator
@@ -169,6 +173,8 @@ def identify(contact: Contact, estimator: ContactEstimator | None = None) -> Ide
     trace = _replay_segments(contact, fresh)
     if not trace.taken.any():
         raise RecordingError(_never_touches(contact, fresh))
+    if fresh.settings.get("surface") == "estimate":
+        _check_approach(contact, trace, fresh.estimate().surface)
     bare = Identification(contact, fresh, trace)
     return Identification(contact, fresh, trace, tuple(_flags(bare)))
 
@@ -195,8 +201,8 @@ def _replay_segments(contact: Contact, estimator: ContactEstimator) -> Trace:
     steps = contact.time_steps
     traces = []
     for part in contact.segments():
-        # A sample in the free opens the gate: between segments there is no contact.
-        estimator.update(0.0, 0.0, 0.0)
+        # A sample far in the free opens the gate: between segments there is no contact.
+        estimator.update(-1e30, 0.0, 0.0)
         traces.append(
             estimator.replay(
                 contact.penetration[part], contact.velocity[part], contact.force[part], steps[part]
@@ -223,6 +229,19 @@ def _never_touches(contact: Contact, estimator: ContactEstimator) -> str:
 def _largest(values: Floats) -> str:
     known = values[~np.isnan(values)]
     return f"{known.max():.3g}" if known.size else "no"
+
+
+def _check_approach(contact: Contact, trace: Trace, surface: float) -> None:
+    """A surface is where the force begins: without samples before it, it is a guess from below."""
+    above = int(np.count_nonzero(contact.penetration[trace.taken] < surface))
+    if above < FEWEST_ABOVE:
+        where = f"{contact.source}: " if contact.source else ""
+        raise RecordingError(
+            f"{where}the search for the surface needs the free approach: {above} of "
+            f"{len(contact)} samples lie above the best surface, {surface:.3g} m, and at least "
+            f"{FEWEST_ABOVE} have to; record from before the touch, or give the penetration from "
+            "a known surface and leave surface out"
+        )
 
 
 def _flags(result: Identification) -> list[str]:

@@ -1,0 +1,218 @@
+"""A material that drifts is followed; nothing is tracked before the exponent is known."""
+
+import inspect
+
+import numpy as np
+import pytest
+from probing import (
+    BALL,
+    NOISE,
+    PVC,
+    SPONGE,
+    WELL_EXCITED,
+    Floats,
+    Motion,
+    fed,
+    felt,
+    held,
+    joined,
+    relative_error,
+    switched,
+    three_sines,
+    white,
+)
+
+from palpate import (
+    ChangeDetector,
+    DriftTracking,
+    HuntCrossley,
+    InvalidParameterError,
+    Scale,
+    Status,
+    VariableProjection,
+)
+
+NOT_YET = "not tracking yet"
+
+# rms of the force scale; the sponge's force is 3 N, so that 0.05 N of noise weigh seven times more.
+LIMITS = {"ball": 0.005, "pvc": 0.005, "sponge": 0.01}
+
+
+def swinging(law: HuntCrossley, motion: Motion, seed: int) -> tuple[Floats, Floats]:
+    """Force of a law whose K and B swing by ±30 % at 0.1 Hz, and the factor."""
+    factor = 1.0 + 0.3 * np.sin(2.0 * np.pi * 0.1 * motion.time)
+    return law.force(motion.x, motion.v) * factor + white(len(motion), seed), factor
+
+
+def tracked_scale(estimator: DriftTracking, motion: Motion, force: Floats) -> Floats:
+    """Force of the tracked law at 10 mm and rest after each sample."""
+    stiffness, _, exponent = estimator.replay(motion.x, motion.v, force).parameters.T
+    return stiffness * 10e-3**exponent
+
+
+@pytest.mark.parametrize("name", WELL_EXCITED)
+def test_a_swing_of_30_percent_at_a_tenth_of_a_hertz_is_followed(name: str) -> None:
+    law, motion = WELL_EXCITED[name], three_sines(30.0)
+    for seed in range(3):
+        force, factor = swinging(law, motion, seed)
+        truth = law.force(10e-3, 0.0) * factor
+        settled = slice(10_000, None)  # a period of the swing to find the exponent in
+        error = (tracked_scale(DriftTracking(), motion, force) / truth - 1.0)[settled]
+        assert np.sqrt(np.mean(error**2)) < LIMITS[name]
+        constant = fed(VariableProjection(), motion, force).estimate().law.force(10e-3, 0.0)
+        assert np.sqrt(np.mean((constant / truth - 1.0)[settled] ** 2)) > 0.1
+
+
+@pytest.mark.parametrize("name", WELL_EXCITED)
+def test_a_material_that_does_not_drift_is_not_lost(name: str) -> None:
+    law, motion = WELL_EXCITED[name], three_sines(20.0)
+    estimator = fed(DriftTracking(), motion, felt(law, motion, 4))
+    estimate = estimator.estimate()
+    assert not estimate.flags
+    assert (np.abs(estimate.parameters - law.parameters) < 4 * estimate.standard_errors).all()
+
+
+def test_it_cannot_be_started_cold() -> None:
+    assert "initial" not in inspect.signature(DriftTracking).parameters
+    with pytest.raises(TypeError, match="initial"):
+        DriftTracking(initial=BALL)
+
+
+def test_a_flag_says_so_until_it_tracks_and_until_then_it_is_variable_projection() -> None:
+    motion = joined(held(1.0), three_sines(2.0))
+    force = felt(BALL, motion, 5)
+    tracking, projecting = DriftTracking(), VariableProjection(offset=False)
+    started = None
+    for k, sample in enumerate(zip(motion.x, motion.v, force, strict=True)):
+        tracking.update(*sample)
+        projecting.update(*sample)
+        if any(flag.startswith(NOT_YET) for flag in tracking.estimate().flags):
+            assert started is None, "once it tracks, it tracks"
+            if k % 50 == 0:
+                assert np.array_equal(
+                    tracking.estimate().parameters, projecting.estimate().parameters
+                )
+        elif started is None:
+            started = k
+    # Not while held, and soon after the motion that tells the exponent begins.
+    assert started is not None
+    assert 1000 <= started <= 1500
+
+
+def test_held_still_it_keeps_its_exponent_and_a_finite_covariance() -> None:
+    motion = joined(three_sines(5.0), held(60.0))
+    force = felt(PVC, motion, 6)
+    estimator = fed(DriftTracking(), motion[:5000], force[:5000])
+    before = estimator.estimate()
+    after = fed(estimator, motion[5000:], force[5000:]).estimate()
+    assert np.isfinite(after.joint_covariance).all()
+    # Held, only ln k walks: by what the force at that depth says, and along with n by its bar.
+    assert abs(after.law.exponent - before.law.exponent) < 3.0 * before.standard_errors[2]
+    assert after.law.force(10e-3, 0.0) == pytest.approx(PVC.force(10e-3, 0.0), rel=0.01)
+    assert np.linalg.eigvalsh(after.covariance / np.outer(*[after.standard_errors] * 2)).min() > 0
+    again = three_sines(5.0)
+    recovered = fed(estimator, again, felt(PVC, again, 7)).estimate()
+    assert (np.abs(recovered.parameters - PVC.parameters) < 5 * recovered.standard_errors).all()
+
+
+def test_held_from_the_start_it_never_begins() -> None:
+    estimate = fed(DriftTracking(), held(20.0), felt(BALL, held(20.0), 8)).estimate()
+    assert any(flag.startswith(NOT_YET) for flag in estimate.flags)
+    assert len(estimate.flags) > 1, "and it says what motion would help"
+    assert np.isfinite(estimate.joint_covariance).all()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_garbage_among_good_samples_is_survived(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    motion = three_sines(6.0)
+    force = felt(SPONGE, motion, seed)
+    rubbish = rng.choice(
+        [np.nan, np.inf, -np.inf, 0.0, -1.0, 1e-300, 1e7, 1e30, 1e300], size=(len(motion), 3)
+    )
+    estimator = DriftTracking()
+    for k, sample in enumerate(zip(motion.x, motion.v, force, strict=True)):
+        hit = rng.random(3) < (0.02 if 2000 < k < 3000 else 0.0)
+        estimator.update(*np.where(hit, rubbish[k], sample))
+        if hit.any():
+            estimate = estimator.estimate()
+            assert np.isfinite(estimate.parameters).all()
+            assert np.isfinite(estimate.joint_covariance).all()
+            assert np.isfinite(estimator.predict(10e-3, 0.0))
+
+
+def test_wild_forces_do_not_throw_it_off_for_long() -> None:
+    motion = three_sines(10.0)
+    force = felt(BALL, motion, 9)
+    force[3000:6000:100] += 50.0
+    # An error counts as five deviations at most: a hundredth of the samples, all to one side.
+    estimate = fed(DriftTracking(), motion, force).estimate()
+    assert relative_error(estimate.law, BALL).max() < 0.05
+
+
+def test_dissipation_and_exponent_drift_only_where_asked() -> None:
+    motion = three_sines(20.0)
+    t = motion.time
+    moving = 10e-3 ** (1.0 + 0.01 * t)  # n from 1.0 to 1.2 at the same force at 10 mm
+    law = HuntCrossley(2000.0, 2000.0, 1.0)
+    scaled = law.stiffness * 10e-3 / moving * motion.x ** (1.0 + 0.01 * t)
+    force = scaled * (1.0 + motion.v) + white(len(motion), 10)
+    fixed = fed(DriftTracking(stiffness_drift=0.0), motion, force).estimate().law.exponent
+    free = fed(DriftTracking(stiffness_drift=0.0, exponent_drift=0.02), motion, force)
+    assert abs(free.estimate().law.exponent - 1.2) < 0.02
+    assert abs(fixed - 1.2) > 0.05
+
+
+def test_a_sudden_change_restarts_it_where_a_detector_is_given() -> None:
+    motion = three_sines(8.0)
+    force = switched(PVC, BALL, motion, 4000) + white(len(motion), 11)
+    estimator = DriftTracking(change_detector=ChangeDetector(noise=NOISE))
+    trace = estimator.replay(motion.x, motion.v, force)
+    found = np.flatnonzero(trace.status == Status.RESTARTED)
+    assert len(found) == 1
+    assert 4000 <= found[0] <= 4005
+    estimate = estimator.estimate()
+    assert not estimate.flags
+    assert (np.abs(estimate.parameters - BALL.parameters) < 5 * estimate.standard_errors).all()
+
+
+def test_a_duplicate_of_one_that_tracks_goes_on_the_same() -> None:
+    motion = three_sines(3.0)
+    force = felt(PVC, motion, 12)
+    original = fed(DriftTracking(), motion[:2000], force[:2000])
+    twin = original.copy()
+    first = original.replay(motion.x[2000:], motion.v[2000:], force[2000:])
+    second = twin.replay(motion.x[2000:], motion.v[2000:], force[2000:])
+    assert np.array_equal(first.parameters, second.parameters)
+    assert np.array_equal(first.predicted_force, second.predicted_force)
+    assert np.array_equal(first.standard_errors, second.standard_errors)
+
+
+def test_scaling_the_units_scales_what_is_tracked() -> None:
+    motion = three_sines(5.0)
+    force, _ = swinging(PVC, motion, 13)
+    here = fed(DriftTracking(), motion, force).estimate()
+    small = Motion(1e-4 * motion.x, 1e-4 * motion.v)
+    there = fed(DriftTracking(scale=Scale(1e-6, 2e-6, 1e-9)), small, 1e-9 * force).estimate()
+    n = here.law.exponent
+    assert not here.flags
+    # Rounding of the inputs.
+    assert there.law.exponent == pytest.approx(n, rel=1e-8)
+    assert there.law.stiffness == pytest.approx(here.law.stiffness * 1e-9 * 1e4**n, rel=1e-7)
+    assert there.law.dissipation == pytest.approx(here.law.dissipation * 1e4, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    "settings, message",
+    [
+        ({"stiffness_drift": -1.0}, r"stiffness_drift must be in \[0, 100\], not -1.0"),
+        ({"dissipation_drift": np.nan}, "dissipation_drift must be finite, not nan"),
+        ({"exponent_drift": 1e3}, r"exponent_drift must be in \[0, 100\], not 1000.0"),
+        ({"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
+        ({"exponent_range": (2.0, 1.0)}, r"exponent_range .*\(2.0, 1.0\): it holds nothing"),
+        ({"offset": 1}, "offset must be a bool, not 1"),
+    ],
+)
+def test_a_wrong_setting_is_named_with_value_and_range(settings: dict, message: str) -> None:
+    with pytest.raises(InvalidParameterError, match=message):
+        DriftTracking(**settings)

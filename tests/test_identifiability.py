@@ -1,0 +1,175 @@
+"""What a motion cannot tell is said in a flag, and in the width of the error bars."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from probing import (
+    BALL,
+    MATERIALS,
+    NOISE,
+    SPONGE,
+    WELL_EXCITED,
+    Motion,
+    coloured,
+    fed,
+    felt,
+    held,
+    relative_error,
+    relaxing,
+    sines,
+    three_sines,
+    white,
+)
+from scipy.stats import binom
+
+from palpate import Estimate, HuntCrossley, VariableProjection, identify, read_contact
+
+DATA = Path(os.environ.get("PALPATE_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+EXPONENT = "exponent not identifiable"
+DAMPING = "damping not identifiable"
+EDGE = "exponent at the edge"
+
+
+def flagged(estimate: Estimate, words: str) -> bool:
+    return any(flag.startswith(words) for flag in estimate.flags)
+
+
+def estimate_of(law: HuntCrossley, motion: Motion, seed: int = 1) -> Estimate:
+    return fed(VariableProjection(), motion, felt(law, motion, seed)).estimate()
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_a_held_contact_tells_neither_exponent_nor_damping(name: str) -> None:
+    for depth in (2e-3, 10e-3, 18e-3):
+        estimate = estimate_of(MATERIALS[name], held(3.0, depth))
+        assert flagged(estimate, EXPONENT)
+        assert flagged(estimate, DAMPING)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_a_motion_below_the_noise_does_not_tell_the_exponent(name: str) -> None:
+    # 1 µm of 10 mm moves the force of the stiffest by a tenth of the noise.
+    assert flagged(estimate_of(MATERIALS[name], sines(2.0, {11.0: 1e-6})), EXPONENT)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_one_stroke_at_constant_speed_does_not_tell_damping(name: str) -> None:
+    depth = np.linspace(2e-3, 18e-3, 4000)
+    estimate = estimate_of(MATERIALS[name], Motion(depth, np.full(4000, 4e-3)))
+    assert flagged(estimate, DAMPING)
+    assert not flagged(estimate, EXPONENT)
+
+
+def test_strokes_both_ways_do_tell_damping() -> None:
+    depth = np.linspace(2e-3, 18e-3, 4000)
+    both = Motion(np.tile([*depth, *depth[::-1]], 2), np.tile(np.repeat([4e-3, -4e-3], 4000), 2))
+    estimate = estimate_of(SPONGE, both)
+    assert not estimate.flags
+    assert abs(estimate.law.damping - SPONGE.damping) < 4.0 * estimate.standard_errors[1]
+
+
+@pytest.mark.parametrize("exponent, edge", [(0.2, 0.3), (4.0, 3.6)])
+def test_an_exponent_beyond_the_range_is_held_at_its_edge_and_flagged(
+    exponent: float, edge: float
+) -> None:
+    stiffness = 20.0 / 10e-3**exponent
+    motion = three_sines(2.0)
+    law = HuntCrossley(stiffness, stiffness, exponent)
+    estimate = estimate_of(law, motion)
+    assert flagged(estimate, EDGE)
+    assert estimate.law.exponent == pytest.approx(edge, abs=0.03)  # a quarter of a grid step
+    inside = VariableProjection(exponent_range=(0.1, 5.0))
+    wider = fed(inside, motion, felt(law, motion, 1)).estimate()
+    assert not wider.flags
+    assert abs(wider.law.exponent - exponent) < 5.0 * wider.standard_errors[2]
+
+
+@pytest.mark.parametrize("name", WELL_EXCITED)
+@pytest.mark.parametrize("seed", range(10))
+def test_three_sines_are_never_flagged_from_one_second_on(name: str, seed: int) -> None:
+    motion = three_sines(6.0)
+    force = felt(WELL_EXCITED[name], motion, seed)
+    estimator = fed(VariableProjection(), motion[:1000], force[:1000])
+    for k in range(1000, 6000, 100):
+        assert estimator.estimate().flags == ()
+        fed(estimator, motion[k : k + 100], force[k : k + 100])
+
+
+def test_a_flag_goes_when_the_motion_comes() -> None:
+    motion = three_sines(1.0)
+    estimator = fed(VariableProjection(), held(1.0), felt(BALL, held(1.0), 2))
+    assert estimator.estimate().flags
+    assert not fed(estimator, motion, felt(BALL, motion, 3)).estimate().flags
+
+
+@pytest.mark.parametrize("name", WELL_EXCITED)
+def test_error_bars_widen_as_far_as_noise_is_correlated(name: str) -> None:
+    law, motion = WELL_EXCITED[name], three_sines(5.0)
+    clean = law.force(motion.x, motion.v)
+    inside, as_if_white = np.zeros(3), np.zeros(3)
+    seeds = 60
+    for seed in range(seeds):
+        estimate = fed(VariableProjection(), motion, clean + coloured(len(motion), seed)).estimate()
+        plain = estimate_of(law, motion, seed).standard_errors  # of white noise as strong
+        errors = np.abs(estimate.parameters - law.parameters)
+        inside += errors < 1.96 * estimate.standard_errors
+        as_if_white += errors < 1.96 * plain
+    # 0.98 a sample is a memory of 50 samples; 5 s hold a hundred. The estimate of the correlation
+    # is cautious, so 95 % is not reached; without it one interval in five holds the truth.
+    assert (inside >= binom.ppf(1e-4, seeds, 0.85)).all()
+    assert (as_if_white <= binom.ppf(1.0 - 1e-4, seeds, 0.30)).all()
+
+
+def test_white_noise_widens_nothing() -> None:
+    motion = three_sines(5.0)
+    unknown = [estimate_of(BALL, motion, seed).standard_errors for seed in range(40)]
+    given = fed(VariableProjection(noise=NOISE), motion, felt(BALL, motion, 0)).estimate()
+    # What little the scatter of block sums adds: measured 1.01 on average.
+    assert np.mean(unknown, axis=0) == pytest.approx(given.standard_errors, rel=0.05)
+
+
+def test_a_material_outside_the_model_class_widens_its_error_bars() -> None:
+    motion = three_sines(20.0)
+    estimate = fed(
+        VariableProjection(), motion, relaxing(motion) + white(len(motion), 1)
+    ).estimate()
+    residual = relaxing(motion) - estimate.law.force(motion.x, motion.v) - estimate.offset
+    alike = estimate.law.force(motion.x, motion.v) + white(len(motion), 2, residual.std())
+    same_but_white = fed(VariableProjection(), motion, alike).estimate()
+    assert relative_error(same_but_white.law, estimate.law).max() < 0.2
+    # The branch relaxes over 1 s, a thousand samples: √1000 = 30 at most, a third of it at least.
+    assert (estimate.standard_errors > 10.0 * same_but_white.standard_errors).all()
+
+
+@pytest.mark.parametrize("name", ["F_microrheo_c00.csv", "F_microrheo_c10.csv"])
+def test_microrheology_is_flagged(name: str) -> None:
+    path = DATA / name
+    if not path.is_file():
+        pytest.skip(f"{name} is not beside this checkout: its licence does not allow a copy here")
+    contact = read_contact(path)
+    table = np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding="utf-8")
+    oscillating = table["kind"] == "modulation"  # by 15 nm; the rest is a pause and a quick stroke
+    assert oscillating.any()
+    for label in np.unique(contact.segment[oscillating]):
+        times = contact.time[contact.segment == label]
+        estimate = identify(contact.window(times[0], times[-1])).estimate
+        assert flagged(estimate, EXPONENT) or flagged(estimate, DAMPING)
+    assert flagged(identify(contact).estimate, EXPONENT)
+
+
+@pytest.mark.parametrize("samples", [30, 1000, 100_000])
+@pytest.mark.parametrize("depth", [0.1e-3, 5e-3, 10e-3, 17e-3])
+@pytest.mark.parametrize("speed", [0.0, 5e-3])
+def test_one_reading_repeated_is_flagged_however_clean(
+    depth: float, speed: float, samples: int
+) -> None:
+    # As a held, quantised sensor shows: the fit is exact, but nothing is known.
+    motion = Motion(np.full(samples, depth), np.full(samples, speed))
+    for offset in (False, True):
+        estimator = VariableProjection(offset=offset)
+        estimate = fed(estimator, motion, np.full(samples, 3.125)).estimate()
+        assert flagged(estimate, EXPONENT)
+        assert flagged(estimate, DAMPING)

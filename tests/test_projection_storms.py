@@ -1,0 +1,214 @@
+"""Whatever comes, variable projection and what stands on it keep a sound answer."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from probing import BALL, SAMPLE_TIME, correlation, fed, felt, three_sines
+
+from palpate import (
+    ChangeDetector,
+    ConstantForgetting,
+    ContactEstimator,
+    ContactGate,
+    DriftTracking,
+    FadingForgetting,
+    InvalidParameterError,
+    Scale,
+    Status,
+    VariableProjection,
+)
+
+REFUSALS = (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE)
+
+anything = st.floats(allow_nan=True, allow_infinity=True)
+# Log-uniform over everything that the arithmetic has to bear, and exact repetitions.
+magnitudes = st.builds(
+    lambda sign, power: sign * 10.0**power,
+    st.sampled_from((1.0, 1.0, 1.0, -1.0)),
+    st.floats(-20, 9),
+)
+values = st.one_of(
+    anything, magnitudes, magnitudes, st.sampled_from((0.0, 1e-3, 1e-2, 1.0, 1e6, 9.9e7, 1e8))
+)
+steps = st.one_of(anything, st.floats(1e-9, 1e3), st.just(SAMPLE_TIME), st.just(SAMPLE_TIME))
+samples = st.lists(st.tuples(values, values, values, steps), min_size=1, max_size=12)
+
+noises = st.none() | st.floats(1e-30, 1e30)
+scales = st.none() | st.builds(
+    lambda a, b, c: Scale(10.0**a, 10.0**b, 10.0**c), *[st.floats(-30, 30)] * 3
+)
+ranges = st.builds(
+    lambda low, width: (low, min(low + width, 10.0)), st.floats(0.1, 9.7), st.floats(0.25, 4.99)
+) | st.just((0.3, 3.6))
+detectors = st.none() | st.builds(
+    ChangeDetector,
+    drift=st.floats(1.0, 199.0),
+    threshold=st.floats(1e-3, 1e12),
+    noise=noises,
+    adaptation=st.floats(0.0, 1.0),
+    settling=st.integers(10, 40),
+)
+shared = {
+    "noise": noises,
+    "offset": st.booleans(),
+    "offset_deviation": noises,
+    "exponent_range": ranges,
+    "change_detector": detectors,
+    "gate": st.none() | st.builds(ContactGate, st.floats(0.0, 1.0), st.floats(0.0, 10.0)),
+    "scale": scales,
+}
+projections = st.builds(
+    VariableProjection,
+    **shared,
+    forgetting=st.none()
+    | st.builds(ConstantForgetting, st.floats(1e-6, 1.0))
+    | st.builds(FadingForgetting, st.floats(1e-6, 1.0), st.floats(1e-3, 1e6)),
+)
+searches = st.builds(VariableProjection, **shared, surface=st.just("estimate"))
+drifting = st.builds(
+    DriftTracking,
+    **shared,
+    stiffness_drift=st.floats(0.0, 100.0),
+    dissipation_drift=st.floats(0.0, 1e6),
+    exponent_drift=st.floats(0.0, 100.0),
+)
+
+
+def check_sound(estimator: ContactEstimator) -> None:
+    estimate = estimator.estimate()
+    assert np.isfinite(estimate.parameters).all()
+    assert np.isfinite(estimate.joint_covariance).all()
+    assert np.array_equal(estimate.joint_covariance, estimate.joint_covariance.T)
+    variances = np.diag(estimate.joint_covariance)
+    assert (variances >= 0.0).all()
+    known = variances > 0.0
+    unit = correlation(estimate.joint_covariance[np.ix_(known, known)])
+    eigenvalues = np.linalg.eigvalsh(unit) if known.any() else np.zeros(1)
+    # Rounding of an inverse whose condition may be 1e13.
+    assert eigenvalues[0] >= -1e-9 * eigenvalues[-1]
+    assert np.isfinite([estimate.offset, estimate.surface, estimate.validity_margin]).all()
+    assert math.isfinite(estimate.surface_standard_error)
+    assert all(isinstance(flag, str) and flag for flag in estimate.flags)
+    assert math.isfinite(estimator.predict(0.0, 0.0))
+    assert math.isfinite(estimator.predict(10e-3, -0.02))
+
+
+def storm(estimator: ContactEstimator, data: list[tuple[float, ...]]) -> None:
+    for sample in data:
+        before = estimator._state()
+        if estimator.update(*sample) in REFUSALS:
+            assert estimator._state() == before
+        check_sound(estimator)
+
+
+@settings(max_examples=200, deadline=None)
+@given(estimator=projections, data=samples)
+def test_any_floats_under_any_settings_leave_variable_projection_sound(
+    estimator: VariableProjection, data: list[tuple[float, ...]]
+) -> None:
+    storm(estimator, data)
+
+
+@settings(max_examples=60, deadline=None)
+@given(estimator=searches, data=samples)
+def test_any_floats_under_any_settings_leave_the_surface_search_sound(
+    estimator: VariableProjection, data: list[tuple[float, ...]]
+) -> None:
+    storm(estimator, data)
+
+
+@settings(max_examples=120, deadline=None)
+@given(estimator=drifting, data=samples)
+def test_any_floats_under_any_settings_leave_drift_tracking_sound(
+    estimator: DriftTracking, data: list[tuple[float, ...]]
+) -> None:
+    storm(estimator, data)
+
+
+def tracking() -> DriftTracking:
+    motion = three_sines(1.0)
+    return fed(DriftTracking(exponent_drift=0.1), motion, felt(BALL, motion, 1))
+
+
+TRACKING = tracking()
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=samples)
+def test_any_floats_leave_a_filter_that_tracks_sound(data: list[tuple[float, ...]]) -> None:
+    assert not TRACKING.estimate().flags
+    storm(TRACKING.copy(), data)
+
+
+@settings(max_examples=50, deadline=None)
+@given(sample=st.tuples(magnitudes, magnitudes, magnitudes), count=st.integers(2, 400))
+def test_one_sample_for_ever_is_flagged_and_sound(sample: tuple[float, ...], count: int) -> None:
+    estimator = VariableProjection()
+    for _ in range(count):
+        estimator.update(*sample)
+    check_sound(estimator)
+    assert estimator.estimate().flags
+
+
+def test_before_the_first_sample_everything_is_sound_and_flagged() -> None:
+    for estimator in (VariableProjection(), VariableProjection(noise=1e30), DriftTracking()):
+        check_sound(estimator)
+        assert estimator.estimate().flags
+        assert estimator.estimate().samples == 0
+
+
+@pytest.mark.parametrize("sample", [(9e7, 0.0, 1.0), (10e-3, 1e9, 1.0), (10e-3, 0.0, 1e9)])
+def test_what_is_too_large_for_the_arithmetic_is_refused_as_out_of_range(
+    sample: tuple[float, ...],
+) -> None:
+    estimator = VariableProjection(exponent_range=(5.0, 10.0))
+    before = estimator._state()
+    assert estimator.update(*sample) == Status.OUT_OF_RANGE
+    assert estimator._state() == before
+
+
+@pytest.mark.parametrize(
+    "wrong, message",
+    [
+        ({"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
+        ({"noise": -0.05}, r"noise must be in \(0, 1e\+30\], not -0.05"),
+        ({"noise": math.nan}, "noise must be finite, not nan"),
+        ({"noise": "quiet"}, "noise must be a number, not 'quiet'"),
+        ({"offset": None}, "offset must be a bool, not None"),
+        ({"offset_deviation": 0.0}, r"offset_deviation must be in \(0, 1e\+30\], not 0.0"),
+        ({"exponent_range": (2.0, 1.0)}, r"exponent_range .* \(2.0, 1.0\): it holds nothing"),
+        ({"exponent_range": (1.5, 1.5)}, r"exponent_range .* \(1.5, 1.5\): it holds nothing"),
+        ({"exponent_range": (1.0, 1.1)}, r"exponent_range must be 0.2 to 5 wide, not \(1.0, 1.1\)"),
+        ({"exponent_range": (0.5, 6.0)}, r"exponent_range must be 0.2 to 5 wide, not \(0.5, 6.0\)"),
+        ({"exponent_range": (0.0, 2.0)}, r"exponent_range must be in \[0.1, 10\], not 0.0"),
+        ({"exponent_range": (8.0, 12.0)}, r"exponent_range must be in \[0.1, 10\], not 12.0"),
+        ({"exponent_range": 1.5}, r"exponent_range must be \(lowest, highest\) .*, not 1.5"),
+        ({"exponent_range": (1, 2, 3)}, r"exponent_range must be \(lowest, highest\) .* \(1, 2, 3"),
+        ({"forgetting": 0.99}, "forgetting must be a ConstantForgetting or .*, not 0.99"),
+        ({"change_detector": True}, "change_detector must be a ChangeDetector or .*, not True"),
+        ({"gate": 0.5}, "gate must be a ContactGate or NoneType, not 0.5"),
+        ({"scale": 1.0}, "scale must be a Scale or NoneType, not 1.0"),
+        ({"sample_time": 0.0}, r"sample_time must be in \(0, 1e\+06\], not 0.0"),
+    ],
+)
+def test_a_wrong_setting_is_named_with_its_value_and_range(wrong: dict, message: str) -> None:
+    with pytest.raises(InvalidParameterError, match=message):
+        VariableProjection(**wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong, message",
+    [
+        ({"drift": 0.5}, r"drift must be in \[1, 199\], not 0.5"),
+        ({"threshold": 0.0}, r"threshold must be in \(0, 1e\+12\], not 0.0"),
+        ({"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
+        ({"adaptation": 1.5}, r"adaptation must be in \[0, 1\], not 1.5"),
+        ({"settling": 1}, r"settling must be in \[10, 1e\+06\], not 1"),
+    ],
+)
+def test_a_wrong_detector_is_named_with_its_value_and_range(wrong: dict, message: str) -> None:
+    with pytest.raises(InvalidParameterError, match=message):
+        ChangeDetector(**wrong)
