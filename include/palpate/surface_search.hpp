@@ -1,6 +1,6 @@
 // Variable projection where the place of the surface is unknown too: a bank of candidates, each
-// with the same samples, the free approach included. J*(d), minimised over everything else, is a
-// parabola near its minimum; its curvature is the standard error of the surface.
+// with the same samples, the free approach included. J*(d), minimised over everything else, is
+// smooth near its minimum; its curvature there is the standard error of the surface.
 #pragma once
 
 #include <algorithm>
@@ -61,9 +61,8 @@ class SurfaceSearch {
       found[i] = bank_[i].solve();
       if (found[i].cost < found[best].cost) best = i;
     }
-    const std::size_t middle = std::clamp(best, std::size_t{1}, candidates - 2);
-    Projection r = between(found[middle - 1], found[middle], found[middle + 1], surface(middle));
-    r.surface_found = best == middle;
+    Projection r = between(found, best);
+    r.surface_found = best > 0 && best + 1 < candidates;
     return r;
   }
 
@@ -73,41 +72,59 @@ class SurfaceSearch {
            static_cast<double>(candidates - 1);
   }
 
-  // At the vertex of the parabola through three neighbours; ln k, c/k, n and F₀ follow parabolas
-  // too.
-  Projection between(const Projection& left, const Projection& centre, const Projection& right,
-                     double surface) const noexcept {
-    const double bend = left.cost - 2.0 * centre.cost + right.cost;
-    const double slope = 0.5 * (right.cost - left.cost);
-    const double t = bend > 0.0 ? std::clamp(-slope / bend, -1.0, 1.0) : 0.0;
-    const auto at = [t](double a, double b, double c) noexcept {
-      return b + t * (0.5 * (c - a) + 0.5 * t * (a - 2.0 * b + c));
+  // At the minimum of J*, interpolated through the six candidates around the best; ln k, c/k, n and
+  // F₀ are interpolated too. A parabola through three would put the surface 2 µm too high, which is
+  // more than the error bar of a stiff material.
+  Projection between(const std::array<Projection, candidates>& found,
+                     std::size_t best) const noexcept {
+    const std::size_t first = std::min(best - std::min<std::size_t>(best, 2), candidates - 6);
+    const auto through = [&](auto&& quantity) noexcept {
+      Vector<6> values;
+      for (std::size_t i = 0; i < 6; ++i) values[i] = quantity(found[first + i]);
+      return values;
     };
-    Projection r = centre;
-    const bool positive = left.k > 0.0 && centre.k > 0.0 && right.k > 0.0;
-    if (positive) {
-      r.k = bounded_exp(at(std::log(left.k), std::log(centre.k), std::log(right.k)));
-      r.c = r.k * at(left.c / left.k, centre.c / centre.k, right.c / right.k);
+    const Vector<6> cost = through([](const Projection& p) noexcept { return p.cost; });
+    const double centre = static_cast<double>(best - first);
+    double t = centre;
+    for (int round = 0; round < 4; ++round) {
+      const LagrangeWeights w = lagrange_weights(t);
+      const double bend = dot(w.second, cost);
+      if (!(bend > 0.0)) break;
+      const double next = t - dot(w.first, cost) / bend;
+      t = std::clamp(next, std::max(centre - 1.0, 0.0), std::min(centre + 1.0, 5.0));
     }
-    r.n = at(left.n, centre.n, right.n);
-    r.offset = at(left.offset, centre.offset, right.offset);
-    r.surface = surface + t * step();
-    widen(r, left, right, bend);
+    const LagrangeWeights w = lagrange_weights(t);
+    Projection r = found[best];
+    Vector<5> moved{0.0, 0.0, 0.0, 0.0, 1.0};  // by the surface
+    const auto take = [&](double& value, double& slope, const Vector<6>& values) noexcept {
+      value = dot(w.value, values);
+      slope = dot(w.first, values) / step();
+    };
+    const Vector<6> k = through([](const Projection& p) noexcept { return p.k; });
+    if (std::all_of(k.begin(), k.end(), [](double value) { return value > 0.0; })) {
+      double log_k, log_slope, ratio, ratio_slope;
+      take(log_k, log_slope, through([](const Projection& p) noexcept { return std::log(p.k); }));
+      take(ratio, ratio_slope, through([](const Projection& p) noexcept { return p.c / p.k; }));
+      r.k = bounded_exp(log_k);
+      r.c = r.k * ratio;
+      moved[0] = r.k * log_slope;
+      moved[1] = r.c * log_slope + r.k * ratio_slope;
+    }
+    take(r.n, moved[2], through([](const Projection& p) noexcept { return p.n; }));
+    take(r.offset, moved[3], through([](const Projection& p) noexcept { return p.offset; }));
+    r.n = std::clamp(r.n, bank_[0].lowest_exponent(), bank_[0].highest_exponent());
+    r.surface = surface(first) + t * step();
+    widen(r, moved, dot(w.second, cost));
     return r;
   }
 
   // Var d = 2σ²/J*''; what is fitted moves with d, so its covariance grows by (dθ/dd)(dθ/dd)ᵀ Var
   // d.
-  void widen(Projection& r, const Projection& left, const Projection& right,
-             double bend) const noexcept {
+  void widen(Projection& r, const Vector<5>& moved, double bend) const noexcept {
     const double range = settings_.highest_surface - settings_.lowest_surface;
     const double variance =
         bend > 0.0 ? std::min(2.0 * r.noise_variance * step() * step() / bend, range * range)
                    : range * range;
-    const double per_surface = 0.5 / step();
-    const Vector<5> moved{(right.k - left.k) * per_surface, (right.c - left.c) * per_surface,
-                          (right.n - left.n) * per_surface,
-                          (right.offset - left.offset) * per_surface, 1.0};
     const double deviation = std::sqrt(variance);
     for (std::size_t i = 0; i < 5; ++i) r.root[i][4] = saturate(moved[i] * deviation);
   }

@@ -43,6 +43,7 @@ class VariableProjection {
   }
 
   double weight() const noexcept { return sums_.weight(); }  // samples, less what was forgotten
+  double lowest_exponent() const noexcept { return sums_.lowest(); }
   double highest_exponent() const noexcept { return sums_.highest(); }
 
   // Forgets the samples; the prior is the old answer with these deviations.
