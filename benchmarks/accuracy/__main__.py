@@ -6,7 +6,19 @@ from pathlib import Path
 
 from cyclopts import App
 
-from benchmarks.accuracy import coverage, efficiency, report, timing
+from benchmarks.accuracy import (
+    changes,
+    contact_point,
+    convergence,
+    coverage,
+    drift,
+    efficiency,
+    holding,
+    recordings,
+    report,
+    starts,
+    timing,
+)
 from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.table import Group
 
@@ -15,7 +27,15 @@ ROWS: dict[str, Callable[[Campaign], list[Group]]] = {
     "ideal": efficiency.ideal,
     "offset": efficiency.unknown_offset,
     "chain": efficiency.sensor_chain,
+    "starts": starts.starts,
+    "convergence": convergence.three_sines,
+    "one-sine": convergence.one_sine,
+    "changes": changes.changes,
+    "contact-point": contact_point.contact_point,
     "coverage": coverage.coverage,
+    "recordings": recordings.recordings,
+    "holding": holding.holding,
+    "drift": drift.drift,
 }
 
 app = App(name="python -m benchmarks.accuracy", help_format="plaintext")

@@ -45,7 +45,7 @@ def sines(
 ) -> Motion:
     """Sines about the mean depth, at 1 kHz from ``start`` [s] on."""
     t = start + _clock(duration)
-    x = MEAN_DEPTH + sum(a * np.sin(w * t) for a, w in parts)
+    x = sum((a * np.sin(w * t) for a, w in parts), np.full_like(t, MEAN_DEPTH))
     v = sum((a * w * np.cos(w * t) for a, w in parts), np.zeros_like(t))
     return Motion(t, x, v)
 

@@ -40,7 +40,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """Errors of K, B and n at each time, shape (4, 3); whether the 95 % interval holds the truth."""
+    """Errors of K, B and n at each time, shape (4, 3), and whether the 95 % intervals hold it."""
 
     errors: Floats
     covered: Floats
