@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.probing import (
@@ -126,7 +127,7 @@ def _times(
     return last_outside(np.abs(trace.parameters / law.parameters - 1.0) > WITHIN)
 
 
-def last_outside(outside: Floats) -> Floats:
+def last_outside(outside: NDArray[np.bool_]) -> Floats:
     """Seconds until no sample of a column is outside any more."""
     reversed_first = np.argmax(outside[::-1], axis=0)
     samples = np.where(outside.any(axis=0), len(outside) - reversed_first, 0)

@@ -19,7 +19,8 @@ def holding(campaign: Campaign) -> list[Group]:
     lines, notes = [], [f"{campaign.seeds} seeds."]
     for material in MATERIALS:
         runs = campaign.map(f"11 {material}", partial(_moves, material), range(campaign.seeds))
-        hold, after = (np.max([run[i] for run in runs], axis=0) for i in (0, 1))
+        hold = np.max([run[0] for run in runs], axis=0)
+        after = np.max([run[1] for run in runs], axis=0)
         lines.append(Line(material, tuple(hold.tolist()), (Limit(1.0),), tuple(after.tolist())))
         flags = Counter(flag for run in runs for flag in run[2])
         held = "; ".join(f"“{flag}” ({count})" for flag, count in flags.most_common())
