@@ -52,27 +52,36 @@ class Recovery:
     alarms: int
 
 
+Runs = dict[str, tuple[list[Recovery], list[Recovery]]]
+
+
 def changes(campaign: Campaign) -> list[Group]:
+    seeds = range(campaign.seeds)
+    runs = {
+        name: (
+            campaign.map(f"7 {name}", partial(_run, name, False), seeds),
+            campaign.map(f"7 {name}, single-stage", partial(_run, name, True), seeds),
+        )
+        for name in CHANGES
+    }
     return [
-        _recovery(campaign, "a", "the force error is back", "error"),
-        _recovery(campaign, "b", "the model's own error is back for good", "model"),
+        _recovery(runs, "a", "the force error is back", "error"),
+        _recovery(runs, "b", "the model's own error is back for good", "model"),
         _false_alarms(campaign),
     ]
 
 
-def _recovery(campaign: Campaign, letter: str, what: str, attribute: str) -> Group:
+def _recovery(runs: Runs, letter: str, what: str, attribute: str) -> Group:
     meaning = {
         "a": "Samples until the mean of |e| over the next 5 ms is first below 2σ = 0.1 N, "
         "e = F − F̂ a priori.",
         "b": "Samples until |F_true − F̂| is below 2σ = 0.1 N and stays so to the end.",
     }[letter]
     lines = []
-    for name in CHANGES:
-        runs = campaign.map(f"7{letter} {name}", partial(_run, name, False), range(campaign.seeds))
-        single = campaign.map(f"7{letter} {name}", partial(_run, name, True), range(campaign.seeds))
-        ours = _percentiles(runs, attribute)
-        alarm = _percentiles(runs, "alarm")
-        once = 100.0 * np.mean([run.alarms == 1 for run in runs])
+    for name, (with_detector, single) in runs.items():
+        ours = _percentiles(with_detector, attribute)
+        alarm = _percentiles(with_detector, "alarm")
+        once = 100.0 * np.mean([run.alarms == 1 for run in with_detector])
         limit = (Limit(10.0),) if letter == "a" else ()
         beside = (ours[0], ours[2], alarm[1], alarm[2], float(once))
         lines.append(Line(name, (ours[1],), limit, (*beside, *_percentiles(single, attribute))))
@@ -94,7 +103,7 @@ def _recovery(campaign: Campaign, letter: str, what: str, attribute: str) -> Gro
             "SPRLS worst",
         ),
         precision=".1f",
-        notes=[f"{campaign.seeds} seeds. Never within the run counts as the time that was left."],
+        notes=[f"{len(single)} seeds. Never within the run counts as the time that was left."],
     )
 
 

@@ -23,7 +23,7 @@ def coverage(campaign: Campaign) -> list[Group]:
             ideal,
             [Trial(name, "offset", single_stage=False) for name in MATERIALS],
             (Limit(97.0, 93.0),),
-            10 * campaign.seeds,
+            5 * campaign.seeds,
         ),
         *(
             _group(

@@ -38,7 +38,7 @@ def console() -> Console:
 def print_group(group: Group, console: Console) -> None:
     table = Table(title=Text(group.title, style="bold"), title_justify="left")
     table.add_column("figure", no_wrap=True)
-    table.add_column("target")
+    table.add_column("target", no_wrap=True)
     for heading in group.columns:
         table.add_column(heading, justify="right")
     table.add_column("met")
