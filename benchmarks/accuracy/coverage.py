@@ -62,7 +62,7 @@ def _group(
     spread = 196.0 * (0.95 * 0.05 / seeds) ** 0.5
     low, high = 95.0 - spread, min(95.0 + spread, 100.0)
     notes = [
-        f"%, {seeds} seeds: a true 95 % shows as {low:.1f} to {high:.1f} % in 19 of 20 cells "
+        f"%, {seeds} seeds: a true 95 % shows as {low:.1f} to {high:.1f} % in 19 of 20 cells"
         " (binomial)."
     ]
     return Group(title, definition, SYMBOLS, lines, precision=".1f", notes=notes)

@@ -32,7 +32,7 @@ def circumstances(seeds: int) -> dict[str, Any]:
 def console() -> Console:
     """Return where tables are printed; wide enough for all columns where it is not a terminal."""
     there = Console(highlight=False)
-    return there if there.is_terminal else Console(highlight=False, width=120)
+    return there if there.is_terminal else Console(highlight=False, width=150)
 
 
 def print_group(group: Group, console: Console) -> None:
