@@ -1,1 +1,1 @@
-"""Speed and memory of palpate, as ratios to something measured in the same run."""
+"""Benchmarks of speed, memory and accuracy: ratios within one run, printed as tables."""

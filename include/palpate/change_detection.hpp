@@ -34,9 +34,10 @@ class ChangeDetector {
 
   // Takes a sample and its a-priori error [N]; true is an alarm.
   bool observe(const Sample& sample, double error) noexcept {
-    recent_[seen_ % memory] = sample;
-    ++seen_;
     const double square = error * error;
+    recent_[seen_ % memory] = sample;
+    squares_[seen_ % memory] = square;
+    ++seen_;
     if (settling_ < settings_.settling) return settle(square);
     const double z = std::min(square / (variance_ + 1e-300), 200.0);
     sum_ = std::max(0.0, sum_ + z - settings_.drift);
@@ -46,9 +47,22 @@ class ChangeDetector {
     return sum_ > settings_.threshold;
   }
 
-  // How many of the latest samples belong to what came after the change.
+  // How many of the latest samples belong to what came after the change: those since the sum was
+  // last zero. By chance it was above zero already when the change came in one case of twenty, and
+  // a single sample of the old material spoils the new fit for hundreds of milliseconds; so the
+  // first ones are left out while they disagree with the old law far less than the rest does.
   std::size_t suspects() const noexcept {
-    return static_cast<std::size_t>(std::min<std::uint64_t>(seen_ - suspects_from_, memory));
+    const auto since = static_cast<std::size_t>(
+        std::min<std::uint64_t>(seen_ - suspects_from_, memory));
+    double later = 0.0;
+    std::size_t count = since;
+    for (std::size_t age = 0; age < since; ++age) {
+      const double square = squares_[(seen_ - 1 - age) % memory];
+      const bool agrees = 4.0 * square * static_cast<double>(age) < later;
+      if (!agrees) count = age + 1;
+      later += square;
+    }
+    return count;
   }
 
   // A sample of the past: 0 is the latest.
@@ -80,6 +94,7 @@ class ChangeDetector {
 
   Settings settings_;
   std::array<Sample, memory> recent_{};
+  std::array<double, memory> squares_{};  // of their errors
   std::uint64_t seen_ = 0;
   std::uint64_t suspects_from_ = 0;
   std::uint32_t settling_ = 0;

@@ -118,13 +118,16 @@ class VariableProjection {
     return r;
   }
 
-  // J over the grid without priors on the linear part, in one straight line of arithmetic.
-  Search search_grid() const noexcept {
-    std::array<double, PowerSums::nodes> cost;
+  using Costs = std::array<double, PowerSums::nodes>;
+
+  // J over the grid without priors on (k, c), in one straight line of arithmetic; −share (ΣF)², the
+  // same for all, is left out.
+  Costs grid_costs(double share) const noexcept {
+    Costs cost;
     const auto &spp = sums_.column(pp), &sppw = sums_.column(ppw), &sppww = sums_.column(ppww),
                &sp = sums_.column(p1), &spw = sums_.column(pw), &spf = sums_.column(pf),
                &spwf = sums_.column(pwf);
-    const double share = offset_share(settings_.noise * settings_.noise), total = sums_.force();
+    const double total = sums_.force();
     for (std::size_t j = 0; j < PowerSums::nodes; ++j) {
       const double a11 = spp[j] - sp[j] * sp[j] * share;
       const double a12 = sppw[j] - sp[j] * spw[j] * share;
@@ -138,22 +141,33 @@ class VariableProjection {
       const double determinant = a11 * (a22 + ridge) - a12 * a12;
       cost[j] = -(b1 * b1 * determinant + rest * rest) / (a11 * determinant + tiny);
     }
+    return cost;
+  }
+
+  static std::size_t lowest(const Costs& cost) noexcept {
     std::size_t best = 0;
     for (std::size_t j = 1; j < PowerSums::nodes; ++j) {
       if (cost[j] < cost[best]) best = j;
     }
+    return best;
+  }
+
+  Search search_grid() const noexcept {
+    const double share = offset_share(settings_.noise * settings_.noise), total = sums_.force();
+    Costs cost = grid_costs(share);
+    std::size_t best = lowest(cost);
     Search search{};
     search.variance = prior_variance(cost[best] - share * total * total);
+    search.offset_share = offset_share(search.variance);
+    // While the noise was unknown the prior of the offset had no weight; with it the minimum may be
+    // at quite another node.
+    if (search.offset_share != share) cost = grid_costs(search.offset_share);
     for (std::size_t j = 0; j < PowerSums::nodes; ++j) {
       const double away =
           (sums_.exponent(j) - settings_.prior_exponent) / settings_.prior_exponent_deviation;
       cost[j] += search.variance * away * away;
     }
-    best = 0;
-    for (std::size_t j = 1; j < PowerSums::nodes; ++j) {
-      if (cost[j] < cost[best]) best = j;
-    }
-    search.offset_share = offset_share(search.variance);
+    best = lowest(cost);
     search.n = sums_.exponent(best);
     if (best > 0 && best + 1 < PowerSums::nodes) {
       const double bend = cost[best - 1] - 2.0 * cost[best] + cost[best + 1];

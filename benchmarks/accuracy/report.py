@@ -1,0 +1,123 @@
+"""Tables for a terminal, Markdown and JSON."""
+
+import json
+import os
+import platform
+import tempfile
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from benchmarks.accuracy.table import Group, Line
+
+
+def circumstances(seeds: int) -> dict[str, Any]:
+    """The machine, the date and the seeds."""
+    return {
+        "cpu": f"{_cpu()}, {os.cpu_count()} cores",
+        "system": _system(),
+        "python": platform.python_version(),
+        "palpate": version("palpate"),
+        "numpy": version("numpy"),
+        "date": datetime.now(UTC).date().isoformat(),
+        "seeds": seeds,
+    }
+
+
+def console() -> Console:
+    """Return where tables are printed; wide enough for all columns where it is not a terminal."""
+    there = Console(highlight=False)
+    return there if there.is_terminal else Console(highlight=False, width=150)
+
+
+def print_group(group: Group, console: Console) -> None:
+    table = Table(title=Text(group.title, style="bold"), title_justify="left")
+    table.add_column("figure", no_wrap=True)
+    table.add_column("target", no_wrap=True)
+    for heading in group.columns:
+        table.add_column(heading, justify="right")
+    table.add_column("met")
+    for heading in group.beside:
+        table.add_column(heading, justify="right", style="dim")
+    for line in group.lines:
+        ours = [
+            Text(group.show(value), style="" if line.holds(i) else "bold red")
+            for i, value in enumerate(line.ours)
+        ]
+        beside = [group.show(value) for value in line.beside]
+        table.add_row(line.figure, line.target, *ours, line.met, *beside)
+    console.print(table)
+    for text in (group.definition, *group.notes):
+        console.print(Text(text.replace("`", ""), style="dim"))
+    console.print()
+
+
+def markdown(groups: list[Group], facts: dict[str, Any]) -> str:
+    """Everything as Markdown; a value that misses its target is bold."""
+    parts = [part for group in groups for part in _markdown_group(group)]
+    return "\n".join([*parts, words(facts), ""])
+
+
+def words(facts: dict[str, Any]) -> str:
+    return (
+        f"{facts['cpu']}; {facts['system']}; Python {facts['python']}, NumPy {facts['numpy']}, "
+        f"palpate {facts['palpate']}; {facts['date']}; {facts['seeds']} seeds, more where a table "
+        "says so."
+    )
+
+
+def as_json(groups: list[Group], facts: dict[str, Any]) -> str:
+    content = {**facts, "groups": [group.as_dict() for group in groups]}
+    return json.dumps(content, ensure_ascii=False, indent=1, default=float) + "\n"
+
+
+def write(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _markdown_group(group: Group) -> list[str]:
+    headings = ["figure", "target", *group.columns, "met", *group.beside]
+    marks = ["---", "---", *["--:"] * len(group.columns), "---", *["--:"] * len(group.beside)]
+    rows = [_cells(group, line) for line in group.lines]
+    table = [f"| {' | '.join(row)} |" for row in (headings, marks, *rows)]
+    notes = [part for note in group.notes for part in (note, "")]
+    return [f"### {group.title}", "", group.definition, "", *table, "", *notes]
+
+
+def _cells(group: Group, line: Line) -> list[str]:
+    ours = [
+        group.show(value) if line.holds(i) else f"**{group.show(value)}**"
+        for i, value in enumerate(line.ours)
+    ]
+    cells = [line.figure, line.target, *ours, line.met, *map(group.show, line.beside)]
+    return [cell.replace("|", "\\|") for cell in cells]
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+def _system() -> str:
+    try:
+        return platform.freedesktop_os_release()["PRETTY_NAME"]
+    except (OSError, KeyError):
+        return f"{platform.system()} {platform.release()}"

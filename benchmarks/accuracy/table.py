@@ -1,0 +1,108 @@
+"""What a row of the benchmark gives: figures beside their targets."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+Value = float | str
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """What a figure must be: at most ``highest``, at least ``lowest``."""
+
+    highest: float
+    lowest: float | None = None
+
+    def holds(self, value: Value) -> bool:
+        """Whether a value meets it; words never do."""
+        if isinstance(value, str):
+            return False
+        return value <= self.highest and (self.lowest is None or value >= self.lowest)
+
+    def __str__(self) -> str:
+        if self.lowest is None:
+            return f"≤ {self.highest:g}"
+        return f"{self.lowest:g}–{self.highest:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of a table.
+
+    Parameters
+    ----------
+    figure : str
+        What is measured.
+    ours : tuple
+        Values, one a column of the group.
+    limits : tuple of Limit or None
+        Their targets; fewer than values: the last one holds for the rest. Empty: none.
+    beside : tuple
+        What else is worth seeing: bounds, other methods.
+    """
+
+    figure: str
+    ours: tuple[Value, ...]
+    limits: tuple[Limit | None, ...] = ()
+    beside: tuple[Value, ...] = ()
+
+    def limit(self, column: int) -> Limit | None:
+        """Target of a column."""
+        return self.limits[min(column, len(self.limits) - 1)] if self.limits else None
+
+    def holds(self, column: int) -> bool:
+        """Whether a column meets its target, or has none."""
+        limit = self.limit(column)
+        return limit is None or limit.holds(self.ours[column])
+
+    @property
+    def target(self) -> str:
+        """The targets in words; one where all are the same."""
+        words = [str(limit) if limit else "–" for limit in self.limits]
+        return " / ".join(words if len(set(words)) > 1 else words[:1])
+
+    @property
+    def met(self) -> str:
+        """Whether all targets are met, in a word."""
+        if not any(self.limits):
+            return "–"
+        return "yes" if all(self.holds(i) for i in range(len(self.ours))) else "no"
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """One table.
+
+    Parameters
+    ----------
+    title, definition : str
+        What it shows, and how it is measured.
+    columns, beside : tuple of str
+        Headings of ``ours`` and ``beside`` in every line.
+    lines : list of Line
+    precision : str
+        Format of numbers.
+    notes : list of str
+        Below the table.
+    """
+
+    title: str
+    definition: str
+    columns: tuple[str, ...]
+    lines: list[Line]
+    beside: tuple[str, ...] = ()
+    precision: str = ".2f"
+    notes: list[str] = field(default_factory=list)
+
+    def show(self, value: Value) -> str:
+        """A value as the tables print it."""
+        if isinstance(value, str):
+            return value
+        if value != value:
+            return "–"
+        return f"{value:.2g}" if abs(value) >= 1e4 else format(value, self.precision)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain numbers and words."""
+        lines = [{**asdict(line), "met": line.met} for line in self.lines]
+        return {**asdict(self), "lines": lines}
