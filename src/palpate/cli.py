@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
+from palpate.cli_design import design
+
 if TYPE_CHECKING:
     from palpate.contact import Contact
     from palpate.identification import Identification
@@ -21,6 +23,7 @@ app = App(
     help_format="plaintext",
     version_flags=["--version"],
 )
+app.command(design)
 
 
 @Parameter(name="*")

@@ -50,10 +50,10 @@ def sensitivity(law: ForceLaw, penetration: ArrayLike, velocity: ArrayLike) -> F
     ----------
     law : force law
     penetration, velocity : array_like, shape (k,)
-        m and m/s.
+        m and m/s, finite.
     """
     instance("law", law, (KelvinVoigt, ExtendedKelvinVoigt, HuntCrossley))
-    x, v = signals(penetration=penetration, velocity=velocity)
+    x, v = _finite_signals(penetration, velocity)
     depth = np.where(x > 0.0, x, 1.0)
     if isinstance(law, HuntCrossley):
         power = depth**law.exponent
@@ -64,6 +64,26 @@ def sensitivity(law: ForceLaw, penetration: ArrayLike, velocity: ArrayLike) -> F
     else:
         columns = [depth, v]
     return np.where(x[:, None] > 0.0, np.column_stack(columns), 0.0)
+
+
+def jacobian(
+    law: ForceLaw,
+    penetration: ArrayLike,
+    velocity: ArrayLike,
+    *,
+    offset: bool = False,
+    surface: bool = False,
+) -> Floats:
+    """∂F/∂(θ[, offset][, surface]) at every sample, shape (k, q).
+
+    Arguments as :func:`fisher_information`.
+    """
+    columns = [sensitivity(law, penetration, velocity)]
+    if offset:
+        columns.append(np.ones((len(columns[0]), 1)))
+    if surface:
+        columns.append(_by_surface(law, penetration, velocity)[:, None])
+    return np.hstack(columns)
 
 
 def fisher_information(
@@ -84,7 +104,7 @@ def fisher_information(
     penetration, velocity : array_like, shape (k,)
         The motion, m and m/s.
     noise : float
-        σ of the force, N, > 0.
+        σ of the force, N, in [1e-30, 1e30].
     offset, surface : bool
         Whether a force offset [N] and the place of the surface [m] are unknown too.
 
@@ -93,15 +113,9 @@ def fisher_information(
     numpy.ndarray, shape (q, q)
         In the order of the law's parameters, the offset, the surface.
     """
-    sigma = number_in("noise", noise, 0.0, 1e30, open_low=True)
-    jacobian = sensitivity(law, penetration, velocity)
-    columns = [jacobian]
-    if offset:
-        columns.append(np.ones((len(jacobian), 1)))
-    if surface:
-        columns.append(_by_surface(law, penetration, velocity)[:, None])
-    full = np.hstack(columns) / sigma
-    information: Floats = full.T @ full
+    sigma = number_in("noise", noise, 1e-30, 1e30)
+    rows = jacobian(law, penetration, velocity, offset=offset, surface=surface) / sigma
+    information: Floats = rows.T @ rows
     return information
 
 
@@ -122,13 +136,13 @@ def cramer_rao_bound(
         law, penetration, velocity, noise, offset=offset, surface=surface
     )
     names = (*law.as_dict(), *(["offset"] if offset else []), *(["surface"] if surface else []))
-    covariance = _inverse(information)
+    covariance = inverse_information(information)
     return CramerRaoBound(names, np.sqrt(np.diag(covariance)), covariance)
 
 
 def _by_surface(law: ForceLaw, penetration: ArrayLike, velocity: ArrayLike) -> Floats:
     """∂F/∂d where x becomes x − d."""
-    x, v = signals(penetration=penetration, velocity=velocity)
+    x, v = _finite_signals(penetration, velocity)
     depth = np.where(x > 0.0, x, 1.0)
     if isinstance(law, HuntCrossley):
         slope = law.exponent * depth ** (law.exponent - 1.0) * (law.stiffness + law.damping * v)
@@ -139,8 +153,19 @@ def _by_surface(law: ForceLaw, penetration: ArrayLike, velocity: ArrayLike) -> F
     return np.where(x > 0.0, -slope, 0.0)
 
 
-def _inverse(information: Floats) -> Floats:
-    """Inverse after scaling to a unit diagonal; infinite where a direction carries nothing."""
+def _finite_signals(penetration: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
+    x, v = signals(penetration=penetration, velocity=velocity)
+    for name, values in (("penetration", x), ("velocity", v)):
+        if not np.isfinite(values).all():
+            raise InvalidParameterError(
+                f"{name} must be finite, not {values[~np.isfinite(values)][0]} at sample "
+                f"{int(np.argmin(np.isfinite(values)))}"
+            )
+    return x, v
+
+
+def inverse_information(information: Floats) -> Floats:
+    """Covariance from an information matrix; infinite where a direction carries nothing."""
     diagonal = np.sqrt(np.diag(information))
     unit = np.where(diagonal > 0.0, diagonal, 1.0)
     scaled = information / np.outer(unit, unit)

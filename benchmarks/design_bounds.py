@@ -1,0 +1,65 @@
+"""Errors of variable projection over what ``palpate design`` promises, as a Markdown table.
+
+python benchmarks/design_bounds.py [--seeds 100]
+"""
+
+import argparse
+
+import numpy as np
+
+from palpate import HuntCrossley, VariableProjection
+from palpate.design import Design, design
+from palpate.outlook import Outlook
+from palpate.validation import Floats
+
+# None of the exponents is a node of the method's own grid, 0.3 + 0.1 j.
+MATERIALS = {
+    "ball": HuntCrossley(2000.0, 2000.0, 1.05),
+    "sponge": HuntCrossley(300.0, 3000.0, 1.15),
+    "PVC": HuntCrossley(1e5, 2e5, 1.85),
+}
+SENSORS = ((0.05, 0.0), (0.05, 0.125), (0.01, 0.125))  # N
+DURATIONS = (1.0, 5.0, 20.0)  # s
+
+
+def ratios(plan: Design, outlook: Outlook, duration: float, seeds: int) -> Floats:
+    """RMSE over what is expected of K, B and n, with a force offset of up to 0.1 N in each run.
+
+    The offset is positive, so that no sample has a force that is not and is gated out.
+    """
+    _, x, v = outlook.motion.sampled(duration, plan.sample_time)
+    clean, errors = plan.law.force(x, v), []
+    for seed in range(seeds):
+        draw = np.random.default_rng(seed)
+        force = clean + draw.uniform(0.0, 0.1) + plan.noise * draw.standard_normal(x.size)
+        if plan.resolution:
+            force = np.round(force / plan.resolution) * plan.resolution
+        estimator = VariableProjection(offset=True)
+        estimator.replay(x, v, force)
+        errors.append(estimator.estimate().parameters / plan.law.parameters - 1.0)
+    rmse = np.sqrt(np.mean(np.square(errors), axis=0))
+    found: Floats = np.divide(rmse, outlook.expected_errors[outlook.durations.index(duration)])
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=100)
+    seeds = parser.parse_args().seeds
+    print("| sensor | motion |", *(f"{duration:g} s |" for duration in DURATIONS))
+    print("|---|---|" + "---|" * len(DURATIONS))
+    for noise, step in SENSORS:
+        plans = [
+            design(law, noise=noise, resolution=step, durations=DURATIONS)
+            for law in MATERIALS.values()
+        ]
+        for name in ("planned", "better"):
+            cells = []
+            for duration in DURATIONS:
+                found = [ratios(p, getattr(p, name), duration, seeds) for p in plans]
+                cells.append(f"{np.min(found):.2f}–{np.max(found):.2f}")
+            print(f"| {noise:g} N, steps of {step:g} N | {name} |", " | ".join(cells), "|")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,232 @@
+"""What a planned motion would identify, before anything is touched, and a better motion."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from palpate.errors import InvalidParameterError
+from palpate.force_laws import HuntCrossley
+from palpate.motion import PAPER_MOTION, Motion
+from palpate.motion_search import Limits, find_better, limits_around
+from palpate.outlook import Outlook, foresee
+from palpate.precision import HORIZON, Measurement
+from palpate.rounding import effective_noise
+from palpate.validation import instance, number_in
+
+__all__ = ["DURATIONS", "PAPER_MOTION", "Design", "Motion", "design", "effective_noise"]
+
+#: When the precision is told, s.
+DURATIONS = (0.5, 1.0, 5.0, 20.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Design:
+    """What a planned motion would identify of a guessed material, and what a better one would.
+
+    Attributes
+    ----------
+    law : HuntCrossley
+        The material as guessed.
+    noise, resolution, effective_noise : float
+        σ, Δ and √(σ² + Δ²/12) of the force, N: see :func:`effective_noise`.
+    sample_time : float
+        s.
+    offset, surface : bool
+        Whether a force offset and the place of the surface are unknown too.
+    speed_limit : float
+        0.1 K/B, m/s (eq. 10). Faster, the single-stage method is biased; variable projection is
+        not.
+    limits : Limits
+        What the better motion has to keep to.
+    planned : Outlook
+        What the planned motion would tell.
+    better : Outlook or None
+        The same of the motion within the limits whose worst expected error after the longest
+        duration is the least found; None where the planned motion is as good.
+    reason : str
+        Why it is better, or why there is none.
+    """
+
+    law: HuntCrossley
+    noise: float
+    resolution: float
+    effective_noise: float
+    sample_time: float
+    offset: bool
+    surface: bool
+    speed_limit: float
+    limits: Limits
+    planned: Outlook
+    better: Outlook | None
+    reason: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain numbers and words; what is infinite or undefined is None."""
+        return {
+            "law": {"kind": self.law.kind, **self.law.as_dict()},
+            "noise": self.noise,
+            "resolution": self.resolution,
+            "effective_noise": self.effective_noise,
+            "sample_time": self.sample_time,
+            "offset": self.offset,
+            "surface": self.surface,
+            "speed_limit": self.speed_limit,
+            "limits": asdict(self.limits),
+            "planned": self.planned.as_dict(),
+            "better": None if self.better is None else self.better.as_dict(),
+            "reason": self.reason,
+        }
+
+
+def design(
+    law: HuntCrossley,
+    motion: Motion = PAPER_MOTION,
+    *,
+    noise: float,
+    resolution: float = 0.0,
+    sample_time: float = 1e-3,
+    offset: bool = True,
+    surface: bool = False,
+    durations: Sequence[float] = DURATIONS,
+    max_depth: float | None = None,
+    max_speed: float | None = None,
+) -> Design:
+    """Tell what a planned motion would identify of a guessed material, and find a better one.
+
+    No unbiased estimator has a standard error below the Cramér–Rao bound,
+
+        s(θᵢ) ≥ σ √[(JᵀJ)⁻¹]ᵢᵢ,   J = ∂F/∂(K, B, n[, F₀][, d]) at every sample in contact,
+
+    with F₀ an offset and d the place of the surface, where they are unknown too.
+    :class:`VariableProjection` comes close to it. Penetration and velocity are taken as exact,
+    noise as white, the law as true: on a real rig it takes longer.
+
+    K is the force at a depth of 1 m, which no probe reaches: much of its error is that of n,
+    carried from the depths probed to 1 m. A force within those depths is known far better.
+
+    Parameters
+    ----------
+    law : HuntCrossley
+        The material as guessed: K and B in (0, 1e20], n in (0, 10].
+    motion : Motion
+        The motion as planned; the paper's three sines unless given.
+    noise, resolution : float
+        σ and step Δ of the force, N: see :func:`effective_noise`.
+    sample_time : float
+        s, in [1e-5, 1], and at least six samples in a period: ω · sample_time ≤ 1.
+    offset : bool
+        A force offset is unknown too, as in :class:`VariableProjection`.
+    surface : bool
+        The place of the surface is unknown too. Only samples in contact count: those of the free
+        approach, which would help, do not.
+    durations : sequence of float
+        s, each in [sample_time, 1000] and of at most 1e7 samples.
+    max_depth, max_speed : float, optional
+        Limits of the better motion: deepest point, m, in (0, 10], and speed, m/s, in (0, 1000].
+        What the planned motion itself reaches, unless given. It also stays below K/B, where the law
+        begins to pull, and deeper than a tenth of the deepest point and than where K xⁿ is ten
+        times the noise, but for at most a tenth of the largest (or than the planned motion does,
+        where that comes higher and stays in contact).
+
+    Raises
+    ------
+    InvalidParameterError
+        An argument is of the wrong kind or out of its range.
+    """
+    step = _check(law, motion, sample_time, max_depth, max_speed)
+    sigma = effective_noise(noise, resolution)
+    spans = _checked_durations(durations, step)
+    measurement = Measurement(
+        law, float(noise), float(resolution), step, bool(offset), bool(surface)
+    )
+    limits = limits_around(motion, measurement, max_depth, max_speed)
+    planned = foresee(motion, measurement, spans)
+    found = find_better(motion, measurement, limits, spans[-1])
+    better = None if found is None else foresee(found, measurement, spans)
+    return Design(
+        law=law,
+        noise=measurement.noise,
+        resolution=measurement.resolution,
+        effective_noise=sigma,
+        sample_time=step,
+        offset=measurement.offset,
+        surface=measurement.surface,
+        speed_limit=measurement.speed_limit,
+        limits=limits,
+        planned=planned,
+        better=better,
+        reason=_why(planned, better, limits),
+    )
+
+
+def _check(
+    law: HuntCrossley,
+    motion: Motion,
+    sample_time: float,
+    max_depth: float | None,
+    max_speed: float | None,
+) -> float:
+    """Refuse nonsense; return the sample time."""
+    instance("law", law, HuntCrossley)
+    instance("motion", motion, Motion)
+    number_in("stiffness", law.stiffness, 0.0, 1e20, open_low=True)
+    number_in("damping", law.damping, 0.0, 1e20, open_low=True)
+    number_in("exponent", law.exponent, 0.0, 10.0, open_low=True)
+    step = number_in("sample_time", sample_time, 1e-5, 1.0)
+    if max_depth is not None:
+        number_in("max_depth", max_depth, 0.0, 10.0, open_low=True)
+    if max_speed is not None:
+        number_in("max_speed", max_speed, 0.0, 1000.0, open_low=True)
+    for i, frequency in enumerate(motion.frequencies):
+        number_in(f"frequencies[{i}]", frequency, 0.0, 1.0 / step, open_low=True)
+    return step
+
+
+def _checked_durations(durations: Sequence[float], step: float) -> tuple[float, ...]:
+    given = tuple(durations) if isinstance(durations, Sequence) else ()
+    if not given:
+        raise InvalidParameterError(
+            f"durations must be a sequence of at least one number, not {durations!r}"
+        )
+    most = min(HORIZON, 1e7 * step)
+    return tuple(
+        sorted(number_in(f"durations[{i}]", value, step, most) for i, value in enumerate(given))
+    )
+
+
+def _why(planned: Outlook, better: Outlook | None, limits: Limits) -> str:
+    """In words, what makes the difference."""
+    if better is None:
+        if limits.speed == 0.0:
+            return "the planned probe is held; a highest speed is needed to look for a motion"
+        if math.isinf(planned.worst):
+            return "no motion within the limits was found that tells the three parameters"
+        return "no motion within the limits was found that is better by 2 %"
+    reasons = []
+    if not limits.allow(planned.motion):
+        price = ", and is less precise for it" if better.worst > planned.worst else ""
+        reasons.append(f"it keeps to the limits, which the planned motion does not{price}")
+    if better.motion.deepest > 1.02 * planned.motion.deepest:
+        reasons.append("it goes deeper, where the force stands further out of the noise")
+    if _span(better) > 1.02 * _span(planned):
+        reasons.append(
+            "its stroke covers a wider range of depths, from "
+            f"{1e3 * better.shallowest:.3g} to {1e3 * better.deepest:.3g} mm, which tells the "
+            "exponent, and with it the stiffness"
+        )
+    if better.rms_speed > 1.02 * planned.rms_speed:
+        reasons.append(
+            f"it is faster, {1e3 * better.rms_speed:.3g} mm/s rms for "
+            f"{1e3 * planned.rms_speed:.3g}, which tells the damping"
+        )
+    if len(better.motion.amplitudes) < len(planned.motion.amplitudes):
+        reasons.append("fewer sines share the stroke and the speed")
+    return "; ".join(reasons) or "it divides depth and speed better between the three"
+
+
+def _span(outlook: Outlook) -> float:
+    """Range of the logarithm of the depth, which is what the exponent is told from."""
+    if outlook.shallowest <= 0.0:
+        return math.inf
+    return math.log(outlook.deepest / outlook.shallowest)

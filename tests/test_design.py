@@ -1,0 +1,236 @@
+"""What a planned motion would identify, against the bound of its samples."""
+
+import math
+
+import numpy as np
+import pytest
+
+from palpate import HuntCrossley, InvalidParameterError, KelvinVoigt
+from palpate.design import PAPER_MOTION, Motion, design, effective_noise
+from palpate.excitation import cramer_rao_bound, jacobian
+from palpate.rounding import mean_rounding_error
+
+BALL = HuntCrossley(2000.0, 2000.0, 1.0)
+SPONGE = HuntCrossley(300.0, 3000.0, 1.0)
+PHANTOM = HuntCrossley(1e5, 2e5, 2.0)
+MATERIALS = [BALL, SPONGE, PHANTOM]
+
+
+def bound_of(law, motion, duration, noise=0.05, step=1e-3, **unknown):
+    _, x, v = motion.sampled(duration, step)
+    deep = x > 0.0
+    bound = cramer_rao_bound(law, x[deep], v[deep], noise, **unknown)
+    return bound.standard_errors[:3] / law.parameters
+
+
+# The motion
+
+
+def test_velocity_is_the_derivative_of_penetration():
+    time, step = np.linspace(0.0, 3.0, 50), 1e-6
+    ahead, behind = PAPER_MOTION.at(time + step)[0], PAPER_MOTION.at(time - step)[0]
+    assert PAPER_MOTION.at(time)[1] == pytest.approx((ahead - behind) / (2.0 * step), abs=1e-8)
+
+
+def test_the_papers_motion_has_the_papers_top_speed():
+    _, x, v = PAPER_MOTION.sampled(20.0, 1e-3)
+    assert np.abs(v).max() == pytest.approx(50.8e-3)
+    assert PAPER_MOTION.top_speed == pytest.approx(50.8e-3)
+    assert PAPER_MOTION.shallowest <= x.min()
+    assert x.max() <= PAPER_MOTION.deepest
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        ((0.0,), r"depth must be in \(0, 10\], not 0"),
+        ((math.nan,), "depth must be finite, not nan"),
+        ((0.01, (1e-3,), ()), "as many, not 1 and 0"),
+        ((0.01, (1e-3, -1e-3), (1.0, 2.0)), r"amplitudes\[1\] must be in \[0, 10\], not -0.001"),
+        ((0.01, (1e-3,), (0.0,)), r"frequencies\[0\] must be in \(0, 100000\], not 0.0"),
+        ((0.01, 1e-3, (1.0,)), "amplitudes must be a sequence of numbers, not 0.001"),
+        ((0.01, ("deep",), (1.0,)), r"amplitudes\[0\] must be a number, not 'deep'"),
+    ],
+)
+def test_a_motion_refuses_nonsense(arguments, message):
+    with pytest.raises(InvalidParameterError, match=message):
+        Motion(*arguments)
+
+
+# What it would identify
+
+
+@pytest.mark.parametrize("surface", [False, True])
+@pytest.mark.parametrize("offset", [False, True])
+@pytest.mark.parametrize("law", MATERIALS, ids=repr)
+def test_the_precision_is_the_bound_of_the_samples(law, offset, surface):
+    result = design(law, noise=0.05, offset=offset, surface=surface)
+    for row, duration in enumerate(result.planned.durations):
+        expected = bound_of(law, PAPER_MOTION, duration, offset=offset, surface=surface)
+        # Summed in another order, and inverted at condition numbers up to 1e8.
+        assert result.planned.relative_errors[row] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("law", MATERIALS, ids=repr)
+def test_a_target_is_met_at_its_time_and_not_a_sample_before(law):
+    outlook = design(law, noise=0.05).planned
+    for target, times in zip(outlook.targets, outlook.times, strict=True):
+        for column, time in enumerate(times):
+            if time > 20.0:  # there one sample in several is counted
+                continue
+            after = bound_of(law, PAPER_MOTION, time, offset=True)
+            before = bound_of(law, PAPER_MOTION, time - 1e-3, offset=True)
+            assert after[column] <= target < before[column]
+
+
+def test_long_times_follow_the_samples_too():
+    result = design(SPONGE, noise=0.05, surface=True)
+    time = result.planned.times[1, 0]
+    assert 50.0 < time < 100.0
+    reached = bound_of(SPONGE, PAPER_MOTION, time, offset=True, surface=True)
+    # Counting one sample in several shifts the sums by less than a sample's share of a period.
+    assert reached[0] == pytest.approx(0.01, rel=1e-3)
+
+
+def test_what_takes_longer_than_the_horizon_takes_for_ever():
+    outlook = design(BALL, Motion(0.01, (1e-5,), (1.0,)), noise=1.0).planned
+    assert np.isinf(outlook.times).all()
+    assert bound_of(BALL, outlook.motion, 1000.0, noise=1.0, offset=True).min() > 0.05
+
+
+def test_a_held_probe_tells_nothing_and_says_so():
+    for held in (Motion(0.01), Motion(0.01, (0.0,), (3.0,))):
+        result = design(BALL, held, noise=0.05)
+        assert np.isinf(result.planned.relative_errors).all()
+        assert np.isinf(result.planned.times).all()
+        assert "held" in result.planned.notes[0]
+        assert result.better is None
+        assert "highest speed is needed" in result.reason
+    assert design(BALL, Motion(0.01), noise=0.05, max_speed=0.05).better.worst < 0.01
+
+
+def test_free_samples_do_not_count_and_the_lift_is_told():
+    motion = Motion(2e-3, (3e-3,), (5.0,))
+    outlook = design(BALL, motion, noise=0.05).planned
+    assert outlook.leaves_contact
+    assert "comes up to -1 mm" in outlook.notes[0]
+    expected = bound_of(BALL, motion, 20.0, offset=True)
+    assert outlook.relative_errors[-1] == pytest.approx(expected, rel=1e-6)
+
+
+def test_speed_limit_and_its_violations_are_those_of_equation_10():
+    result = design(SPONGE, noise=0.05)
+    assert result.speed_limit == pytest.approx(0.01)
+    _, _, v = PAPER_MOTION.sampled(20.0, 1e-3)
+    assert result.planned.violated_fraction == np.mean(np.abs(v) >= 0.01)
+    assert result.planned.peak_speed == pytest.approx(50.8e-3)
+    assert design(BALL, noise=0.05).planned.violated_fraction == 0.0
+
+
+def test_peak_force_is_the_largest_force():
+    _, x, v = PAPER_MOTION.sampled(20.0, 1e-3)
+    assert design(BALL, noise=0.05).planned.peak_force == BALL.force(x, v).max()
+
+
+def test_a_motion_that_outruns_the_law_or_the_velocity_filter_is_flagged():
+    fast = design(HuntCrossley(300.0, 9000.0, 1.0), noise=0.05)
+    assert "the law pulls" in fast.planned.notes[0]
+    assert fast.better.motion.top_speed <= 300.0 / 9000.0
+    quick = design(BALL, Motion(0.01, (1e-3,), (60.0,)), noise=0.05)
+    assert "2.0% off the speed" in quick.planned.notes[0]
+
+
+def test_rounding_adds_a_twelfth_of_the_squared_step():
+    assert effective_noise(0.05, 0.0) == 0.05
+    assert effective_noise(0.05, 0.125) == pytest.approx(math.sqrt(0.05**2 + 0.125**2 / 12.0))
+    rounded = design(BALL, noise=0.05, resolution=0.125)
+    noisy = design(BALL, noise=effective_noise(0.05, 0.125))
+    assert rounded.planned.relative_errors == pytest.approx(noisy.planned.relative_errors)
+
+
+def test_noise_of_half_a_step_blurs_it():
+    assert mean_rounding_error(0.05, 0.0).size == 0
+    assert mean_rounding_error(1.0, 1.0).size == 0
+    outlook = design(BALL, noise=0.0625, resolution=0.125).planned
+    assert outlook.expected_errors == pytest.approx(outlook.relative_errors, rel=1e-2)
+    assert outlook.notes == ()
+
+
+@pytest.mark.parametrize("law", MATERIALS, ids=repr)
+def test_steps_that_a_motion_repeats_are_in_the_expected_errors(law):
+    noise, step, runs = 0.01, 0.125, 40
+    motion = Motion(8e-3, (6.5e-3,), (7.74,))
+    outlook = design(law, motion, noise=noise, resolution=step, durations=(5.0,)).planned
+    _, x, v = motion.sampled(5.0, 1e-3)
+    draw = np.random.default_rng(20120628)
+    squares = []
+    for scale in (0.9, 1.0, 1.1):
+        rows = jacobian(law, x, v, offset=True)
+        force = scale * law.force(x, v)
+        for _ in range(runs):
+            shifted = force + draw.uniform(0.0, step)
+            rounded = np.round((shifted + noise * draw.standard_normal(x.size)) / step) * step
+            errors = np.linalg.lstsq(rows, rounded - shifted, rcond=None)[0][:3]
+            squares.append((errors / law.parameters) ** 2)
+    # 120 draws, whose phases make a few runs count most; the harmonics left out count as white.
+    expected = outlook.expected_errors[0]
+    assert np.sqrt(np.mean(squares, axis=0)) / expected == pytest.approx(np.ones(3), abs=0.2)
+    assert np.all(expected > 1.05 * outlook.relative_errors[0])
+    if law is SPONGE:
+        assert "the motion repeats them" in outlook.notes[0]
+
+
+# Units
+
+
+def test_scaling_force_scales_nothing():
+    factor = 1e-6
+    small = HuntCrossley(2000.0 * factor, 2000.0 * factor, 1.0)
+    one, other = design(BALL, noise=0.05), design(small, noise=0.05 * factor)
+    assert other.planned.relative_errors == pytest.approx(one.planned.relative_errors, rel=1e-9)
+    assert np.array_equal(other.planned.times, one.planned.times)
+    assert other.better.motion == one.better.motion
+
+
+def test_scaling_time_scales_times():
+    slow = Motion(0.01, PAPER_MOTION.amplitudes, tuple(w / 10 for w in PAPER_MOTION.frequencies))
+    law = HuntCrossley(2000.0, 20000.0, 1.0)
+    one = design(BALL, noise=0.05, durations=(0.5, 5.0))
+    other = design(law, slow, noise=0.05, sample_time=1e-2, durations=(5.0, 50.0))
+    assert other.planned.relative_errors == pytest.approx(one.planned.relative_errors, rel=1e-6)
+    assert other.planned.times == pytest.approx(10.0 * one.planned.times, rel=1e-9)
+
+
+def test_scaling_length_leaves_the_exponent_alone():
+    factor, law = 1e-3, HuntCrossley(1e5, 2e5, 1.7)
+    small = Motion(1e-5, tuple(factor * a for a in PAPER_MOTION.amplitudes), (4.0, 11.0, 15.0))
+    scaled = HuntCrossley(1e5 * factor**-1.7, 2e5 * factor**-2.7, 1.7)
+    one, other = design(law, noise=0.05), design(scaled, small, noise=0.05)
+    # K is a force at 1 m, so its relative error does depend on the unit of length.
+    errors = [d.planned.relative_errors[:, 2] for d in (one, other)]
+    assert errors[1] == pytest.approx(errors[0], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"law": KelvinVoigt(1.0, 1.0)}, "law must be a HuntCrossley"),
+        ({"law": HuntCrossley(0.0, 1.0, 1.0)}, r"stiffness must be in \(0, 1e\+20\], not 0.0"),
+        ({"law": HuntCrossley(1.0, 0.0, 1.0)}, r"damping must be in \(0, 1e\+20\], not 0.0"),
+        ({"law": HuntCrossley(1.0, 1.0, 11.0)}, r"exponent must be in \(0, 10\], not 11.0"),
+        ({"motion": 0.01}, "motion must be a Motion, not 0.01"),
+        ({"noise": 0.0}, r"noise must be in \[1e-15, 1e\+15\], not 0.0"),
+        ({"noise": -1.0}, "noise .* not -1.0"),
+        ({"resolution": -0.1}, r"resolution must be in \[0, 1e\+15\], not -0.1"),
+        ({"sample_time": 0.0}, r"sample_time must be in \[1e-05, 1\], not 0.0"),
+        ({"sample_time": 0.1}, r"frequencies\[1\] must be in \(0, 10\], not 11.0"),
+        ({"durations": ()}, "durations must be a sequence of at least one number"),
+        ({"durations": (1.0, 2000.0)}, r"durations\[1\] must be in \[0.001, 1000\], not 2000.0"),
+        ({"max_depth": 0.0}, r"max_depth must be in \(0, 10\], not 0.0"),
+        ({"max_speed": math.inf}, "max_speed must be finite, not inf"),
+    ],
+)
+def test_wrong_arguments_are_named(changes, message):
+    arguments = {"law": BALL, "motion": PAPER_MOTION, "noise": 0.05, **changes}
+    with pytest.raises(InvalidParameterError, match=message):
+        design(**arguments)

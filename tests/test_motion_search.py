@@ -1,0 +1,102 @@
+"""The better motion: within its limits, and never worse than the planned one."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from palpate import HuntCrossley
+from palpate.design import Motion, design
+
+BALL = HuntCrossley(2000.0, 2000.0, 1.0)
+SPONGE = HuntCrossley(300.0, 3000.0, 1.0)
+PHANTOM = HuntCrossley(1e5, 2e5, 2.0)
+MATERIALS = [BALL, SPONGE, PHANTOM]
+materials = st.builds(HuntCrossley, st.floats(1e2, 1e6), st.floats(1e2, 1e6), st.floats(0.8, 2.5))
+motions = st.integers(1, 3).flatmap(
+    lambda count: st.builds(
+        Motion,
+        st.floats(1e-3, 2e-2),
+        st.tuples(*[st.floats(1e-4, 3e-3)] * count),
+        st.tuples(*[st.floats(1.0, 30.0)] * count),
+    )
+)
+limits = st.none() | st.floats(2e-3, 3e-2)
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(materials, motions, limits, limits, st.booleans())
+def test_the_better_motion_keeps_to_its_limits_and_is_never_worse(
+    law, motion, max_depth, max_speed, offset
+):
+    result = design(
+        law,
+        motion,
+        noise=0.01,
+        offset=offset,
+        durations=(5.0,),
+        max_depth=max_depth,
+        max_speed=max_speed,
+    )
+    assert result.reason
+    if result.better is None:
+        return
+    found = result.better.motion
+    assert result.limits.allow(found)
+    assert found.deepest <= (motion.deepest if max_depth is None else max_depth)
+    assert found.top_speed <= (motion.top_speed if max_speed is None else max_speed)
+    assert found.shallowest > 0.0
+    assert not result.better.leaves_contact
+    if result.limits.allow(motion):
+        assert result.better.worst < result.planned.worst
+
+
+@pytest.mark.parametrize("law", MATERIALS, ids=repr)
+def test_the_papers_motion_can_be_bettered_three_times_at_its_own_depth_and_speed(law):
+    result = design(law, noise=0.05)
+    assert result.better.worst < result.planned.worst / 2.5
+    assert "wider range of depths" in result.reason
+    assert "tells the damping" in result.reason
+
+
+@pytest.mark.parametrize("law", MATERIALS, ids=repr)
+def test_the_better_motion_cannot_be_bettered(law):
+    first = design(law, noise=0.05)
+    again = design(
+        law,
+        first.better.motion,
+        noise=0.05,
+        max_depth=first.limits.deepest,
+        max_speed=first.limits.speed,
+    )
+    assert again.better is None
+    assert "better by 2 %" in again.reason
+
+
+@pytest.mark.parametrize("law", MATERIALS, ids=repr)
+def test_a_sensor_of_coarse_steps_gets_a_motion_that_does_not_repeat_them(law):
+    result = design(law, noise=0.01, resolution=0.125)
+    assert len(result.better.motion.frequencies) == 2
+    assert result.better.worst < result.planned.worst / 2.0
+    assert result.better.worst < 1.2 * result.better.relative_errors[-1].max()
+
+
+def test_the_better_motion_stays_where_the_force_is_clear_of_the_noise():
+    law = HuntCrossley(1e5, 2e5, 2.0)
+    found = design(law, noise=0.05).better.motion
+    assert law.force(found.shallowest, 0.0) >= 0.5
+    weak = design(law, noise=1.0).better.motion
+    assert law.force(weak.shallowest, 0.0) >= 0.099 * law.force(weak.deepest, 0.0)
+
+
+def test_a_motion_out_of_its_limits_is_replaced_by_one_within():
+    result = design(BALL, noise=0.05, max_speed=0.01)
+    assert result.better.motion.top_speed <= 0.01
+    assert "it keeps to the limits" in result.reason
+    deeper = design(BALL, noise=0.05, max_depth=0.03)
+    assert deeper.better.motion.deepest > 0.029
+    assert "it goes deeper" in deeper.reason
+
+
+def test_the_same_question_has_the_same_answer():
+    one, other = (design(PHANTOM, noise=0.05, surface=True).as_dict() for _ in range(2))
+    assert one == other
