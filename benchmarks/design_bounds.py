@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate import HuntCrossley, VariableProjection
 from palpate.design import Design, design
-from palpate.outlook import Outlook
+from palpate.design.outlook import Outlook
 from palpate.validation import Floats
 
 # None of the exponents is a node of the method's own grid, 0.3 + 0.1 j.

@@ -76,7 +76,7 @@ def design(
     """
     from palpate.design import PAPER_MOTION, Motion
     from palpate.design import design as run
-    from palpate.design_report import command_line, print_design
+    from palpate.design.report import command_line, print_design
     from palpate.force_laws import HuntCrossley
 
     plan = plan or Plan()

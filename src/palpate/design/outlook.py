@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from palpate.motion import Motion
-from palpate.motion_search import FASTEST_PHASE
-from palpate.precision import Measurement
+from palpate.design.motion import Motion
+from palpate.design.precision import Measurement
+from palpate.design.search import FASTEST_PHASE
 from palpate.validation import Floats
 
 TARGETS = (0.05, 0.01)

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from palpate.design.motion import PAPER_MOTION, Motion
+from palpate.design.outlook import Outlook, foresee
+from palpate.design.precision import HORIZON, Measurement
+from palpate.design.rounding import effective_noise
+from palpate.design.search import Limits, find_better, limits_around
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import HuntCrossley
-from palpate.motion import PAPER_MOTION, Motion
-from palpate.motion_search import Limits, find_better, limits_around
-from palpate.outlook import Outlook, foresee
-from palpate.precision import HORIZON, Measurement
-from palpate.rounding import effective_noise
 from palpate.validation import instance, number_in
 
 __all__ = ["DURATIONS", "PAPER_MOTION", "Design", "Motion", "design", "effective_noise"]

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.motion import Motion
-from palpate.precision import Measurement
+from palpate.design.motion import Motion
+from palpate.design.precision import Measurement
 
 # The probe stays deeper than this share of the deepest point, and where K xⁿ is so many times the
 # noise but at most this share of its largest: what is less, gates leave out.

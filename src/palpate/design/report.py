@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from palpate.design import Design
-from palpate.outlook import Outlook
-from palpate.precision import HORIZON
+from palpate.design.outlook import Outlook
+from palpate.design.planned import Design
+from palpate.design.precision import HORIZON
 
 
 def print_design(design: Design, console: Console | None = None) -> None:

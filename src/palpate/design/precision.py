@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.design.motion import Motion
+from palpate.design.rounding import effective_noise, mean_rounding_error
 from palpate.excitation import inverse_information, jacobian
 from palpate.force_laws import HuntCrossley
-from palpate.motion import Motion
-from palpate.rounding import effective_noise, mean_rounding_error
 from palpate.validation import Floats
 
 #: Longest time that is looked at, s; what takes longer counts as never.
