@@ -52,8 +52,8 @@ class ChangeDetector {
   // a single sample of the old material spoils the new fit for hundreds of milliseconds; so the
   // first ones are left out while they disagree with the old law far less than the rest does.
   std::size_t suspects() const noexcept {
-    const auto since = static_cast<std::size_t>(
-        std::min<std::uint64_t>(seen_ - suspects_from_, memory));
+    const auto since =
+        static_cast<std::size_t>(std::min<std::uint64_t>(seen_ - suspects_from_, memory));
     double later = 0.0;
     std::size_t count = since;
     for (std::size_t age = 0; age < since; ++age) {
