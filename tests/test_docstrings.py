@@ -89,9 +89,12 @@ CONSTRUCTED = [
 @pytest.mark.parametrize("kind", CONSTRUCTED, ids=lambda k: k.__name__)
 def test_a_classs_docstring_names_what_it_is_made_from(kind):
     words = inspect.getdoc(kind)
-    if issubclass(kind, palpate.ContactEstimator) and kind is not palpate.ContactEstimator:
-        assert ":class:`ContactEstimator`" in words  # which describes the shared settings
+    shared = palpate.RecursiveLeastSquaresEstimator
+    if issubclass(kind, shared) and kind is not shared:
+        assert ":class:`RecursiveLeastSquaresEstimator`" in words  # which describes the settings
         return
+    if kind is palpate.ContactEstimator:
+        return  # a face without settings of its own
     for name in list(inspect.signature(kind.__init__).parameters)[1:]:
         assert name in words
 

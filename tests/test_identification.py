@@ -32,8 +32,8 @@ def contact_of(signals: Signals, **more) -> Contact:
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1))
 
 
-def test_identify_is_the_single_stage_unless_told():
-    assert identify(CONTACT).method == "single-stage"
+def test_identify_is_variable_projection_unless_told():
+    assert identify(CONTACT).method == "variable-projection"
 
 
 def test_identify_chooses_the_gate_and_the_scale_it_is_not_given(kind):

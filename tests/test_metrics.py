@@ -94,4 +94,4 @@ def test_the_violated_fraction_of_no_contact_is_not_a_number():
 @pytest.mark.parametrize("status", Status)
 def test_taken_is_what_entered_the_estimate(status):
     trace = trace_of([status], [1.0])
-    assert trace.taken.tolist() == [status in (Status.UPDATED, Status.GUARDED)]
+    assert trace.taken.tolist() == [status in (Status.UPDATED, Status.GUARDED, Status.RESTARTED)]

@@ -77,7 +77,7 @@ def test_the_single_stage_fits_as_the_reference_does(path):
 @pytest.mark.parametrize("path", files("B_*.csv"))
 def test_a_heel_strike_is_known_to_break_condition_ten(path):
     """Far outside the method's validity (README, set B): an honest result says so."""
-    result = palpate.identify(read_contact(path))
+    result = palpate.identify(read_contact(path), SingleStageRLS())
     assert result.violated_fraction > 0.1
     assert any("condition 10" in flag for flag in result.flags)
 
@@ -86,7 +86,7 @@ def test_a_heel_strike_is_known_to_break_condition_ten(path):
 def test_a_micro_scale_recording_learns_damping_in_units_of_its_own(path):
     """In SI the log form never learns B here (README, set E); a scale of the data's own does."""
     contact = read_contact(path)
-    scaled = palpate.identify(contact)
+    scaled = palpate.identify(contact, SingleStageRLS())
     plain = palpate.identify(contact, SingleStageRLS(gate=scaled.gate, scale=palpate.Scale()))
     assert scaled.scale.penetration < 1e-3
     # B/K is some 1e4 s/m, against some 1e2 in SI: of two orders of magnitude one is asked.

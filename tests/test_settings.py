@@ -124,7 +124,9 @@ def test_a_bad_covariance_is_refused(make, covariance, words):
 @pytest.mark.parametrize("covariance", [3.0, [3.0, 3.0], [[3.0, 0.0], [0.0, 3.0]]])
 def test_a_scalar_variances_and_a_matrix_say_the_same(covariance):
     estimator = KelvinVoigtRLS(initial_covariance=covariance)
-    assert estimator.estimate().covariance.tolist() == [[3.0, 0.0], [0.0, 3.0]]
+    # Formed from a square root, whose rounding is that of 3.
+    expected = np.array([[3.0, 0.0], [0.0, 3.0]])
+    assert estimator.estimate().covariance == pytest.approx(expected, rel=1e-15, abs=0.0)
 
 
 def test_stages_that_know_nothing_of_each_other_have_no_joint_covariance():

@@ -72,18 +72,20 @@ class SurfaceSearch {
            static_cast<double>(candidates - 1);
   }
 
-  // At the minimum of J*, interpolated through the six candidates around the best; ln k, c/k, n and
-  // F₀ are interpolated too. A parabola through three would put the surface 2 µm too high, which is
-  // more than the error bar of a stiff material.
+  // At the minimum of J*, interpolated through the eight candidates around the best; ln k, c/k, n
+  // and F₀ are interpolated too. A parabola through three would put the surface 2 µm too high,
+  // which is more than the error bar of a stiff material.
   Projection between(const std::array<Projection, candidates>& found,
                      std::size_t best) const noexcept {
-    const std::size_t first = std::min(best - std::min<std::size_t>(best, 2), candidates - 6);
+    const std::size_t first =
+        std::min(best - std::min(best, lagrange_points / 2 - 1), candidates - lagrange_points);
     const auto through = [&](auto&& quantity) noexcept {
-      Vector<6> values;
-      for (std::size_t i = 0; i < 6; ++i) values[i] = quantity(found[first + i]);
+      Vector<lagrange_points> values;
+      for (std::size_t i = 0; i < lagrange_points; ++i) values[i] = quantity(found[first + i]);
       return values;
     };
-    const Vector<6> cost = through([](const Projection& p) noexcept { return p.cost; });
+    const Vector<lagrange_points> cost =
+        through([](const Projection& p) noexcept { return p.cost; });
     const double centre = static_cast<double>(best - first);
     double t = centre;
     for (int round = 0; round < 4; ++round) {
@@ -91,16 +93,18 @@ class SurfaceSearch {
       const double bend = dot(w.second, cost);
       if (!(bend > 0.0)) break;
       const double next = t - dot(w.first, cost) / bend;
-      t = std::clamp(next, std::max(centre - 1.0, 0.0), std::min(centre + 1.0, 5.0));
+      t = std::clamp(next, std::max(centre - 1.0, 0.0),
+                     std::min(centre + 1.0, static_cast<double>(lagrange_points - 1)));
     }
     const LagrangeWeights w = lagrange_weights(t);
     Projection r = found[best];
     Vector<5> moved{0.0, 0.0, 0.0, 0.0, 1.0};  // by the surface
-    const auto take = [&](double& value, double& slope, const Vector<6>& values) noexcept {
+    const auto take = [&](double& value, double& slope,
+                          const Vector<lagrange_points>& values) noexcept {
       value = dot(w.value, values);
       slope = dot(w.first, values) / step();
     };
-    const Vector<6> k = through([](const Projection& p) noexcept { return p.k; });
+    const Vector<lagrange_points> k = through([](const Projection& p) noexcept { return p.k; });
     if (std::all_of(k.begin(), k.end(), [](double value) { return value > 0.0; })) {
       double log_k, log_slope, ratio, ratio_slope;
       take(log_k, log_slope, through([](const Projection& p) noexcept { return std::log(p.k); }));
