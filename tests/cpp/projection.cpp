@@ -24,7 +24,8 @@ bool close(double value, double truth, double tolerance = 3e-6) noexcept {
 }
 
 template <class Estimator>
-void storm(Estimator estimator, std::uint64_t seed, int count) {
+void storm(const Estimator& fresh, std::uint64_t seed, int count) {
+  Estimator estimator = fresh;
   RandomNumbers random(seed);
   for (int k = 0; k < count; ++k) {
     const bool wild = k % 3 == 0;
@@ -63,9 +64,10 @@ TEST("Lagrange weights give a polynomial of degree five and its derivatives exac
       first += w.first[i] * f(static_cast<double>(i));
       second += w.second[i] * f(static_cast<double>(i));
     }
-    CHECK(std::abs(value - f(t)) < 1e-11);
-    CHECK(std::abs(first - (2.0 + t * (-2.0 + t * (1.5 + t * (0.4 - 0.15 * t))))) < 1e-11);
-    CHECK(std::abs(second - (-2.0 + t * (3.0 + t * (1.2 - 0.6 * t)))) < 1e-11);
+    // Values reach 500 and the weights of eight points sum to 1 from terms of up to 100.
+    CHECK(std::abs(value - f(t)) < 1e-9);
+    CHECK(std::abs(first - (2.0 + t * (-2.0 + t * (1.5 + t * (0.4 - 0.15 * t))))) < 1e-9);
+    CHECK(std::abs(second - (-2.0 + t * (3.0 + t * (1.2 - 0.6 * t)))) < 1e-9);
   }
 }
 
