@@ -66,7 +66,7 @@ TEST("condition 10 is 1 at rest, 0 at |v| = 0.1 K/B and negative beyond") {
   CHECK(validity_margin(HuntCrossley{1e5, 0.0, 2.0}, 1e3) == 1.0);
 }
 
-TEST("condition 10 is a number whatever the law, and never holds without stiffness") {
+TEST("condition 10 is a number whatever the law, and without stiffness holds at rest alone") {
   CHECK(validity_margin(HuntCrossley{0.0, 1.0, 1.0}, 0.1) == -largest_parameter);
   CHECK(validity_margin(HuntCrossley{0.0, 1.0, 1.0}, 0.0) == 1.0);
   CHECK(validity_margin(HuntCrossley{1e-100, 1e100, 1.0}, 1e130) == -largest_parameter);
