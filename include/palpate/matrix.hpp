@@ -162,7 +162,7 @@ constexpr Matrix<Size> squared(const Matrix<Size>& root) noexcept {
 
 // The lower triangle L of a positive semidefinite matrix L Lᵀ; an empty row gives an empty column.
 template <std::size_t Size>
-inline Matrix<Size> cholesky(const Matrix<Size>& m) noexcept {
+Matrix<Size> cholesky(const Matrix<Size>& m) noexcept {
   Matrix<Size> lower{};
   for (std::size_t j = 0; j < Size; ++j) {
     const double pivot = m[j][j] - dot(lower[j], lower[j]);
