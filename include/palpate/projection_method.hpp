@@ -70,7 +70,7 @@ class ProjectionMethod {
     const Projection now = solve();
     const Law law = this->law(now, units);
     const double inflation = inflation_;
-    Matrix<5> joint = congruence(jacobian(law, units), now.root);
+    Matrix<5> joint = squared(in_si(now.root, law, units));
     for (auto& row : joint) {
       for (double& entry : row) entry *= inflation;
     }
@@ -91,7 +91,7 @@ class ProjectionMethod {
     const Projection now = solve();
     const Law law = this->law(now, units);
     const double inflation = inflation_;
-    const Matrix<5> root = multiply(jacobian(law, units), now.root);
+    const Matrix<5> root = in_si(now.root, law, units);
     Moment<Law> moment{law, {}};
     for (std::size_t i = 0; i < order; ++i) {
       moment.variances[i] = bounded_variance(inflation * dot(root[i], root[i]));
@@ -99,7 +99,6 @@ class ProjectionMethod {
     return moment;
   }
 
- public:
   // Of the force, in scaled units.
   double noise_variance() const noexcept { return solve().noise_variance; }
 
@@ -139,15 +138,22 @@ class ProjectionMethod {
     return {saturate(p.k * unit), saturate(p.c * unit / u.velocity), p.n};
   }
 
-  // Of (K, B, n, F₀, d) in SI by (k, c, n, F₀, d) in scaled units.
-  static Matrix<5> jacobian(const Law& law, const Units& u) noexcept {
-    const double unit = u.force * bounded_exp(-law.exponent * u.log_penetration);
-    const double depth = -u.log_penetration;
-    return {{{saturate(unit), 0.0, saturate(law.stiffness * depth), 0.0, 0.0},
-             {0.0, saturate(unit / u.velocity), saturate(law.damping * depth), 0.0, 0.0},
-             {0.0, 0.0, 1.0, 0.0, 0.0},
-             {0.0, 0.0, 0.0, u.force, 0.0},
-             {0.0, 0.0, 0.0, 0.0, u.penetration}}};
+  // The root of the covariance of (K, B, n, F₀, d) in SI, from that of (k, c, n, F₀, d) in scaled
+  // units: dK = U (dk − k ln x_r dn), dB = (U/V) (dc − c ln x_r dn), at U = F_s x_r⁻ⁿ.
+  static Matrix<5> in_si(const Matrix<5>& root, const Law& law, const Units& u) noexcept {
+    const double unit = saturate(u.force * bounded_exp(-law.exponent * u.log_penetration));
+    const double damping_unit = saturate(unit / u.velocity);
+    const double by_stiffness = saturate(-law.stiffness * u.log_penetration);
+    const double by_damping = saturate(-law.damping * u.log_penetration);
+    Matrix<5> result{};
+    for (std::size_t j = 0; j < 5; ++j) {
+      result[0][j] = unit * root[0][j] + by_stiffness * root[2][j];
+      result[1][j] = damping_unit * root[1][j] + by_damping * root[2][j];
+      result[2][j] = root[2][j];
+      result[3][j] = u.force * root[3][j];
+      result[4][j] = u.penetration * root[4][j];
+    }
+    return result;
   }
 
   Projector projection_;
