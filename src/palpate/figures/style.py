@@ -1,12 +1,11 @@
 """How figures look, and how they are written."""
 
-import os
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import MissingExtraError, RecordingError
+from palpate.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -95,18 +94,8 @@ def save(figure: "Figure", path: str | Path) -> None:
     if not path.suffix:
         raise RecordingError(f"{path}: a figure's name must end in .svg, .pdf or .png")
     try:
-        with tempfile.NamedTemporaryFile(
-            dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix, delete=False
-        ) as part:
-            temporary = Path(part.name)
-        try:
+        with replacing(path) as temporary:
             _write(figure, temporary)
-            temporary.chmod(0o666 & ~_umask())
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}; choose a folder that exists") from None
     except ValueError:
         raise RecordingError(f"{path}: cannot draw {path.suffix}; use .svg, .pdf or .png") from None
 
@@ -118,9 +107,3 @@ def _write(figure: "Figure", path: Path) -> None:
     undated = {"Date": None} if path.suffix == ".svg" else None
     with matplotlib.rc_context({"svg.hashsalt": "palpate"}):
         figure.savefig(path, facecolor=figure.get_facecolor(), metadata=undated)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -41,7 +41,7 @@ def read_contact(
     ----------
     path : str or Path
         Text with a header line and commas, semicolons or tabs between values; lines that begin
-        with ``#`` before the header are notes.
+        with ``#`` before the header are notes; those like ``# name: words`` go to ``made``.
     columns : Columns, optional
         Names of the columns.
     velocity_window : float, optional
@@ -63,7 +63,8 @@ def read_contact(
     values = table.numbers(wanted)
     labels = table.words(names.segment) if names.segment in table.header else None
     _check_time(path, names.time, values[0], labels, table.first_row)
-    made = {"penetration": f"column {names.penetration!r}", "force": f"column {names.force!r}"}
+    made = dict(table.notes)
+    made |= {"penetration": f"column {names.penetration!r}", "force": f"column {names.force!r}"}
     if has_velocity:
         made["velocity"] = f"column {names.velocity!r}"
     return Contact(
@@ -78,12 +79,18 @@ def read_contact(
     )
 
 
+def read_columns(path: str | Path, names: list[str]) -> list[Floats]:
+    """Return the columns of these names, as floats; errors as :func:`read_contact`."""
+    return _Table.read(Path(path)).numbers(names)
+
+
 @dataclass(frozen=True, slots=True)
 class _Table:
     path: Path
     header: list[str]
     delimiter: str
     lines: list[str]
+    notes: dict[str, str]  # what stands above the header as "# name: words"
     first_row: int  # number of the first sample's line in the file
 
     @classmethod
@@ -99,10 +106,10 @@ class _Table:
         if "\0" in text:
             raise RecordingError(f"{path}: not a text file; expected CSV with a header")
         lines = text.splitlines()
-        notes = 0
-        while notes < len(lines) and (not lines[notes].strip() or lines[notes].startswith("#")):
-            notes += 1
-        body = lines[notes:]
+        top = 0
+        while top < len(lines) and (not lines[top].strip() or lines[top].startswith("#")):
+            top += 1
+        body = lines[top:]
         while body and not body[-1].strip():
             body.pop()
         if not body:
@@ -111,8 +118,8 @@ class _Table:
         try:
             header = [name.strip() for name in next(csv.reader([body[0]], delimiter=delimiter))]
         except csv.Error as error:
-            raise RecordingError(f"{path}: row {notes + 1} is not a header: {error}") from None
-        return cls(path, header, delimiter, body[1:], notes + 2)
+            raise RecordingError(f"{path}: row {top + 1} is not a header: {error}") from None
+        return cls(path, header, delimiter, body[1:], _notes(lines[:top]), top + 2)
 
     def numbers(self, names: list[str]) -> list[Floats]:
         """The columns of these names, as floats."""
@@ -175,6 +182,11 @@ class _Table:
                 found = f"{text[:40]!r} is not a number" if text else "the value is missing"
                 raise RecordingError(f"{self.path}: column {name!r}, row {row}: {found}") from None
         return values
+
+
+def _notes(lines: list[str]) -> dict[str, str]:
+    named = (line.lstrip("# ").partition(": ") for line in lines)
+    return {name: words.strip() for name, colon, words in named if colon}
 
 
 def _listed(names: list[str]) -> str:

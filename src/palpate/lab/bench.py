@@ -1,0 +1,177 @@
+"""A material, a motion, a probe and its sensors, brought together."""
+
+import json
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from palpate.contact import Contact
+from palpate.lab.materials import Material
+from palpate.lab.sensors import Sensors, rounded
+from palpate.lab.trajectories import Command, Trajectory
+from palpate.validation import Floats, instance, number_in
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """What the probe did, and what it felt: the truth, before any force sensor.
+
+    Attributes
+    ----------
+    penetration, velocity, place, force : numpy.ndarray, shape (k,)
+        Of the probe's tip: m, m/s, m and N.
+    recorded_penetration : numpy.ndarray, shape (k,)
+        m, as worked out from the probe's own sensors.
+    """
+
+    penetration: Floats
+    velocity: Floats
+    place: Floats
+    force: Floats
+    recorded_penetration: Floats
+
+
+@runtime_checkable
+class Probe(Protocol):
+    """What carries the tip along a trajectory."""
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+
+    def follow(
+        self,
+        trajectory: Trajectory,
+        material: Material,
+        time: Floats,
+        random: np.random.Generator,
+    ) -> Course:
+        """Press ``material`` along ``trajectory``; times are s, evenly spaced, from 0 on."""
+
+
+@dataclass(frozen=True, slots=True)
+class IdealProbe:
+    """A tip that is where the command says, without a robot: for statistics."""
+
+    name: str = "ideal probe"
+
+    def follow(
+        self,
+        trajectory: Trajectory,
+        material: Material,
+        time: Floats,
+        random: np.random.Generator,
+    ) -> Course:
+        """Press ``material`` exactly along ``trajectory``."""
+        command = trajectory.at(time)
+        x, v = command.penetration, command.velocity
+        return Course(x, v, command.place, material.force(time, command.place, x, v), x)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measurement:
+    """What a run on the bench gave.
+
+    Attributes
+    ----------
+    contact : Contact
+        As the sensors recorded it, with the bias of the force removed; ``made`` holds the truth.
+        Its velocity comes from the penetration, as for any recording.
+    truth : Contact
+        What really happened, on the same clock.
+    command : Command
+        What should have happened.
+    """
+
+    contact: Contact
+    truth: Contact
+    command: Command
+
+
+def _twin_pantograph() -> Probe:
+    from palpate.lab.robot import TwinPantograph
+
+    return TwinPantograph()
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """A laboratory bench: one material, one motion, one probe, one set of sensors.
+
+    Parameters
+    ----------
+    material : Material
+        What is touched.
+    trajectory : Trajectory
+        How the probe is commanded to move.
+    probe : Probe, optional
+        The twin pantograph unless given (needs the extra ``lab``); :class:`IdealProbe` needs none.
+    sensors : Sensors, optional
+        Those of the paper unless given.
+    """
+
+    material: Material
+    trajectory: Trajectory
+    probe: Probe = field(default_factory=_twin_pantograph)
+    sensors: Sensors = field(default_factory=Sensors)
+
+    def __post_init__(self) -> None:
+        instance("material", self.material, Material)
+        instance("trajectory", self.trajectory, Trajectory)
+        instance("probe", self.probe, Probe)
+        instance("sensors", self.sensors, Sensors)
+
+    def run(self, seed: int = 0, *, seconds: float = 10.0) -> Measurement:
+        """Press once; the same seed gives the same numbers.
+
+        Parameters
+        ----------
+        seed : int
+            Of noise, bias and encoder phases, ≥ 0.
+        seconds : float
+            Length of the recording, the trajectory's pause included, s, in (0, 1e5].
+        """
+        length = number_in("seconds", seconds, 0.0, 1e5, open_low=True)
+        seed = int(number_in("seed", seed, 0, 2**63))
+        step = self.sensors.sample_time
+        time: Floats = step * np.arange(max(round(length / step), 1), dtype=np.float64)
+        random = np.random.default_rng(seed)
+        course = self.probe.follow(self.trajectory, self.material, time, random)
+        return Measurement(
+            self._recorded(time, course, random, seed),
+            Contact(time, course.penetration, course.velocity, course.force, source="truth"),
+            self.trajectory.at(time),
+        )
+
+    def _recorded(
+        self, time: Floats, course: Course, random: np.random.Generator, seed: int
+    ) -> Contact:
+        force = self.sensors.force(course.force, random)
+        resting = time < self.trajectory.pause
+        tare = float(force[resting].mean()) if resting.any() else 0.0
+        penetration = rounded(course.recorded_penetration, self.sensors.penetration_resolution)
+        return Contact(
+            time,
+            penetration,
+            None,
+            force - tare,
+            source=f"{self.material.name}, {self.probe.name}, seed {seed}",
+            made=self._history(tare, int(resting.sum()), seed),
+        )
+
+    def _history(self, tare: float, samples: int, seed: int) -> dict[str, str]:
+        removed = (
+            f"bias of {tare:.6g} N, the mean of {samples} samples of the pause, removed"
+            if samples
+            else "there is no pause: its bias is in it"
+        )
+        return {
+            "material": self.material.name,
+            "truth": json.dumps(self.material.describe(), ensure_ascii=False),
+            "trajectory": repr(self.trajectory),
+            "probe": self.probe.name,
+            "sensors": self.sensors.describe(),
+            "force": removed,
+            "seed": str(seed),
+        }

@@ -1,0 +1,264 @@
+"""What is touched: a force law alone, with a relaxing branch, or one beside another."""
+
+import itertools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from palpate.errors import InvalidParameterError
+from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
+from palpate.validation import Floats, instance, number, number_in
+
+#: Force [N] at a time [s], place along the surface [m], penetration [m] and velocity [m/s]; to be
+#: called in the order of time, for a material may remember.
+Touch = Callable[[float, float, float, float], float]
+
+
+@runtime_checkable
+class Material(Protocol):
+    """What a probe presses on."""
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+
+    def touch(self) -> Touch:
+        """Return the force of a material that nobody has touched yet."""
+
+    def force(self, time: Floats, place: Floats, penetration: Floats, velocity: Floats) -> Floats:
+        """Force [N] along a whole motion, shapes (k,)."""
+
+    def describe(self) -> dict[str, Any]:
+        """Return the truth, as plain numbers and words in SI."""
+
+
+@dataclass(frozen=True, slots=True)
+class Homogeneous:
+    """One force law everywhere and always.
+
+    Parameters
+    ----------
+    law : force law
+        The truth that identification should give back.
+    name : str
+        What a person calls the material.
+    """
+
+    law: ForceLaw
+    name: str = "material"
+
+    def __post_init__(self) -> None:
+        instance("law", self.law, (KelvinVoigt, ExtendedKelvinVoigt, HuntCrossley))
+
+    def touch(self) -> Touch:
+        """Return the law as a function of time, place, penetration and velocity."""
+        law = self.law
+        return lambda time, place, penetration, velocity: law.force(penetration, velocity)
+
+    def force(self, time: Floats, place: Floats, penetration: Floats, velocity: Floats) -> Floats:
+        """Force [N] along a whole motion, shapes (k,)."""
+        return self.law.force(penetration, velocity)
+
+    def describe(self) -> dict[str, Any]:
+        """Return the law's kind and parameters, SI."""
+        return {"kind": self.law.kind, **self.law.as_dict()}
+
+
+@dataclass(frozen=True, slots=True)
+class Relaxing:
+    """A Hunt–Crossley law and a Maxwell branch in parallel: it relaxes when held.
+
+    F = K xⁿ + B xⁿ v + s,   ds/dt = E v − s/τ  for x ≥ 0, else 0;  F ≥ 0
+
+    No estimator's law contains it, as no two-parameter damper contains a sponge.
+
+    Parameters
+    ----------
+    law : HuntCrossley
+        What is felt at once.
+    branch_stiffness : float
+        E, N/m, ≥ 0.
+    relaxation_time : float
+        τ, s, in (0, 1e6].
+    name : str
+        What a person calls the material.
+    """
+
+    law: HuntCrossley
+    branch_stiffness: float
+    relaxation_time: float
+    name: str = "relaxing material"
+
+    def __post_init__(self) -> None:
+        instance("law", self.law, HuntCrossley)
+        number_in("branch_stiffness", self.branch_stiffness, 0.0, 1e12)
+        number_in("relaxation_time", self.relaxation_time, 0.0, 1e6, open_low=True)
+
+    def touch(self) -> Touch:
+        """Return the force of a rested material, as a function of what is done to it."""
+        branch = _MaxwellBranch(self.branch_stiffness, self.relaxation_time)
+        law = self.law
+
+        def force(time: float, place: float, penetration: float, velocity: float) -> float:
+            relaxing = branch.force(time, penetration)
+            return max(law.force(penetration, velocity) + relaxing, 0.0)
+
+        return force
+
+    def force(self, time: Floats, place: Floats, penetration: Floats, velocity: Floats) -> Floats:
+        """Force [N] along a whole motion, shapes (k,)."""
+        return _felt_along(self.touch(), time, place, penetration, velocity)
+
+    def describe(self) -> dict[str, Any]:
+        """Return the law's parameters and the branch's, SI."""
+        return {
+            "kind": "hunt-crossley with a Maxwell branch",
+            **self.law.as_dict(),
+            "branch_stiffness": self.branch_stiffness,
+            "relaxation_time": self.relaxation_time,
+        }
+
+
+@dataclass(slots=True)
+class _MaxwellBranch:
+    """A spring E and a damper E τ in series; exact for a penetration linear between samples."""
+
+    stiffness: float
+    relaxation_time: float
+    _force: float = 0.0
+    _time: float = math.nan
+    _depth: float = 0.0
+
+    def force(self, time: float, penetration: float) -> float:
+        depth = max(penetration, 0.0)
+        elapsed = time - self._time
+        if elapsed > 0.0:
+            rest = elapsed / self.relaxation_time
+            kept = math.exp(-rest)
+            stretched = self.stiffness * (depth - self._depth)
+            self._force = self._force * kept + stretched * (1.0 - kept) / rest
+        self._time, self._depth = time, depth
+        return self._force if penetration > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Zones:
+    """Materials side by side: which of them is touched depends on the place.
+
+    Parameters
+    ----------
+    materials : tuple of Material, shape (m,)
+        From small places to large.
+    borders : tuple of float, shape (m − 1,)
+        Places between them, m, increasing.
+    name : str
+        What a person calls the whole.
+    """
+
+    materials: tuple[Material, ...]
+    borders: tuple[float, ...]
+    name: str = "zones"
+
+    def __post_init__(self) -> None:
+        _check_sequence("borders", self.materials, self.borders)
+
+    def touch(self) -> Touch:
+        """Return the force, as a function of what is done where."""
+        return _selected(self.materials, self.borders, by_time=False)
+
+    def force(self, time: Floats, place: Floats, penetration: Floats, velocity: Floats) -> Floats:
+        """Force [N] along a whole motion, shapes (k,)."""
+        return _felt_along(self.touch(), time, place, penetration, velocity)
+
+    def describe(self) -> dict[str, Any]:
+        """Return every zone's truth, and the borders [m]."""
+        zones = [material.describe() for material in self.materials]
+        return {"kind": "zones", "borders": list(self.borders), "zones": zones}
+
+
+@dataclass(frozen=True, slots=True)
+class Episodes:
+    """Materials one after the other: which of them is touched depends on the time.
+
+    Parameters
+    ----------
+    materials : tuple of Material, shape (m,)
+        In the order of time.
+    times : tuple of float, shape (m − 1,)
+        When the next one takes over, s, increasing.
+    name : str
+        What a person calls the whole.
+    """
+
+    materials: tuple[Material, ...]
+    times: tuple[float, ...]
+    name: str = "episodes"
+
+    def __post_init__(self) -> None:
+        _check_sequence("times", self.materials, self.times)
+
+    def touch(self) -> Touch:
+        """Return the force, as a function of what is done when."""
+        return _selected(self.materials, self.times, by_time=True)
+
+    def force(self, time: Floats, place: Floats, penetration: Floats, velocity: Floats) -> Floats:
+        """Force [N] along a whole motion, shapes (k,)."""
+        return _felt_along(self.touch(), time, place, penetration, velocity)
+
+    def describe(self) -> dict[str, Any]:
+        """Return every episode's truth, and the times [s]."""
+        episodes = [material.describe() for material in self.materials]
+        return {"kind": "episodes", "times": list(self.times), "episodes": episodes}
+
+
+def _selected(materials: tuple[Material, ...], edges: tuple[float, ...], *, by_time: bool) -> Touch:
+    touches = [material.touch() for material in materials]
+
+    def force(time: float, place: float, penetration: float, velocity: float) -> float:
+        where = time if by_time else place
+        index = sum(where >= edge for edge in edges)
+        return touches[index](time, place, penetration, velocity)
+
+    return force
+
+
+def _check_sequence(name: str, materials: tuple[Material, ...], edges: tuple[float, ...]) -> None:
+    for material in materials:
+        instance("materials", material, Material)
+    if not materials or len(edges) != len(materials) - 1:
+        raise InvalidParameterError(
+            f"{name} must be one fewer than the materials, not {len(edges)} for {len(materials)}"
+        )
+    known = [number(name, edge) for edge in edges]
+    if any(after <= before for before, after in itertools.pairwise(known)):
+        raise InvalidParameterError(f"{name} must increase, not {edges!r}")
+
+
+def _felt_along(
+    touch: Touch, time: Floats, place: Floats, penetration: Floats, velocity: Floats
+) -> Floats:
+    columns = (array.tolist() for array in (time, place, penetration, velocity))
+    return np.array([touch(*sample) for sample in zip(*columns, strict=True)], dtype=np.float64)
+
+
+# Ours, within the orders that the paper's text still gives (section V): ball K ≈ B ≈ 2000, n ≈ 1;
+# sponge B ≈ 10 K, n ≈ 1; phantom n ≈ 2.
+BALL = Homogeneous(HuntCrossley(2000.0, 2000.0, 1.0), "rubber ball")
+SPONGE = Homogeneous(HuntCrossley(300.0, 3000.0, 1.0), "sponge")
+PVC = Homogeneous(HuntCrossley(1e5, 2e5, 2.0), "PVC phantom")
+INCLUSION = Homogeneous(HuntCrossley(3e5, 3e5, 2.0), "PVC phantom with a hard inclusion")
+RELAXING_SPONGE = Relaxing(HuntCrossley(300.0, 300.0, 1.0), 150.0, 1.0, "relaxing sponge")
+SOFT_AND_HARD = Zones((PVC, INCLUSION), (0.0,), "PVC phantom with a hard zone")
+
+#: The laboratory's materials by the name that the command line knows them by.
+MATERIALS: Mapping[str, Material] = {
+    "ball": BALL,
+    "sponge": SPONGE,
+    "pvc": PVC,
+    "inclusion": INCLUSION,
+    "relaxing-sponge": RELAXING_SPONGE,
+    "soft-and-hard": SOFT_AND_HARD,
+}

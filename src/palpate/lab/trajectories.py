@@ -1,0 +1,253 @@
+"""How the probe is commanded to move: into the surface, and along it."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from palpate.design.motion import PAPER_MOTION, Motion
+from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.validation import Floats, instance, number_in, signals
+
+
+@runtime_checkable
+class Trajectory(Protocol):
+    """A command over time; ``at`` is called with increasing times from 0 s on."""
+
+    @property
+    def pause(self) -> float:
+        """Time at rest before anything moves, s: the force sensor's bias is measured in it."""
+
+    def at(self, time: Floats) -> "Command":
+        """Return the command at times [s], shape (k,)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Command:
+    """Where the probe should be.
+
+    Attributes
+    ----------
+    penetration, velocity : numpy.ndarray, shape (k,)
+        m below the surface, and m/s.
+    place, place_velocity : numpy.ndarray, shape (k,)
+        m along the surface, and m/s.
+    """
+
+    penetration: Floats
+    velocity: Floats
+    place: Floats
+    place_velocity: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Probing:
+    """A pause above the surface, a smooth approach, then sines in the material.
+
+    x(t) = −c + (x₀ + c + Σ aᵢ sin ωᵢ(t − tₛ)) u(t),   u from 0 to 1 between t₀ and tₛ
+
+    with the pause t₀ = 2 s of section IV. The sines are whole from tₛ = 2.417 s on: the paper's
+    violations of condition (10) at t = 8.7 s are where its three sines meet, 2π s after tₛ.
+
+    Parameters
+    ----------
+    motion : Motion
+        Depth x₀ and sines.
+    clearance : float
+        c, m above the surface during the pause, in [0, 1].
+    pause : float
+        t₀, s, in [0, 1e4].
+    approach : float
+        tₛ − t₀, s, in (0, 1e3].
+    """
+
+    motion: Motion = PAPER_MOTION
+    clearance: float = 0.5e-3
+    pause: float = 2.0
+    approach: float = 0.417
+
+    def __post_init__(self) -> None:
+        instance("motion", self.motion, Motion)
+        number_in("clearance", self.clearance, 0.0, 1.0)
+        number_in("pause", self.pause, 0.0, 1e4)
+        number_in("approach", self.approach, 0.0, 1e3, open_low=True)
+
+    def at(self, time: Floats) -> Command:
+        """Return the command at times [s], shape (k,)."""
+        since = time - self.pause
+        blend, rate = _smooth_step(since / self.approach)
+        x, v = self.motion.at(since - self.approach)
+        still = np.zeros_like(time)
+        return Command(
+            (x + self.clearance) * blend - self.clearance,
+            v * blend + (x + self.clearance) * rate / self.approach,
+            still,
+            still,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Palpation:
+    """Probing that changes sides: on one zone for a while, then sideways, in contact, to the other.
+
+    Parameters
+    ----------
+    probing : Probing
+        The motion into the surface, which goes on all the time.
+    dwell : float
+        s from contact to the middle of the first change, and between changes, in (0, 1e4].
+    distance : float
+        m between the two places, which lie evenly about place 0, in (0, 1].
+    shift : float
+        s that a change takes, in (0, dwell].
+    """
+
+    probing: Probing = Probing()
+    dwell: float = 5.0
+    distance: float = 0.02
+    shift: float = 0.5
+
+    def __post_init__(self) -> None:
+        instance("probing", self.probing, Probing)
+        number_in("dwell", self.dwell, 0.0, 1e4, open_low=True)
+        number_in("distance", self.distance, 0.0, 1.0, open_low=True)
+        number_in("shift", self.shift, 0.0, self.dwell, open_low=True)
+
+    @property
+    def pause(self) -> float:
+        """Time at rest before anything moves, s."""
+        return self.probing.pause
+
+    def at(self, time: Floats) -> Command:
+        """Return the command at times [s], shape (k,)."""
+        since = time - self.pause
+        change = np.maximum(np.round(since / self.dwell), 1.0)
+        blend, rate = _smooth_step((since - change * self.dwell) / self.shift + 0.5)
+        sign = np.where(change % 2.0 == 1.0, 1.0, -1.0)
+        inward = self.probing.at(time)
+        return replace(
+            inward,
+            place=sign * self.distance * (blend - 0.5),
+            place_velocity=sign * self.distance * rate / self.shift,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Tapping:
+    """Strokes that leave the material between two touches.
+
+    x(t) = −c + (c + aₖ) sin² π f(t − t₀),   the depths aₖ taking turns
+
+    Parameters
+    ----------
+    depths : tuple of float
+        aₖ, m, each in (0, 1]: strokes of one depth tell less about the exponent.
+    rate : float
+        f, strokes a second, in (0, 100].
+    clearance : float
+        c, m, in [0, 1].
+    pause : float
+        t₀, s, in [0, 1e4].
+    """
+
+    depths: tuple[float, ...] = (12e-3, 8e-3, 10e-3)
+    rate: float = 1.4
+    clearance: float = 3e-3
+    pause: float = 2.0
+
+    def __post_init__(self) -> None:
+        if not self.depths:
+            raise InvalidParameterError("depths must name at least one depth, m")
+        for depth in self.depths:
+            number_in("depths", depth, 0.0, 1.0, open_low=True)
+        number_in("rate", self.rate, 0.0, 100.0, open_low=True)
+        number_in("clearance", self.clearance, 0.0, 1.0)
+        number_in("pause", self.pause, 0.0, 1e4)
+
+    def at(self, time: Floats) -> Command:
+        """Return the command at times [s], shape (k,)."""
+        turns = np.maximum(time - self.pause, 0.0) * self.rate
+        stroke = np.array(self.depths)[turns.astype(np.int64) % len(self.depths)] + self.clearance
+        still = np.zeros_like(time)
+        return Command(
+            stroke * np.sin(math.pi * turns) ** 2 - self.clearance,
+            stroke * math.pi * self.rate * np.sin(2.0 * math.pi * turns),
+            still,
+            still,
+        )
+
+
+class Followed:
+    """A motion of one's own, by a cubic spline through its samples; at rest before and after.
+
+    Parameters
+    ----------
+    time, penetration : array_like, shape (k,)
+        s, strictly increasing from 0 or later, and m; at least four samples.
+    pause : float
+        s at rest that the samples begin with, ≥ 0: the force sensor's bias is measured in it.
+    """
+
+    def __init__(self, time: ArrayLike, penetration: ArrayLike, *, pause: float = 0.0) -> None:
+        try:
+            from scipy.interpolate import CubicSpline
+        except ImportError:
+            raise MissingExtraError(
+                "a motion of one's own needs SciPy: pip install 'palpate[lab]'"
+            ) from None
+        t, x = signals(time=time, penetration=penetration)
+        if t.size < 4 or not (np.isfinite(t).all() and np.isfinite(x).all()):
+            raise InvalidParameterError(
+                "time and penetration must be at least four finite samples each"
+            )
+        if t[0] < 0.0 or (np.diff(t) <= 0.0).any():
+            raise InvalidParameterError("time must increase from 0 s or later")
+        self.pause = number_in("pause", pause, 0.0, 1e4)
+        self._ends = float(t[0]), float(t[-1])
+        self._spline = CubicSpline(t, x, bc_type="clamped")
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Followed":
+        """Return the motion in a CSV file's columns time_s and penetration_m."""
+        from palpate.recordings.csv import read_columns
+
+        time, penetration = read_columns(path, ["time_s", "penetration_m"])
+        moved = np.flatnonzero(penetration != penetration[0])
+        return cls(time, penetration, pause=float(time[max(moved[0] - 1, 0)]) if moved.size else 0)
+
+    def at(self, time: Floats) -> Command:
+        """Return the command at times [s], shape (k,)."""
+        inside = np.clip(time, *self._ends)
+        still = np.zeros_like(time)
+        velocity = np.where(inside == time, self._spline(inside, 1), 0.0)
+        return Command(self._spline(inside), velocity, still, still)
+
+
+def _smooth_step(u: Floats) -> tuple[Floats, Floats]:
+    """From 0 to 1 while u goes from 0 to 1, without a jump in speed or acceleration; and du."""
+    u = np.clip(u, 0.0, 1.0)
+    return u**3 * (10.0 - 15.0 * u + 6.0 * u**2), 30.0 * u**2 * (1.0 - u) ** 2
+
+
+THREE_SINES = Probing()
+TWO_SINES = Probing(Motion(10e-3, (1.8e-3, 1.8e-3), (11.0, 15.0)))
+ONE_SINE = Probing(Motion(10e-3, (1.8e-3,), (11.0,)))
+# The three sines reach 4.01 mm to either side: at this depth the probe leaves the surface now and
+# then, outward bound at speed, where a linear damper pulls (Fig. 10).
+NEAR_SURFACE = Probing(Motion(3.8e-3, PAPER_MOTION.amplitudes, PAPER_MOTION.frequencies))
+PALPATION = Palpation()
+TAPPING = Tapping()
+
+#: The laboratory's trajectories by the name that the command line knows them by.
+TRAJECTORIES: Mapping[str, Trajectory] = {
+    "three-sines": THREE_SINES,
+    "two-sines": TWO_SINES,
+    "one-sine": ONE_SINE,
+    "near-surface": NEAR_SURFACE,
+    "palpation": PALPATION,
+    "tapping": TAPPING,
+}
