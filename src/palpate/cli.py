@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, CycloptsError, Parameter
 
 from palpate.cli_design import design
+from palpate.cli_lab import lab
 
 if TYPE_CHECKING:
     from palpate.contact import Contact
@@ -24,6 +25,7 @@ app = App(
     version_flags=["--version"],
 )
 app.command(design)
+app.command(lab)
 
 
 @Parameter(name="*")

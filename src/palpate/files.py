@@ -30,16 +30,35 @@ def replacing(path: Path) -> Iterator[Path]:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise RecordingError(
-            f"{path}: {error.strerror or 'cannot be written'}; choose a folder that exists and can "
-            "be written to"
-        ) from None
+        raise RecordingError(_unwritable(path, error)) from None
+
+
+def check_writable(path: Path) -> None:
+    """Say now, before work is done, that a file could not be written.
+
+    Raises
+    ------
+    RecordingError
+        The folder does not exist or cannot be written to, or ``path`` is a folder.
+    """
+    if path.is_dir():
+        raise RecordingError(f"{path}: this is a folder; name a file in it")
+    try:
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.stem}-"):
+            pass
+    except OSError as error:
+        raise RecordingError(_unwritable(path, error)) from None
 
 
 def write_text(path: Path, text: str) -> None:
     """Write text as UTF-8, whole or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _unwritable(path: Path, error: OSError) -> str:
+    reason = error.strerror or "cannot be written"
+    return f"{path}: {reason}; choose a folder that exists and can be written to"
 
 
 def _umask() -> int:

@@ -1,6 +1,7 @@
 """A material, a motion, a probe and its sensors, brought together."""
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -11,6 +12,9 @@ from palpate.lab.materials import Material
 from palpate.lab.sensors import Sensors, rounded
 from palpate.lab.trajectories import Command, Trajectory
 from palpate.validation import Floats, instance, number_in
+
+#: Told now and then how far a run is, in seconds of its own clock.
+Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +50,7 @@ class Probe(Protocol):
         material: Material,
         time: Floats,
         random: np.random.Generator,
+        progress: Progress | None = None,
     ) -> Course:
         """Press ``material`` along ``trajectory``; times are s, evenly spaced, from 0 on."""
 
@@ -62,6 +67,7 @@ class IdealProbe:
         material: Material,
         time: Floats,
         random: np.random.Generator,
+        progress: Progress | None = None,
     ) -> Course:
         """Press ``material`` exactly along ``trajectory``."""
         command = trajectory.at(time)
@@ -122,7 +128,9 @@ class Bench:
         instance("probe", self.probe, Probe)
         instance("sensors", self.sensors, Sensors)
 
-    def run(self, seed: int = 0, *, seconds: float = 10.0) -> Measurement:
+    def run(
+        self, seed: int = 0, *, seconds: float = 10.0, progress: Progress | None = None
+    ) -> Measurement:
         """Press once; the same seed gives the same numbers.
 
         Parameters
@@ -131,13 +139,15 @@ class Bench:
             Of noise, bias and encoder phases, ≥ 0.
         seconds : float
             Length of the recording, the trajectory's pause included, s, in (0, 1e5].
+        progress : callable, optional
+            Called now and then with the time reached, s.
         """
         length = number_in("seconds", seconds, 0.0, 1e5, open_low=True)
         seed = int(number_in("seed", seed, 0, 2**63))
         step = self.sensors.sample_time
         time: Floats = step * np.arange(max(round(length / step), 1), dtype=np.float64)
         random = np.random.default_rng(seed)
-        course = self.probe.follow(self.trajectory, self.material, time, random)
+        course = self.probe.follow(self.trajectory, self.material, time, random, progress)
         return Measurement(
             self._recorded(time, course, random, seed),
             Contact(time, course.penetration, course.velocity, course.force, source="truth"),
@@ -162,9 +172,9 @@ class Bench:
 
     def _history(self, tare: float, samples: int, seed: int) -> dict[str, str]:
         removed = (
-            f"bias of {tare:.6g} N, the mean of {samples} samples of the pause, removed"
+            f"force bias of {tare:.6g} N, the mean of {samples} samples of the pause, removed"
             if samples
-            else "there is no pause: its bias is in it"
+            else "there is no pause: the force bias is still in"
         )
         return {
             "material": self.material.name,
@@ -172,6 +182,6 @@ class Bench:
             "trajectory": repr(self.trajectory),
             "probe": self.probe.name,
             "sensors": self.sensors.describe(),
-            "force": removed,
+            "tare": removed,
             "seed": str(seed),
         }

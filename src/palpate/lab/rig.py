@@ -41,8 +41,13 @@ def rig_xml(geometry: Geometry, home: Floats, *, time_step: float) -> str:
   <visual>
     <global offwidth="1600" offheight="1000"/>
     <quality offsamples="8" shadowsize="4096"/>
-    <headlight ambient="0.45 0.45 0.45" diffuse="0.5 0.5 0.5"/>
+    <headlight ambient="0.4 0.4 0.4" diffuse="0.25 0.25 0.25" specular="0 0 0"/>
   </visual>
+  <statistic extent="0.4" center="0 -0.07 0"/>
+  <asset>
+    <texture type="skybox" builtin="gradient" rgb1="0.97 0.98 0.99" rgb2="0.86 0.89 0.93"
+             width="256" height="256"/>
+  </asset>
   <default>
     <geom contype="0" conaffinity="0"/>
     <default class="motor">
@@ -50,6 +55,8 @@ def rig_xml(geometry: Geometry, home: Floats, *, time_step: float) -> str:
     </default>
   </default>
   <worldbody>
+    <light directional="true" castshadow="false" dir="0.3 0.35 -1" diffuse="0.45 0.45 0.45"/>
+{_scenery(geometry)}
 {chains}
   </worldbody>
   <equality>
@@ -64,6 +71,20 @@ def rig_xml(geometry: Geometry, home: Floats, *, time_step: float) -> str:
     <framelinvel name="tip_velocity" objtype="site" objname="tip"/>
   </sensor>
 </mujoco>"""
+
+
+def _scenery(geometry: Geometry) -> str:
+    """What only the eye meets: the table, the motors, the material below its surface at y = 0."""
+    motors = "\n".join(
+        f'    <geom type="cylinder" pos="{x:.9g} {y:.9g} -0.03" size="0.017 0.022" '
+        'rgba="0.2 0.21 0.23 1"/>'
+        for x, y in geometry.motors
+    )
+    back = -geometry.poker - geometry.reach
+    return f"""
+    <geom type="box" pos="0 {0.5 * back:.9g} -0.057" size="0.24 0.19 0.005" rgba="0.78 0.8 0.82 1"/>
+    <geom type="box" pos="0 0.032 -0.012" size="0.09 0.032 0.04" rgba="0.93 0.68 0.55 0.6"/>
+{motors}"""
 
 
 def _chain(
@@ -87,7 +108,9 @@ def _chain(
 
 
 def _link(length: float, level: float, colour: str) -> str:
+    pin = f'size="0.0058 {1.25 * THICKNESS:.9g}" mass="0" rgba="0.15 0.16 0.18 1"'
     return (
+        f'<geom type="cylinder" pos="{length:.9g} 0 0" {pin}/>'
         f'<geom type="box" mass="{LINK_MASS}" pos="{length / 2:.9g} 0 {level:.9g}" '
         f'size="{length / 2:.9g} {LINK_WIDTH} {THICKNESS / 2}" rgba="{colour}"/>'
     )

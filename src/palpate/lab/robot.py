@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from palpate.errors import InvalidParameterError, MissingExtraError
-from palpate.lab.bench import Course
+from palpate.lab.bench import Course, Progress
 from palpate.lab.kinematics import Geometry
 from palpate.lab.materials import Material, Touch
 from palpate.lab.rig import rig_xml
-from palpate.lab.trajectories import Trajectory
+from palpate.lab.trajectories import Command, Trajectory
 from palpate.validation import Floats, number_in
 
 if TYPE_CHECKING:
@@ -25,6 +25,10 @@ def require_mujoco() -> Any:
     except ImportError:
         raise MissingExtraError(
             "the twin pantograph needs MuJoCo: pip install 'palpate[lab]', or use an ideal probe"
+        ) from None
+    except Exception as error:  # a graphics library asked for by MUJOCO_GL, but not there
+        raise MissingExtraError(
+            f"MuJoCo is installed but does not load: {error}; check the variable MUJOCO_GL"
         ) from None
     return mujoco
 
@@ -82,6 +86,7 @@ class TwinPantograph:
         material: Material,
         time: Floats,
         random: np.random.Generator,
+        progress: Progress | None = None,
     ) -> Course:
         """Press ``material`` along ``trajectory`` under position control."""
         step = float(time[1] - time[0]) if time.size > 1 else 1e-3
@@ -90,14 +95,7 @@ class TwinPantograph:
                 f"sample_time must be at most 0.01 s for a robot under control, not {step:g} s"
             )
         command = trajectory.at(time)
-        geometry = Geometry()
-        goal = geometry.motor_angles(command.place, command.penetration)
-        speed = geometry.motor_speeds(
-            command.place, command.penetration, command.place_velocity, command.velocity
-        )
-        encoders = _Encoders(self.counts_per_turn, goal[0], random)
-        run = _Run(self, geometry, goal[0], step, encoders)
-        return run.course(time, goal, speed, material.touch())
+        return Simulation(self, command, step, random).course(time, material.touch(), progress)
 
 
 class _Encoders:
@@ -116,49 +114,60 @@ class _Encoders:
         return self._home + counts * self._step
 
 
-class _Run:
-    """One simulation from rest."""
+class Simulation:
+    """One run of the rig from rest, a substep at a time."""
 
     def __init__(
         self,
         settings: TwinPantograph,
-        geometry: Geometry,
-        home: Floats,
+        command: Command,
         sample_time: float,
-        encoders: _Encoders,
+        random: np.random.Generator,
     ) -> None:
         self._mujoco = require_mujoco()
-        self._settings, self._geometry, self._encoders = settings, geometry, encoders
+        self._settings, self._geometry = settings, Geometry()
+        self._goal = self._geometry.motor_angles(command.place, command.penetration)
+        self._speed = self._geometry.motor_speeds(
+            command.place, command.penetration, command.place_velocity, command.velocity
+        )
+        self._home = self._goal[0]
+        self._encoders = _Encoders(settings.counts_per_turn, self._home, random)
         self._substeps = math.ceil(sample_time / settings.time_step - 1e-9)
         self._sample_time = sample_time
-        xml = rig_xml(geometry, home, time_step=sample_time / self._substeps)
-        self._model: mujoco.MjModel = self._mujoco.MjModel.from_xml_string(xml)
-        self._data: mujoco.MjData = self._mujoco.MjData(self._model)
-        motors = [self._model.joint(f"motor_{i}").qposadr[0] for i in range(4)]
-        self._motors = np.array(motors)
-        self._home = home
-        self._tip = self._model.site("tip").id
-        self._tip_body = self._model.site_bodyid[self._tip]
-        self._tip_velocity = self._data.sensor("tip_velocity").data
+        xml = rig_xml(self._geometry, self._home, time_step=sample_time / self._substeps)
+        self.model: mujoco.MjModel = self._mujoco.MjModel.from_xml_string(xml)
+        self.data: mujoco.MjData = self._mujoco.MjData(self.model)
+        self._motors = np.array([self.model.joint(f"motor_{i}").qposadr[0] for i in range(4)])
+        self._tip = self.model.site("tip").id
+        self._tip_body = self.model.site_bodyid[self._tip]
+        self._tip_velocity = self.data.sensor("tip_velocity").data
+        self._before = 0.0
         self._filtered = np.zeros(4)
-        self._counted = encoders.read(home)
+        self._counted = self._encoders.read(self._home)
 
-    def course(self, time: Floats, goal: Floats, speed: Floats, touch: Touch) -> Course:
-        """Follow the goals of the motors [rad, rad/s], a row a sample."""
+    def course(self, time: Floats, touch: Touch, progress: Progress | None = None) -> Course:
+        """Follow the command over times [s], as many as the command has."""
         samples = np.empty((time.size, 4))
         counted = np.empty((time.size, 4))
         for k, now in enumerate(time.tolist()):
+            if progress is not None and k % 100 == 0:
+                progress(now)
             counted[k] = self._encoders.read(self._angles())
-            self._control(counted[k], goal[k], speed[k])
-            for substep in range(self._substeps):
-                felt = self._step(now + substep * self._sample_time / self._substeps, touch)
-                if substep == 0:
-                    samples[k] = felt
+            self._control(counted[k], self._goal[k], self._speed[k])
+            samples[k] = self._sample(now, touch)
         recorded = self._geometry.tip(counted)[1]
         return Course(samples[:, 0], samples[:, 1], samples[:, 2], samples[:, 3], recorded)
 
+    def _sample(self, now: float, touch: Touch) -> tuple[float, float, float, float]:
+        """Advance by a sample time; what the tip did and felt at its beginning."""
+        step = self._sample_time / self._substeps
+        felt = self._step(now, touch)
+        for substep in range(1, self._substeps):
+            self._step(now + substep * step, touch)
+        return felt
+
     def _angles(self) -> Floats:
-        angles: Floats = self._data.qpos[self._motors] + self._home
+        angles: Floats = self.data.qpos[self._motors] + self._home
         return angles
 
     def _control(self, counted: Floats, goal: Floats, speed: Floats) -> None:
@@ -169,14 +178,17 @@ class _Run:
         torque = self._settings.proportional_gain * (goal - counted)
         torque += self._settings.derivative_gain * (speed - self._filtered)
         limit = self._settings.torque_limit
-        self._data.ctrl[:] = np.clip(torque, -limit, limit)
+        self.data.ctrl[:] = np.clip(torque, -limit, limit)
 
     def _step(self, now: float, touch: Touch) -> tuple[float, float, float, float]:
         """Advance by a substep; what the tip did and felt at its beginning."""
-        mujoco, model, data = self._mujoco, self._model, self._data
+        mujoco, model, data = self._mujoco, self.model, self.data
         mujoco.mj_step1(model, data)
         place, depth, _ = data.site_xpos[self._tip].tolist()
-        velocity = float(self._tip_velocity[1])
+        # MuJoCo moves by x(t + h) = x(t) + h v(t + h): its velocity is that of half a step ago.
+        lagging = float(self._tip_velocity[1])
+        velocity = 1.5 * lagging - 0.5 * self._before
+        self._before = lagging
         force = touch(now, place, depth, velocity)
         data.qfrc_applied[:] = 0.0
         push = np.array([0.0, -force, 0.0])

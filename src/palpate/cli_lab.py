@@ -1,0 +1,190 @@
+"""The command ``palpate lab``: parse, call, print."""
+
+import sys
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from palpate.lab import Bench, Material, Measurement, Probe, Trajectory
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Law:
+    """Parameters of the material, where it is a law of one's own."""
+
+    stiffness: float | None = None
+    "K, N/mⁿ (K₁ of extended-kelvin-voigt, N/m)."
+    damping: float | None = None
+    "B, N·s/mⁿ⁺¹."
+    exponent: float | None = None
+    "n of hunt-crossley."
+    quadratic_stiffness: float | None = None
+    "K₂ of extended-kelvin-voigt, N/m²."
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Instruments:
+    """What carries the probe, and what measures."""
+
+    probe: str = "twin-pantograph"
+    "twin-pantograph (needs the extra lab), or ideal: a tip that is where the command says."
+    noise: float = 0.05
+    "Standard deviation of the force, N; 0 switches it off."
+    resolution: float = 0.125
+    "Step that the force is rounded to, N; 0 for none."
+    bias: float = 0.5
+    "Standard deviation of the force sensor's unknown bias, N; 0 for none."
+    counts: float = 20_000.0
+    "Counts a turn of the robot's encoders; 0 for encoders without steps."
+
+
+def lab(
+    material: str,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    trajectory: str = "three-sines",
+    seconds: float = 10.0,
+    seed: int = 0,
+    picture: Path | None = None,
+    law: Law | None = None,
+    instruments: Instruments | None = None,
+) -> None:
+    """Press a material of known truth, and write the recording.
+
+    The same seed gives the same file.
+
+    Parameters
+    ----------
+    material
+        ball, sponge, pvc, inclusion, relaxing-sponge or soft-and-hard; or hunt-crossley,
+        kelvin-voigt or extended-kelvin-voigt with parameters of one's own.
+    output
+        CSV to write; the truth stands in the notes above its header.
+    trajectory
+        three-sines, two-sines, one-sine, near-surface, palpation or tapping; or a CSV file with
+        columns time_s and penetration_m.
+    seconds
+        Length of the recording, the pause of 2 s included.
+    seed
+        Of noise, bias and encoder phases.
+    picture
+        Draw the rig as it presses the material to this file (.png, .svg or .pdf).
+    """
+    from palpate import lab as laboratory
+    from palpate.errors import InvalidParameterError
+    from palpate.files import check_writable
+
+    instruments = instruments or Instruments()
+    bench = laboratory.Bench(
+        _material(material, law or Law()),
+        _trajectory(trajectory),
+        _probe(instruments),
+        laboratory.Sensors(
+            force_noise=instruments.noise,
+            force_resolution=instruments.resolution,
+            force_bias=instruments.bias,
+        ),
+    )
+    for path in filter(None, (output, picture)):
+        check_writable(path)
+    if picture is not None and picture.suffix not in (".png", ".svg", ".pdf"):
+        raise InvalidParameterError(f"--picture must end in .png, .svg or .pdf, not {picture}")
+    measurement = _run(bench, seed, seconds)
+    laboratory.write(measurement.contact, output, notes=_versions(bench))
+    _print(bench, measurement, output)
+    if picture is not None:
+        from palpate.figures.rig import save_rig
+
+        print(f"picture, {save_rig(bench, picture)}: {picture}")
+
+
+def _material(name: str, law: Law) -> "Material":
+    from palpate.errors import InvalidParameterError
+    from palpate.force_laws import ExtendedKelvinVoigt, HuntCrossley, KelvinVoigt
+    from palpate.lab import MATERIALS, Homogeneous
+
+    given = {key: value for key, value in vars(law).items() if value is not None}
+    if name in MATERIALS:
+        if given:
+            raise InvalidParameterError(
+                f"--{next(iter(given)).replace('_', '-')} goes with a law of one's own, such as "
+                f"hunt-crossley; {name} has its own parameters"
+            )
+        return MATERIALS[name]
+    kinds = {kind.kind: kind for kind in (HuntCrossley, KelvinVoigt, ExtendedKelvinVoigt)}
+    if name not in kinds:
+        raise InvalidParameterError(
+            f"MATERIAL must be one of {', '.join([*MATERIALS, *kinds])}, not {name!r}"
+        )
+    kind = kinds[name]
+    wanted = [field.name for field in fields(kind)]
+    if set(given) != set(wanted):
+        options = ", ".join(f"--{field.replace('_', '-')}" for field in wanted)
+        raise InvalidParameterError(f"{name} needs {options}, and no others")
+    return Homogeneous(kind(**given), name)
+
+
+def _trajectory(name: str) -> "Trajectory":
+    from palpate.errors import InvalidParameterError
+    from palpate.lab import TRAJECTORIES, Followed
+
+    if name in TRAJECTORIES:
+        return TRAJECTORIES[name]
+    if Path(name).suffix:
+        return Followed.read(name)
+    raise InvalidParameterError(
+        f"--trajectory must be one of {', '.join(TRAJECTORIES)}, or a CSV file, not {name!r}"
+    )
+
+
+def _probe(instruments: Instruments) -> "Probe":
+    from palpate.errors import InvalidParameterError
+    from palpate.lab import IdealProbe, TwinPantograph
+
+    if instruments.probe == "ideal":
+        return IdealProbe()
+    if instruments.probe == "twin-pantograph":
+        return TwinPantograph(counts_per_turn=instruments.counts)
+    raise InvalidParameterError(
+        f"--probe must be one of twin-pantograph, ideal, not {instruments.probe!r}"
+    )
+
+
+def _run(bench: "Bench", seed: int, seconds: float) -> "Measurement":
+    """Run the bench with a progress bar, where a person looks on."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(
+        console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()
+    ) as bar:
+        task = bar.add_task(f"pressing {bench.material.name}", total=seconds)
+        return bench.run(
+            seed, seconds=seconds, progress=lambda reached: bar.update(task, completed=reached)
+        )
+
+
+def _versions(bench: "Bench") -> dict[str, str]:
+    from importlib.metadata import version
+
+    from palpate.lab import TwinPantograph
+
+    names = ["palpate", "numpy"] + ["mujoco"] * isinstance(bench.probe, TwinPantograph)
+    return {"made by": "palpate lab; " + ", ".join(f"{name} {version(name)}" for name in names)}
+
+
+def _print(bench: "Bench", measurement: "Measurement", output: Path) -> None:
+    contact, truth = measurement.contact, measurement.truth
+    print(f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s")
+    print(f"truth: {contact.made['truth']}")
+    print(
+        f"deepest {1e3 * truth.penetration.max():.2f} mm, fastest "
+        f"{1e3 * abs(truth.velocity).max():.1f} mm/s, firmest {truth.force.max():.2f} N"
+    )
+    print(f"recording: {output}")

@@ -1,0 +1,85 @@
+"""The laboratory's rig as it presses the material: MuJoCo's picture of it, or a drawing."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from palpate.errors import InvalidParameterError
+from palpate.figures.style import DARK, LIGHT, Theme, save, style
+from palpate.files import replacing
+from palpate.lab import Bench, TwinPantograph
+from palpate.lab.kinematics import Geometry
+from palpate.lab.picture import NoRendererError, photograph
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def save_rig(bench: Bench, path: str | Path, *, dark: bool = False) -> str:
+    """Write a picture of the rig; return "rendered" or "drawn".
+
+    A .png is rendered by MuJoCo where that can run; anything else is a drawing.
+
+    Parameters
+    ----------
+    bench : Bench
+        Its probe has to be a :class:`palpate.lab.TwinPantograph`.
+    path : str or Path
+        .png, .svg or .pdf.
+    dark : bool
+        For a dark background, of the drawing.
+    """
+    path = Path(path)
+    if not isinstance(bench.probe, TwinPantograph):
+        raise InvalidParameterError(f"an {bench.probe.name} has no rig to draw; use a robot")
+    if path.suffix == ".png":
+        try:
+            pixels = photograph(bench)
+        except NoRendererError:
+            pass
+        else:
+            with style(LIGHT), replacing(path) as temporary:
+                from matplotlib.image import imsave
+
+                imsave(temporary, pixels)
+            return "rendered"
+    save(draw_rig(bench, dark=dark), path)
+    return "drawn"
+
+
+def draw_rig(bench: Bench, *, dark: bool = False) -> "Figure":
+    """Draw the rig from above, 3 s into its trajectory, as its command has it."""
+    theme = DARK if dark else LIGHT
+    command = bench.trajectory.at(np.array([3.0]))
+    with style(theme) as new_figure:
+        figure = new_figure(figsize=(7.6, 5.8), layout="constrained")
+        axes = figure.add_subplot()
+        _draw_linkage(axes, float(command.place[0]), float(command.penetration[0]), theme)
+        axes.axhspan(0.0, 40.0, color=theme.lines[1], alpha=0.25, linewidth=0.0)
+        axes.text(-165.0, 34.0, bench.material.name, va="top")
+        axes.set(xlabel="along the surface [mm]", ylabel="into the material [mm]")
+        axes.set(aspect="equal", xlim=(-175.0, 175.0), ylim=(-215.0, 40.0))
+        depth = 1e3 * float(command.penetration[0])
+        axes.set_title(f"Planar twin pantograph, {depth:.1f} mm in the {bench.material.name}")
+    return figure
+
+
+def _draw_linkage(axes: "Axes", place: float, penetration: float, theme: Theme) -> None:
+    geometry, x, y = Geometry(), np.array([place]), np.array([penetration])
+    angles = geometry.motor_angles(x, y)
+    elbows, wrists = 1e3 * geometry.elbows(angles)[0], 1e3 * geometry.wrists(x, y)[0]
+    motors = 1e3 * geometry.motors
+    for i in range(4):
+        links = np.array([motors[i], elbows[i], wrists[i // 2]])
+        axes.plot(*links.T, color=theme.lines[0], linewidth=5.0, solid_capstyle="round")
+    axes.plot(*wrists.T, color=theme.ink, linewidth=7.0, solid_capstyle="round")
+    middle = wrists.mean(axis=0)
+    tip = np.array([1e3 * place, 1e3 * penetration])
+    axes.plot(*np.array([middle, tip]).T, color=theme.lines[1], linewidth=4.0)
+    axes.plot(*motors.T, "o", color=theme.ink, markersize=17.0)
+    axes.plot(*np.vstack([elbows, wrists]).T, "o", color=theme.background, markersize=4.0)
+    for text, at in (("two motors, two encoders", motors[:2].mean(axis=0)), ("handle", middle)):
+        axes.text(at[0], at[1] - 12.0, text, ha="center", va="top")
+    axes.text(6.0, -20.0, "force sensor and poker", va="center")

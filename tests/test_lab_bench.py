@@ -1,0 +1,114 @@
+"""A run on the bench: sensors, seeds, files, and what identification makes of them."""
+
+import json
+
+import numpy as np
+import pytest
+
+import palpate
+from palpate import InvalidParameterError, lab
+
+IDEAL = lab.IdealProbe()
+IN_CLASS = ("ball", "sponge", "pvc", "inclusion")
+
+
+def standardised(name: str, seed: int, probe: lab.Probe) -> np.ndarray:
+    """Errors of K, B and n in standard errors of the identification."""
+    material = lab.MATERIALS[name]
+    contact = lab.Bench(material, lab.THREE_SINES, probe).run(seed).contact
+    result = palpate.identify(contact)
+    return (result.law.parameters - material.law.parameters) / result.estimate.standard_errors
+
+
+def test_with_perfect_sensors_the_recording_is_the_truth():
+    run = lab.Bench(lab.BALL, lab.THREE_SINES, IDEAL, lab.PERFECT).run()
+    np.testing.assert_array_equal(run.contact.penetration, run.truth.penetration)
+    np.testing.assert_array_equal(run.contact.force, run.truth.force)
+
+
+def test_the_force_is_rounded_noisy_and_free_of_its_bias():
+    run = lab.Bench(lab.BALL, lab.THREE_SINES, IDEAL).run(seed=3)
+    error = run.contact.force - run.truth.force
+    # Noise and rounding, √(0.05² + 0.125²/12) = 0.062 N, and 10 000 samples of it.
+    assert error.std() == pytest.approx(0.0616, rel=0.05)
+    assert abs(error.mean()) < 5e-3  # 2 000 samples of the pause leave 1.4 mN, rounding 1.7 mN
+    steps = np.diff(np.unique(run.contact.force))
+    np.testing.assert_allclose(steps / 0.125, np.round(steps / 0.125), atol=1e-9)
+
+
+def test_without_a_pause_the_bias_stays_and_the_recording_says_so():
+    trajectory = lab.Probing(pause=0.0)
+    run = lab.Bench(lab.BALL, trajectory, IDEAL, lab.Sensors(force_bias=5.0)).run(seed=1)
+    assert abs((run.contact.force - run.truth.force).mean()) > 0.1
+    assert "bias is still in" in run.contact.made["tare"]
+
+
+def test_the_penetration_of_an_ideal_probe_can_be_rounded():
+    sensors = lab.Sensors(penetration_resolution=20e-6)
+    run = lab.Bench(lab.BALL, lab.THREE_SINES, IDEAL, sensors).run(seconds=4.0)
+    steps = run.contact.penetration / 20e-6
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
+
+
+@pytest.mark.parametrize("probe", [IDEAL, lab.TwinPantograph()], ids=["ideal", "robot"])
+def test_the_same_seed_gives_the_same_file_and_another_does_not(probe, tmp_path):
+    if probe is not IDEAL:
+        pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
+    bench = lab.Bench(lab.PVC, lab.THREE_SINES, probe)
+    files = [tmp_path / f"{k}.csv" for k in range(3)]
+    for file, seed in zip(files, (4, 4, 5), strict=True):
+        lab.write(bench.run(seed, seconds=4.0).contact, file)
+    same, again, other = (file.read_bytes() for file in files)
+    assert same == again
+    assert same != other
+
+
+def test_a_file_gives_back_the_contact_and_its_truth(tmp_path):
+    contact = lab.Bench(lab.PVC, lab.THREE_SINES, IDEAL).run().contact
+    lab.write(contact, tmp_path / "pvc.csv", notes={"made by": "this test"})
+    read = palpate.read_contact(tmp_path / "pvc.csv")
+    np.testing.assert_allclose(read.time, contact.time, rtol=1e-8)
+    np.testing.assert_allclose(read.force, contact.force, rtol=1e-6, atol=1e-9)
+    assert json.loads(read.made["truth"]) == lab.PVC.describe()
+    assert read.made["made by"] == "this test"
+    assert "removed" in read.made["tare"]
+
+
+@pytest.mark.parametrize("name", IN_CLASS)
+def test_identify_recovers_a_material_within_its_error_bars(name):
+    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
+    assert np.abs(standardised(name, 0, lab.TwinPantograph())).max() < 3.0
+
+
+def test_identify_says_that_a_relaxing_sponge_fits_no_law_of_its():
+    contact = lab.Bench(lab.RELAXING_SPONGE, lab.THREE_SINES, IDEAL).run().contact
+    sponge = lab.Bench(lab.SPONGE, lab.THREE_SINES, IDEAL).run().contact
+    relaxing = palpate.identify(contact).fit_rmse_percent
+    assert relaxing > 2.0 * palpate.identify(sponge).fit_rmse_percent
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", IN_CLASS)
+def test_over_twenty_seeds_three_standard_errors_hold_in_the_expected_share(name):
+    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
+    errors = [standardised(name, seed, lab.TwinPantograph()) for seed in range(20)]
+    inside = sum(np.abs(error).max() < 3.0 for error in errors)
+    # Three parameters, each within 3 σ in 99.7 %: 19 or 20 of 20 in 99.7 % of such tests.
+    assert inside >= 19
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: lab.Bench("ball", lab.THREE_SINES, IDEAL), "material must be a Material"),
+        (lambda: lab.Bench(lab.BALL, "sines", IDEAL), "trajectory must be a Trajectory"),
+        (lambda: lab.Bench(lab.BALL, lab.THREE_SINES, "robot"), "probe must be a Probe"),
+        (lambda: lab.Sensors(force_noise=-1.0), "force_noise must be in"),
+        (lambda: lab.Sensors(sample_time=0.0), "sample_time must be in"),
+        (lambda: lab.Bench(lab.BALL, lab.ONE_SINE, IDEAL).run(-1), "seed must be in"),
+        (lambda: lab.Bench(lab.BALL, lab.ONE_SINE, IDEAL).run(seconds=0), "seconds must be in"),
+    ],
+)
+def test_nonsense_is_refused_by_name(make, words):
+    with pytest.raises(InvalidParameterError, match=words):
+        make()

@@ -1,0 +1,129 @@
+"""The laboratory's motions."""
+
+import numpy as np
+import pytest
+
+from palpate import InvalidParameterError, RecordingError, lab
+from palpate.design.motion import PAPER_MOTION
+
+TIME = np.arange(0.0, 40.0, 1e-3)
+MOVES = {
+    **lab.TRAJECTORIES,
+    "followed": lab.Followed(TIME[::500], 1e-3 * np.sin(TIME[::500]), pause=0.0),
+}
+
+
+@pytest.mark.parametrize("name", MOVES)
+def test_the_commanded_speeds_are_the_slopes_of_the_commanded_places(name):
+    h = 1e-5
+    inside = TIME[10:-10]
+    ahead, behind, now = (MOVES[name].at(inside + shift) for shift in (h, -h, 0.0))
+    # Central differences: h² x‴/6 is below 1e-8 of these motions, and rounding below 1e-11.
+    slope = (ahead.penetration - behind.penetration) / (2.0 * h)
+    np.testing.assert_allclose(now.velocity, slope, atol=2e-6)
+    slope = (ahead.place - behind.place) / (2.0 * h)
+    np.testing.assert_allclose(now.place_velocity, slope, atol=2e-6)
+
+
+@pytest.mark.parametrize("name", lab.TRAJECTORIES)
+def test_nothing_moves_in_the_pause_and_the_probe_is_above_the_surface(name):
+    trajectory = lab.TRAJECTORIES[name]
+    assert trajectory.pause == 2.0
+    command = trajectory.at(TIME[TIME <= 2.0])
+    assert (command.penetration == command.penetration[0]).all()
+    assert command.penetration[0] < 0.0
+    assert (command.velocity == 0.0).all()
+    assert np.ptp(command.place) == 0.0
+
+
+def test_the_three_sines_are_those_of_the_paper_once_the_approach_is_over():
+    start = 2.417
+    after = TIME[start <= TIME]
+    command = lab.THREE_SINES.at(after)
+    t = after - start
+    x = 10e-3 + 1e-3 * np.sin(4 * t) + 1.8e-3 * np.sin(11 * t) + 1.8e-3 * np.sin(15 * t)
+    np.testing.assert_allclose(command.penetration, x, rtol=1e-12)
+    # They meet 2π later, at t = 8.7 s: where the paper sees condition 10 broken on the phantom.
+    later = (after > 3.0) & (after < 10.0)
+    fastest = after[later][np.argmax(command.velocity[later])]
+    assert fastest == pytest.approx(8.7, abs=0.01)
+    assert command.velocity.max() == pytest.approx(50.8e-3, rel=1e-4)
+
+
+def test_the_approach_is_no_faster_than_the_sines():
+    command = lab.THREE_SINES.at(TIME)
+    assert np.abs(command.velocity).max() < 1.00001 * PAPER_MOTION.top_speed
+    # Without a jump in speed: at most what its acceleration gives in a millisecond.
+    assert np.abs(np.diff(command.velocity)).max() < 1.5e-3
+
+
+@pytest.mark.parametrize("name", ["three-sines", "two-sines", "one-sine", "palpation"])
+def test_the_probe_stays_in_the_material(name):
+    after = TIME[TIME > 2.5]
+    assert lab.TRAJECTORIES[name].at(after).penetration.min() > 4e-3
+
+
+def test_near_the_surface_the_probe_leaves_it_at_speed_now_and_then():
+    command = lab.NEAR_SURFACE.at(TIME)
+    x, v = command.penetration, command.velocity
+    leaving = np.flatnonzero((x[1:] <= 0.0) & (x[:-1] > 0.0))
+    assert leaving.size >= 2
+    assert v[leaving].min() < -8e-3
+
+
+def test_palpation_changes_sides_every_five_seconds_in_contact():
+    command = lab.PALPATION.at(TIME)
+    changes = TIME[1:][np.diff(command.place >= 0.0)]
+    np.testing.assert_allclose(changes, 2.0 + 5.0 * np.arange(1, 8), atol=2e-3)
+    assert command.penetration[TIME > 2.5].min() > 4e-3
+
+
+def test_tapping_leaves_the_material_after_every_stroke():
+    x = lab.TAPPING.at(TIME).penetration
+    touches = np.count_nonzero((x[1:] > 0.0) & (x[:-1] <= 0.0))
+    assert touches == pytest.approx(1.4 * 38.0, abs=1.0)
+
+
+def test_a_motion_of_ones_own_goes_through_its_samples_and_rests_before_and_after():
+    time = np.array([1.0, 1.5, 2.0, 2.5, 3.0])
+    depth = np.array([0.0, 1e-3, 3e-3, 2e-3, 0.0])
+    followed = lab.Followed(time, depth)
+    np.testing.assert_allclose(followed.at(time).penetration, depth, atol=1e-18)
+    outside = followed.at(np.array([0.0, 4.0]))
+    assert (outside.penetration == 0.0).all()
+    assert (outside.velocity == 0.0).all()
+
+
+def test_a_motion_is_read_from_a_file_with_its_pause(tmp_path):
+    time = np.arange(0.0, 5.0, 0.01)
+    depth = np.where(time < 2.0, -1e-3, -1e-3 + 5e-3 * np.sin(time - 2.0) ** 2)
+    file = tmp_path / "motion.csv"
+    rows = "".join(f"{t!r},{x!r}\n" for t, x in zip(time.tolist(), depth.tolist(), strict=True))
+    file.write_text("time_s,penetration_m\n" + rows)
+    followed = lab.Followed.read(file)
+    assert followed.pause == pytest.approx(2.0, abs=0.011)
+    np.testing.assert_allclose(followed.at(time).penetration, depth, atol=1e-15)
+
+
+def test_a_motion_without_its_column_is_refused_by_file_and_column(tmp_path):
+    file = tmp_path / "motion.csv"
+    file.write_text("time_s,depth\n0,1\n")
+    with pytest.raises(RecordingError, match=r"motion\.csv: no column 'penetration_m'"):
+        lab.Followed.read(file)
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: lab.Followed([0.0, 1.0], [0.0, 1.0]), "at least four"),
+        (lambda: lab.Followed([0.0, 1.0, 1.0, 2.0], [0.0] * 4), "time must increase"),
+        (lambda: lab.Probing(clearance=-1.0), "clearance must be in"),
+        (lambda: lab.Probing(approach=0.0), "approach must be in"),
+        (lambda: lab.Palpation(shift=6.0), "shift must be in"),
+        (lambda: lab.Tapping(depths=()), "depths must name"),
+        (lambda: lab.Tapping(rate=0.0), "rate must be in"),
+    ],
+)
+def test_nonsense_is_refused_by_name(make, words):
+    with pytest.raises(InvalidParameterError, match=words):
+        make()
