@@ -62,8 +62,9 @@ def lab(
     Parameters
     ----------
     material
-        ball, sponge, pvc, inclusion, relaxing-sponge or soft-and-hard; or hunt-crossley,
-        kelvin-voigt or extended-kelvin-voigt with parameters of one's own.
+        ball, sponge, pvc, inclusion, relaxing-sponge, soft-and-hard (by place) or soft-then-hard
+        (by time); or hunt-crossley, kelvin-voigt or extended-kelvin-voigt with parameters of one's
+        own.
     output
         CSV to write; the truth stands in the notes above its header.
     trajectory

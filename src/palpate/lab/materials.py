@@ -252,6 +252,7 @@ PVC = Homogeneous(HuntCrossley(1e5, 2e5, 2.0), "PVC phantom")
 INCLUSION = Homogeneous(HuntCrossley(3e5, 3e5, 2.0), "PVC phantom with a hard inclusion")
 RELAXING_SPONGE = Relaxing(HuntCrossley(300.0, 300.0, 1.0), 150.0, 1.0, "relaxing sponge")
 SOFT_AND_HARD = Zones((PVC, INCLUSION), (0.0,), "PVC phantom with a hard zone")
+SOFT_THEN_HARD = Episodes((PVC, INCLUSION), (7.0,), "PVC phantom that hardens at 7 s")
 
 #: The laboratory's materials by the name that the command line knows them by.
 MATERIALS: Mapping[str, Material] = {
@@ -261,4 +262,5 @@ MATERIALS: Mapping[str, Material] = {
     "inclusion": INCLUSION,
     "relaxing-sponge": RELAXING_SPONGE,
     "soft-and-hard": SOFT_AND_HARD,
+    "soft-then-hard": SOFT_THEN_HARD,
 }
