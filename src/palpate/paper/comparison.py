@@ -12,8 +12,8 @@ from palpate.identification import Identification
 from palpate.paper.comparison_figure import draw_comparison
 from palpate.paper.comparison_tables import comparison_tables
 from palpate.paper.curves import early_and_late, plain
-from palpate.paper.experiment import Experiment, Outcome, Table
-from palpate.paper.judged import Judged, findings
+from palpate.paper.experiment import Outcome, Table
+from palpate.paper.judged import Curves, Judged, JudgedExperiment
 from palpate.paper.sessions import pressed
 from palpate.paper.starts import (
     Starts,
@@ -35,7 +35,7 @@ FIRST_FEW = 20e-3
 Results = Mapping[str, Identification]
 
 
-class Comparison(Experiment):
+class Comparison(JudgedExperiment):
     """Every method, from every start of the paper's rule, on one recording of one material.
 
     Parameters
@@ -61,17 +61,15 @@ class Comparison(Experiment):
         judged: tuple[Judged, ...],
         beside: str = "",
     ) -> None:
-        self.name, self.title = name, title
+        super().__init__(name, title, judged)
         self.material, self.kinds, self.beside = material, kinds, beside
-        self._judged = judged
-        self.claims = tuple(claim for claim, _ in judged)
 
-    def run(self, seed: int) -> Outcome:
+    def measure(self, seed: int) -> tuple[dict[str, Any], Curves]:
         """Press once and identify by every method from every start."""
         numbers, curves = self._measured(self.material, seed)
         if self.beside:
             numbers["beside"] = self._measured(self.beside, seed)[0]
-        return Outcome(seed, numbers, curves, findings(self._judged, numbers))
+        return numbers, curves
 
     def draw(self, outcomes: Sequence[Outcome], *, dark: bool = False) -> "Figure":
         """Draw the parameters and errors of every start, over the time since contact."""
@@ -81,10 +79,10 @@ class Comparison(Experiment):
         """Return starts, RMSE% and convergence times."""
         return comparison_tables(self.material, self.kinds, outcomes, self.beside)
 
-    def _measured(self, material: str, seed: int) -> tuple[dict[str, Any], dict[str, list[float]]]:
+    def _measured(self, material: str, seed: int) -> tuple[dict[str, Any], Curves]:
         contact = pressed(material, "three-sines", seed)
         numbers: dict[str, Any] = {"truth": json.loads(contact.made["truth"]), "methods": {}}
-        curves: dict[str, list[float]] = {}
+        curves: Curves = {}
         for kind in self.kinds:
             starts = starts_of(contact, kind)
             results = from_starts(contact, kind, starts)
@@ -142,8 +140,8 @@ def _with_same_covariances(
     }
 
 
-def _curves(method: str, results: Results) -> dict[str, list[float]]:
-    curves = {}
+def _curves(method: str, results: Results) -> Curves:
+    curves: Curves = {}
     for name, result in results.items():
         trace, contact = result.trace, result.contact
         elapsed = np.cumsum(contact.time_steps[trace.taken])

@@ -97,7 +97,7 @@ def spread(results: Sequence[Identification]) -> Floats:
     every = np.stack([result.trace.parameters[taken] for result in results])
     size = np.abs(every.mean(axis=0))
     apart: Floats = np.ptp(every, axis=0)
-    return np.divide(apart, size, out=np.full_like(apart, np.inf), where=size > 0.0)
+    return np.asarray(apart / np.maximum(size, 1e-300), dtype=np.float64)
 
 
 def convergence_times(results: Sequence[Identification]) -> Floats:
