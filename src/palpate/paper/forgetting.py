@@ -65,7 +65,7 @@ class Held:
     @property
     def stop(self) -> float:
         """When the probe stops, s."""
-        time = self.after + 1e-4 * np.arange(20_000)
+        time = self.after + 1e-4 * np.arange(20_000, dtype=np.float64)
         turns = np.flatnonzero(np.diff(np.sign(self.trajectory.at(time).velocity)))
         return float(time[turns[0]])
 

@@ -1,5 +1,6 @@
 """What section V-A-3 says of forgetting factor and covariance."""
 
+import itertools
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -108,7 +109,7 @@ def overshoot(numbers: Numbers) -> Finding:
     """The larger P₀, the larger the first overshoot."""
     beyond = {name: max(s["overshoot"][:2]) for name, s in numbers["covariances"].items()}
     above = [value for name, value in beyond.items() if float(name) >= 100.0]
-    growing = all(a < b for a, b in zip(above, above[1:], strict=False))
+    growing = all(a < b for a, b in itertools.pairwise(above))
     words = ", ".join(f"{name}: {value:.2g}" for name, value in beyond.items())
     return Finding(growing, above[-1] / above[0], f"in units of the truth, {words}")
 
