@@ -24,8 +24,9 @@ def theme_of(dark: bool) -> Theme:
 
 
 def early_and_late(elapsed: Floats) -> NDArray[np.intp]:
-    """Which samples to draw on a logarithmic axis of time."""
-    return np.unique(np.geomspace(1, elapsed.size, POINTS).round().astype(np.intp)) - 1
+    """Which samples to draw: enough for a logarithmic axis of time, and for a linear one."""
+    early = np.geomspace(1, elapsed.size, POINTS).round().astype(np.intp) - 1
+    return np.union1d(early, np.arange(0, elapsed.size, max(elapsed.size // POINTS, 1)))
 
 
 def plain(values: ArrayLike) -> list[float]:
@@ -50,8 +51,8 @@ def median_and_range(values: Iterable[float], digits: str = ".3g", never: str = 
 
 def draw_lines(
     axes: "Axes",
-    x: Sequence[float],
-    lines: Iterable[tuple[str, Sequence[float]]],
+    x: "Floats | Sequence[float]",
+    lines: Iterable[tuple[str, "Floats | Sequence[float]"]],
     theme: Theme,
     *,
     width: float = 1.4,

@@ -7,13 +7,13 @@ import numpy as np
 
 from palpate.contact import Contact
 from palpate.estimators import KelvinVoigtRLS, SingleStageRLS, VariableProjection
-from palpate.figures.style import style
 from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import BALL, Bench, Homogeneous, IdealProbe, Probing
 from palpate.lab.trajectories import NEAR_SURFACE
-from palpate.paper.curves import draw_lines, median_and_range, plain, theme_of
+from palpate.paper.curves import median_and_range, plain
 from palpate.paper.experiment import Claim, Finding, Outcome, Table
+from palpate.paper.hysteresis_figure import draw_hysteresis
 from palpate.paper.judged import Curves, Judged, JudgedExperiment, Numbers
 from palpate.paper.sessions import START, pressed, session
 from palpate.paper.starts import identified
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 #: From here on the approach is over, s.
 SINES = 2.5
 #: What is drawn of the loop, s.
-DRAWN = (4.0, 8.0)
+DRAWN = (2.5, 12.0)
 METHODS = {
     "Kelvin–Voigt": KelvinVoigtRLS(),
     "single stage": SingleStageRLS(),
@@ -55,18 +55,18 @@ class Hysteresis(JudgedExperiment):
             "least true": float(truth.force[inside].min()),
             "methods": {},
         }
-        part = inside & (contact.time > DRAWN[0]) & (contact.time < DRAWN[1])
-        keep = np.flatnonzero((contact.time > DRAWN[0]) & (contact.time < DRAWN[1]))[::4]
+        keep = np.flatnonzero((contact.time > DRAWN[0]) & (contact.time < DRAWN[1]))[::3]
         curves: Curves = {
             "time": plain(contact.time[keep]),
             "penetration": plain(contact.penetration[keep]),
-            "force": plain(np.where(part, contact.force, np.nan)[keep]),
+            "velocity": plain(contact.velocity[keep]),
+            "force": plain(np.where(inside, contact.force, np.nan)[keep]),
         }
         for name, estimator in METHODS.items():
             result = identified(contact, estimator)
             force = result.law.force(contact.penetration, contact.velocity)
             numbers["methods"][name] = _summary(result, contact, force, inside)
-            curves[f"predicted/{name}"] = plain(np.where(part, force, np.nan)[keep])
+            curves[f"predicted/{name}"] = plain(np.where(inside, force, np.nan)[keep])
         numbers["deep"] = _least(pressed("ball", "three-sines", seed))
         numbers["half the speed"] = _ideal(LAW, 0.5, seed)
         numbers["as it is"] = _ideal(LAW, 1.0, seed)
@@ -75,7 +75,7 @@ class Hysteresis(JudgedExperiment):
 
     def draw(self, outcomes: Sequence[Outcome], *, dark: bool = False) -> "Figure":
         """Draw the penetration, and the loops measured and predicted."""
-        return _draw(self.title, outcomes, dark=dark)
+        return draw_hysteresis(self.title, tuple(METHODS), outcomes, dark=dark)
 
     def tables(self, outcomes: Sequence[Outcome]) -> tuple[Table, ...]:
         """Return the least force of each model, and the work it would have the robot do."""
@@ -111,6 +111,7 @@ def _summary(
         "negative": float(100.0 * pulls.sum() / inside.sum()),
         "given": float(1e3 * np.dot(power, contact.time_steps)),
         "fit": result.prediction_rmse_percent,
+        "stiffness": float(result.law.parameters[0]),
     }
 
 
@@ -230,31 +231,6 @@ HYSTERESIS_CLAIMS: tuple[Judged, ...] = (
         deep_enough,
     ),
 )
-
-
-def _draw(title: str, outcomes: Sequence[Outcome], *, dark: bool) -> "Figure":
-    theme, curves = theme_of(dark), outcomes[0].curves
-    depth = [1e3 * x for x in curves["penetration"]]
-    with style(theme) as new_figure:
-        figure = new_figure(figsize=(11.0, 4.8), layout="constrained")
-        left, middle, right = figure.subplots(1, 3, width_ratios=(0.8, 1.3, 1.0))
-        left.plot(curves["time"], depth, color=theme.measured)
-        left.axhline(0.0, color=theme.ink, linewidth=0.8, linestyle=":")
-        left.set(xlabel="time [s]", ylabel="penetration [mm]", title="Motion")
-        for axes in (middle, right):
-            axes.plot(depth, curves["force"], color=theme.measured, linewidth=2.2, label="measured")
-            for i, name in enumerate(METHODS):
-                force = curves[f"predicted/{name}"]
-                draw_lines(axes, depth, [(name, force)], theme, width=1.1, first=i)
-            axes.axhline(0.0, color=theme.ink, linewidth=0.8, linestyle=":")
-            axes.set(xlabel="penetration [mm]", ylabel="force [N]")
-        middle.set(title="Force–penetration loop", xlim=(-0.3, 8.5))
-        middle.legend(loc="upper left")
-        least = [outcome.numbers["methods"]["Kelvin–Voigt"]["least"] for outcome in outcomes]
-        right.set(xlim=(-0.05, 1.2), ylim=(1.8 * min(least), 2.5))
-        right.set_title(f"Near the surface: Kelvin–Voigt pulls, {median_and_range(least, '.2g')} N")
-        figure.suptitle(title, fontsize=11)
-    return figure
 
 
 HYSTERESIS = (Hysteresis(),)

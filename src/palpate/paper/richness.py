@@ -69,10 +69,11 @@ class Richness(JudgedExperiment):
                 **_summary(results),
                 "by covariance": _by_covariance(contact, self.kind, starts, COVARIANCES),
                 "other": self._other(contact, three),
-                "projection": _projected(contact),
                 "conditioning": _conditioning(contact),
             }
-            curves |= _curves(name, results)
+            projected = identified(contact, VariableProjection())
+            curves |= _curves(name, {**results, "projection": projected})
+            numbers[name]["projection"] = _projected(projected)
         if self.kind is SingleStageRLS:
             numbers["long"] = _long(seed, starts)
         return numbers, curves
@@ -134,8 +135,7 @@ def _by_covariance(
     }
 
 
-def _projected(contact: Contact) -> dict[str, Any]:
-    result = identified(contact, VariableProjection())
+def _projected(result: Identification) -> dict[str, Any]:
     return {
         "times": plain(times_to(result, BALL.law.parameters)),
         "final": plain(result.law.parameters),

@@ -7,7 +7,9 @@ from typing import Any
 from palpate.paper.experiment import Claim, Finding
 from palpate.paper.judged import Judged, Numbers
 
-P0 = "P₀: the default, 1e3 for the single stage and 1e8 for Kelvin–Voigt, in SI; the paper gives none"
+P0 = (
+    "P₀: the default, in SI 1e3 for the single stage and 1e8 for Kelvin–Voigt; the paper gives none"
+)
 SIMILAR = 5.0
 
 
@@ -68,8 +70,8 @@ def five_hundred(numbers: Numbers) -> Finding:
     projected = _slowest(numbers["one sine"]["projection"]["times"])
     words = (
         f"{_said(time)} with P₀ = 1e3; in 450 s of an ideal probe, by P₀, "
-        f"{_by_covariance(numbers['long'])}: the time goes as 1/P₀, and 500 s take a P₀ below 0.1. Variable projection is "
-        f"within 5 % of the truth after {_said(projected)}"
+        f"{_by_covariance(numbers['long'])}: the time goes as 1/P₀, and 500 s take a P₀ below "
+        f"0.1. Variable projection is within 5 % of the truth after {_said(projected)}"
     )
     return Finding(math.isfinite(time) and time > 100.0, _finite(time), words)
 

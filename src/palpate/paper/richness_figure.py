@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from palpate.estimators.contact_estimator import ContactEstimator
 from palpate.figures.style import style
+from palpate.force_laws import HuntCrossley
 from palpate.paper.curves import draw_lines, theme_of
 from palpate.paper.experiment import Outcome
 
@@ -25,18 +26,22 @@ def draw_richness(
             starts, time = list(outcomes[0].numbers[motion]["rmse"]), curves[f"{motion}/elapsed"]
             for row, symbol in enumerate(symbols):
                 axes = figure.add_subplot(grid[row, column])
-                lines = [(start, curves[f"{motion}/{start}/{symbol}"]) for start in starts]
+                shown = starts
+                if kind.law_type is HuntCrossley:
+                    shown = [*starts, "projection"]
+                lines = [(start, curves[f"{motion}/{start}/{symbol}"]) for start in shown]
                 draw_lines(axes, time, lines, theme)
                 final = outcomes[0].numbers["three sines"]["final"][starts[0]][row]
                 axes.axhline(final, color=theme.ink, linewidth=0.8, linestyle=":")
-                axes.set(xscale="log", ylim=(-0.5 * final, 3.0 * final))
+                axes.set(xscale="log", ylim=(-0.5 * final, 3.3 * final))
                 unit = f" [{units[row]}]" if units[row] else ""
                 axes.set(ylabel=f"{symbol}{unit}")
                 if row == 0:
                     axes.set_title(f"{motion} (dotted: three)")
-                    axes.legend(loc="upper right", ncols=3, title="start")
+                    axes.legend(loc="upper right", ncols=4, handlelength=1.6, columnspacing=0.9)
             error = figure.add_subplot(grid[len(symbols), column])
-            lines = [(start, curves[f"{motion}/{start}/error"]) for start in starts]
+            shown = [*starts, "projection"]
+            lines = [(start, curves[f"{motion}/{start}/error"]) for start in shown]
             draw_lines(error, time, lines, theme, width=0.8)
             error.set(xscale="log", ylim=(-1.0, 1.0), ylabel="force error [N]")
             error.set(xlabel="time since contact [s]")
@@ -49,6 +54,12 @@ def draw_richness(
                     norms = [float(norm) for norm in times]
                     label = motion if j == 0 else ""
                     draw_lines(axes, norms, [(label, line)], theme, width=1.0, first=i)
+            for j, outcome in enumerate(outcomes):
+                long = outcome.numbers.get("long", {})
+                line = [time[row] for time in long.values()]
+                label = "one sine, 450 s" if j == 0 and long else ""
+                norms = [float(norm) for norm in long]
+                draw_lines(axes, norms, [(label, line)], theme, width=1.0, first=2)
             axes.set(xscale="log", yscale="log", ylabel=f"{symbol}: convergence [s]")
             if row == 0:
                 axes.set_title("Every seed, over P₀")
