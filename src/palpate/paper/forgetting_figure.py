@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from palpate.figures.style import style
-from palpate.paper.curves import DASHES, draw_lines, theme_of
+from palpate.paper.curves import DASHES, PROJECTION, draw_lines, theme_of
 from palpate.paper.experiment import Outcome
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHOWN = ("λ = 1", "α = 0.1", "α = 5", "λ = 0.99", "variable projection")
+SHOWN = ("λ = 1", "α = 0.1", "α = 5", "λ = 0.99", PROJECTION)
 COVARIANCES = {"1": "1", "10": "10", "100": "100", "10000": "1e4", "1e+06": "1e6"}
 LABELS = {"K": "K [N/mⁿ]", "B": "B [N·s/mⁿ⁺¹]", "n": "n"}
 LIMITS = {"K": (1000.0, 3000.0), "B": (-1000.0, 5000.0), "n": (0.8, 1.2)}
@@ -38,7 +38,7 @@ def draw_forgetting(title: str, outcomes: Sequence[Outcome], *, dark: bool) -> "
         grid[0, 0].set_title("Forgetting factor, P₀ = 1e3", pad=38)
         grid[0, 1].set_title("Initial covariance, α = 5", pad=38)
         for axes in grid[0]:
-            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
+            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, columnspacing=1.2)
         for axes in grid[2]:
             axes.set(xlabel="time since contact [s]")
         held = [name for name in curves if name.startswith("held/") and name != "held/time"]

@@ -10,7 +10,7 @@ from palpate.contact import Contact
 from palpate.estimators import DoubleStageRLS, SingleStageRLS, VariableProjection
 from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification, identify
-from palpate.paper.curves import early_and_late, median_and_range, plain
+from palpate.paper.curves import median_and_range, plain, traced
 from palpate.paper.experiment import Claim, Finding, Outcome, Table
 from palpate.paper.judged import Curves, Judged, JudgedExperiment, Numbers
 from palpate.paper.near_truth_figure import draw_near_truth
@@ -66,7 +66,7 @@ class NearTruth(JudgedExperiment):
                     curves |= _curves(f"{off:g}", results)
             if material == "ball":
                 projected = identified(contact, VariableProjection())
-                curves |= _curves("no start", {"projection": projected})
+                curves |= traced("no start/projection", projected)
             # What it would be with a smaller P₀, and in units in which penetrations are near 1.
             for name, settings in OTHERWISE.items():
                 results = _from(contact, law, 0.1, WAYS, DoubleStageRLS, **settings)
@@ -144,12 +144,7 @@ def _summary(results: Mapping[str, Identification], law: Floats) -> dict[str, An
 def _curves(name: str, results: Mapping[str, Identification]) -> Curves:
     curves: Curves = {}
     for way, result in results.items():
-        trace = result.trace
-        elapsed = np.cumsum(result.contact.time_steps[trace.taken])
-        keep = early_and_late(elapsed)
-        curves["elapsed"] = plain(elapsed[keep])
-        for i, symbol in enumerate(result.law.symbols):
-            curves[f"{name}/{way}/{symbol}"] = plain(trace.parameters[trace.taken, i][keep])
+        curves |= traced(f"{name}/{way}", result)
     return curves
 
 

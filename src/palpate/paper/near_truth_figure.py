@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from palpate.figures.style import style
-from palpate.paper.curves import DASHES, draw_lines, theme_of
+from palpate.paper.curves import DASHES, PROJECTION, draw_lines, theme_of
 from palpate.paper.experiment import Outcome
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def draw_near_truth(
             for row, symbol in enumerate(LABELS):
                 axes = figure.add_subplot(grid[row, column])
                 lines = [(way, curves[f"{off:g}/{way}/{symbol}"]) for way in ways]
-                lines.append(("variable projection", curves[f"no start/projection/{symbol}"]))
+                lines.append((PROJECTION, curves[f"no start/projection/{symbol}"]))
                 draw_lines(axes, curves["elapsed"], lines, theme)
                 axes.set(xscale="log", ylim=LIMITS[symbol])
                 if column == 0:

@@ -9,7 +9,7 @@ from palpate.contact import Contact
 from palpate.estimators import KelvinVoigtRLS, SingleStageRLS, VariableProjection
 from palpate.identification import Identification
 from palpate.lab import BALL, ONE_SINE, Bench, IdealProbe
-from palpate.paper.curves import early_and_late, median_and_range, plain
+from palpate.paper.curves import median_and_range, plain, traced
 from palpate.paper.experiment import Outcome, Table
 from palpate.paper.judged import Curves, Judged, JudgedExperiment
 from palpate.paper.richness_claims import HUNT_CROSSLEY_CLAIMS, KELVIN_VOIGT_CLAIMS
@@ -172,14 +172,7 @@ def _long(seed: int, starts: Starts) -> dict[str, list[float]]:
 def _curves(name: str, results: Mapping[str, Identification]) -> Curves:
     curves: Curves = {}
     for start, result in results.items():
-        trace, contact = result.trace, result.contact
-        elapsed = np.cumsum(contact.time_steps[trace.taken])
-        keep = early_and_late(elapsed)
-        curves[f"{name}/elapsed"] = plain(elapsed[keep])
-        for i, symbol in enumerate(result.law.symbols):
-            curves[f"{name}/{start}/{symbol}"] = plain(trace.parameters[trace.taken, i][keep])
-        error = (contact.force - trace.predicted_force)[trace.taken]
-        curves[f"{name}/{start}/error"] = plain(error[keep])
+        curves |= traced(f"{name}/{start}", result, f"{name}/elapsed")
     return curves
 
 
