@@ -10,7 +10,11 @@ from palpate.paper.experiment import Outcome
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHOWN = ("regular", "self-perturbing", "variable projection")
+SHOWN = {
+    "regular": "regular",
+    "self-perturbing": "self-perturbing",
+    "variable projection, fading": "variable projection, change detection and fading λ",
+}
 LABELS = {"K": "K [N/mⁿ]", "B": "B [N·s/mⁿ⁺¹]", "n": "n"}
 
 
@@ -29,7 +33,12 @@ def draw_intermittent(
         figure = new_figure(figsize=(10.5, 10.0), layout="constrained")
         rows = figure.subplots(5, 1, sharex=True, height_ratios=(1.0, 1.0, 1.0, 1.2, 0.7))
         for i, (axes, symbol) in enumerate(zip(rows, LABELS, strict=False)):
-            draw_lines(axes, time, [(n, curves[f"{n}/{symbol}"]) for n in SHOWN], theme)
+            draw_lines(
+                axes,
+                time,
+                [(label, curves[f"{name}/{symbol}"]) for name, label in SHOWN.items()],
+                theme,
+            )
             for truth in truths:
                 axes.axhline(truth[i], color=theme.ink, linewidth=0.8, linestyle=":")
             axes.set(ylabel=LABELS[symbol])
