@@ -22,6 +22,7 @@ from palpate.paper.starts import (
     identified,
     spread,
     starts_of,
+    times_to,
 )
 
 if TYPE_CHECKING:
@@ -110,6 +111,10 @@ def _summary(results: Results) -> dict[str, Any]:
             name: plain(result.trace.parameters[taken][:few].min(axis=0))
             for name, result in results.items()
         },
+        # Starts that a large P₀ has forgotten agree long before they are right.
+        "settled": plain(
+            np.max([times_to(result, result.law.parameters) for result in shown], axis=0)
+        ),
         "largest error": {name: _largest_errors(result) for name, result in results.items()},
     }
     if len(shown) > 1:

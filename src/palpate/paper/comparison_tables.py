@@ -89,13 +89,15 @@ def _times(
                     symbol,
                     median_and_range((numbers["times"][i] for numbers in every), ".2g"),
                     median_and_range((numbers["spread"][i] for numbers in every), ".2g"),
+                    median_and_range((numbers["settled"][i] for numbers in every), ".2g"),
                     *same,
                 )
             )
     variances = outcomes[0].numbers["methods"][kinds[0].method]["same covariance"]
-    header = ("method", "parameter", "time [s]", "starts apart at the end [%]")
+    header = ("method", "parameter", "time [s]", "starts apart at the end [%]", "own end [s]")
     note = (
-        "Seconds of contact until the estimates from all starts agree within 5 % and stay so. "
+        "Seconds of contact until the estimates from all starts agree within 5 % and stay so; own "
+        "end: until each is within 5 % of its own final value. "
         "First with each method's default P₀ (1e3 single stage, 1e8 Kelvin–Voigt and double stage, "
         f"1e10 extended Kelvin–Voigt, in SI), then with the same P₀ for all. {_over(outcomes)}"
     )

@@ -21,7 +21,7 @@ POINTS = 400
 #: Standard error over value, up to which variable projection is drawn.
 CONFIDENT = 1.0 / 3.0
 #: What a legend calls it.
-PROJECTION = "variable projection, once its error bar is below a third"
+PROJECTION = "variable projection,\nonce its error bars are below ⅓"
 
 
 def theme_of(dark: bool) -> Theme:
@@ -44,7 +44,7 @@ def traced(prefix: str, result: Identification, clock: str = "elapsed") -> dict[
     """Return parameters and force error of a result over the time since contact, to be drawn.
 
     Variable projection says from the first sample on how little it knows: it is drawn where its
-    own standard error is below ``CONFIDENT`` of the value.
+    own standard errors are all below ``CONFIDENT`` of the values.
     """
     trace, contact = result.trace, result.contact
     taken = trace.taken
@@ -52,7 +52,8 @@ def traced(prefix: str, result: Identification, clock: str = "elapsed") -> dict[
     keep = early_and_late(elapsed)
     known, errors = trace.parameters[taken][keep], trace.standard_errors[taken][keep]
     if isinstance(result.estimator, VariableProjection):
-        known = np.where(errors < CONFIDENT * np.abs(known), known, np.nan)
+        sure = np.all(errors < CONFIDENT * np.abs(known), axis=1, keepdims=True)
+        known = np.where(sure, known, np.nan)
     curves = {clock: plain(elapsed[keep])}
     for i, symbol in enumerate(result.law.symbols):
         curves[f"{prefix}/{symbol}"] = plain(known[:, i])

@@ -10,7 +10,7 @@ from palpate.estimators import SingleStageRLS, VariableProjection
 from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import BALL, THREE_SINES, Bench, Command, IdealProbe, Trajectory
-from palpate.paper.curves import PROJECTION, median_and_range, plain, traced
+from palpate.paper.curves import median_and_range, plain, traced
 from palpate.paper.experiment import Outcome, Table
 from palpate.paper.forgetting_claims import FORGETTING_CLAIMS
 from palpate.paper.forgetting_figure import draw_forgetting
@@ -102,8 +102,8 @@ class ForgettingFactors(JudgedExperiment):
             numbers["profiles"][name] = _summary(result)
             curves |= traced(f"profile/{name}", result)
         result = identified(contact, VariableProjection())
-        numbers["profiles"][PROJECTION] = _summary(result)
-        curves |= traced(f"profile/{PROJECTION}", result)
+        numbers["profiles"]["variable projection"] = _summary(result)
+        curves |= traced("profile/variable projection", result)
         for variance in COVARIANCES:
             result = identified(contact, SingleStageRLS(initial_covariance=variance))
             numbers["covariances"][f"{variance:g}"] = _summary(result)

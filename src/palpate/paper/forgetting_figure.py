@@ -10,7 +10,10 @@ from palpate.paper.experiment import Outcome
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHOWN = ("λ = 1", "α = 0.1", "α = 5", "λ = 0.99", PROJECTION)
+SHOWN = {
+    **{name: name for name in ("λ = 1", "α = 0.1", "α = 5", "λ = 0.99")},
+    "variable projection": PROJECTION,
+}
 COVARIANCES = {"1": "1", "10": "10", "100": "100", "10000": "1e4", "1e+06": "1e6"}
 LABELS = {"K": "K [N/mⁿ]", "B": "B [N·s/mⁿ⁺¹]", "n": "n"}
 LIMITS = {"K": (1000.0, 3000.0), "B": (-1000.0, 5000.0), "n": (0.8, 1.2)}
@@ -26,7 +29,7 @@ def draw_forgetting(title: str, outcomes: Sequence[Outcome], *, dark: bool) -> "
         grid = figure.subplots(4, 2, height_ratios=(1.0, 1.0, 1.0, 0.9))
         for row, symbol in enumerate(LABELS):
             left, right = grid[row]
-            lines = [(name, curves[f"profile/{name}/{symbol}"]) for name in SHOWN]
+            lines = [(label, curves[f"profile/{name}/{symbol}"]) for name, label in SHOWN.items()]
             draw_lines(left, curves["elapsed"], lines, theme)
             left.set(ylim=CLOSE[symbol], ylabel=LABELS[symbol], xlim=(0.0, 10.0))
             lines = [
@@ -35,10 +38,10 @@ def draw_forgetting(title: str, outcomes: Sequence[Outcome], *, dark: bool) -> "
             ]
             draw_lines(right, curves["elapsed"], lines, theme)
             right.set(xscale="log", ylim=LIMITS[symbol], xlim=(1e-2, 10.0))
-        grid[0, 0].set_title("Forgetting factor, P₀ = 1e3", pad=38)
-        grid[0, 1].set_title("Initial covariance, α = 5", pad=38)
+        grid[0, 0].set_title("Forgetting factor, P₀ = 1e3", pad=46)
+        grid[0, 1].set_title("Initial covariance, α = 5", pad=46)
         for axes in grid[0]:
-            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, columnspacing=1.2)
+            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
         for axes in grid[2]:
             axes.set(xlabel="time since contact [s]")
         held = [name for name in curves if name.startswith("held/") and name != "held/time"]

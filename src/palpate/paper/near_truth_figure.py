@@ -32,7 +32,9 @@ def draw_near_truth(
             for row, symbol in enumerate(LABELS):
                 axes = figure.add_subplot(grid[row, column])
                 lines = [(way, curves[f"{off:g}/{way}/{symbol}"]) for way in ways]
-                lines.append((PROJECTION, curves[f"no start/projection/{symbol}"]))
+                lines.append(
+                    (PROJECTION.replace("\n", " "), curves[f"no start/projection/{symbol}"])
+                )
                 draw_lines(axes, curves["elapsed"], lines, theme)
                 axes.set(xscale="log", ylim=LIMITS[symbol])
                 if column == 0:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from palpate.estimators.contact_estimator import ContactEstimator
 from palpate.figures.style import Theme, style
 from palpate.force_laws import HuntCrossley
-from palpate.paper.curves import draw_lines, theme_of
+from palpate.paper.curves import PROJECTION, draw_lines, theme_of
 from palpate.paper.experiment import Outcome
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-NO_START = "none: variable projection,\nonce its error bar is below a third"
+NO_START = f"none: {PROJECTION}"
 MOTIONS = ("two sines", "one sine")
 
 
