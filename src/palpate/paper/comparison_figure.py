@@ -19,7 +19,7 @@ TITLES = {
     "double-stage": "HC, double stage",
     "kelvin-voigt": "Kelvin–Voigt",
     "extended-kelvin-voigt": "extended Kelvin–Voigt",
-    "variable-projection": "HC, variable projection\n(once its error bars are below ⅓)",
+    "variable-projection": "HC, variable projection\n(error bars below ⅓)",
 }
 # Share of the final value from which, and up to which, a stiffness is drawn.
 BELOW, ABOVE = 1e-3, 1e3
