@@ -89,10 +89,23 @@ class Table:
 
 
 class Experiment(ABC):
-    """A figure of the paper, with the tables that belong to it."""
+    """A figure of the paper, with the tables that belong to it.
+
+    Attributes
+    ----------
+    name : str
+        As the command line and the files know it, such as "fig03".
+    title : str
+        What a person calls it.
+    caption : str
+        What the figure shows, for those too who cannot see it.
+    claims : tuple of Claim
+        What the paper says of it.
+    """
 
     name: str
     title: str
+    caption: str = ""
     claims: tuple[Claim, ...]
 
     @abstractmethod
