@@ -72,12 +72,12 @@ class Judgement:
             return f"reproduced in {self.held} of {self.checked} seeds"
         if 0 < self.checked < len(self.findings):
             return f"{self.verdict.value} ({self.checked} of {len(self.findings)} seeds can tell)"
-        return self.verdict.value
+        return str(self.verdict.value)
 
     @property
     def ours(self) -> tuple[float, float, float] | None:
         """Median, least and largest of what was measured; None where nothing was."""
-        known = [
+        known: list[float] = [
             finding.ours
             for finding in self.findings
             if finding.ours is not None and math.isfinite(finding.ours)
@@ -99,7 +99,7 @@ class Judgement:
         said = [finding.words for finding in self.findings]
         if len(set(said)) <= 1:
             return said[0] if said else ""
-        return f"{said[0]} (first seed)" if said[0] else ""
+        return f"In the first seed: {said[0]}" if said[0] else ""
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers and words."""
@@ -112,6 +112,7 @@ class Judgement:
             "number": claim.number,
             "unit": claim.unit,
             "assumption": claim.assumption,
+            "measured": claim.measured,
             "verdict": self.verdict.value,
             "seeds_checked": self.checked,
             "seeds_held": self.held,
@@ -136,5 +137,6 @@ def readable(value: float) -> str:
     if size == 0.0:
         return "0"
     if not 1e-3 <= size < 1e6:
-        return f"{value:.2e}"
-    return f"{value:.{max(0, 2 - math.floor(math.log10(size)))}f}"
+        return f"{value:.2e}".replace("-", "−")
+    digits = max(0, 2 - math.floor(math.log10(size)))
+    return f"{value:.{digits}f}".replace("-", "−")

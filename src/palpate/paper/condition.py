@@ -202,8 +202,11 @@ def _curves(
 def _limit(trace: Trace, drawn: NDArray[np.intp]) -> list[float]:
     stiffness, damping = np.abs(trace.parameters[drawn, :2]).T
     known = trace.taken[drawn] & (damping > 0.0)
-    limit = np.divide(100.0 * stiffness, damping, out=np.full_like(damping, np.nan), where=known)
-    return limit.tolist()
+    limit: Floats = np.divide(
+        100.0 * stiffness, damping, out=np.full_like(damping, np.nan), where=known
+    )
+    drawn_limit: list[float] = limit.tolist()
+    return drawn_limit
 
 
 def _draw_limits(axes: "Axes", outcomes: Sequence[Outcome], name: str, theme: Theme) -> None:

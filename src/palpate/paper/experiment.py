@@ -27,6 +27,8 @@ class Claim:
         Unit of what is measured here; empty for a pure number.
     assumption : str
         What the paper leaves open and the answer depends on.
+    measured : str
+        What our number is, where the paper's words do not tell.
     """
 
     key: str
@@ -35,6 +37,7 @@ class Claim:
     number: str = ""
     unit: str = ""
     assumption: str = ""
+    measured: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """The report as one HTML page that needs nothing beside it."""
 
 import base64
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
@@ -84,7 +85,12 @@ def _head(report: Report) -> Iterator[str]:
 
 
 def _heading(experiment: Experiment) -> str:
-    return f"{escape(experiment.name.capitalize())}: {escape(experiment.title)}"
+    return f"{escape(_figure(experiment.name))}: {escape(experiment.title)}"
+
+
+def _figure(name: str) -> str:
+    """Return "Fig. 5" of "fig05"."""
+    return re.sub(r"^fig0*(?=\d)", "Fig. ", name)
 
 
 def _claims_of_all(report: Report) -> Iterator[str]:
@@ -115,19 +121,24 @@ def _claims(title: str, judgements: Sequence[Judgement], *, with_links: bool) ->
         claim, name = each.claim, each.experiment
         where = escape(claim.where)
         if with_links:
-            where = f'<a href="#{name}">{escape(name)}</a><br><small>{where}</small>'
+            where = f'<a href="#{name}">{escape(_figure(name))}</a><br><small>{where}</small>'
         remarks = [f"<p>{escape(each.words)}</p>"] if each.words else []
         if claim.assumption:
             remarks.append(f'<p class="hinge">{escape(claim.assumption)}</p>')
         cells = (
             f"<q>{escape(claim.words)}</q>",
             escape(claim.number) or "–",
-            escape(each.ours_words) or "–",
+            _ours(each),
             _badge(each.verdict, each.verdict_words),
             "".join(remarks),
         )
         yield f'<tr><th scope="row">{where}</th>' + _cells(cells) + "</tr>"
     yield from _table_end()
+
+
+def _ours(each: Judgement) -> str:
+    what = each.claim.measured
+    return (escape(each.ours_words) or "–") + (f"<br><small>{escape(what)}</small>" if what else "")
 
 
 def _cells(cells: Iterable[str]) -> str:
@@ -177,7 +188,7 @@ def _section(section: Section, folder: Path) -> Iterator[str]:
     for table in section.tables:
         yield from _table(table)
     if section.judgements:
-        yield from _claims(f"Claims about {name}", section.judgements, with_links=False)
+        yield from _claims(f"Claims about {_figure(name)}", section.judgements, with_links=False)
     yield "</section>"
 
 

@@ -182,7 +182,8 @@ def claims_as_markdown(report: Report) -> str:
         "|---|---|---|---|---|---|",
     ]
     for each in report.judgements:
-        ours = ". ".join(filter(None, (each.ours_words, each.words)))
+        number = ": ".join(filter(None, (each.claim.measured, each.ours_words)))
+        ours = ". ".join(filter(None, (number, each.words)))
         cells = (
             f"{each.experiment}; {each.claim.where}",
             f"“{each.claim.words}”",

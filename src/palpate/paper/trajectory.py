@@ -28,7 +28,8 @@ CLAIMS = (
         "IV-A, Fig. 3",
         "the following combination of three sinusoidal signals is chosen as the desired "
         "trajectory … x(t) = 1 sin(4t) + 1.8 sin(11t) + 1.8 sin(15t) + x₀ (mm)",
-        unit="mm/s, peak commanded speed",
+        unit="mm/s",
+        measured="peak speed commanded",
         assumption="Read as rad/s. In Hz the speed would reach 319 mm/s, and condition (10) "
         "could hold on none of the materials; the curve of Fig. 3 that would tell is lost.",
     ),
@@ -37,14 +38,17 @@ CLAIMS = (
         "IV-A, Fig. 3",
         "The bias x₀ is added to push the robot smoothly inside the environment about 10 mm",
         "about 10 mm",
-        "mm, mean depth farthest from 10 mm",
-        "Checked on what the rig does, not on its command: within 1 mm in every material.",
+        "mm",
+        "Checked on what the rig does, not on its command of 10 mm: within 1 mm in every material. "
+        "Hinges on the stiffness of the robot's control, which the paper does not give.",
+        "mean depth, where farthest from 10 mm",
     ),
     Claim(
         "inside",
         "IV-A, Fig. 3",
         "such that the robot remains inside the object during the entire contact task",
-        unit="mm, least depth once the sines are whole",
+        unit="mm",
+        measured="least depth once the sines are whole",
     ),
     Claim(
         "pause",
@@ -52,15 +56,17 @@ CLAIMS = (
         "A 2-s delay in the position command is implemented to measure and remove any bias in "
         "the force sensor measurements before the actual experiment starts.",
         "2 s",
-        "N, largest bias left",
+        "N",
         "Removed where what is left is under half a step of the sensor, 1/16 N.",
+        "largest bias left",
     ),
     Claim(
         "rich",
         "IV-A",
         "The frequency and coefficients are chosen to ensure suitable penetration inside the "
         "environment as well as the richness of the excitation input.",
-        unit="%, largest standard error of K, B or n after 10 s",
+        unit="%",
+        measured="largest standard error of K, B or n after 10 s, variable projection",
         assumption="Rich is read as: variable projection tells K, B and n to 5 % in every "
         "material.",
     ),
