@@ -48,15 +48,20 @@ def paper(
     seeds = int(number_in("--seeds", seeds, 1, 10_000))
     if workers is not None:
         workers = int(number_in("--workers", workers, 1, 1_000))
-    with _progress() as progress:
-        report = run_paper(
-            experiments,
-            seeds=seeds,
-            folder=output,
-            workers=workers,
-            progress=progress,
-            begun=_say_what_was_taken_over,
-        )
+    try:
+        with _progress() as progress:
+            report = run_paper(
+                experiments,
+                seeds=seeds,
+                folder=output,
+                workers=workers,
+                progress=progress,
+                begun=_say_what_was_taken_over,
+            )
+    except KeyboardInterrupt:
+        words = "interrupted; what is finished is kept, and the same command goes on from there"
+        print(f"palpate: {words}: {output / 'report.html'}", file=sys.stderr)
+        raise
     _print(report, output)
 
 
@@ -82,7 +87,7 @@ def _say_what_was_taken_over(run: "PaperRun") -> None:
     total = len(run.experiments) * run.seeds
     if run.taken_over:
         words = f"{run.taken_over} of {total} outcomes taken over from an earlier run"
-        print(words, file=sys.stderr)
+        print(f"{words} by the same code", file=sys.stderr)
 
 
 @contextmanager
@@ -104,7 +109,7 @@ def _progress() -> "Iterator[Progress]":
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", style="dim"),
     )
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("pressing", total=None)

@@ -15,7 +15,7 @@ from typing import Any
 import palpate
 from palpate import _core
 from palpate.files import write_text
-from palpate.paper.experiment import Experiment, Finding, Outcome
+from palpate.paper.experiment import Experiment, Finding, Outcome, Table
 
 # A pixel of a figure is a thousandth of its width; more digits make a heavy file that looks alike.
 DIGITS_DRAWN = 6
@@ -68,6 +68,49 @@ def read(folder: Path, experiment: Experiment, seed: int) -> Outcome | None:
     except (OSError, ValueError, KeyError, TypeError):
         pass  # absent or damaged: it is made anew
     return None
+
+
+def figures_of(folder: Path, name: str) -> tuple[Path, Path]:
+    """Where an experiment's figure lies, for a light and for a dark background."""
+    return folder / f"{name}.svg", folder / f"{name}-dark.svg"
+
+
+def write_tables(
+    folder: Path, experiment: Experiment, seeds: int, tables: tuple[Table, ...]
+) -> None:
+    """Write down an experiment's tables, once its figure is drawn."""
+    whole = {
+        "experiment": experiment.name,
+        "made_by": fingerprint(experiment),
+        "seeds": seeds,
+        "tables": [dataclasses.asdict(table) for table in tables],
+    }
+    text = json.dumps(whole, ensure_ascii=False)
+    write_text(_tables_of(folder, experiment.name), text + "\n")
+
+
+def read_tables(folder: Path, experiment: Experiment, seeds: int) -> tuple[Table, ...] | None:
+    """Return the tables written earlier, where the figure is there too; None else."""
+    try:
+        whole = json.loads(_tables_of(folder, experiment.name).read_text(encoding="utf-8"))
+        drawn = all(path.is_file() for path in figures_of(folder, experiment.name))
+        if drawn and (whole["made_by"], whole["seeds"]) == (fingerprint(experiment), seeds):
+            return tuple(
+                Table(
+                    table["title"],
+                    tuple(table["header"]),
+                    tuple(tuple(row) for row in table["rows"]),
+                    table["note"],
+                )
+                for table in whole["tables"]
+            )
+    except (OSError, ValueError, KeyError, TypeError):
+        pass  # absent or damaged: it is drawn anew
+    return None
+
+
+def _tables_of(folder: Path, name: str) -> Path:
+    return folder / "outcomes" / f"{name}-tables.json"
 
 
 @cache

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from palpate.paper.claims import SIGNS, Judgement, Verdict
 from palpate.paper.experiment import Experiment, Table
+from palpate.paper.outcomes import figures_of
 from palpate.paper.page_style import STYLE
 from palpate.paper.report import ABOUT, TITLE, Report, Section, circumstances, settings
 
@@ -177,8 +178,7 @@ def _settings() -> Iterator[str]:
 def _section(section: Section, folder: Path) -> Iterator[str]:
     experiment = section.experiment
     name, words = experiment.name, experiment.caption or experiment.title
-    light = _as_address(folder / f"{name}.svg")
-    dark = _as_address(folder / f"{name}-dark.svg")
+    light, dark = (_as_address(path) for path in figures_of(folder, name))
     yield f'<section id="{name}">'
     yield f"<h2>{_heading(experiment)}</h2>"
     yield "<figure><picture>"

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.errors import PalpateError
-from palpate.files import make_folder
+from palpate.files import make_folder, write_text
 from palpate.paper import outcomes as on_disk
 from palpate.paper.claims import judge
 from palpate.paper.experiment import Experiment, Outcome, Table
@@ -38,6 +38,15 @@ class _Task:
 @dataclass(frozen=True, slots=True)
 class _Failure:
     words: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Drawing:
+    """SVG; not files, for a worker that is stopped could not take its half of one away."""
+
+    light: str
+    dark: str
+    tables: tuple[Table, ...]
 
 
 @dataclass(slots=True)
@@ -69,12 +78,16 @@ class PaperRun:
                 outcome = on_disk.read(self.folder, experiment, seed)
                 if outcome is not None:
                     self.outcomes[experiment.name, seed] = outcome
+        for experiment in self.experiments:
+            tables = on_disk.read_tables(self.folder, experiment, self.seeds)
+            if tables is not None and self._complete(experiment):
+                self.tables[experiment.name] = tables
         self.taken_over = len(self.outcomes)
 
     def work(self, pool: ProcessPoolExecutor, progress: Progress) -> None:
         """Do all that is missing; a failure is noted, and the rest goes on."""
         total = len(self.experiments) * (self.seeds + 1)
-        done = self.taken_over
+        done = self.taken_over + len(self.tables)
         pending: dict[Future[Any], _Task] = {}
         with _workers_deaf_to_interrupts():
             for task in self._at_hand():
@@ -92,7 +105,7 @@ class PaperRun:
     def _at_hand(self) -> Iterator[_Task]:
         """Figures of what is complete; then seed by seed, so that experiments share sessions."""
         for experiment in self.experiments:
-            if self._complete(experiment):
+            if self._complete(experiment) and experiment.name not in self.tables:
                 yield _Task(experiment, None)
         for seed in range(self.seeds):
             for experiment in self.experiments:
@@ -102,7 +115,7 @@ class PaperRun:
     def _submitted(self, pool: ProcessPoolExecutor, task: _Task) -> Future[Any]:
         if task.seed is not None:
             return pool.submit(_measured, task.experiment, task.seed)
-        return pool.submit(_drawn, task.experiment, self._of(task.experiment), self.folder)
+        return pool.submit(_drawn, task.experiment, self._of(task.experiment))
 
     def _settled(self, task: _Task, future: Future[Any]) -> bool:
         """Write down what a task gave; False where it failed."""
@@ -114,12 +127,19 @@ class PaperRun:
             self.failures.append(f"{task}: {result.words}")
             return False
         if task.seed is None:
-            self.tables[task.experiment.name] = result
-            self.write()
+            self._keep(task.experiment, result)
         else:
             on_disk.write(self.folder, task.experiment.name, task.seed, result)
             self.outcomes[task.experiment.name, task.seed] = on_disk.from_text(result)
         return True
+
+    def _keep(self, experiment: Experiment, drawing: _Drawing) -> None:
+        light, dark = on_disk.figures_of(self.folder, experiment.name)
+        write_text(light, drawing.light)
+        write_text(dark, drawing.dark)
+        on_disk.write_tables(self.folder, experiment, self.seeds, drawing.tables)
+        self.tables[experiment.name] = drawing.tables
+        self.write()
 
     def _of(self, experiment: Experiment) -> list[Outcome]:
         every = (self.outcomes.get((experiment.name, seed)) for seed in range(self.seeds))
@@ -245,15 +265,12 @@ def _measured(experiment: Experiment, seed: int) -> str | _Failure:
         return _failure(error)
 
 
-def _drawn(
-    experiment: Experiment, outcomes: list[Outcome], folder: Path
-) -> tuple[Table, ...] | _Failure:
-    from palpate.figures.style import save
+def _drawn(experiment: Experiment, outcomes: list[Outcome]) -> _Drawing | _Failure:
+    from palpate.figures.style import as_svg
 
     try:
-        for dark, ending in ((False, ""), (True, "-dark")):
-            save(experiment.draw(outcomes, dark=dark), folder / f"{experiment.name}{ending}.svg")
-        return experiment.tables(outcomes)
+        light, dark = (as_svg(experiment.draw(outcomes, dark=dark)) for dark in (False, True))
+        return _Drawing(light, dark, experiment.tables(outcomes))
     except Exception as error:
         return _failure(error)
 
