@@ -59,8 +59,9 @@ def paper(
                 begun=_say_what_was_taken_over,
             )
     except KeyboardInterrupt:
-        words = "interrupted; what is finished is kept, and the same command goes on from there"
-        print(f"palpate: {words}: {output / 'report.html'}", file=sys.stderr)
+        if (output / "report.html").is_file():
+            words = "interrupted; the same command goes on from what is finished"
+            print(f"palpate: {words}: {output / 'report.html'}", file=sys.stderr)
         raise
     _print(report, output)
 

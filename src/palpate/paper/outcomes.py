@@ -33,11 +33,10 @@ def as_text(experiment: Experiment, outcome: Outcome) -> str:
         "experiment": experiment.name,
         "made_by": fingerprint(experiment),
         "seed": outcome.seed,
-        "numbers": _plain(outcome.numbers, DIGITS_KEPT),
-        "curves": _plain(outcome.curves, DIGITS_DRAWN),
+        "numbers": plain(outcome.numbers),
+        "curves": plain(outcome.curves, DIGITS_DRAWN),
         "findings": {
-            key: _plain(dataclasses.asdict(finding), DIGITS_KEPT)
-            for key, finding in outcome.findings.items()
+            key: plain(dataclasses.asdict(finding)) for key, finding in outcome.findings.items()
         },
     }
     return json.dumps(whole, ensure_ascii=False, allow_nan=False) + "\n"
@@ -138,14 +137,14 @@ def _fingerprint(module: str | None) -> str:
     return found.hexdigest()[:16]
 
 
-def _plain(value: Any, digits: int) -> Any:
-    """Return a value as JSON takes it: floats rounded, null for what is not finite."""
+def plain(value: Any, digits: int = DIGITS_KEPT) -> Any:
+    """Return a value as JSON takes it: floats rounded, None for what is not finite."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(each, digits) for key, each in value.items()}
+        return {str(key): plain(each, digits) for key, each in value.items()}
     if hasattr(value, "tolist"):  # NumPy's arrays and scalars
         value = value.tolist()
     if isinstance(value, list | tuple):
-        return [_plain(each, digits) for each in value]
+        return [plain(each, digits) for each in value]
     if isinstance(value, float):
         return float(f"{value:.{digits}g}") if math.isfinite(value) else None
     return value

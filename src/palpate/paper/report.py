@@ -15,7 +15,7 @@ from palpate.files import write_text
 from palpate.lab import MATERIALS, PALPATION, THREE_SINES, TRAJECTORIES, Sensors
 from palpate.paper.claims import Judgement, Verdict
 from palpate.paper.experiment import Experiment, Outcome, Table
-from palpate.paper.outcomes import versions
+from palpate.paper.outcomes import plain, versions
 from palpate.paper.sessions import GATE, START
 
 TITLE = "Haddadi & Hashtrudi-Zaad (2012), run again"
@@ -159,20 +159,12 @@ def _section_as_dict(section: Section) -> dict[str, Any]:
         "outcomes": [
             {
                 "seed": outcome.seed,
-                "numbers": _defined(dict(outcome.numbers)),
-                "findings": {key: asdict(each) for key, each in outcome.findings.items()},
+                "numbers": plain(outcome.numbers),
+                "findings": plain({key: asdict(each) for key, each in outcome.findings.items()}),
             }
             for outcome in section.outcomes
         ],
     }
-
-
-def _defined(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _defined(each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [_defined(each) for each in value]
-    return None if isinstance(value, float) and value != value else value
 
 
 def claims_as_markdown(report: Report) -> str:
