@@ -14,6 +14,7 @@ from typing import Any
 
 from palpate.errors import PalpateError
 from palpate.files import make_folder, write_text
+from palpate.paper import EXPERIMENTS
 from palpate.paper import outcomes as on_disk
 from palpate.paper.claims import judge
 from palpate.paper.experiment import Experiment, Outcome, Table
@@ -254,8 +255,19 @@ def _follow_parent() -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
-def _measured(experiment: Experiment, seed: int) -> str | _Failure:
+def _portable(experiment: Experiment) -> Experiment | str:
+    """An experiment of the paper goes to a worker by its name, for its judges cannot be pickled."""
+    known = EXPERIMENTS.get(experiment.name) is experiment
+    return experiment.name if known else experiment
+
+
+def _arrived(sent: Experiment | str) -> Experiment:
+    return EXPERIMENTS[sent] if isinstance(sent, str) else sent
+
+
+def _measured(sent: Experiment | str, seed: int) -> str | _Failure:
     try:
+        experiment = _arrived(sent)
         outcome = experiment.run(seed)
         missing = {claim.key for claim in experiment.claims} ^ set(outcome.findings)
         if missing:
