@@ -114,9 +114,10 @@ class PaperRun:
                     yield _Task(experiment, seed)
 
     def _submitted(self, pool: ProcessPoolExecutor, task: _Task) -> Future[Any]:
+        sent = _portable(task.experiment)
         if task.seed is not None:
-            return pool.submit(_measured, task.experiment, task.seed)
-        return pool.submit(_drawn, task.experiment, self._of(task.experiment))
+            return pool.submit(_measured, sent, task.seed)
+        return pool.submit(_drawn, sent, self._of(task.experiment))
 
     def _settled(self, task: _Task, future: Future[Any]) -> bool:
         """Write down what a task gave; False where it failed."""
@@ -277,10 +278,11 @@ def _measured(sent: Experiment | str, seed: int) -> str | _Failure:
         return _failure(error)
 
 
-def _drawn(experiment: Experiment, outcomes: list[Outcome]) -> _Drawing | _Failure:
+def _drawn(sent: Experiment | str, outcomes: list[Outcome]) -> _Drawing | _Failure:
     from palpate.figures.style import as_svg
 
     try:
+        experiment = _arrived(sent)
         light, dark = (as_svg(experiment.draw(outcomes, dark=dark)) for dark in (False, True))
         return _Drawing(light, dark, experiment.tables(outcomes))
     except Exception as error:
