@@ -100,7 +100,7 @@ def settings() -> tuple[Table, ...]:
         ("units of the estimators", "SI, as in the paper"),
         ("P₀ of the single stage, of [ln K, B/K, n]", f"{single.settings['initial_covariance']:g}"),
         ("forgetting", "λ(t) = 1 − 0.01 exp(−5 (t − contact)), the paper's"),
-        ("start, set I", "K = 0.1, B = 0, n = 1"),
+        ("start, set I", "K = {:g}, B = {:g}, n = {:g}".format(*single.default_initial.parameters)),
         ("sensors", Sensors().describe()),
         ("variable projection", "same samples, no starts, no forgetting, offset estimated"),
     )
@@ -113,7 +113,7 @@ def settings() -> tuple[Table, ...]:
         if isinstance(trajectory, Probing | Palpation)
     )
     return (
-        Table("What the paper leaves open, and what was chosen", ("setting", "value"), chosen),
+        Table("How the experiments are set", ("setting", "value"), chosen),
         Table(
             "The materials, ours",
             ("material", "truth, SI"),
