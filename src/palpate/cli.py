@@ -66,6 +66,7 @@ class Reading:
 
     def gate(self, contact: "Contact") -> Any:
         """Return the gate asked for; what is not asked for is chosen from the data."""
+        from palpate.errors import InvalidParameterError
         from palpate.preparation.suggestions import suggest_gate
         from palpate.settings import ContactGate
 
@@ -77,7 +78,11 @@ class Reading:
             depth = self.min_penetration
         if self.min_force is not None:
             make = broken = self.min_force
-        return ContactGate(minimum_penetration=depth, make_force=make, break_force=broken)
+        try:
+            return ContactGate(minimum_penetration=depth, make_force=make, break_force=broken)
+        except InvalidParameterError as error:
+            words = str(error).replace("minimum_penetration", "--min-penetration")
+            raise InvalidParameterError(words.replace("make_force", "--min-force")) from None
 
 
 @app.command

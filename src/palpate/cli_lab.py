@@ -62,8 +62,9 @@ def lab(
     Parameters
     ----------
     material
-        ball, sponge, pvc, inclusion, relaxing-sponge or soft-and-hard; or hunt-crossley,
-        kelvin-voigt or extended-kelvin-voigt with parameters of one's own.
+        ball, sponge, pvc, inclusion, relaxing-sponge, soft-and-hard (by place) or soft-then-hard
+        (by time); or hunt-crossley, kelvin-voigt or extended-kelvin-voigt with parameters of one's
+        own.
     output
         CSV to write; the truth stands in the notes above its header.
     trajectory
@@ -157,13 +158,13 @@ def _probe(instruments: Instruments) -> "Probe":
 
 
 def _run(bench: "Bench", seed: int, seconds: float) -> "Measurement":
-    """Run the bench with a progress bar, where a person looks on."""
+    """Run the bench, with a progress bar where a person looks on."""
+    if not sys.stderr.isatty():
+        return bench.run(seed, seconds=seconds)
     from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(
-        console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()
-    ) as bar:
+    with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(f"pressing {bench.material.name}", total=seconds)
         return bench.run(
             seed, seconds=seconds, progress=lambda reached: bar.update(task, completed=reached)

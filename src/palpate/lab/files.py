@@ -10,7 +10,13 @@ from palpate.contact import Contact
 from palpate.files import write_text
 
 
-def write(contact: Contact, path: str | Path, notes: Mapping[str, str] | None = None) -> None:
+def write(
+    contact: Contact,
+    path: str | Path,
+    notes: Mapping[str, str] | None = None,
+    *,
+    velocity: bool = False,
+) -> None:
     """Write a contact as CSV, whole or not at all, with what is known of it above the header.
 
     ``palpate.read_contact`` gives back the notes in ``made``, among them the truth.
@@ -18,11 +24,13 @@ def write(contact: Contact, path: str | Path, notes: Mapping[str, str] | None = 
     Parameters
     ----------
     contact : Contact
-        For instance of :meth:`Bench.run`; its velocity is not written, as no rig records it.
+        For instance of :meth:`Bench.run`. Where it has several segments, they get a column.
     path : str or Path
         The file.
     notes : mapping, optional
         Further lines for its head.
+    velocity : bool
+        Write the velocity too. Most rigs record none, and a reader works it out.
 
     Raises
     ------
@@ -30,11 +38,18 @@ def write(contact: Contact, path: str | Path, notes: Mapping[str, str] | None = 
         The path cannot be written.
     """
     head = {**(notes or {}), **contact.made}
-    head.pop("velocity", None)
+    if not velocity:
+        head.pop("velocity", None)
+    columns = {"time_s": (contact.time, "%.9g"), "penetration_m": (contact.penetration, "%.7g")}
+    if velocity:
+        columns["velocity_m_s"] = contact.velocity, "%.7g"
+    columns["force_N"] = contact.force, "%.7g"
+    if contact.segment[-1:].any():
+        columns["segment"] = (contact.segment + 1).astype(np.float64), "%d"
     text = io.StringIO()
     for name, words in head.items():
         text.write(f"# {name}: {' '.join(words.split())}\n")
-    text.write("time_s,penetration_m,force_N\n")
-    columns = np.column_stack([contact.time, contact.penetration, contact.force])
-    np.savetxt(text, columns, fmt=("%.9g", "%.7g", "%.7g"), delimiter=",")
+    text.write(",".join(columns) + "\n")
+    table = np.column_stack([values for values, _ in columns.values()])
+    np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")
     write_text(Path(path), text.getvalue())

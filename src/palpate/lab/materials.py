@@ -42,7 +42,8 @@ class Homogeneous:
     Parameters
     ----------
     law : force law
-        The truth that identification should give back.
+        The truth that identification should give back: stiffness > 0, damping ≥ 0, exponent in
+        (0, 10].
     name : str
         What a person calls the material.
     """
@@ -52,6 +53,7 @@ class Homogeneous:
 
     def __post_init__(self) -> None:
         instance("law", self.law, (KelvinVoigt, ExtendedKelvinVoigt, HuntCrossley))
+        _check_real(self.law)
 
     def touch(self) -> Touch:
         """Return the law as a function of time, place, penetration and velocity."""
@@ -94,6 +96,7 @@ class Relaxing:
 
     def __post_init__(self) -> None:
         instance("law", self.law, HuntCrossley)
+        _check_real(self.law)
         number_in("branch_stiffness", self.branch_stiffness, 0.0, 1e12)
         number_in("relaxation_time", self.relaxation_time, 0.0, 1e6, open_low=True)
 
@@ -225,6 +228,13 @@ def _selected(materials: tuple[Material, ...], edges: tuple[float, ...], *, by_t
     return force
 
 
+def _check_real(law: ForceLaw) -> None:
+    """Refuse what nothing is made of: a material that pulls the probe in, or gives energy."""
+    for name, value in law.as_dict().items():
+        highest = 10.0 if name == "exponent" else 1e30
+        number_in(name, value, 0.0, highest, open_low=name in ("stiffness", "exponent"))
+
+
 def _check_sequence(name: str, materials: tuple[Material, ...], edges: tuple[float, ...]) -> None:
     for material in materials:
         instance("materials", material, Material)
@@ -252,6 +262,7 @@ PVC = Homogeneous(HuntCrossley(1e5, 2e5, 2.0), "PVC phantom")
 INCLUSION = Homogeneous(HuntCrossley(3e5, 3e5, 2.0), "PVC phantom with a hard inclusion")
 RELAXING_SPONGE = Relaxing(HuntCrossley(300.0, 300.0, 1.0), 150.0, 1.0, "relaxing sponge")
 SOFT_AND_HARD = Zones((PVC, INCLUSION), (0.0,), "PVC phantom with a hard zone")
+SOFT_THEN_HARD = Episodes((PVC, INCLUSION), (7.0,), "PVC phantom that hardens at 7 s")
 
 #: The laboratory's materials by the name that the command line knows them by.
 MATERIALS: Mapping[str, Material] = {
@@ -261,4 +272,5 @@ MATERIALS: Mapping[str, Material] = {
     "inclusion": INCLUSION,
     "relaxing-sponge": RELAXING_SPONGE,
     "soft-and-hard": SOFT_AND_HARD,
+    "soft-then-hard": SOFT_THEN_HARD,
 }

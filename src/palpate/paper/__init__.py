@@ -2,21 +2,26 @@
 
 from palpate.paper.condition import Condition
 from palpate.paper.experiment import Claim, Experiment, Finding, Outcome, Table
+from palpate.paper.forgetting import FORGETTING
+from palpate.paper.intermittent import INTERMITTENT
+from palpate.paper.materials import COMPARISONS
+from palpate.paper.near_truth import NEAR_TRUTH
 from palpate.paper.repetitions import Repetitions
 from palpate.paper.trajectory import TrajectoryFollowed
 
 __all__ = ["EXPERIMENTS", "Claim", "Experiment", "Finding", "Outcome", "Table"]
 
+_ALL: tuple[Experiment, ...] = (
+    TrajectoryFollowed(),
+    *(Repetitions(name) for name in ("fig05", "fig11", "fig14")),
+    *(Condition(name) for name in ("fig06", "fig12", "fig15")),
+    *FORGETTING,
+    *COMPARISONS,
+    *NEAR_TRUTH,
+    *INTERMITTENT,
+)
+
 #: By name, in the order of the paper.
 EXPERIMENTS: dict[str, Experiment] = {
-    experiment.name: experiment
-    for experiment in (
-        TrajectoryFollowed(),
-        Repetitions("fig05"),
-        Condition("fig06"),
-        Repetitions("fig11"),
-        Condition("fig12"),
-        Repetitions("fig14"),
-        Condition("fig15"),
-    )
+    experiment.name: experiment for experiment in sorted(_ALL, key=lambda each: each.name)
 }

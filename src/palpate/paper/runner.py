@@ -15,6 +15,7 @@ from typing import Any
 
 from palpate.errors import PalpateError
 from palpate.files import make_folder, write_text
+from palpate.paper import EXPERIMENTS
 from palpate.paper import outcomes as on_disk
 from palpate.paper.claims import judge
 from palpate.paper.experiment import Experiment, Outcome, Table
@@ -115,9 +116,10 @@ class PaperRun:
                     yield _Task(experiment, seed)
 
     def _submitted(self, pool: ProcessPoolExecutor, task: _Task) -> Future[Any]:
+        sent = _portable(task.experiment)
         if task.seed is not None:
-            return pool.submit(_measured, task.experiment, task.seed)
-        return pool.submit(_drawn, task.experiment, self._of(task.experiment))
+            return pool.submit(_measured, sent, task.seed)
+        return pool.submit(_drawn, sent, self._of(task.experiment))
 
     def _settled(self, task: _Task, future: Future[Any]) -> bool:
         """Write down what a task gave; False where it failed."""
@@ -263,8 +265,19 @@ def _prepare_worker(sessions: Path) -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
-def _measured(experiment: Experiment, seed: int) -> str | _Failure:
+def _portable(experiment: Experiment) -> Experiment | str:
+    """An experiment of the paper goes to a worker by its name, for its judges cannot be pickled."""
+    known = EXPERIMENTS.get(experiment.name) is experiment
+    return experiment.name if known else experiment
+
+
+def _arrived(sent: Experiment | str) -> Experiment:
+    return EXPERIMENTS[sent] if isinstance(sent, str) else sent
+
+
+def _measured(sent: Experiment | str, seed: int) -> str | _Failure:
     try:
+        experiment = _arrived(sent)
         outcome = experiment.run(seed)
         missing = {claim.key for claim in experiment.claims} ^ set(outcome.findings)
         if missing:
@@ -274,10 +287,11 @@ def _measured(experiment: Experiment, seed: int) -> str | _Failure:
         return _failure(error)
 
 
-def _drawn(experiment: Experiment, outcomes: list[Outcome]) -> _Drawing | _Failure:
+def _drawn(sent: Experiment | str, outcomes: list[Outcome]) -> _Drawing | _Failure:
     from palpate.figures.style import as_svg
 
     try:
+        experiment = _arrived(sent)
         light, dark = (as_svg(experiment.draw(outcomes, dark=dark)) for dark in (False, True))
         return _Drawing(light, dark, experiment.tables(outcomes))
     except Exception as error:

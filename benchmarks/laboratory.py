@@ -1,0 +1,95 @@
+"""``python -m benchmarks.laboratory``: what identification makes of recordings of known truth.
+
+Every material of the laboratory that a Hunt–Crossley law describes, pressed by the twin pantograph,
+measured by the paper's sensors, identified with the default method; ``docs/lab.md`` keeps it.
+"""
+
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from cyclopts import App
+
+from benchmarks.accuracy import report
+from benchmarks.accuracy.campaign import Campaign
+from benchmarks.accuracy.table import Group, Limit, Line
+from palpate import HuntCrossley, identify, lab
+from palpate.files import write_text
+from palpate.validation import Floats
+
+MATERIALS = ("ball", "sponge", "pvc", "inclusion")
+
+app = App(name="python -m benchmarks.laboratory", help_format="plaintext")
+
+
+@app.default
+def laboratory(
+    *, seeds: int = 20, workers: int | None = None, markdown: Path | None = None
+) -> None:
+    """Measure how often three standard errors hold the truth.
+
+    Parameters
+    ----------
+    seeds
+        Seeds of noise, bias and encoder phases, 2 or more.
+    workers
+        Worker processes; one a core unless given.
+    markdown
+        Write the tables to this file too.
+    """
+    if seeds < 2:
+        sys.exit(f"--seeds {seeds} is fewer than 2")
+    with Campaign(seeds, workers) as campaign:
+        groups = [
+            _group(campaign, "Encoders of 20 000 counts a turn, as in the paper", 20_000.0),
+            _group(campaign, "Encoders without steps", 0.0),
+        ]
+    facts, console = report.circumstances(seeds), report.console()
+    for group in groups:
+        report.print_group(group, console)
+    console.print(report.words(facts))
+    if markdown is not None:
+        write_text(markdown, report.markdown(groups, facts))
+
+
+def _group(campaign: Campaign, title: str, counts: float) -> Group:
+    lines = []
+    for name in MATERIALS:
+        runs = campaign.map(name, partial(errors, name, counts), range(campaign.seeds))
+        relative, standardised = np.swapaxes(np.array(runs), 0, 1)
+        inside = float(np.mean(np.abs(standardised).max(axis=1) < 3.0))
+        lines.append(
+            Line(
+                name,
+                (100.0 * inside, float(np.abs(standardised).max())),
+                (Limit(100.0, 95.0), None),
+                tuple(100.0 * np.sqrt(np.mean(relative**2, axis=0))),
+            )
+        )
+    return Group(
+        title,
+        "`Bench(material, THREE_SINES).run(seed)`, 10 s, `identify` with its defaults.",
+        ("K, B and n within 3 s.e., %", "largest error, s.e."),
+        lines,
+        ("K rms, %", "B rms, %", "n rms, %"),
+    )
+
+
+def errors(name: str, counts: float, seed: int) -> Floats:
+    """Relative errors of K, B and n, and the same in standard errors; shape (2, 3)."""
+    material = lab.MATERIALS[name]
+    assert isinstance(material, lab.Homogeneous)
+    assert isinstance(material.law, HuntCrossley)
+    bench = lab.Bench(material, lab.THREE_SINES, lab.TwinPantograph(counts_per_turn=counts))
+    result = identify(bench.run(seed).contact)
+    truth = material.law.parameters
+    apart = result.law.parameters - truth
+    return np.array([apart / truth, apart / result.estimate.standard_errors])
+
+
+if __name__ == "__main__":
+    try:
+        app()
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,0 +1,36 @@
+"""The comparison on each of the paper's three materials."""
+
+from palpate.estimators import (
+    DoubleStageRLS,
+    ExtendedKelvinVoigtRLS,
+    KelvinVoigtRLS,
+    SingleStageRLS,
+)
+from palpate.paper.comparison import Comparison
+from palpate.paper.comparison_claims import BALL_CLAIMS, SPONGE_CLAIMS
+from palpate.paper.phantom_claims import PHANTOM_CLAIMS
+
+COMPARISONS = (
+    Comparison(
+        "fig08",
+        "Rubber ball: three starts, four methods, one recording (Fig. 8, Tables I and II)",
+        "ball",
+        (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS),
+        BALL_CLAIMS,
+    ),
+    Comparison(
+        "fig13",
+        "Sponge: three starts, four methods, one recording (Fig. 13, Tables III and IV)",
+        "sponge",
+        (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS),
+        SPONGE_CLAIMS,
+        beside="relaxing-sponge",
+    ),
+    Comparison(
+        "fig16",
+        "PVC phantom: three starts, five methods, one recording (Fig. 16, Tables V and VI)",
+        "pvc",
+        (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS, ExtendedKelvinVoigtRLS),
+        PHANTOM_CLAIMS,
+    ),
+)

@@ -1,0 +1,149 @@
+"""``palpate lab``, as a user meets it."""
+
+import json
+
+import numpy as np
+import pytest
+
+import palpate
+from palpate import cli, lab
+
+pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
+
+QUICK = ("--seconds", "4", "--seed", "3")
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Calls the command in this process: exit status, standard output, standard error."""
+
+    def call(*arguments) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["palpate", *map(str, arguments)])
+        status = 0
+        try:
+            cli.main()
+        except SystemExit as end:
+            status = end.code
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return call
+
+
+def test_what_lab_writes_identify_reads_and_finds_the_truth_in(run, tmp_path):
+    file = tmp_path / "pvc.csv"
+    status, out, err = run("lab", "pvc", "-o", file)
+    assert (status, err) == (0, "")
+    assert '"stiffness": 100000.0' in out
+    whole = json.loads(run("identify", file, "--json")[1])
+    assert json.loads(whole["made"]["truth"]) == lab.PVC.describe()
+    [result] = whole["results"]
+    for name, value in lab.PVC.law.as_dict().items():
+        assert abs(result["law"][name] - value) < 3.0 * result["standard_errors"][name]
+
+
+def test_identify_shows_the_truth_that_a_file_states_beside_what_it_found(run, tmp_path):
+    file = tmp_path / "ball.csv"
+    run("lab", "ball", "-o", file, *QUICK)
+    out = run("identify", file)[1]
+    assert "truth, by" in out
+    assert "K = 2000 N/mⁿ" in out
+    file.write_text(file.read_text().replace("# truth:", "# truth: not JSON"))
+    assert "truth, by" not in run("identify", file)[1]
+
+
+def test_the_command_makes_the_file_that_the_library_makes(run, tmp_path):
+    run("lab", "sponge", "--trajectory", "two-sines", "-o", tmp_path / "a.csv", *QUICK)
+    contact = lab.Bench(lab.SPONGE, lab.TWO_SINES).run(3, seconds=4.0).contact
+    read = palpate.read_contact(tmp_path / "a.csv")
+    np.testing.assert_allclose(read.penetration, contact.penetration, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "material, trajectory",
+    [(name, "three-sines") for name in lab.MATERIALS]
+    + [("pvc", name) for name in lab.TRAJECTORIES],
+)
+def test_every_material_and_every_trajectory_is_there(run, tmp_path, material, trajectory):
+    file = tmp_path / "any.csv"
+    assert run("lab", material, "--trajectory", trajectory, "-o", file, *QUICK)[0] == 0
+    contact = palpate.read_contact(file)
+    assert len(contact) == 4000
+    assert contact.force.max() > 0.5
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        ("hunt-crossley", "--stiffness", 500, "--damping", 100, "--exponent", 1.3),
+        ("kelvin-voigt", "--stiffness", 800, "--damping", 4),
+        ("extended-kelvin-voigt", "--stiffness", 500, "--quadratic-stiffness", 4e4, "--damping", 5),
+    ],
+)
+def test_a_law_of_ones_own_is_pressed(run, tmp_path, law):
+    file = tmp_path / "own.csv"
+    status, _, err = run("lab", *law, "--probe", "ideal", "-o", file, *QUICK)
+    assert (status, err) == (0, "")
+    assert json.loads(palpate.read_contact(file).made["truth"])["kind"] == law[0]
+
+
+def test_sensors_can_be_switched_off(run, tmp_path):
+    file = tmp_path / "ball.csv"
+    off = ("--noise", 0, "--resolution", 0, "--bias", 0, "--counts", 0)
+    run("lab", "ball", "-o", file, *off, *QUICK)
+    law = palpate.identify(palpate.read_contact(file)).law
+    np.testing.assert_allclose(law.parameters, lab.BALL.law.parameters, rtol=1e-3)
+
+
+def test_a_motion_from_a_file_is_followed(run, tmp_path):
+    time = np.arange(0.0, 4.0, 0.01)
+    depth = np.where(time < 1.0, -1e-3, -1e-3 + 9e-3 * np.sin(time - 1.0) ** 2)
+    rows = "".join(f"{t!r},{x!r}\n" for t, x in zip(time.tolist(), depth.tolist(), strict=True))
+    motion = tmp_path / "motion.csv"
+    motion.write_text("time_s,penetration_m\n" + rows)
+    file = tmp_path / "ball.csv"
+    status, _, err = run("lab", "ball", "--trajectory", motion, "-o", file, *QUICK)
+    assert (status, err) == (0, "")
+    assert palpate.read_contact(file).penetration.max() == pytest.approx(8e-3, rel=0.2)
+
+
+@pytest.mark.parametrize("ending", [".png", ".svg"])
+def test_the_rig_is_pictured(run, tmp_path, ending):
+    picture = tmp_path / f"rig{ending}"
+    status, out, err = run("lab", "ball", "-o", tmp_path / "b.csv", "--picture", picture, *QUICK)
+    assert (status, err) == (0, "")
+    assert str(picture) in out
+    assert picture.stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (("bal",), "MATERIAL must be one of ball, sponge"),
+        (("ball", "--trajectory", "sines"), "--trajectory must be one of three-sines, two-sines"),
+        (("ball", "--trajectory", "gone.csv"), "gone.csv: No such file"),
+        (("ball", "--probe", "finger"), "--probe must be one of twin-pantograph, ideal"),
+        (("ball", "--seconds", 0), "seconds must be in"),
+        (("ball", "--seed", -1), "seed must be in"),
+        (("ball", "--noise", -1), "force_noise must be in"),
+        (("ball", "--stiffness", 3), "--stiffness goes with a law of one's own"),
+        (("hunt-crossley", "--stiffness", 3), "needs --stiffness, --damping, --exponent"),
+        (("ball", "--picture", "rig.bmp"), "--picture must end in"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(run, tmp_path, arguments, words):
+    file = tmp_path / "x.csv"
+    status, out, err = run("lab", *arguments, "-o", file)
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    assert words in err
+    assert not file.exists()
+
+
+def test_a_folder_that_cannot_be_written_to_is_said_before_the_work(run, tmp_path):
+    status, _, err = run("lab", "ball", "-o", tmp_path / "absent" / "x.csv", "--seconds", "90000")
+    assert status == 2
+    assert "absent" in err
+    status, _, err = run("lab", "ball", "-o", tmp_path, "--seconds", "90000")
+    assert status == 2
+    assert "this is a folder" in err
