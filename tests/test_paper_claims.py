@@ -50,7 +50,7 @@ def test_what_was_not_measured_or_is_not_finite_is_left_out_of_ours():
 
 def test_words_that_differ_are_those_of_the_first_seed():
     assert judged(True, True, words=("a", "a")).words == "a"
-    assert judged(True, True, words=("a", "b")).words == "In the first seed: a"
+    assert judged(True, True, words=("a", "b")).words == "First seed: a"
 
 
 def test_judging_an_experiment_holds_each_claim_against_each_seed():

@@ -99,7 +99,7 @@ class Judgement:
         said = [finding.words for finding in self.findings]
         if len(set(said)) <= 1:
             return said[0] if said else ""
-        return f"In the first seed: {said[0]}" if said[0] else ""
+        return f"First seed: {said[0]}" if said[0] else ""
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers and words."""

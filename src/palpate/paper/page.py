@@ -138,8 +138,10 @@ def _claims(title: str, judgements: Sequence[Judgement], *, with_links: bool) ->
 
 
 def _ours(each: Judgement) -> str:
+    if not each.ours_words:
+        return "–"
     what = each.claim.measured
-    return (escape(each.ours_words) or "–") + (f"<br><small>{escape(what)}</small>" if what else "")
+    return escape(each.ours_words) + (f"<br><small>{escape(what)}</small>" if what else "")
 
 
 def _cells(cells: Iterable[str]) -> str:

@@ -208,7 +208,9 @@ def _common_findings(numbers: dict[str, Any], material: str) -> dict[str, Findin
     spread = max(numbers["spread"][material]["single-stage"])
     projected = max(numbers["spread"][material]["variable-projection"])
     return {
-        "agree": Finding(spread <= AGREEMENT, spread, f"Variable projection: {projected:.2g} %."),
+        "agree": Finding(
+            spread <= AGREEMENT, spread, f"Variable projection spreads {projected:.2g} %."
+        ),
         "stiffness": Finding(None, stiffness, f"B = {readable(damping)} N·s/mⁿ⁺¹."),
         "ratio": Finding(None, damping / stiffness),
         "exponent": Finding(None, exponent),

@@ -12,7 +12,7 @@ from typing import Any
 
 from palpate.estimators import SingleStageRLS
 from palpate.files import write_text
-from palpate.lab import MATERIALS, PALPATION, THREE_SINES, TRAJECTORIES, Sensors
+from palpate.lab import MATERIALS, TRAJECTORIES, Palpation, Probing, Sensors
 from palpate.paper.claims import Judgement, Verdict
 from palpate.paper.experiment import Experiment, Outcome, Table
 from palpate.paper.outcomes import plain, versions
@@ -100,7 +100,7 @@ def settings() -> tuple[Table, ...]:
         ("units of the estimators", "SI, as in the paper"),
         ("P₀ of the single stage, of [ln K, B/K, n]", f"{single.settings['initial_covariance']:g}"),
         ("forgetting", "λ(t) = 1 − 0.01 exp(−5 (t − contact)), the paper's"),
-        ("start, set I", "K = 0.1, B = 0, n = 1"),
+        ("start, set I", "K = {:g}, B = {:g}, n = {:g}".format(*single.default_initial.parameters)),
         ("sensors", Sensors().describe()),
         ("variable projection", "same samples, no starts, no forgetting, offset estimated"),
     )
@@ -108,19 +108,34 @@ def settings() -> tuple[Table, ...]:
         (name, ", ".join(_truth(material.describe()))) for name, material in MATERIALS.items()
     )
     motions = tuple(
-        (name, f"{trajectory!r}")
+        (name, _motion(trajectory))
         for name, trajectory in TRAJECTORIES.items()
-        if trajectory in (THREE_SINES, PALPATION)
+        if isinstance(trajectory, Probing | Palpation)
     )
     return (
-        Table("What the paper leaves open, and what was chosen", ("setting", "value"), chosen),
+        Table("How the experiments are set", ("setting", "value"), chosen),
         Table(
             "The materials, ours",
             ("material", "truth, SI"),
             laws,
             "Within the orders of magnitude that the paper's text gives; its tables are lost.",
         ),
-        Table("The motions", ("motion", "parameters, SI"), motions),
+        Table("The motions", ("motion", "command"), motions),
+    )
+
+
+def _motion(trajectory: Probing | Palpation) -> str:
+    if isinstance(trajectory, Palpation):
+        return (
+            f"{_motion(trajectory.probing)}; after {trajectory.dwell:g} s, and so on, "
+            f"{1e3 * trajectory.distance:g} mm sideways in {trajectory.shift:g} s"
+        )
+    motion = trajectory.motion
+    sines = zip(motion.amplitudes, motion.frequencies, strict=True)
+    waves = " + ".join(f"{1e3 * size:g} sin {rate:g} t" for size, rate in sines)
+    return (
+        f"{1e3 * motion.depth:g} + {waves} mm, t from {trajectory.pause + trajectory.approach:g} s "
+        f"on; a pause of {trajectory.pause:g} s, {1e3 * trajectory.clearance:g} mm above"
     )
 
 
@@ -174,7 +189,8 @@ def claims_as_markdown(report: Report) -> str:
         "|---|---|---|---|---|---|",
     ]
     for each in report.judgements:
-        number = ": ".join(filter(None, (each.claim.measured, each.ours_words)))
+        named = f"{each.claim.measured}: " if each.claim.measured else ""
+        number = f"{named}{each.ours_words}" if each.ours_words else ""
         ours = ". ".join(filter(None, (number, each.words)))
         cells = (
             f"{each.experiment}; {each.claim.where}",

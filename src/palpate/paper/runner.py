@@ -10,6 +10,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from palpate.errors import PalpateError
@@ -19,6 +20,7 @@ from palpate.paper import outcomes as on_disk
 from palpate.paper.claims import judge
 from palpate.paper.experiment import Experiment, Outcome, Table
 from palpate.paper.report import Report, Section, write_report
+from palpate.paper.sessions import share_sessions
 
 #: Told what has just been finished, and how many of how many tasks are.
 Progress = Callable[[str, int, int], None]
@@ -203,7 +205,11 @@ def run_paper(
     run = PaperRun(experiments, seeds, folder)
     run.take_over()
     begun(run)
-    with _workers(workers or os.cpu_count() or 1) as pool:
+    # Sessions are for this run only: another may be of other code.
+    with (
+        TemporaryDirectory(prefix="palpate-") as sessions,
+        _workers(workers or os.cpu_count() or 1, Path(sessions)) as pool,
+    ):
         try:
             run.work(pool, progress)
         finally:
@@ -215,11 +221,13 @@ def run_paper(
 
 
 @contextmanager
-def _workers(count: int) -> Iterator[ProcessPoolExecutor]:
+def _workers(count: int, sessions: Path) -> Iterator[ProcessPoolExecutor]:
     """Processes that end at once when this one is interrupted."""
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_follow_parent)
+    pool = ProcessPoolExecutor(
+        count, mp_context=context, initializer=_prepare_worker, initargs=(sessions,)
+    )
     try:
         yield pool
     except BaseException:
@@ -243,9 +251,10 @@ def _workers_deaf_to_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _follow_parent() -> None:
-    """End when the process that started this one is gone, however it went."""
+def _prepare_worker(sessions: Path) -> None:
+    """Share sessions, and end when the process that started this one is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    share_sessions(sessions)
     parent = multiprocessing.parent_process()
     assert parent is not None
 

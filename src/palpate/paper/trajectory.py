@@ -56,7 +56,7 @@ CLAIMS = (
         "A 2-s delay in the position command is implemented to measure and remove any bias in "
         "the force sensor measurements before the actual experiment starts.",
         "2 s",
-        "N",
+        "mN",
         "Removed where what is left is under half a step of the sensor, 1/16 N.",
         "largest bias left",
     ),
@@ -132,7 +132,7 @@ class TrajectoryFollowed(Experiment):
             ("peak_speed", "peak speed, mm/s"),
             ("rms_lag", "lag, rms, mm"),
             ("peak_force", "peak force, N"),
-            ("bias_left", "force bias left, N"),
+            ("bias_left", "force bias left, mN"),
             ("largest_error", "largest s.e. of VP, %"),
         )
         rows = tuple(
@@ -160,7 +160,7 @@ def _numbers(measurement: Measurement) -> dict[str, float]:
         "peak_speed": 1e3 * float(np.abs(truth.velocity[whole]).max()),
         "rms_lag": 1e3 * float(np.sqrt(np.mean(lag**2))),
         "peak_force": float(truth.force.max()),
-        "bias_left": float(np.mean(contact.force[whole] - truth.force[whole])),
+        "bias_left": 1e3 * float(np.mean(contact.force[whole] - truth.force[whole])),
         "largest_error": 100.0 * float(relative.max()),
     }
 
@@ -180,7 +180,7 @@ def _findings(numbers: dict[str, dict[str, float]]) -> dict[str, Finding]:
         "formula": Finding(None, 1e3 * _commanded_speed()),
         "depth": Finding(abs(depth - 10.0) <= 1.0, depth),
         "inside": Finding(least > 0.0, least),
-        "pause": Finding(abs(bias) <= 0.5 * Sensors().force_resolution, bias),
+        "pause": Finding(1e-3 * abs(bias) <= 0.5 * Sensors().force_resolution, bias),
         "rich": Finding(error <= 5.0, error),
     }
 
