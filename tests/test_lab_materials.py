@@ -81,6 +81,9 @@ def test_the_place_decides_between_zones_and_the_time_between_episodes():
     "make, words",
     [
         (lambda: lab.Homogeneous("ball"), "law must be a KelvinVoigt or"),
+        (lambda: lab.Homogeneous(KelvinVoigt(-1.0, 1.0)), "stiffness must be in"),
+        (lambda: lab.Homogeneous(HuntCrossley(1.0, -1.0, 1.0)), "damping must be in"),
+        (lambda: lab.Homogeneous(HuntCrossley(1.0, 1.0, -2.0)), "exponent must be in"),
         (lambda: lab.Relaxing(KelvinVoigt(1.0, 1.0), 1.0, 1.0), "law must be a HuntCrossley"),
         (lambda: lab.Relaxing(HuntCrossley(1.0, 1.0, 1.0), -1.0, 1.0), "branch_stiffness must be"),
         (lambda: lab.Relaxing(HuntCrossley(1.0, 1.0, 1.0), 1.0, 0.0), "relaxation_time must be"),

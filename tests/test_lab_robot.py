@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import palpate
 from palpate import InvalidParameterError, lab
 from palpate.lab.kinematics import Geometry
 from palpate.lab.picture import NoRendererError, photograph
@@ -140,3 +141,13 @@ def test_a_clock_too_slow_for_position_control_is_refused():
     bench = lab.Bench(lab.BALL, lab.THREE_SINES, sensors=lab.Sensors(sample_time=0.1))
     with pytest.raises(InvalidParameterError, match="sample_time must be at most"):
         bench.run()
+
+
+def test_a_material_that_the_steps_cannot_resolve_is_refused_when_the_simulation_breaks_down(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    bench = lab.Bench(lab.Homogeneous(palpate.KelvinVoigt(1e4, 1e5)), lab.THREE_SINES)
+    with pytest.raises(InvalidParameterError, match=r"breaks down at t = 2\.\d+ s"):
+        bench.run()
+    assert not list(tmp_path.iterdir())  # MuJoCo would leave a log there

@@ -13,6 +13,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from palpate.cli_design import design
 from palpate.cli_lab import lab
+from palpate.cli_paper import paper
 
 if TYPE_CHECKING:
     from palpate.contact import Contact
@@ -26,6 +27,7 @@ app = App(
 )
 app.command(design)
 app.command(lab)
+app.command(paper)
 
 
 @Parameter(name="*")

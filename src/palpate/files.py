@@ -50,6 +50,22 @@ def check_writable(path: Path) -> None:
         raise RecordingError(_unwritable(path, error)) from None
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder, with those above it, and say now whether a file can be written into it.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be made or written to.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path):
+            pass
+    except OSError as error:
+        raise RecordingError(_unwritable(path, error)) from None
+
+
 def write_text(path: Path, text: str) -> None:
     """Write text as UTF-8, whole or not at all."""
     with replacing(path) as temporary:

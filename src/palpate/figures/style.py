@@ -1,8 +1,9 @@
 """How figures look, and how they are written."""
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from palpate.errors import MissingExtraError, RecordingError
 from palpate.files import replacing
@@ -95,15 +96,24 @@ def save(figure: "Figure", path: str | Path) -> None:
         raise RecordingError(f"{path}: a figure's name must end in .svg, .pdf or .png")
     try:
         with replacing(path) as temporary:
-            _write(figure, temporary)
+            _write(figure, temporary, path.suffix)
     except ValueError:
         raise RecordingError(f"{path}: cannot draw {path.suffix}; use .svg, .pdf or .png") from None
 
 
-def _write(figure: "Figure", path: Path) -> None:
+def as_svg(figure: "Figure") -> str:
+    """Return a figure as SVG, the same as :func:`save` writes."""
+    drawn = io.BytesIO()
+    _write(figure, drawn, ".svg")
+    return drawn.getvalue().decode("utf-8")
+
+
+def _write(figure: "Figure", target: Path | IO[bytes], ending: str) -> None:
     import matplotlib
 
     # Without a date or random names, the same result gives the same file.
-    undated = {"Date": None} if path.suffix == ".svg" else None
+    undated = {"Date": None} if ending == ".svg" else None
     with matplotlib.rc_context({"svg.hashsalt": "palpate"}):
-        figure.savefig(path, facecolor=figure.get_facecolor(), metadata=undated)
+        figure.savefig(
+            target, format=ending[1:], facecolor=figure.get_facecolor(), metadata=undated
+        )

@@ -42,7 +42,8 @@ class Homogeneous:
     Parameters
     ----------
     law : force law
-        The truth that identification should give back.
+        The truth that identification should give back: stiffness > 0, damping ≥ 0, exponent in
+        (0, 10].
     name : str
         What a person calls the material.
     """
@@ -52,6 +53,7 @@ class Homogeneous:
 
     def __post_init__(self) -> None:
         instance("law", self.law, (KelvinVoigt, ExtendedKelvinVoigt, HuntCrossley))
+        _check_real(self.law)
 
     def touch(self) -> Touch:
         """Return the law as a function of time, place, penetration and velocity."""
@@ -94,6 +96,7 @@ class Relaxing:
 
     def __post_init__(self) -> None:
         instance("law", self.law, HuntCrossley)
+        _check_real(self.law)
         number_in("branch_stiffness", self.branch_stiffness, 0.0, 1e12)
         number_in("relaxation_time", self.relaxation_time, 0.0, 1e6, open_low=True)
 
@@ -223,6 +226,13 @@ def _selected(materials: tuple[Material, ...], edges: tuple[float, ...], *, by_t
         return touches[index](time, place, penetration, velocity)
 
     return force
+
+
+def _check_real(law: ForceLaw) -> None:
+    """Refuse what nothing is made of: a material that pulls the probe in, or gives energy."""
+    for name, value in law.as_dict().items():
+        highest = 10.0 if name == "exponent" else 1e30
+        number_in(name, value, 0.0, highest, open_low=name in ("stiffness", "exponent"))
 
 
 def _check_sequence(name: str, materials: tuple[Material, ...], edges: tuple[float, ...]) -> None:

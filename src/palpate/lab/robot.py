@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     import mujoco
 
 
+# Beyond these a simulation has broken down: its motors can move the tip at some 3 m/s and press
+# with some 300 N.
+FASTEST, FIRMEST = 20.0, 1e4  # m/s, N
+
+
 def require_mujoco() -> Any:
     """Return MuJoCo, or say how to install it."""
     try:
@@ -190,6 +195,12 @@ class Simulation:
         velocity = 1.5 * lagging - 0.5 * self._before
         self._before = lagging
         force = touch(now, place, depth, velocity)
+        if not (abs(velocity) < FASTEST and abs(force) < FIRMEST):
+            raise InvalidParameterError(
+                f"material is too stiff or too damped for the twin pantograph at steps of "
+                f"{model.opt.timestep:g} s: the simulation breaks down at t = {now:.3f} s; take a "
+                "softer material, a smaller time_step, or an ideal probe"
+            )
         data.qfrc_applied[:] = 0.0
         push = np.array([0.0, -force, 0.0])
         mujoco.mj_applyFT(

@@ -27,6 +27,8 @@ class Claim:
         Unit of what is measured here; empty for a pure number.
     assumption : str
         What the paper leaves open and the answer depends on.
+    measured : str
+        What our number is, where the paper's words do not tell.
     """
 
     key: str
@@ -35,6 +37,7 @@ class Claim:
     number: str = ""
     unit: str = ""
     assumption: str = ""
+    measured: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +92,23 @@ class Table:
 
 
 class Experiment(ABC):
-    """A figure of the paper, with the tables that belong to it."""
+    """A figure of the paper, with the tables that belong to it.
+
+    Attributes
+    ----------
+    name : str
+        As the command line and the files know it, such as "fig03".
+    title : str
+        What a person calls it.
+    caption : str
+        What the figure shows, for those too who cannot see it.
+    claims : tuple of Claim
+        What the paper says of it.
+    """
 
     name: str
     title: str
+    caption: str = ""
     claims: tuple[Claim, ...]
 
     @abstractmethod

@@ -1,11 +1,14 @@
 """Sessions at the laboratory's rig, and the estimators as the paper sets them."""
 
+import pickle
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
+from palpate.files import replacing
 from palpate.lab import MATERIALS, TRAJECTORIES, Bench, Measurement
 from palpate.settings import ContactGate, Scale
 from palpate.validation import Floats
@@ -18,10 +21,31 @@ GATE = ContactGate(minimum_penetration=0.1e-3, make_force=0.5)
 SI = Scale()
 
 
-@lru_cache(maxsize=8)
+# Sessions longer than this are not worth the room on disk, s.
+LONGEST_SHARED = 60.0
+_shared: Path | None = None
+
+
+def share_sessions(folder: Path) -> None:
+    """Keep sessions in a folder too, for all processes of one run to find."""
+    global _shared
+    _shared = folder
+
+
+@lru_cache(maxsize=32)
 def session(material: str, trajectory: str, seed: int, seconds: float = 12.0) -> Measurement:
     """Press a material of the lab with the twin pantograph; kept, for experiments share it."""
-    return Bench(MATERIALS[material], TRAJECTORIES[trajectory]).run(seed, seconds=seconds)
+    bench = Bench(MATERIALS[material], TRAJECTORIES[trajectory])
+    if _shared is None or seconds > LONGEST_SHARED:
+        return bench.run(seed, seconds=seconds)
+    path = _shared / f"{material}-{trajectory}-{seed}-{seconds:g}.pickle"
+    if path.is_file():
+        found: Measurement = pickle.loads(path.read_bytes())
+        return found
+    measurement = bench.run(seed, seconds=seconds)
+    with replacing(path) as temporary:
+        temporary.write_bytes(pickle.dumps(measurement))
+    return measurement
 
 
 def pressed(material: str, trajectory: str, seed: int, seconds: float = 12.0) -> Contact:

@@ -1,0 +1,143 @@
+"""The command ``palpate paper``: parse, call, print."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from palpate.paper import Experiment
+    from palpate.paper.report import Report
+    from palpate.paper.runner import PaperRun, Progress
+
+Names = Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")]
+
+
+def paper(
+    *,
+    only: Names = (),
+    output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("report"),
+    seeds: int = 5,
+    workers: int | None = None,
+) -> None:
+    """Run the paper's experiments on the laboratory's rig, and write a report.
+
+    What is finished stays: a run that was interrupted goes on where it was.
+
+    Parameters
+    ----------
+    only
+        Experiments by name, such as fig05 fig06; all unless given.
+    output
+        Folder for report.html, report.json, claims.md, the figures and the outcomes.
+    seeds
+        How often everything is done, with other noise each time.
+    workers
+        Processes; as many as there are cores unless given.
+    """
+    from palpate.lab.robot import require_mujoco
+    from palpate.paper.runner import run_paper
+    from palpate.validation import number_in
+
+    _require_figures()
+    require_mujoco()
+    experiments = _chosen(only)
+    seeds = int(number_in("--seeds", seeds, 1, 10_000))
+    if workers is not None:
+        workers = int(number_in("--workers", workers, 1, 1_000))
+    try:
+        with _progress() as progress:
+            report = run_paper(
+                experiments,
+                seeds=seeds,
+                folder=output,
+                workers=workers,
+                progress=progress,
+                begun=_say_what_was_taken_over,
+            )
+    except KeyboardInterrupt:
+        if (output / "report.html").is_file():
+            words = "interrupted; the same command goes on from what is finished"
+            print(f"palpate: {words}: {output / 'report.html'}", file=sys.stderr)
+        raise
+    _print(report, output)
+
+
+def _require_figures() -> None:
+    from palpate.figures.style import LIGHT, style
+
+    style(LIGHT)
+
+
+def _chosen(only: tuple[str, ...]) -> "list[Experiment]":
+    from palpate.errors import InvalidParameterError
+    from palpate.paper import EXPERIMENTS
+
+    for name in only:
+        if name not in EXPERIMENTS:
+            raise InvalidParameterError(
+                f"--only must name some of {', '.join(EXPERIMENTS)}, not {name!r}"
+            )
+    return [each for name, each in EXPERIMENTS.items() if not only or name in only]
+
+
+def _say_what_was_taken_over(run: "PaperRun") -> None:
+    total = len(run.experiments) * run.seeds
+    if run.taken_over:
+        words = f"{run.taken_over} of {total} outcomes taken over from an earlier run"
+        print(f"{words} by the same code", file=sys.stderr)
+
+
+@contextmanager
+def _progress() -> "Iterator[Progress]":
+    """A bar where a person looks on; elsewhere a line for each figure."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    if not sys.stderr.isatty():
+
+        def line(words: str, done: int, total: int) -> None:
+            if words.endswith("figure"):
+                print(f"{words}: {done} of {total} tasks", file=sys.stderr)
+
+        yield line
+        return
+    columns = (
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}", style="dim"),
+    )
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("pressing", total=None)
+        yield lambda words, done, total: bar.update(
+            task, description=words, completed=done, total=total
+        )
+
+
+def _print(report: "Report", folder: Path) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    from palpate.paper.claims import SIGNS
+
+    console = Console(highlight=False)
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for heading in ("figure", "claim", "the paper's", "ours", "verdict"):
+        table.add_column(heading)
+    for each in report.judgements:
+        table.add_row(
+            each.experiment,
+            each.claim.key,
+            Text(each.claim.number or "–"),
+            Text(each.ours_words or "–"),
+            Text(f"{SIGNS[each.verdict]} {each.verdict_words}"),
+        )
+    console.print(table)
+    console.print(Text(report.summary), soft_wrap=True)
+    print(f"page: {folder / 'report.html'}")

@@ -1,0 +1,142 @@
+"""What becomes of a claim of the paper, over the seeds."""
+
+import enum
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from palpate.paper.experiment import Claim, Experiment, Finding, Outcome
+
+
+class Verdict(enum.Enum):
+    """What the seeds say together."""
+
+    REPRODUCED = "reproduced"
+    PARTLY = "partly reproduced"
+    NOT_REPRODUCED = "not reproduced"
+    UNCHECKED = "cannot be checked"
+
+
+#: Beside the words, so that no verdict is told by its colour alone.
+SIGNS = {
+    Verdict.REPRODUCED: "✓",
+    Verdict.PARTLY: "◐",
+    Verdict.NOT_REPRODUCED: "✗",
+    Verdict.UNCHECKED: "–",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """A claim, and what was found of it.
+
+    Attributes
+    ----------
+    experiment : str
+        Name of the experiment.
+    claim : Claim
+        The paper's.
+    findings : tuple of Finding
+        One a seed, in their order.
+    """
+
+    experiment: str
+    claim: Claim
+    findings: tuple[Finding, ...]
+
+    @property
+    def checked(self) -> int:
+        """Seeds that could tell."""
+        return sum(finding.holds is not None for finding in self.findings)
+
+    @property
+    def held(self) -> int:
+        """Seeds in which it holds."""
+        return sum(finding.holds is True for finding in self.findings)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Reproduced or not: in all seeds that could tell; partly: in some of them."""
+        if not self.checked:
+            return Verdict.UNCHECKED
+        if self.held == self.checked:
+            return Verdict.REPRODUCED
+        return Verdict.PARTLY if self.held else Verdict.NOT_REPRODUCED
+
+    @property
+    def verdict_words(self) -> str:
+        """The verdict, with the count of seeds where they differ."""
+        if self.verdict is Verdict.PARTLY:
+            return f"reproduced in {self.held} of {self.checked} seeds"
+        if 0 < self.checked < len(self.findings):
+            return f"{self.verdict.value} ({self.checked} of {len(self.findings)} seeds can tell)"
+        return str(self.verdict.value)
+
+    @property
+    def ours(self) -> tuple[float, float, float] | None:
+        """Median, least and largest of what was measured; None where nothing was."""
+        known: list[float] = [
+            finding.ours
+            for finding in self.findings
+            if finding.ours is not None and math.isfinite(finding.ours)
+        ]
+        return (statistics.median(known), min(known), max(known)) if known else None
+
+    @property
+    def ours_words(self) -> str:
+        """What was measured, with its unit; the range over the seeds in brackets."""
+        if self.ours is None:
+            return ""
+        median, low, high = (readable(value) for value in self.ours)
+        span = f" ({low} to {high})" if low != high else ""
+        return f"{median} {self.claim.unit}".rstrip() + span
+
+    @property
+    def words(self) -> str:
+        """What was seen; the first seed's where the seeds differ."""
+        said = [finding.words for finding in self.findings]
+        if len(set(said)) <= 1:
+            return said[0] if said else ""
+        return f"First seed: {said[0]}" if said[0] else ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain numbers and words."""
+        claim, ours = self.claim, self.ours
+        return {
+            "experiment": self.experiment,
+            "key": claim.key,
+            "where": claim.where,
+            "words": claim.words,
+            "number": claim.number,
+            "unit": claim.unit,
+            "assumption": claim.assumption,
+            "measured": claim.measured,
+            "verdict": self.verdict.value,
+            "seeds_checked": self.checked,
+            "seeds_held": self.held,
+            "ours": dict(zip(("median", "least", "largest"), ours, strict=True)) if ours else None,
+            "seen": self.words,
+        }
+
+
+def judge(experiment: Experiment, outcomes: Sequence[Outcome]) -> tuple[Judgement, ...]:
+    """Return what the outcomes of an experiment say of each of its claims."""
+    return tuple(
+        Judgement(
+            experiment.name, claim, tuple(outcome.findings[claim.key] for outcome in outcomes)
+        )
+        for claim in experiment.claims
+    )
+
+
+def readable(value: float) -> str:
+    """Three significant digits, and all digits of a whole thousand."""
+    size = abs(value)
+    if size == 0.0:
+        return "0"
+    if not 1e-3 <= size < 1e6:
+        return f"{value:.2e}".replace("-", "−")
+    digits = max(0, 2 - math.floor(math.log10(size)))
+    return f"{value:.{digits}f}".replace("-", "−")

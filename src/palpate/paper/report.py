@@ -1,0 +1,204 @@
+"""The report: what the experiments gave, as a page, as JSON and as a table of claims."""
+
+import json
+import os
+import platform
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from palpate.estimators import SingleStageRLS
+from palpate.files import write_text
+from palpate.lab import MATERIALS, TRAJECTORIES, Palpation, Probing, Sensors
+from palpate.paper.claims import Judgement, Verdict
+from palpate.paper.experiment import Experiment, Outcome, Table
+from palpate.paper.outcomes import plain, versions
+from palpate.paper.sessions import GATE, START
+
+TITLE = "Haddadi & Hashtrudi-Zaad (2012), run again"
+ABOUT = (
+    "Every experiment of “Real-Time Identification of Hunt–Crossley Dynamic Models of Contact "
+    "Environments” (IEEE Transactions on Robotics 28(3), 2012), on a simulated twin pantograph "
+    "that presses simulated materials. The paper's tables and the curves of its figures are lost "
+    "to us; its words are not. Everything shown here is ours, and each sentence of the paper that "
+    "can be held against it is. Each experiment also shows variable projection, which the paper "
+    "does not have."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """An experiment of the report, with all its seeds."""
+
+    experiment: Experiment
+    outcomes: tuple[Outcome, ...]
+    tables: tuple[Table, ...]
+    judgements: tuple[Judgement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What is finished of the experiments asked for."""
+
+    sections: tuple[Section, ...]
+    seeds: int
+    unfinished: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
+
+    @property
+    def judgements(self) -> tuple[Judgement, ...]:
+        """Every claim of every section."""
+        return tuple(each for section in self.sections for each in section.judgements)
+
+    @property
+    def counts(self) -> dict[Verdict, int]:
+        """How many claims got which verdict."""
+        found = Counter(judgement.verdict for judgement in self.judgements)
+        return {verdict: found[verdict] for verdict in Verdict}
+
+    @property
+    def summary(self) -> str:
+        """The counts in words."""
+        parts = (f"{count} {verdict.value}" for verdict, count in self.counts.items())
+        return f"{len(self.judgements)} claims: {', '.join(parts)}"
+
+
+def write_report(report: Report, folder: Path) -> None:
+    """Write ``report.html``, ``report.json`` and ``claims.md``, each whole or not at all."""
+    from palpate.paper.page import page
+
+    write_text(folder / "report.html", page(report, folder))
+    text = json.dumps(as_dict(report), ensure_ascii=False, allow_nan=False, indent=1)
+    write_text(folder / "report.json", text + "\n")
+    write_text(folder / "claims.md", claims_as_markdown(report))
+
+
+def circumstances() -> dict[str, str]:
+    """Return when and on what this was made."""
+    machine = f"{platform.system()} on {platform.machine()}, {os.cpu_count()} processors"
+    made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    return {
+        "made": made,
+        "machine": machine,
+        "versions": ", ".join(f"{name} {number}" for name, number in versions().items()),
+    }
+
+
+def settings() -> tuple[Table, ...]:
+    """Return what the paper leaves open, and what was chosen."""
+    single = SingleStageRLS()
+    gate = (
+        f"penetration > {1e3 * GATE.minimum_penetration:g} mm and force > {GATE.make_force:g} N, "
+        f"until force ≤ {GATE.break_force:g} N"
+    )
+    chosen = (
+        ("clock", f"the command leaves its pause at {START:g} s; identification starts there"),
+        ("samples taken as contact", gate),
+        ("units of the estimators", "SI, as in the paper"),
+        ("P₀ of the single stage, of [ln K, B/K, n]", f"{single.settings['initial_covariance']:g}"),
+        ("forgetting", "λ(t) = 1 − 0.01 exp(−5 (t − contact)), the paper's"),
+        ("start, set I", "K = {:g}, B = {:g}, n = {:g}".format(*single.default_initial.parameters)),
+        ("sensors", Sensors().describe()),
+        ("variable projection", "same samples, no starts, no forgetting, offset estimated"),
+    )
+    laws = tuple(
+        (name, ", ".join(_truth(material.describe()))) for name, material in MATERIALS.items()
+    )
+    motions = tuple(
+        (name, _motion(trajectory))
+        for name, trajectory in TRAJECTORIES.items()
+        if isinstance(trajectory, Probing | Palpation)
+    )
+    return (
+        Table("How the experiments are set", ("setting", "value"), chosen),
+        Table(
+            "The materials, ours",
+            ("material", "truth, SI"),
+            laws,
+            "Within the orders of magnitude that the paper's text gives; its tables are lost.",
+        ),
+        Table("The motions", ("motion", "command"), motions),
+    )
+
+
+def _motion(trajectory: Probing | Palpation) -> str:
+    if isinstance(trajectory, Palpation):
+        return (
+            f"{_motion(trajectory.probing)}; after {trajectory.dwell:g} s, and so on, "
+            f"{1e3 * trajectory.distance:g} mm sideways in {trajectory.shift:g} s"
+        )
+    motion = trajectory.motion
+    sines = zip(motion.amplitudes, motion.frequencies, strict=True)
+    waves = " + ".join(f"{1e3 * size:g} sin {rate:g} t" for size, rate in sines)
+    return (
+        f"{1e3 * motion.depth:g} + {waves} mm, t from {trajectory.pause + trajectory.approach:g} s "
+        f"on; a pause of {trajectory.pause:g} s, {1e3 * trajectory.clearance:g} mm above"
+    )
+
+
+def _truth(described: dict[str, Any]) -> Iterator[str]:
+    for key, value in described.items():
+        if key == "zones":
+            yield "; ".join(", ".join(_truth(zone)) for zone in value)
+        else:
+            shown = f"{value:g}" if isinstance(value, float) else str(value)
+            yield shown if key == "kind" else f"{key.replace('_', ' ')} {shown}"
+
+
+def as_dict(report: Report) -> dict[str, Any]:
+    """Return the report as plain numbers and words; what is not finite is None."""
+    return {
+        "title": TITLE,
+        **circumstances(),
+        "seeds": report.seeds,
+        "unfinished": list(report.unfinished),
+        "failures": list(report.failures),
+        "settings": [asdict(table) for table in settings()],
+        "verdicts": {verdict.value: count for verdict, count in report.counts.items()},
+        "claims": [judgement.as_dict() for judgement in report.judgements],
+        "experiments": [_section_as_dict(section) for section in report.sections],
+    }
+
+
+def _section_as_dict(section: Section) -> dict[str, Any]:
+    experiment = section.experiment
+    return {
+        "name": experiment.name,
+        "title": experiment.title,
+        "caption": experiment.caption,
+        "figure": f"{experiment.name}.svg",
+        "tables": [asdict(table) for table in section.tables],
+        "outcomes": [
+            {
+                "seed": outcome.seed,
+                "numbers": plain(outcome.numbers),
+                "findings": plain({key: asdict(each) for key, each in outcome.findings.items()}),
+            }
+            for outcome in section.outcomes
+        ],
+    }
+
+
+def claims_as_markdown(report: Report) -> str:
+    """Return the table of claims, to paste into a document."""
+    rows = [
+        "| figure | the paper's words | its number | ours | verdict | hinges on |",
+        "|---|---|---|---|---|---|",
+    ]
+    for each in report.judgements:
+        named = f"{each.claim.measured}: " if each.claim.measured else ""
+        number = f"{named}{each.ours_words}" if each.ours_words else ""
+        ours = ". ".join(filter(None, (number, each.words)))
+        cells = (
+            f"{each.experiment}; {each.claim.where}",
+            f"“{each.claim.words}”",
+            each.claim.number,
+            ours,
+            each.verdict_words,
+            each.claim.assumption,
+        )
+        rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return f"{report.summary}; {report.seeds} seeds.\n\n" + "\n".join(rows) + "\n"

@@ -1,0 +1,303 @@
+"""All experiments and seeds on all cores; what is finished stays, whatever happens then."""
+
+import multiprocessing
+import os
+import signal
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from palpate.errors import PalpateError
+from palpate.files import make_folder, write_text
+from palpate.paper import EXPERIMENTS
+from palpate.paper import outcomes as on_disk
+from palpate.paper.claims import judge
+from palpate.paper.experiment import Experiment, Outcome, Table
+from palpate.paper.report import Report, Section, write_report
+from palpate.paper.sessions import share_sessions
+
+#: Told what has just been finished, and how many of how many tasks are.
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """One seed of an experiment, or its figure where ``seed`` is None."""
+
+    experiment: Experiment
+    seed: int | None
+
+    def __str__(self) -> str:
+        what = "figure" if self.seed is None else f"seed {self.seed}"
+        return f"{self.experiment.name}, {what}"
+
+
+@dataclass(frozen=True, slots=True)
+class _Failure:
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Drawing:
+    """SVG; not files, for a worker that is stopped could not take its half of one away."""
+
+    light: str
+    dark: str
+    tables: tuple[Table, ...]
+
+
+@dataclass(slots=True)
+class PaperRun:
+    """Experiments under way.
+
+    Parameters
+    ----------
+    experiments : sequence of Experiment
+        What to run, in the order of the report.
+    seeds : int
+        How many: 0, 1, …
+    folder : Path
+        Where everything is written.
+    """
+
+    experiments: Sequence[Experiment]
+    seeds: int
+    folder: Path
+    outcomes: dict[tuple[str, int], Outcome] = field(default_factory=dict)
+    tables: dict[str, tuple[Table, ...]] = field(default_factory=dict)
+    failures: list[str] = field(default_factory=list)
+    taken_over: int = 0
+
+    def take_over(self) -> None:
+        """Read the outcomes that an earlier run by the same code has left."""
+        for seed in range(self.seeds):
+            for experiment in self.experiments:
+                outcome = on_disk.read(self.folder, experiment, seed)
+                if outcome is not None:
+                    self.outcomes[experiment.name, seed] = outcome
+        for experiment in self.experiments:
+            tables = on_disk.read_tables(self.folder, experiment, self.seeds)
+            if tables is not None and self._complete(experiment):
+                self.tables[experiment.name] = tables
+        self.taken_over = len(self.outcomes)
+
+    def work(self, pool: ProcessPoolExecutor, progress: Progress) -> None:
+        """Do all that is missing; a failure is noted, and the rest goes on."""
+        total = len(self.experiments) * (self.seeds + 1)
+        done = self.taken_over + len(self.tables)
+        pending: dict[Future[Any], _Task] = {}
+        with _workers_deaf_to_interrupts():
+            for task in self._at_hand():
+                pending[self._submitted(pool, task)] = task
+        while pending:
+            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                task = pending.pop(future)
+                done += 1
+                if self._settled(task, future) and self._complete(task.experiment):
+                    drawing = _Task(task.experiment, None)
+                    if task.seed is not None:
+                        pending[self._submitted(pool, drawing)] = drawing
+                progress(str(task), done, total)
+
+    def _at_hand(self) -> Iterator[_Task]:
+        """Figures of what is complete; then seed by seed, so that experiments share sessions."""
+        for experiment in self.experiments:
+            if self._complete(experiment) and experiment.name not in self.tables:
+                yield _Task(experiment, None)
+        for seed in range(self.seeds):
+            for experiment in self.experiments:
+                if (experiment.name, seed) not in self.outcomes:
+                    yield _Task(experiment, seed)
+
+    def _submitted(self, pool: ProcessPoolExecutor, task: _Task) -> Future[Any]:
+        sent = _portable(task.experiment)
+        if task.seed is not None:
+            return pool.submit(_measured, sent, task.seed)
+        return pool.submit(_drawn, sent, self._of(task.experiment))
+
+    def _settled(self, task: _Task, future: Future[Any]) -> bool:
+        """Write down what a task gave; False where it failed."""
+        try:
+            result = future.result()
+        except Exception as error:  # a worker that died
+            result = _Failure(f"{type(error).__name__}: {error}")
+        if isinstance(result, _Failure):
+            self.failures.append(f"{task}: {result.words}")
+            return False
+        if task.seed is None:
+            self._keep(task.experiment, result)
+        else:
+            on_disk.write(self.folder, task.experiment.name, task.seed, result)
+            self.outcomes[task.experiment.name, task.seed] = on_disk.from_text(result)
+        return True
+
+    def _keep(self, experiment: Experiment, drawing: _Drawing) -> None:
+        light, dark = on_disk.figures_of(self.folder, experiment.name)
+        write_text(light, drawing.light)
+        write_text(dark, drawing.dark)
+        on_disk.write_tables(self.folder, experiment, self.seeds, drawing.tables)
+        self.tables[experiment.name] = drawing.tables
+        self.write()
+
+    def _of(self, experiment: Experiment) -> list[Outcome]:
+        every = (self.outcomes.get((experiment.name, seed)) for seed in range(self.seeds))
+        return [outcome for outcome in every if outcome is not None]
+
+    def _complete(self, experiment: Experiment) -> bool:
+        return len(self._of(experiment)) == self.seeds
+
+    def report(self) -> Report:
+        """Return what is finished, and the names of what is not."""
+        sections, unfinished = [], []
+        for experiment in self.experiments:
+            name, outcomes = experiment.name, self._of(experiment)
+            if name in self.tables:
+                judgements = judge(experiment, outcomes)
+                sections.append(Section(experiment, tuple(outcomes), self.tables[name], judgements))
+            else:
+                unfinished.append(f"{name} ({len(outcomes)} of {self.seeds} seeds)")
+        return Report(tuple(sections), self.seeds, tuple(unfinished), tuple(self.failures))
+
+    def write(self) -> None:
+        """Write the page, the JSON and the table of claims of what is finished."""
+        write_report(self.report(), self.folder)
+
+
+def run_paper(
+    experiments: Sequence[Experiment],
+    *,
+    seeds: int,
+    folder: Path,
+    workers: int | None = None,
+    progress: Progress = lambda words, done, total: None,
+    begun: Callable[[PaperRun], None] = lambda run: None,
+) -> Report:
+    """Run experiments over seeds, write everything to a folder, and resume what it holds.
+
+    Parameters
+    ----------
+    experiments : sequence of Experiment
+        In the order of the report.
+    seeds : int
+        How many, ≥ 1.
+    folder : Path
+        Made if it is not there.
+    workers : int, optional
+        Processes; as many as there are cores unless given.
+    progress, begun : callable, optional
+        Told after each task; and once before any, with what was taken over.
+
+    Raises
+    ------
+    RecordingError
+        The folder cannot be written to; said before the work starts.
+    PalpateError
+        Some experiments failed; the others are in the report all the same.
+    """
+    for wanted in (folder, folder / "outcomes"):
+        make_folder(wanted)
+    run = PaperRun(experiments, seeds, folder)
+    run.take_over()
+    begun(run)
+    # Sessions are for this run only: another may be of other code.
+    with (
+        TemporaryDirectory(prefix="palpate-") as sessions,
+        _workers(workers or os.cpu_count() or 1, Path(sessions)) as pool,
+    ):
+        try:
+            run.work(pool, progress)
+        finally:
+            run.write()
+    if run.failures:
+        more = f" (and {len(run.failures) - 1} more)" if len(run.failures) > 1 else ""
+        raise PalpateError(f"{run.failures[0]}{more}; the rest is in the report")
+    return run.report()
+
+
+@contextmanager
+def _workers(count: int, sessions: Path) -> Iterator[ProcessPoolExecutor]:
+    """Processes that end at once when this one is interrupted."""
+    others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(
+        count, mp_context=context, initializer=_prepare_worker, initargs=(sessions,)
+    )
+    try:
+        yield pool
+    except BaseException:
+        for worker in set(multiprocessing.active_children()) - others:
+            worker.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _workers_deaf_to_interrupts() -> Iterator[None]:
+    """Start processes that ignore Ctrl-C, which a terminal sends to them too."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _prepare_worker(sessions: Path) -> None:
+    """Share sessions, and end when the process that started this one is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    share_sessions(sessions)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+def _portable(experiment: Experiment) -> Experiment | str:
+    """An experiment of the paper goes to a worker by its name, for its judges cannot be pickled."""
+    known = EXPERIMENTS.get(experiment.name) is experiment
+    return experiment.name if known else experiment
+
+
+def _arrived(sent: Experiment | str) -> Experiment:
+    return EXPERIMENTS[sent] if isinstance(sent, str) else sent
+
+
+def _measured(sent: Experiment | str, seed: int) -> str | _Failure:
+    try:
+        experiment = _arrived(sent)
+        outcome = experiment.run(seed)
+        missing = {claim.key for claim in experiment.claims} ^ set(outcome.findings)
+        if missing:
+            return _Failure(f"claims and findings differ in {', '.join(sorted(missing))}")
+        return on_disk.as_text(experiment, outcome)
+    except Exception as error:
+        return _failure(error)
+
+
+def _drawn(sent: Experiment | str, outcomes: list[Outcome]) -> _Drawing | _Failure:
+    from palpate.figures.style import as_svg
+
+    try:
+        experiment = _arrived(sent)
+        light, dark = (as_svg(experiment.draw(outcomes, dark=dark)) for dark in (False, True))
+        return _Drawing(light, dark, experiment.tables(outcomes))
+    except Exception as error:
+        return _failure(error)
+
+
+def _failure(error: Exception) -> _Failure:
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return _Failure(f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})")

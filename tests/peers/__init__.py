@@ -1,0 +1,1 @@
+"""Independent witnesses: probing simulated by engines that nobody here wrote."""

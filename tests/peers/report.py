@@ -1,0 +1,90 @@
+"""Prints what every witness was set to and what every estimator returned, as Markdown.
+
+From the folder of the tests: ``python -m peers.report``.
+"""
+
+import platform
+from datetime import date
+from importlib.metadata import version
+
+import numpy as np
+
+from palpate import (
+    ContactEstimator,
+    DoubleStageRLS,
+    DriftTracking,
+    ExtendedKelvinVoigtRLS,
+    HuntCrossley,
+    KelvinVoigt,
+    KelvinVoigtRLS,
+    SingleStageRLS,
+    VariableProjection,
+    identify,
+)
+from peers.witnesses import HUNT_CROSSLEY, KELVIN_VOIGT, NOISE, Witness, sensed, shown_by
+
+
+def main() -> None:
+    print("| witness | set | motion in contact | largest force | force beside its law |")
+    print("|---|---|---|--:|--:|")
+    for name, witness in {**HUNT_CROSSLEY, **KELVIN_VOIGT}.items():
+        print(_row(name, _numbers(witness.law), *_shown(name, witness)))
+    print("\n| witness | estimator | returned | error of each |\n|---|---|---|---|")
+    for name, witness in {**HUNT_CROSSLEY, **KELVIN_VOIGT}.items():
+        for words, estimator, seed in _estimators(witness.law):
+            print(_row(name, words, *_returned(name, estimator, seed)))
+    packages = ", ".join(f"{p} {version(p)}" for p in ("drake", "opensim", "palpate", "numpy"))
+    print(f"\n{packages}, CPython {platform.python_version()}, {date.today().isoformat()}")
+
+
+def _shown(name: str, witness: Witness) -> list[str]:
+    contact = shown_by(name)
+    touching = contact.force > 0.0
+    speed, depth = np.abs(contact.velocity[touching]), contact.penetration[touching]
+    beside = witness.law.force(depth, contact.velocity[touching]) - contact.force[touching]
+    largest = contact.force.max()
+    motion = f"to {1e3 * depth.max():.1f} mm, {1e3 * speed.max():.0f} mm/s"
+    return [motion, f"{largest:.1f} N", f"{np.abs(beside).max() / largest:.0e}"]
+
+
+def _estimators(
+    law: HuntCrossley | KelvinVoigt,
+) -> list[tuple[str, ContactEstimator, int | None]]:
+    """In words, as it is built, and the seed of the force's noise if there is any."""
+    if isinstance(law, KelvinVoigt):
+        return [
+            ("KelvinVoigtRLS", KelvinVoigtRLS(), None),
+            ("ExtendedKelvinVoigtRLS", ExtendedKelvinVoigtRLS(), None),
+            (f"KelvinVoigtRLS, {NOISE} N of noise", KelvinVoigtRLS(), 1),
+        ]
+    return [
+        ("VariableProjection", VariableProjection(), None),
+        ("SingleStageRLS", SingleStageRLS(), None),
+        ("DoubleStageRLS", DoubleStageRLS(), None),
+        ("DoubleStageRLS, from the truth", DoubleStageRLS(initial=law), None),
+        (f"DriftTracking, noise={NOISE}", DriftTracking(noise=NOISE), None),
+        ("DriftTracking", DriftTracking(), None),
+        (f"VariableProjection, {NOISE} N of noise", VariableProjection(), 1),
+    ]
+
+
+def _returned(name: str, estimator: ContactEstimator, seed: int | None) -> tuple[str, str]:
+    law = {**HUNT_CROSSLEY, **KELVIN_VOIGT}[name].law
+    contact = shown_by(name) if seed is None else sensed(shown_by(name), seed)
+    found = identify(contact, estimator).law
+    if len(found.symbols) != len(law.symbols):
+        return _numbers(found), "–"
+    errors = found.parameters / law.parameters - 1.0
+    return _numbers(found), ", ".join(f"{error:+.0e}" for error in errors)
+
+
+def _numbers(law) -> str:
+    return ", ".join(f"{value:.6g}" for value in law.parameters)
+
+
+def _row(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+if __name__ == "__main__":
+    main()

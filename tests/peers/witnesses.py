@@ -1,0 +1,46 @@
+"""Every witness: which engine, what was set in it, and what it then showed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+
+from palpate import Contact, HuntCrossley, KelvinVoigt
+from peers import drake_probe, opensim_probe
+from peers.carriage import Probe, probed
+from peers.drake_probe import DrakeProbe
+from peers.opensim_probe import OpenSimProbe
+
+NOISE = 0.05  # N, the noise band of the paper's sensor
+
+
+@dataclass(frozen=True)
+class Witness:
+    """An engine, and the law that its documentation says was set in it."""
+
+    make: Callable[[], Probe]
+    law: HuntCrossley | KelvinVoigt
+
+
+HUNT_CROSSLEY = {
+    **{
+        f"drake-{stepping}": Witness(partial(DrakeProbe, stepping), drake_probe.HUNT_CROSSLEY)
+        for stepping in ("continuous", "tamsi", "lagged", "similar")
+    },
+    "opensim": Witness(OpenSimProbe, opensim_probe.HUNT_CROSSLEY),
+}
+KELVIN_VOIGT = {"drake-sap": Witness(partial(DrakeProbe, "sap"), drake_probe.KELVIN_VOIGT)}
+WITNESSES = {**HUNT_CROSSLEY, **KELVIN_VOIGT}
+
+
+@cache
+def shown_by(name: str) -> Contact:
+    """What this witness showed; simulated once."""
+    return probed(WITNESSES[name].make())
+
+
+def sensed(contact: Contact, seed: int) -> Contact:
+    """The same through a force sensor with white noise."""
+    noise = np.random.default_rng(seed).normal(0.0, NOISE, len(contact))
+    return Contact(contact.time, contact.penetration, contact.velocity, contact.force + noise)

@@ -1,0 +1,87 @@
+"""``palpate paper``, as a user meets it."""
+
+import subprocess
+import sys
+
+import pytest
+from paper_cases import Tiny
+
+from palpate import cli, paper
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Calls the command in this process: exit status, standard output, standard error."""
+
+    def call(*arguments) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["palpate", "paper", *map(str, arguments)])
+        status = 0
+        try:
+            cli.main()
+        except SystemExit as end:
+            status = end.code
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return call
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    monkeypatch.setattr(paper, "EXPERIMENTS", {name: Tiny(name) for name in ("a", "b")})
+
+
+def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path):
+    pytest.importorskip("mujoco")
+    folder = tmp_path / "report"
+    status, out, err = run("-o", folder, "--seeds", 2, "--workers", 1)
+    assert status == 0
+    assert "reproduced in 1 of 2 seeds" in " ".join(out.split())
+    assert "4 claims: 0 reproduced, 2 partly reproduced" in out
+    assert out.splitlines()[-1] == f"page: {folder / 'report.html'}"
+    assert err.splitlines()[-1].endswith("6 of 6 tasks")
+    status, out, err = run("-o", folder, "--seeds", 2, "--only", "b")
+    assert err == "2 of 2 outcomes taken over from an earlier run by the same code\n"
+    assert "2 claims" in out
+
+
+REFUSED = {
+    "an unknown experiment": (("--only", "a", "fig99"), ["fig99", "--only", "a, b"]),
+    "no seeds": (("--seeds", "0"), ["--seeds", "0"]),
+    "seeds that are no number": (("--seeds", "many"), ["--seeds", "many"]),
+    "no workers": (("--workers", "0"), ["--workers", "0"]),
+    "a file for a folder": (("-o", "file"), ["file"]),
+    "a folder below a file": (("-o", "file/below"), ["file/below"]),
+}
+
+
+@pytest.mark.parametrize("arguments, words", REFUSED.values(), ids=REFUSED)
+def test_a_bad_argument_is_one_line(run, tiny, tmp_path, monkeypatch, arguments, words):
+    pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    status, out, err = run(*arguments)
+    assert (status, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert err.startswith("palpate: ")
+    for word in words:
+        assert word in err
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("module, extra", [("matplotlib", "figures"), ("mujoco", "lab")])
+def test_a_missing_extra_is_named_before_the_work(run, tmp_path, monkeypatch, module, extra):
+    monkeypatch.setitem(sys.modules, module, None)
+    status, out, err = run("-o", tmp_path / "report")
+    assert (status, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert f"palpate[{extra}]" in err
+    assert not (tmp_path / "report").exists()
+
+
+def test_the_help_of_palpate_imports_no_experiment():
+    code = (
+        "import sys; from palpate import cli; "
+        "sys.exit(any(n.startswith(('palpate.paper', 'palpate.lab')) for n in sys.modules))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

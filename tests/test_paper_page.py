@@ -1,0 +1,131 @@
+"""The report: a page that needs nothing beside it, the same as JSON, and a table to paste."""
+
+import json
+from html.parser import HTMLParser
+
+import pytest
+from paper_cases import Tiny
+
+from palpate.paper.claims import judge
+from palpate.paper.outcomes import figures_of
+from palpate.paper.report import Report, Section, write_report
+
+VOID = {"meta", "img", "source", "br"}
+
+
+class Page(HTMLParser):
+    """Checks that what is opened is closed, and collects what a test asks about."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open, self.tags, self.words = [], [], ""
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words += data
+
+    def all(self, tag):
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+@pytest.fixture
+def report():
+    experiments = [Tiny("fig01"), Tiny("fig02")]
+    sections = []
+    for experiment in experiments:
+        outcomes = tuple(experiment.run(seed) for seed in range(3))
+        judgements = judge(experiment, outcomes)
+        sections.append(Section(experiment, outcomes, experiment.tables(outcomes), judgements))
+    return Report(tuple(sections), 3, ("fig09 (1 of 3 seeds)",), ("fig08, seed 2: <broken>",))
+
+
+@pytest.fixture
+def folder(tmp_path, report):
+    for section in report.sections:
+        for path in figures_of(tmp_path, section.experiment.name):
+            path.write_text('<svg xmlns="http://www.w3.org/2000/svg"/>', encoding="utf-8")
+    write_report(report, tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def page(folder):
+    return Page((folder / "report.html").read_text(encoding="utf-8"))
+
+
+def test_the_page_says_every_claim_with_its_verdict(page, report):
+    for each in report.judgements:
+        for words in (each.claim.words, each.verdict_words, each.claim.where, each.ours_words):
+            assert words in page.words
+        assert each.claim.assumption in page.words
+    assert "nobody <knows> | any more" in page.words
+
+
+def test_the_page_shows_every_table_and_figure(page, report):
+    for section in report.sections:
+        for table in section.tables:
+            for words in (table.title, table.note, *table.header, *sum(table.rows, ())):
+                assert words in page.words
+    assert [image["alt"] for image in page.all("img")] == ["A line & nothing else"] * 2
+    assert len(page.all("figcaption")) == 2
+
+
+def test_the_page_needs_nothing_beside_it(page):
+    assert page.all("script") == page.all("link") == []
+    addresses = [image["src"] for image in page.all("img")]
+    addresses += [source["srcset"] for source in page.all("source")]
+    assert len(addresses) == 4
+    assert all(address.startswith("data:image/svg+xml;base64,") for address in addresses)
+    assert all(link["href"].startswith("#") for link in page.all("a"))
+
+
+def test_every_link_has_its_target(page):
+    targets = {attributes.get("id") for _, attributes in page.tags}
+    assert {link["href"][1:] for link in page.all("a")} <= targets
+    named = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    assert len(named) == len(set(named))
+
+
+def test_every_heading_of_a_table_has_its_scope(page):
+    assert page.all("table")
+    assert all(heading["scope"] in ("row", "col") for heading in page.all("th"))
+    assert len(page.all("caption")) == len(page.all("table"))
+
+
+def test_the_page_says_what_is_missing_and_what_failed(page):
+    assert "fig09 (1 of 3 seeds)" in page.words
+    assert "fig08, seed 2: <broken>" in page.words
+
+
+def test_the_page_says_what_is_ours(page):
+    for words in ("hunt-crossley", "stiffness 2000", "0.5 N", "P₀", "palpate", "processors"):
+        assert words in page.words
+
+
+def test_the_json_holds_the_same(folder, report):
+    whole = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    assert [claim["words"] for claim in whole["claims"]] == [
+        each.claim.words for each in report.judgements
+    ]
+    assert whole["claims"][0]["ours"] == {"median": 1.0, "least": 0.0, "largest": 2.0}
+    assert whole["claims"][0]["verdict"] == "partly reproduced"
+    assert [each["name"] for each in whole["experiments"]] == ["fig01", "fig02"]
+    assert whole["experiments"][0]["outcomes"][2]["numbers"]["square"] == 4
+    assert sum(whole["verdicts"].values()) == len(whole["claims"]) == 4
+
+
+def test_the_table_to_paste_has_a_row_of_equal_cells_for_each_claim(folder, report):
+    lines = (folder / "claims.md").read_text(encoding="utf-8").splitlines()
+    rows = [line for line in lines if line.startswith("|")]
+    assert len(rows) == 2 + len(report.judgements)
+    assert {row.replace("\\|", "").count("|") for row in rows} == {7}

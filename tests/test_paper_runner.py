@@ -1,0 +1,103 @@
+"""Experiments on all cores: what is finished stays, whatever happens then."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from paper_cases import Tiny
+
+from palpate import PalpateError, RecordingError
+from palpate.paper.runner import run_paper
+
+
+def run(folder, *experiments, seeds=2, **options):
+    return run_paper(experiments, seeds=seeds, folder=folder, workers=1, **options)
+
+
+def made(folder):
+    return {path.name: path.stat().st_mtime_ns for path in (folder / "outcomes").iterdir()}
+
+
+def test_a_run_writes_everything_and_a_second_takes_it_over(tmp_path):
+    folder, told, taken = tmp_path / "new" / "report", [], []
+    report = run(folder, Tiny("a"), Tiny("b"), progress=lambda *step: told.append(step))
+    assert [section.experiment.name for section in report.sections] == ["a", "b"]
+    assert [outcome.seed for outcome in report.sections[0].outcomes] == [0, 1]
+    assert [step[1:] for step in told] == [(done, 6) for done in range(1, 7)]
+    files = {path.name for path in folder.iterdir()}
+    assert files == {"a.svg", "a-dark.svg", "b.svg", "b-dark.svg", "claims.md", "outcomes",
+                     "report.html", "report.json"}  # fmt: skip
+    before = made(folder)
+    again = run(folder, Tiny("a"), Tiny("b"), begun=lambda run: taken.append(run.taken_over))
+    assert taken == [4]
+    assert made(folder) == before
+    assert again.summary == report.summary
+
+
+def test_the_same_seed_gives_the_same_files(tmp_path):
+    for name in ("one", "two"):
+        run(tmp_path / name, Tiny("a"), seeds=1)
+    for name in ("a.svg", "a-dark.svg", "outcomes/a-seed0.json", "claims.md"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_a_failure_names_experiment_and_seed_and_the_rest_is_done(tmp_path):
+    experiments = Tiny("bad", fails_at=1), Tiny("ugly", undrawable=True), Tiny("good")
+    with pytest.raises(PalpateError, match=r"^bad, seed 1: ArithmeticError: no such square") as end:
+        run(tmp_path, *experiments)
+    assert "(and 1 more)" in str(end.value)
+    whole = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert [each["name"] for each in whole["experiments"]] == ["good"]
+    assert [words.split(":")[0] for words in whole["failures"]] == ["bad, seed 1", "ugly, figure"]
+    assert whole["unfinished"] == ["bad (1 of 2 seeds)", "ugly (2 of 2 seeds)"]
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_the_work(tmp_path):
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(RecordingError, match="file"):
+            run(folder, Tiny(seconds=1e6))
+
+
+COMMAND = """
+import sys
+from paper_cases import Tiny
+from palpate import cli, paper
+paper.EXPERIMENTS = {name: Tiny(name, seconds=0.2) for name in ("a", "b")}
+sys.argv = ["palpate", "paper", "--seeds", "20", "--workers", "1", "-o", sys.argv[1]]
+cli.main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no interrupt can be sent there")
+@pytest.mark.parametrize("whole_group", [False, True], ids=["to the parent", "as a terminal does"])
+def test_an_interrupted_run_ends_at_once_and_is_resumed(tmp_path, whole_group):
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    process = subprocess.Popen(
+        [sys.executable, "-c", COMMAND, str(tmp_path)], env=environment, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+    )  # fmt: skip
+    deadline = time.monotonic() + 60.0
+    while len(list(tmp_path.glob("outcomes/[ab]-seed*.json"))) < 3:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    (os.killpg if whole_group else os.kill)(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=30.0)
+    assert (process.returncode, out) == (130, "")
+    assert "Traceback" not in err
+    assert err.startswith("palpate: interrupted")
+    before = made(tmp_path)
+    assert 3 <= len(before) < 40
+    assert not [name for name in before if name.startswith(".")]
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Not finished" in page
+    taken = []
+    run(tmp_path, Tiny("a"), Tiny("b"), seeds=1, begun=lambda run: taken.append(run.taken_over))
+    # The same code made them, though not with the same patience.
+    assert taken == [2]
+    assert {name: made(tmp_path)[name] for name in before} == before
