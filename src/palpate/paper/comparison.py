@@ -53,6 +53,11 @@ class Comparison(JudgedExperiment):
         A second material, on which the claims are looked at too.
     """
 
+    caption = (
+        "A column for each method: its parameters and its force error over the time since "
+        "contact, from every start of the tables."
+    )
+
     def __init__(
         self,
         name: str,

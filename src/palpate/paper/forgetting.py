@@ -85,6 +85,12 @@ class Held:
 class ForgettingFactors(JudgedExperiment):
     """The single stage on the ball under several forgetting factors and initial covariances."""
 
+    caption = (
+        "Left: K, B and n over time for several forgetting factors. Right: the same for "
+        "several initial covariances. Below: a probe held at one depth, and convergence "
+        "and overshoot of every seed over the initial covariance."
+    )
+
     def __init__(self) -> None:
         super().__init__(
             "fig07",

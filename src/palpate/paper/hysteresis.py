@@ -38,6 +38,12 @@ DAMPED = HuntCrossley(LAW.stiffness, 3.0 * LAW.damping, LAW.exponent)
 class Hysteresis(JudgedExperiment):
     """A motion that comes near the ball's surface, and the forces that models predict there."""
 
+    caption = (
+        "The motion; force over penetration; the same without its linear spring, which "
+        "tapers to the surface as Hunt–Crossley does and Kelvin–Voigt does not; and the "
+        "last millimetre, where Kelvin–Voigt pulls."
+    )
+
     def __init__(self) -> None:
         super().__init__(
             "fig10",
@@ -183,6 +189,7 @@ HYSTERESIS_CLAIMS: tuple[Judged, ...] = (
             "high velocity.",
             unit="N",
             assumption="x₀ = 3.8 mm, ours; the final law along the measured motion",
+            measured="least force of the law",
         ),
         negative_force,
     ),
@@ -194,6 +201,7 @@ HYSTERESIS_CLAIMS: tuple[Judged, ...] = (
             "the compression and rebound phases.",
             unit="N",
             assumption="the laboratory's materials do not stick, by construction",
+            measured="least force felt",
         ),
         always_positive,
     ),
@@ -205,6 +213,7 @@ HYSTERESIS_CLAIMS: tuple[Judged, ...] = (
             "restitution phase, which is in contrast with human intuition.",
             unit="mJ",
             assumption="∫ F v dt where the predicted force and the velocity both point outward",
+            measured="energy given in 10 s",
         ),
         power,
     ),
@@ -215,6 +224,7 @@ HYSTERESIS_CLAIMS: tuple[Judged, ...] = (
             "This problem primarily occurs in systems with higher damping at high speeds.",
             unit="N",
             assumption="half the speed, and three times the damping, of the same motion and ball",
+            measured="least force with three times the damping",
         ),
         damping_and_speed,
     ),
@@ -227,6 +237,7 @@ HYSTERESIS_CLAIMS: tuple[Judged, ...] = (
             "large x₀.",
             "10 mm",
             "N",
+            measured="least force of the law",
         ),
         deep_enough,
     ),

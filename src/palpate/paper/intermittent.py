@@ -19,7 +19,7 @@ from palpate.paper.intermittent_figure import draw_intermittent
 from palpate.paper.judged import Curves, JudgedExperiment
 from palpate.paper.sessions import START, pressed
 from palpate.paper.starts import identified
-from palpate.settings import ChangeDetector, FadingForgetting, SelfPerturbation
+from palpate.settings import ChangeDetector, SelfPerturbation
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -39,11 +39,6 @@ METHODS: dict[str, ContactEstimator] = {
         perturbation=SelfPerturbation(gain=2.5, sensitivity=0.05)
     ),
     "variable projection": VariableProjection(change_detector=ChangeDetector()),
-    # The force jumps and the probe with it, which a velocity filter smears over 15 ms: only what
-    # is forgotten afterwards does no harm.
-    "variable projection, fading": VariableProjection(
-        change_detector=ChangeDetector(), forgetting=FadingForgetting()
-    ),
 }
 #: A hard zone that is only a tenth stiffer.
 TENTH = Zones((PVC, Homogeneous(HuntCrossley(1.1e5, 2.2e5, 2.0))), (0.0,), "a tenth stiffer")
@@ -51,6 +46,12 @@ TENTH = Zones((PVC, Homogeneous(HuntCrossley(1.1e5, 2.2e5, 2.0))), (0.0,), "a te
 
 class Intermittent(JudgedExperiment):
     """Palpation over a soft and a hard zone, with and without self-perturbation."""
+
+    caption = (
+        "K, B, n, force error and penetration over time while the probe changes between a "
+        "soft and a hard zone every five seconds: the regular single stage is lost, the "
+        "self-perturbing one follows."
+    )
 
     def __init__(self) -> None:
         super().__init__(

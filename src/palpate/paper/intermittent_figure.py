@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 SHOWN = {
     "regular": "regular",
     "self-perturbing": "self-perturbing",
-    "variable projection, fading": "variable projection, change detection and fading λ",
+    "variable projection": "variable projection with change detection",
 }
 LABELS = {"K": "K [N/mⁿ]", "B": "B [N·s/mⁿ⁺¹]", "n": "n"}
 

@@ -50,6 +50,12 @@ class Richness(JudgedExperiment):
         Claims and who judges them.
     """
 
+    caption = (
+        "Parameters and force error over the time since contact, from every start, for "
+        "two sines and for one; beside them the convergence times of every seed over the "
+        "initial covariance."
+    )
+
     def __init__(self, name: str, title: str, kind: Kind, judged: tuple[Judged, ...]) -> None:
         super().__init__(name, title, judged)
         self.kind = kind
