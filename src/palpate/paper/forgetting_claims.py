@@ -111,7 +111,8 @@ def overshoot(numbers: Numbers) -> Finding:
     above = [value for name, value in beyond.items() if float(name) >= 100.0]
     growing = all(a < b for a, b in itertools.pairwise(above))
     words = ", ".join(f"{name}: {value:.2g}" for name, value in beyond.items())
-    return Finding(growing, above[-1] / above[0], f"in units of the truth, {words}")
+    ratio = above[-1] / above[0] if above[0] > 0.0 else None
+    return Finding(growing, ratio, f"in units of the truth, {words}")
 
 
 def by_start(numbers: Numbers) -> Finding:
