@@ -187,3 +187,42 @@ def test_a_single_outlier_is_no_change() -> None:
     force[2000] += 20.0 * NOISE
     estimator = fed(VariableProjection(change_detector=detector), motion, force)
     assert estimator.estimate().restarts == 0
+
+
+def smeared(speed: Floats, at: int, kick: float, half: int = 7) -> Floats:
+    """The speed as a centred filter shows it that jumps by ``kick`` m/s and comes back."""
+    wrong = speed.copy()
+    around = np.arange(-half, half + 1)
+    wrong[at + around] += kick * (1.0 - np.abs(around) / (half + 1.0))
+    return wrong
+
+
+@pytest.mark.parametrize("change", ["onto the inclusion", "off the inclusion"])
+def test_a_speed_that_a_filter_smears_over_the_change_does_not_spoil_the_new_estimate(change):
+    motion, force = recording(change, seed=4)
+    # As with a robot in a millisecond's jump of 20 N, seen through 15 samples.
+    seen = Motion(motion.x, smeared(motion.v, SWITCH, kick=-0.05))
+    truth = CHANGES[change][1]
+    off = {}
+    for transition in (0, 15):
+        detector = ChangeDetector(noise=NOISE, transition=transition)
+        estimator = fed(VariableProjection(change_detector=detector), seen, force)
+        estimate = estimator.estimate()
+        apart = np.abs(estimate.parameters - truth.parameters)
+        assert (apart < 4.0 * estimate.standard_errors).all()
+        off[transition] = apart / truth.parameters
+    # 3 s after the change; without the second beginning the smeared samples still weigh.
+    assert (off[15] < 0.02).all()
+    assert off[0].max() > 2.0 * off[15].max()
+
+
+def test_the_second_beginning_is_no_second_change():
+    motion, force = recording("onto the inclusion", seed=5)
+    estimator = VariableProjection(change_detector=ChangeDetector(noise=NOISE))
+    trace = estimator.replay(motion.x, motion.v, force)
+    assert alarms(trace.status).size == 1
+
+
+def test_a_transition_longer_than_the_memory_is_refused():
+    with pytest.raises(ValueError, match=r"transition must be in \[0, 100\]"):
+        ChangeDetector(transition=101)

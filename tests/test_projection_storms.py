@@ -50,6 +50,7 @@ detectors = st.none() | st.builds(
     noise=noises,
     adaptation=st.floats(0.0, 1.0),
     settling=st.integers(10, 40),
+    transition=st.integers(0, 20),
 )
 shared = {
     "noise": noises,

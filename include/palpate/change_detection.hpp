@@ -23,6 +23,9 @@ class ChangeDetector {
     double noise = 0.0;            // N, the least s; 0: from the first errors alone
     double adaptation = 5e-4;      // share of the way from s² to e², a sample
     std::uint32_t settling = 200;  // samples without alarms at the start and after a change
+    // Samples over which a velocity filter smears a change; at most memory / 2. Once twice as many
+    // have come after an alarm, only the latest count.
+    std::uint32_t transition = 15;
   };
 
   // Samples that an alarm can look back on.
@@ -38,6 +41,7 @@ class ChangeDetector {
     recent_[seen_ % memory] = sample;
     squares_[seen_ % memory] = square;
     ++seen_;
+    over_ = left_ > 0 && --left_ == 0;
     if (settling_ < settings_.settling) return settle(square);
     const double z = std::min(square / (variance_ + 1e-300), 200.0);
     sum_ = std::max(0.0, sum_ + z - settings_.drift);
@@ -65,6 +69,14 @@ class ChangeDetector {
     return count;
   }
 
+  // Whether the change is just over. At a change of what is touched the speed kinks, which a
+  // filter rounds off on both sides; a few such samples, all wrong the same way, would spoil a fit
+  // that forgets nothing for seconds.
+  bool over() const noexcept { return over_; }
+
+  // How many of the latest samples are surely of the new material alone, once the change is over.
+  std::size_t certain() const noexcept { return settings_.transition; }
+
   // A sample of the past: 0 is the latest.
   const Sample& recent(std::size_t age) const noexcept {
     return recent_[(seen_ - 1 - age) % memory];
@@ -74,6 +86,7 @@ class ChangeDetector {
   void rearm() noexcept {
     sum_ = 0.0;
     settling_ = 0;
+    left_ = 2 * settings_.transition;
     suspects_from_ = seen_;
   }
 
@@ -98,6 +111,8 @@ class ChangeDetector {
   std::uint64_t seen_ = 0;
   std::uint64_t suspects_from_ = 0;
   std::uint32_t settling_ = 0;
+  std::uint32_t left_ = 0;  // samples until the change is over
+  bool over_ = false;
   double learned_ = 0.0;
   double variance_ = 0.0;
   double sum_ = 0.0;

@@ -69,6 +69,8 @@ class DoubleStageMethod {
     stage_two_ = LeastSquares<1>({stage_two_.parameters(), {{{settings_.stage_two_covariance}}}});
   }
 
+  void restart_again() noexcept { restart(); }
+
   const LeastSquares<2>& stage_one() const noexcept { return stage_one_; }
   const LeastSquares<1>& stage_two() const noexcept { return stage_two_; }
 

@@ -51,6 +51,12 @@ class DriftMethod {
     learned_ = 0;
   }
 
+  void restart_again() noexcept {
+    start_.restart_again();
+    tracking_ = false;
+    learned_ = 0;
+  }
+
   Law law(const Units& units) const noexcept {
     return tracking_ ? tracked_law(units) : start_.law(units);
   }

@@ -54,9 +54,13 @@ class ProjectionMethod {
   // Begins anew, with the old answer as a weak prior.
   void restart() noexcept {
     projection_.restart(projection_.solve(), 0.3, 0.1);
-    residuals_.clear();
-    inflation_ = 1.0;
-    unsolved_ = 1;
+    forget_residuals();
+  }
+
+  // The same once more: the weak prior is still that of before the change.
+  void restart_again() noexcept {
+    projection_.clear();
+    forget_residuals();
   }
 
   Law law(const Units& units) const noexcept { return law(solve(), units); }
@@ -103,6 +107,12 @@ class ProjectionMethod {
   double noise_variance() const noexcept { return solve().noise_variance; }
 
  private:
+  void forget_residuals() noexcept {
+    residuals_.clear();
+    inflation_ = 1.0;
+    unsolved_ = 1;
+  }
+
   // The global search is due again after every 64th part of the samples, but at least every 64.
   bool due() const noexcept {
     return static_cast<double>(unsolved_) >= std::min(1.0 + projection_.weight() / 64.0, 64.0);

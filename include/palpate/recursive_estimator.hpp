@@ -160,10 +160,17 @@ class RecursiveEstimator {
     };
     Status status = method_.learn(inner, dt, adapt);
     if (!taken(status)) return status;
-    if (changes_.active() && changes_.observe(inner, error)) {
-      forgetting.rearm();
-      restart(forgetting);
-      status = Status::restarted;
+    if (changes_.active()) {
+      if (changes_.observe(inner, error)) {
+        method_.restart();
+        begin_with(changes_.suspects(), forgetting);
+        changes_.rearm();
+        ++restarts_;
+        status = Status::restarted;
+      } else if (changes_.over()) {
+        method_.restart_again();
+        begin_with(changes_.certain(), forgetting);
+      }
     }
 
     gate_.enter(ContactGate::Phase::contact);
@@ -175,16 +182,14 @@ class RecursiveEstimator {
     return status;
   }
 
-  // The estimate begins anew with the samples since the change, and the old value as a weak prior.
-  void restart(Forgetting& forgetting) noexcept {
-    method_.restart();
+  // The estimate begins anew with this many of the latest samples.
+  void begin_with(std::size_t samples, Forgetting& forgetting) noexcept {
+    forgetting.rearm();
     const auto adapt = [&](auto&&) noexcept { return std::pair{forgetting.factor(), 0.0}; };
-    for (std::size_t age = changes_.suspects(); age-- > 0;) {
+    for (std::size_t age = samples; age-- > 0;) {
       method_.learn(changes_.recent(age), settings_.sample_time, adapt);
       forgetting.advance(settings_.sample_time);
     }
-    changes_.rearm();
-    ++restarts_;
   }
 
   Settings settings_;

@@ -46,6 +46,8 @@ class RegressionMethod {
   void restart() noexcept {
     least_squares_ = LeastSquares<order>({least_squares_.parameters(), initial_covariance_});
   }
+
+  void restart_again() noexcept { restart(); }
   const LeastSquares<order>& least_squares() const noexcept { return least_squares_; }
 
   Law law(const Units& units) const noexcept {

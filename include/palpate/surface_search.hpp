@@ -51,6 +51,10 @@ class SurfaceSearch {
     }
   }
 
+  void clear() noexcept {
+    for (VariableProjection& candidate : bank_) candidate.clear();
+  }
+
   // There is no cheaper way: every candidate has its own minimum.
   Projection solve_near(const Projection&) const noexcept { return solve(); }
 

@@ -53,8 +53,11 @@ class VariableProjection {
     settings_.prior_exponent_deviation = exponent_deviation;
     settings_.prior_dissipation = old.k > 0.0 ? old.c / old.k : 0.0;
     settings_.prior_dissipation_deviation = dissipation_deviation;
-    sums_.clear();
+    clear();
   }
+
+  // Forgets the samples and keeps the prior.
+  void clear() noexcept { sums_.clear(); }
 
   // The global minimum over the whole range of exponents.
   Projection solve() const noexcept { return finish(search_grid()); }

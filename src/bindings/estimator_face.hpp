@@ -14,11 +14,13 @@
 namespace palpate::bindings {
 
 using Pair = std::array<double, 2>;
-using Detector = std::array<double, 5>;  // drift, threshold, noise, adaptation, settling
+// drift, threshold, noise, adaptation, settling, transition
+using Detector = std::array<double, 6>;
 using Triple = std::array<double, 3>;
 
 inline ChangeDetector::Settings detector_settings(const Detector& d) {
-  return {d[0], d[1], d[2], d[3], static_cast<std::uint32_t>(d[4])};
+  return {
+      d[0], d[1], d[2], d[3], static_cast<std::uint32_t>(d[4]), static_cast<std::uint32_t>(d[5])};
 }
 
 template <class Core>

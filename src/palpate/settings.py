@@ -145,6 +145,10 @@ class ChangeDetector:
         Share of the way from s² to e² a sample, in [0, 1].
     settling : int
         Samples without alarms at the start and after each change, 10 to 1e6.
+    transition : int
+        Samples over which a velocity filter smears a change, 0 to 100: the length of a centred
+        filter. Once twice as many have come after an alarm, the estimate begins anew with the
+        latest of them; 0 for a velocity that is measured.
     """
 
     drift: float = 4.0
@@ -152,6 +156,7 @@ class ChangeDetector:
     noise: float | None = None
     adaptation: float = 5e-4
     settling: int = 200
+    transition: int = 15
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "drift", number_in("drift", self.drift, 1.0, 199.0))
@@ -163,14 +168,17 @@ class ChangeDetector:
         adaptation = number_in("adaptation", self.adaptation, 0.0, 1.0)
         object.__setattr__(self, "adaptation", adaptation)
         object.__setattr__(self, "settling", int(number_in("settling", self.settling, 10, 1e6)))
+        transition = int(number_in("transition", self.transition, 0, 100))
+        object.__setattr__(self, "transition", transition)
 
-    def _plain(self) -> tuple[float, float, float, float, float]:
+    def _plain(self) -> tuple[float, float, float, float, float, float]:
         return (
             self.drift,
             self.threshold,
             self.noise or 0.0,
             self.adaptation,
             float(self.settling),
+            float(self.transition),
         )
 
 

@@ -144,4 +144,4 @@ def loop_settings(
 
 
 # Drift 0 switches the detector off.
-NO_DETECTION = (0.0, 60.0, 0.0, 5e-4, 200.0)
+NO_DETECTION = (0.0, 60.0, 0.0, 5e-4, 200.0, 0.0)

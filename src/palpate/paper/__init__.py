@@ -3,10 +3,12 @@
 from palpate.paper.condition import Condition
 from palpate.paper.experiment import Claim, Experiment, Finding, Outcome, Table
 from palpate.paper.forgetting import FORGETTING
+from palpate.paper.hysteresis import HYSTERESIS
 from palpate.paper.intermittent import INTERMITTENT
 from palpate.paper.materials import COMPARISONS
 from palpate.paper.near_truth import NEAR_TRUTH
 from palpate.paper.repetitions import Repetitions
+from palpate.paper.richness import RICHNESS
 from palpate.paper.trajectory import TrajectoryFollowed
 
 __all__ = ["EXPERIMENTS", "Claim", "Experiment", "Finding", "Outcome", "Table"]
@@ -18,6 +20,8 @@ _ALL: tuple[Experiment, ...] = (
     *FORGETTING,
     *COMPARISONS,
     *NEAR_TRUTH,
+    *HYSTERESIS,
+    *RICHNESS,
     *INTERMITTENT,
 )
 

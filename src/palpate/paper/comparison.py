@@ -11,7 +11,7 @@ from palpate.estimators import RecursiveLeastSquaresEstimator, VariableProjectio
 from palpate.identification import Identification
 from palpate.paper.comparison_figure import draw_comparison
 from palpate.paper.comparison_tables import comparison_tables
-from palpate.paper.curves import early_and_late, plain
+from palpate.paper.curves import plain, traced
 from palpate.paper.experiment import Outcome, Table
 from palpate.paper.judged import Curves, Judged, JudgedExperiment
 from palpate.paper.sessions import pressed
@@ -143,12 +143,5 @@ def _with_same_covariances(
 def _curves(method: str, results: Results) -> Curves:
     curves: Curves = {}
     for name, result in results.items():
-        trace, contact = result.trace, result.contact
-        elapsed = np.cumsum(contact.time_steps[trace.taken])
-        keep = early_and_late(elapsed)
-        curves["elapsed"] = plain(elapsed[keep])
-        for i, symbol in enumerate(result.law.symbols):
-            curves[f"{method}/{name}/{symbol}"] = plain(trace.parameters[trace.taken, i][keep])
-        error = (contact.force - trace.predicted_force)[trace.taken]
-        curves[f"{method}/{name}/error"] = plain(error[keep])
+        curves |= traced(f"{method}/{name}", result)
     return curves

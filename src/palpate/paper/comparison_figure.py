@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from palpate.estimators import RecursiveLeastSquaresEstimator, VariableProjection
 from palpate.estimators.contact_estimator import ContactEstimator
 from palpate.figures.style import Theme, style
@@ -21,10 +19,12 @@ TITLES = {
     "double-stage": "HC, double stage",
     "kelvin-voigt": "Kelvin–Voigt",
     "extended-kelvin-voigt": "extended Kelvin–Voigt",
-    "variable-projection": "HC, variable projection\n(beyond the paper)",
+    "variable-projection": "HC, variable projection\n(once its error bar is below ⅓)",
 }
-# Decades about the final value that a stiffness or damping is drawn in.
-BELOW, ABOVE = 1e-3, 30.0
+# Share of the final value from which, and up to which, a stiffness is drawn.
+BELOW, ABOVE = 1e-3, 1e3
+# Errors below this are drawn on a linear scale, N.
+FINE = 0.25
 
 
 def draw_comparison(
@@ -60,7 +60,7 @@ def _draw_method(
             continue
         lines = [(start, curves[f"{kind.method}/{start}/{symbols[i]}"]) for start in starts]
         draw_lines(axes, time, lines, theme)
-        _set_scale(axes, [final[i] for final in numbers["final"].values()], symbols[i])
+        _set_scale(axes, _settled(outcomes[0], kind)[i], symbols[i])
         unit = f" [{units[i]}]" if units[i] else ""
         axes.set(ylabel=f"{symbols[i]}{unit}")
     error = column[3]
@@ -71,9 +71,11 @@ def _draw_method(
         theme,
         width=0.8,
     )
-    error.set(xscale="log", ylabel="force error [N]", ylim=_error_limits(outcomes[0]))
+    error.set_yscale("symlog", linthresh=FINE)
+    error.set(xscale="log", ylabel="force error [N]", ylim=(-30.0, 30.0))
+    error.set_yticks([-10.0, -1.0, 0.0, 1.0, 10.0], ["−10", "−1", "0", "1", "10"])
     column[0].set_title(f"{TITLES[kind.method]}\n{_rmse(kind.method, outcomes)}")
-    column[0].legend(loc="lower right", title="start" if len(starts) > 1 else None)
+    column[0].legend(loc="upper right", ncols=3, handlelength=1.6, columnspacing=0.9)
 
 
 def _rows(kind: type[ContactEstimator]) -> tuple[int | None, ...]:
@@ -83,24 +85,22 @@ def _rows(kind: type[ContactEstimator]) -> tuple[int | None, ...]:
     return (0, 1, None) if len(kind.law_type.symbols) == 2 else (0, 2, 1)
 
 
-def _set_scale(axes: "Axes", finals: Sequence[float], symbol: str) -> None:
+def _settled(outcome: Outcome, kind: type[ContactEstimator]) -> Sequence[float]:
+    """What the axes are about: for every Hunt–Crossley method the same, so that they compare."""
+    method = "single-stage" if kind.law_type is HuntCrossley else kind.method
+    final: Sequence[float] = next(iter(outcome.numbers["methods"][method]["final"].values()))
+    return final
+
+
+def _set_scale(axes: "Axes", final: float, symbol: str) -> None:
     if symbol == "n":
         axes.set_ylim(0.0, 3.0)
-        return
-    final = max(abs(value) for value in finals)
-    if min(finals) > 0.0:
-        axes.set(yscale="log", ylim=(BELOW * final, ABOVE * final))
+    elif symbol == "B":
+        axes.set_ylim(-0.5 * final, 2.5 * final)
+    elif symbol == "K₁":
+        axes.set_ylim(-1500.0, 1500.0)
     else:
-        axes.set_ylim(-3.0 * final, 3.0 * final)
-
-
-def _error_limits(outcome: Outcome) -> tuple[float, float]:
-    late = [
-        np.abs(values[len(values) // 2 :]).max()
-        for name, values in outcome.curves.items()
-        if name.endswith("/error")
-    ]
-    return -1.2 * float(max(late)), 1.2 * float(max(late))
+        axes.set(yscale="log", ylim=(BELOW * final, ABOVE * final))
 
 
 def _rmse(method: str, outcomes: Sequence[Outcome]) -> str:

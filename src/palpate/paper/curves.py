@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from palpate.estimators import VariableProjection
 from palpate.figures.style import DARK, LIGHT, Theme
+from palpate.identification import Identification
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -16,6 +18,10 @@ if TYPE_CHECKING:
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (7, 2, 1.5, 2)), (0, (3, 1)))
 # More points than this on a line of a figure look the same.
 POINTS = 400
+#: Standard error over value, up to which variable projection is drawn.
+CONFIDENT = 1.0 / 3.0
+#: What a legend calls it.
+PROJECTION = "variable projection, once its error bar is below a third"
 
 
 def theme_of(dark: bool) -> Theme:
@@ -24,13 +30,34 @@ def theme_of(dark: bool) -> Theme:
 
 
 def early_and_late(elapsed: Floats) -> NDArray[np.intp]:
-    """Which samples to draw on a logarithmic axis of time."""
-    return np.unique(np.geomspace(1, elapsed.size, POINTS).round().astype(np.intp)) - 1
+    """Which samples to draw: enough for a logarithmic axis of time, and for a linear one."""
+    early = np.geomspace(1, elapsed.size, POINTS).round().astype(np.intp) - 1
+    return np.union1d(early, np.arange(0, elapsed.size, max(elapsed.size // POINTS, 1)))
 
 
 def plain(values: ArrayLike) -> list[float]:
     """Numbers to five digits, as a list."""
     return [float(f"{value:.5g}") for value in np.asarray(values, dtype=np.float64).tolist()]
+
+
+def traced(prefix: str, result: Identification, clock: str = "elapsed") -> dict[str, list[float]]:
+    """Return parameters and force error of a result over the time since contact, to be drawn.
+
+    Variable projection says from the first sample on how little it knows: it is drawn where its
+    own standard error is below ``CONFIDENT`` of the value.
+    """
+    trace, contact = result.trace, result.contact
+    taken = trace.taken
+    elapsed = np.cumsum(contact.time_steps[taken])
+    keep = early_and_late(elapsed)
+    known, errors = trace.parameters[taken][keep], trace.standard_errors[taken][keep]
+    if isinstance(result.estimator, VariableProjection):
+        known = np.where(errors < CONFIDENT * np.abs(known), known, np.nan)
+    curves = {clock: plain(elapsed[keep])}
+    for i, symbol in enumerate(result.law.symbols):
+        curves[f"{prefix}/{symbol}"] = plain(known[:, i])
+    curves[f"{prefix}/error"] = plain((contact.force - trace.predicted_force)[taken][keep])
+    return curves
 
 
 def median_and_range(values: Iterable[float], digits: str = ".3g", never: str = "never") -> str:
@@ -50,8 +77,8 @@ def median_and_range(values: Iterable[float], digits: str = ".3g", never: str = 
 
 def draw_lines(
     axes: "Axes",
-    x: Sequence[float],
-    lines: Iterable[tuple[str, Sequence[float]]],
+    x: "Floats | Sequence[float]",
+    lines: Iterable[tuple[str, "Floats | Sequence[float]"]],
     theme: Theme,
     *,
     width: float = 1.4,

@@ -10,7 +10,7 @@ from palpate.estimators import SingleStageRLS, VariableProjection
 from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import BALL, THREE_SINES, Bench, Command, IdealProbe, Trajectory
-from palpate.paper.curves import early_and_late, median_and_range, plain
+from palpate.paper.curves import PROJECTION, median_and_range, plain, traced
 from palpate.paper.experiment import Outcome, Table
 from palpate.paper.forgetting_claims import FORGETTING_CLAIMS
 from palpate.paper.forgetting_figure import draw_forgetting
@@ -100,14 +100,14 @@ class ForgettingFactors(JudgedExperiment):
         for name, forgetting in PROFILES.items():
             result = identified(contact, SingleStageRLS(forgetting=forgetting))
             numbers["profiles"][name] = _summary(result)
-            curves |= _curves(f"profile/{name}", result)
+            curves |= traced(f"profile/{name}", result)
         result = identified(contact, VariableProjection())
-        numbers["profiles"]["variable projection"] = _summary(result)
-        curves |= _curves("profile/variable projection", result)
+        numbers["profiles"][PROJECTION] = _summary(result)
+        curves |= traced(f"profile/{PROJECTION}", result)
         for variance in COVARIANCES:
             result = identified(contact, SingleStageRLS(initial_covariance=variance))
             numbers["covariances"][f"{variance:g}"] = _summary(result)
-            curves |= _curves(f"covariance/{variance:g}", result)
+            curves |= traced(f"covariance/{variance:g}", result)
         for name, law in starts_of(contact, SingleStageRLS).items():
             result = identified(contact, SingleStageRLS(initial=law))
             numbers["starts"][name] = _summary(result)
@@ -160,16 +160,6 @@ def _summary(result: Identification) -> dict[str, Any]:
         "overshoot": plain(beyond / truth),
         "rmse": result.prediction_rmse_percent,
     }
-
-
-def _curves(name: str, result: Identification) -> Curves:
-    trace = result.trace
-    elapsed = np.cumsum(result.contact.time_steps[trace.taken])
-    keep = early_and_late(elapsed)
-    curves = {"elapsed": plain(elapsed[keep])}
-    for i, symbol in enumerate(result.law.symbols):
-        curves[f"{name}/{symbol}"] = plain(trace.parameters[trace.taken, i][keep])
-    return curves
 
 
 def _held(seed: int) -> tuple[dict[str, Any], Curves]:

@@ -46,7 +46,7 @@ def draw_intermittent(
         for axes in rows:
             for a, b in zip(changes[::2], changes[1::2], strict=True):
                 axes.axvspan(a, b, color=theme.grid, alpha=0.5, linewidth=0)
-        rows[0].legend(loc="upper left", ncols=3)
-        rows[0].set_title("Soft zone, and hard zone (shaded); the truth dotted")
+        rows[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
+        rows[0].set_title("hard zone shaded, truth dotted", loc="right", fontsize=9)
         figure.suptitle(title, fontsize=11)
     return figure

@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from palpate.contact import Contact
-from palpate.estimators import DoubleStageRLS, SingleStageRLS
+from palpate.estimators import DoubleStageRLS, SingleStageRLS, VariableProjection
 from palpate.force_laws import HuntCrossley
-from palpate.identification import Identification
-from palpate.paper.curves import early_and_late, median_and_range, plain
+from palpate.identification import Identification, identify
+from palpate.paper.curves import median_and_range, plain, traced
 from palpate.paper.experiment import Claim, Finding, Outcome, Table
 from palpate.paper.judged import Curves, Judged, JudgedExperiment, Numbers
 from palpate.paper.near_truth_figure import draw_near_truth
-from palpate.paper.sessions import pressed
+from palpate.paper.sessions import GATE, SI, pressed
 from palpate.paper.starts import AGREED, convergence_times, identified
+from palpate.settings import Scale
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -30,6 +31,11 @@ WAYS = {
     "n more": (-1, -1, 1),
 }
 DRAWN = (0.02, 0.1, 0.3)
+OTHERWISE: dict[str, dict[str, Any]] = {
+    "0.1, P₀ = 1e4": {"initial_covariance": (1e4, 1e4, 1e3)},
+    "0.1, P₀ = 10": {"initial_covariance": (10.0, 10.0, 10.0)},
+    "0.1, in cm": {"scale": Scale(10e-3, 10e-3, 1.0)},
+}
 
 Starts = Mapping[str, HuntCrossley]
 
@@ -58,6 +64,13 @@ class NearTruth(JudgedExperiment):
                 numbers[material][f"{off:g}"] = _summary(results, law)
                 if material == "ball" and off in DRAWN:
                     curves |= _curves(f"{off:g}", results)
+            if material == "ball":
+                projected = identified(contact, VariableProjection())
+                curves |= traced("no start/projection", projected)
+            # What it would be with a smaller P₀, and in units in which penetrations are near 1.
+            for name, settings in OTHERWISE.items():
+                results = _from(contact, law, 0.1, WAYS, DoubleStageRLS, **settings)
+                numbers[material][name] = _summary(results, law)
             only = {"K and B more": (1, 1, 0), "K and B less": (-1, -1, 0)}
             results = _from(contact, law, 0.5, only, DoubleStageRLS)
             numbers[material]["0.5, n right"] = _summary(results, law)
@@ -67,7 +80,7 @@ class NearTruth(JudgedExperiment):
 
     def draw(self, outcomes: Sequence[Outcome], *, dark: bool = False) -> "Figure":
         """Draw the parameters over time, and how far off they end over how far off they start."""
-        return draw_near_truth(self.title, DRAWN, WAYS, outcomes, dark=dark)
+        return draw_near_truth(self.title, DRAWN, OFF, WAYS, outcomes, dark=dark)
 
     def tables(self, outcomes: Sequence[Outcome]) -> tuple[Table, ...]:
         """Return where the starts end."""
@@ -105,10 +118,15 @@ def _from(
     off: float,
     ways: Mapping[str, tuple[int, int, int]],
     kind: type[DoubleStageRLS] | type[SingleStageRLS],
+    **settings: Any,
 ) -> dict[str, Identification]:
     return {
-        way: identified(
-            contact, kind(initial=HuntCrossley(*(law * (1.0 + off * np.array(signs))).tolist()))
+        way: identify(
+            contact,
+            kind(
+                initial=HuntCrossley(*(law * (1.0 + off * np.array(signs))).tolist()),
+                **{"gate": GATE, "scale": SI, **settings},
+            ),
         )
         for way, signs in ways.items()
     }
@@ -126,12 +144,7 @@ def _summary(results: Mapping[str, Identification], law: Floats) -> dict[str, An
 def _curves(name: str, results: Mapping[str, Identification]) -> Curves:
     curves: Curves = {}
     for way, result in results.items():
-        trace = result.trace
-        elapsed = np.cumsum(result.contact.time_steps[trace.taken])
-        keep = early_and_late(elapsed)
-        curves["elapsed"] = plain(elapsed[keep])
-        for i, symbol in enumerate(result.law.symbols):
-            curves[f"{name}/{way}/{symbol}"] = plain(trace.parameters[trace.taken, i][keep])
+        curves |= traced(f"{name}/{way}", result)
     return curves
 
 
@@ -152,7 +165,12 @@ def _range(numbers: Mapping[str, Any]) -> float:
 def _ends(numbers: Mapping[str, Any]) -> str:
     apart = ", ".join(f"{off:.0%}: {max(numbers[f'{off:g}']['apart']):.2g} %" for off in OFF)
     right = max(numbers["0.5, n right"]["apart"])
-    return f"off at the start and apart at the end: {apart}; 50 % with n right: {right:.2g} %"
+    words = f"off at the start and apart at the end: {apart}; 50 % with n right: {right:.2g} %"
+    return words + _otherwise(numbers)
+
+
+def _otherwise(numbers: Mapping[str, Any]) -> str:
+    return "".join(f"; {name}: {max(numbers[name]['apart']):.2g} %" for name in OTHERWISE)
 
 
 def small_range(numbers: Numbers) -> Finding:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from palpate.figures.style import style
-from palpate.paper.curves import DASHES, draw_lines, theme_of
+from palpate.paper.curves import DASHES, PROJECTION, draw_lines, theme_of
 from palpate.paper.experiment import Outcome
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ LIMITS = {"K": (0.0, 6000.0), "B": (0.0, 6000.0), "n": (0.6, 1.4)}
 def draw_near_truth(
     title: str,
     drawn: Sequence[float],
+    scanned: Sequence[float],
     ways: Iterable[str],
     outcomes: Sequence[Outcome],
     *,
@@ -31,21 +32,23 @@ def draw_near_truth(
             for row, symbol in enumerate(LABELS):
                 axes = figure.add_subplot(grid[row, column])
                 lines = [(way, curves[f"{off:g}/{way}/{symbol}"]) for way in ways]
+                lines.append((PROJECTION, curves[f"no start/projection/{symbol}"]))
                 draw_lines(axes, curves["elapsed"], lines, theme)
                 axes.set(xscale="log", ylim=LIMITS[symbol])
                 if column == 0:
                     axes.set(ylabel=LABELS[symbol])
                 if row == 0:
-                    axes.set_title(f"starts {off:.0%} off")
+                    axes.set_title(f"starts {100 * off:g} % off")
                 if row == 0 and column == 0:
-                    axes.legend(loc="upper right", ncols=2, title="K, B and n")
+                    shown = axes.get_legend_handles_labels()
+                    figure.legend(*shown, loc="outside lower center", ncols=5)
                 if row == len(LABELS) - 1:
                     axes.set(xlabel="time since contact [s]")
         below = figure.add_subplot(grid[3, :])
         for i, material in enumerate(("ball", "sponge")):
             for j, outcome in enumerate(outcomes):
                 ends = outcome.numbers[material]
-                offs = [name for name in ends if name.replace(".", "").isdigit()]
+                offs = [f"{off:g}" for off in scanned]
                 below.plot(
                     [100.0 * float(name) for name in offs],
                     [max(ends[name]["apart"]) for name in offs],
@@ -57,7 +60,7 @@ def draw_near_truth(
                 )
         below.axhline(5.0, color=theme.ink, linewidth=0.8, linestyle=":")
         below.text(60.0, 5.3, "5 %", color=theme.ink, ha="right")
-        below.set(xscale="log", yscale="log", xlim=(0.9, 62.0))
+        below.set(xscale="log", yscale="log", xlim=(0.9, 62.0), ylim=(1.0, 300.0))
         ticks = [1, 2, 5, 10, 20, 50]
         below.set_xticks(ticks, [str(tick) for tick in ticks])
         below.set(xlabel="starts off by [%]", ylabel="apart at the end [%]")
