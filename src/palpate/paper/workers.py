@@ -81,7 +81,8 @@ def _prepare_worker(sessions: Path) -> None:
 
 def portable(experiment: Experiment) -> Experiment | str:
     """An experiment of the paper goes to a worker by its name, for its judges cannot be pickled."""
-    known = EXPERIMENTS.get(experiment.name) is experiment
+    ours = type(experiment).__module__.startswith("palpate.paper.")
+    known = ours and EXPERIMENTS.get(experiment.name) is experiment
     return experiment.name if known else experiment
 
 
