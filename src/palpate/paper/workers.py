@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import re
 import signal
 import threading
 import traceback
@@ -16,6 +15,7 @@ from palpate.paper import EXPERIMENTS
 from palpate.paper import outcomes as on_disk
 from palpate.paper.experiment import Experiment, Outcome, Table
 from palpate.paper.sessions import share_sessions
+from palpate.paper.slimming import slim
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,9 +109,7 @@ def drawn(sent: Experiment | str, outcomes: list[Outcome]) -> Drawing | Failure:
 
     try:
         experiment = _arrived(sent)
-        light, dark = (
-            _slim(as_svg(experiment.draw(outcomes, dark=dark))) for dark in (False, True)
-        )
+        light, dark = (slim(as_svg(experiment.draw(outcomes, dark=dark))) for dark in (False, True))
         return Drawing(light, dark, experiment.tables(outcomes))
     except Exception as error:
         return _failure(error)
@@ -120,11 +118,3 @@ def drawn(sent: Experiment | str, outcomes: list[Outcome]) -> Drawing | Failure:
 def _failure(error: Exception) -> Failure:
     last = traceback.extract_tb(error.__traceback__)[-1]
     return Failure(f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})")
-
-
-def _slim(svg: str) -> str:
-    """Leave out of a drawing what nobody sees: names, comments, and digits past 1/100 point."""
-    svg = re.sub(r"<!--.*?-->", "", svg, flags=re.DOTALL)
-    svg = re.sub(r'<g id="[^"]*"', "<g", svg)  # what is referred to is a path or a clipping path
-    svg = re.sub(r' (d|x|y)="[^"]*"', lambda part: re.sub(r"(\.\d\d)\d+", r"\1", part[0]), svg)
-    return re.sub(r"\s*\n\s*", "\n", svg)
