@@ -1,13 +1,8 @@
 """All experiments and seeds on all cores; what is finished stays, whatever happens then."""
 
-import multiprocessing
 import os
-import signal
-import threading
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,12 +10,19 @@ from typing import Any
 
 from palpate.errors import PalpateError
 from palpate.files import make_folder, write_text
-from palpate.paper import EXPERIMENTS
 from palpate.paper import outcomes as on_disk
 from palpate.paper.claims import judge
 from palpate.paper.experiment import Experiment, Outcome, Table
 from palpate.paper.report import Report, Section, write_report
-from palpate.paper.sessions import share_sessions
+from palpate.paper.workers import (
+    Drawing,
+    Failure,
+    deaf_to_interrupts,
+    drawn,
+    measured,
+    portable,
+    processes,
+)
 
 #: Told what has just been finished, and how many of how many tasks are.
 Progress = Callable[[str, int, int], None]
@@ -36,20 +38,6 @@ class _Task:
     def __str__(self) -> str:
         what = "figure" if self.seed is None else f"seed {self.seed}"
         return f"{self.experiment.name}, {what}"
-
-
-@dataclass(frozen=True, slots=True)
-class _Failure:
-    words: str
-
-
-@dataclass(frozen=True, slots=True)
-class _Drawing:
-    """SVG; not files, for a worker that is stopped could not take its half of one away."""
-
-    light: str
-    dark: str
-    tables: tuple[Table, ...]
 
 
 @dataclass(slots=True)
@@ -92,7 +80,7 @@ class PaperRun:
         total = len(self.experiments) * (self.seeds + 1)
         done = self.taken_over + len(self.tables)
         pending: dict[Future[Any], _Task] = {}
-        with _workers_deaf_to_interrupts():
+        with deaf_to_interrupts():
             for task in self._at_hand():
                 pending[self._submitted(pool, task)] = task
         while pending:
@@ -116,18 +104,18 @@ class PaperRun:
                     yield _Task(experiment, seed)
 
     def _submitted(self, pool: ProcessPoolExecutor, task: _Task) -> Future[Any]:
-        sent = _portable(task.experiment)
+        sent = portable(task.experiment)
         if task.seed is not None:
-            return pool.submit(_measured, sent, task.seed)
-        return pool.submit(_drawn, sent, self._of(task.experiment))
+            return pool.submit(measured, sent, task.seed)
+        return pool.submit(drawn, sent, self._of(task.experiment))
 
     def _settled(self, task: _Task, future: Future[Any]) -> bool:
         """Write down what a task gave; False where it failed."""
         try:
             result = future.result()
         except Exception as error:  # a worker that died
-            result = _Failure(f"{type(error).__name__}: {error}")
-        if isinstance(result, _Failure):
+            result = Failure(f"{type(error).__name__}: {error}")
+        if isinstance(result, Failure):
             self.failures.append(f"{task}: {result.words}")
             return False
         if task.seed is None:
@@ -137,7 +125,7 @@ class PaperRun:
             self.outcomes[task.experiment.name, task.seed] = on_disk.from_text(result)
         return True
 
-    def _keep(self, experiment: Experiment, drawing: _Drawing) -> None:
+    def _keep(self, experiment: Experiment, drawing: Drawing) -> None:
         light, dark = on_disk.figures_of(self.folder, experiment.name)
         write_text(light, drawing.light)
         write_text(dark, drawing.dark)
@@ -208,7 +196,7 @@ def run_paper(
     # Sessions are for this run only: another may be of other code.
     with (
         TemporaryDirectory(prefix="palpate-") as sessions,
-        _workers(workers or os.cpu_count() or 1, Path(sessions)) as pool,
+        processes(workers or os.cpu_count() or 1, Path(sessions)) as pool,
     ):
         try:
             run.work(pool, progress)
@@ -216,88 +204,5 @@ def run_paper(
             run.write()
     if run.failures:
         more = f" (and {len(run.failures) - 1} more)" if len(run.failures) > 1 else ""
-        raise PalpateError(f"{run.failures[0]}{more}; the rest is in the report")
+        raise PalpateError(f"{run.failures[0]}{more}; the rest is in {folder / 'report.html'}")
     return run.report()
-
-
-@contextmanager
-def _workers(count: int, sessions: Path) -> Iterator[ProcessPoolExecutor]:
-    """Processes that end at once when this one is interrupted."""
-    others = set(multiprocessing.active_children())
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(
-        count, mp_context=context, initializer=_prepare_worker, initargs=(sessions,)
-    )
-    try:
-        yield pool
-    except BaseException:
-        for worker in set(multiprocessing.active_children()) - others:
-            worker.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def _workers_deaf_to_interrupts() -> Iterator[None]:
-    """Start processes that ignore Ctrl-C, which a terminal sends to them too."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _prepare_worker(sessions: Path) -> None:
-    """Share sessions, and end when the process that started this one is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    share_sessions(sessions)
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
-
-
-def _portable(experiment: Experiment) -> Experiment | str:
-    """An experiment of the paper goes to a worker by its name, for its judges cannot be pickled."""
-    known = EXPERIMENTS.get(experiment.name) is experiment
-    return experiment.name if known else experiment
-
-
-def _arrived(sent: Experiment | str) -> Experiment:
-    return EXPERIMENTS[sent] if isinstance(sent, str) else sent
-
-
-def _measured(sent: Experiment | str, seed: int) -> str | _Failure:
-    try:
-        experiment = _arrived(sent)
-        outcome = experiment.run(seed)
-        missing = {claim.key for claim in experiment.claims} ^ set(outcome.findings)
-        if missing:
-            return _Failure(f"claims and findings differ in {', '.join(sorted(missing))}")
-        return on_disk.as_text(experiment, outcome)
-    except Exception as error:
-        return _failure(error)
-
-
-def _drawn(sent: Experiment | str, outcomes: list[Outcome]) -> _Drawing | _Failure:
-    from palpate.figures.style import as_svg
-
-    try:
-        experiment = _arrived(sent)
-        light, dark = (as_svg(experiment.draw(outcomes, dark=dark)) for dark in (False, True))
-        return _Drawing(light, dark, experiment.tables(outcomes))
-    except Exception as error:
-        return _failure(error)
-
-
-def _failure(error: Exception) -> _Failure:
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    return _Failure(f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})")

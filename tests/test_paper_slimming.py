@@ -1,0 +1,49 @@
+"""Drawings without what nobody sees."""
+
+import math
+import re
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+
+from palpate.figures.style import LIGHT, as_svg, style
+from palpate.paper.slimming import slim
+
+
+@pytest.fixture(scope="module")
+def drawing() -> str:
+    with style(LIGHT) as new_figure:
+        figure = new_figure(figsize=(6.0, 4.0))
+        axes = figure.add_subplot()
+        points = [0.01 * i for i in range(1000)]
+        axes.plot(points, [math.sin(7.0 * x) for x in points], marker="o", markevery=100)
+        axes.plot([0.0, 1.0, math.nan, 2.0, 3.0], [0.0, 1.0, 0.0, 1.0, 0.0], "--")
+        axes.fill_between([2.0, 4.0], [-1.0, 0.0], [0.0, 1.0], alpha=0.3)
+        axes.set(xlabel="time [s]", ylabel="N·s/mⁿ⁺¹")
+        return as_svg(figure)
+
+
+def test_a_slim_drawing_is_much_smaller_and_slims_no_further(drawing):
+    once = slim(drawing)
+    assert len(once) < 0.75 * len(drawing)
+    assert slim(once) == once
+
+
+def test_every_reference_of_a_slim_drawing_has_its_target(drawing):
+    once = slim(drawing)
+    ElementTree.fromstring(once)
+    targets = set(re.findall(r' id="([^"]*)"', once))
+    assert set(re.findall(r'(?:href="#|url\(#)([^")]*)', once)) <= targets
+    named = set(re.findall(r' class="([^"]*)"', once))
+    assert named == set(re.findall(r"\.(s\d+){", once))
+
+
+def places(svg: str) -> list[float]:
+    paths = re.findall(r' d="([^"]*)"', svg)
+    return [float(number) for path in paths for number in re.findall(r"-?\d+\.?\d*", path)]
+
+
+def test_no_place_of_a_slim_drawing_moves_by_more_than_a_tenth_of_a_point(drawing):
+    before, after = places(drawing), places(slim(drawing))
+    assert len(before) == len(after)
+    assert max(abs(a - b) for a, b in zip(before, after, strict=True)) <= 0.1
