@@ -6,7 +6,7 @@ import pytest
 
 from palpate.paper import EXPERIMENTS
 from palpate.paper import outcomes as on_disk
-from palpate.paper.claims import Verdict, judge
+from palpate.paper.report.verdicts import Verdict, judge
 from palpate.paper.runner import run_paper
 
 pytest.importorskip("mujoco")

@@ -10,13 +10,13 @@ from palpate import HuntCrossley, KelvinVoigt, KelvinVoigtRLS, SingleStageRLS
 from palpate.estimators import DoubleStageRLS, ExtendedKelvinVoigtRLS
 from palpate.figures.style import save
 from palpate.lab import THREE_SINES
+from palpate.paper.comparison.materials import COMPARISONS
 from palpate.paper.experiment import Experiment, Outcome
-from palpate.paper.forgetting import FORGETTING, Held
-from palpate.paper.hysteresis import HYSTERESIS
-from palpate.paper.intermittent import INTERMITTENT
-from palpate.paper.materials import COMPARISONS
-from palpate.paper.near_truth import NEAR_TRUTH
-from palpate.paper.richness import RICHNESS
+from palpate.paper.forgetting.experiment import FORGETTING, Held
+from palpate.paper.hysteresis.experiment import HYSTERESIS
+from palpate.paper.intermittent.experiment import INTERMITTENT
+from palpate.paper.near_truth.experiment import NEAR_TRUTH
+from palpate.paper.richness.experiment import RICHNESS
 from palpate.paper.sessions import pressed
 from palpate.paper.starts import convergence_times, from_starts, starts_of
 

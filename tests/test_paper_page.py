@@ -6,9 +6,9 @@ from html.parser import HTMLParser
 import pytest
 from paper_cases import Tiny
 
-from palpate.paper.claims import judge
 from palpate.paper.outcomes import figures_of
-from palpate.paper.report import Report, Section, write_report
+from palpate.paper.report.contents import Report, Section, write_report
+from palpate.paper.report.verdicts import judge
 
 VOID = {"meta", "img", "source", "br"}
 

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from palpate.figures.style import LIGHT, as_svg, style
-from palpate.paper.slimming import slim
+from palpate.paper.report.slimming import slim
 
 
 @pytest.fixture(scope="module")

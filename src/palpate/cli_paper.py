@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 if TYPE_CHECKING:
     from palpate.paper import Experiment
-    from palpate.paper.report import Report
+    from palpate.paper.report.contents import Report
     from palpate.paper.runner import PaperRun, Progress
 
 Names = Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")]
@@ -124,7 +124,7 @@ def _print(report: "Report", folder: Path) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from palpate.paper.claims import SIGNS
+    from palpate.paper.report.verdicts import SIGNS
 
     console = Console(highlight=False)
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")

@@ -1,14 +1,14 @@
 """The experiments of Haddadi & Hashtrudi-Zaad (2012), on the laboratory's rig."""
 
-from palpate.paper.condition import Condition
+from palpate.paper.comparison.materials import COMPARISONS
+from palpate.paper.condition.experiment import Condition
 from palpate.paper.experiment import Claim, Experiment, Finding, Outcome, Table
-from palpate.paper.forgetting import FORGETTING
-from palpate.paper.hysteresis import HYSTERESIS
-from palpate.paper.intermittent import INTERMITTENT
-from palpate.paper.materials import COMPARISONS
-from palpate.paper.near_truth import NEAR_TRUTH
-from palpate.paper.repetitions import Repetitions
-from palpate.paper.richness import RICHNESS
+from palpate.paper.forgetting.experiment import FORGETTING
+from palpate.paper.hysteresis.experiment import HYSTERESIS
+from palpate.paper.intermittent.experiment import INTERMITTENT
+from palpate.paper.near_truth.experiment import NEAR_TRUTH
+from palpate.paper.repetitions.experiment import Repetitions
+from palpate.paper.richness.experiment import RICHNESS
 from palpate.paper.trajectory import TrajectoryFollowed
 
 __all__ = ["EXPERIMENTS", "Claim", "Experiment", "Finding", "Outcome", "Table"]

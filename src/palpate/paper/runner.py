@@ -11,9 +11,9 @@ from typing import Any
 from palpate.errors import PalpateError
 from palpate.files import make_folder, write_text
 from palpate.paper import outcomes as on_disk
-from palpate.paper.claims import judge
 from palpate.paper.experiment import Experiment, Outcome, Table
-from palpate.paper.report import Report, Section, write_report
+from palpate.paper.report.contents import Report, Section, write_report
+from palpate.paper.report.verdicts import judge
 from palpate.paper.workers import (
     Drawing,
     Failure,

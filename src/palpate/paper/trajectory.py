@@ -9,9 +9,9 @@ from palpate.estimators import VariableProjection
 from palpate.figures.style import DARK, LIGHT, style
 from palpate.identification import identify
 from palpate.lab import THREE_SINES, Measurement, Sensors
-from palpate.paper.claims import readable
 from palpate.paper.experiment import Claim, Experiment, Finding, Outcome, Table
 from palpate.paper.panels import LABELS
+from palpate.paper.report.verdicts import readable
 from palpate.paper.sessions import GATE, START, session, thinned
 from palpate.validation import Floats
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from palpate.paper import EXPERIMENTS
 from palpate.paper import outcomes as on_disk
 from palpate.paper.experiment import Experiment, Outcome, Table
+from palpate.paper.report.slimming import slim
 from palpate.paper.sessions import share_sessions
-from palpate.paper.slimming import slim
 
 
 @dataclass(frozen=True, slots=True)

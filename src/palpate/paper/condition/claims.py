@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
-from palpate.paper.claims import readable
 from palpate.paper.experiment import Claim, Finding
+from palpate.paper.report.verdicts import readable
 
 TITLES = {
     "fig06": "Rubber ball, condition 10",

@@ -4,7 +4,7 @@ import pytest
 from paper_cases import Tiny
 
 from palpate.paper import Claim, Finding
-from palpate.paper.claims import SIGNS, Judgement, Verdict, judge, readable
+from palpate.paper.report.verdicts import SIGNS, Judgement, Verdict, judge, readable
 
 CLAIM = Claim("key", "V", "words", unit="mm")
 

@@ -12,8 +12,8 @@ from palpate.lab import BALL, ONE_SINE, Bench, IdealProbe
 from palpate.paper.curves import median_and_range, plain, traced
 from palpate.paper.experiment import Outcome, Table
 from palpate.paper.judged import Curves, Judged, JudgedExperiment
-from palpate.paper.richness_claims import HUNT_CROSSLEY_CLAIMS, KELVIN_VOIGT_CLAIMS
-from palpate.paper.richness_figure import draw_richness
+from palpate.paper.richness.claims import HUNT_CROSSLEY_CLAIMS, KELVIN_VOIGT_CLAIMS
+from palpate.paper.richness.figure import draw_richness
 from palpate.paper.sessions import START, pressed
 from palpate.paper.starts import (
     Starts,

@@ -9,8 +9,8 @@ import numpy as np
 from palpate.contact import Contact
 from palpate.estimators import RecursiveLeastSquaresEstimator, VariableProjection
 from palpate.identification import Identification
-from palpate.paper.comparison_figure import draw_comparison
-from palpate.paper.comparison_tables import comparison_tables
+from palpate.paper.comparison.figure import draw_comparison
+from palpate.paper.comparison.tables import comparison_tables
 from palpate.paper.curves import plain, traced
 from palpate.paper.experiment import Outcome, Table
 from palpate.paper.judged import Curves, Judged, JudgedExperiment

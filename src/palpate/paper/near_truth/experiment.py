@@ -13,7 +13,7 @@ from palpate.identification import Identification, identify
 from palpate.paper.curves import median_and_range, plain, traced
 from palpate.paper.experiment import Claim, Finding, Outcome, Table
 from palpate.paper.judged import Curves, Judged, JudgedExperiment, Numbers
-from palpate.paper.near_truth_figure import draw_near_truth
+from palpate.paper.near_truth.figure import draw_near_truth
 from palpate.paper.sessions import GATE, SI, pressed
 from palpate.paper.starts import AGREED, convergence_times, identified
 from palpate.settings import Scale

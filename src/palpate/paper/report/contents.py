@@ -13,7 +13,7 @@ from typing import Any
 from palpate.estimators import SingleStageRLS
 from palpate.files import write_text
 from palpate.lab import MATERIALS, TRAJECTORIES, Palpation, Probing, Sensors
-from palpate.paper.claims import Judgement, Verdict
+from palpate.paper.report.verdicts import Judgement, Verdict
 from palpate.paper.experiment import Experiment, Outcome, Table
 from palpate.paper.outcomes import plain, versions
 from palpate.paper.sessions import GATE, START
@@ -68,7 +68,7 @@ class Report:
 
 def write_report(report: Report, folder: Path) -> None:
     """Write ``report.html``, ``report.json`` and ``claims.md``, each whole or not at all."""
-    from palpate.paper.page import page
+    from palpate.paper.report.page import page
 
     write_text(folder / "report.html", page(report, folder))
     text = json.dumps(as_dict(report), ensure_ascii=False, allow_nan=False, indent=1)

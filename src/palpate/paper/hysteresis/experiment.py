@@ -13,7 +13,7 @@ from palpate.lab import BALL, Bench, Homogeneous, IdealProbe, Probing
 from palpate.lab.trajectories import NEAR_SURFACE
 from palpate.paper.curves import median_and_range, plain
 from palpate.paper.experiment import Claim, Finding, Outcome, Table
-from palpate.paper.hysteresis_figure import draw_hysteresis
+from palpate.paper.hysteresis.figure import draw_hysteresis
 from palpate.paper.judged import Curves, Judged, JudgedExperiment, Numbers
 from palpate.paper.sessions import START, pressed, session
 from palpate.paper.starts import identified

@@ -1,6 +1,6 @@
 """What the paper says of its methods side by side on ball and sponge."""
 
-from palpate.paper.comparison_judges import (
+from palpate.paper.comparison.judges import (
     IN_CLASS,
     P0,
     SAME,

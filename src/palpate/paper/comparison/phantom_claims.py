@@ -1,6 +1,6 @@
 """What the paper says of its methods on the PVC phantom, section V-C-3."""
 
-from palpate.paper.comparison_judges import (
+from palpate.paper.comparison.judges import (
     IN_CLASS,
     P0,
     SPEED,

@@ -16,10 +16,10 @@ from palpate.figures.style import DARK, LIGHT, Theme, style
 from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification, identify
 from palpate.lab import MATERIALS, Homogeneous
-from palpate.paper.claims import readable
 from palpate.paper.experiment import Experiment, Finding, Outcome, Table
 from palpate.paper.panels import LABELS, draw_course, draw_finals
-from palpate.paper.repetition_claims import CLAIMS, TITLES
+from palpate.paper.repetitions.claims import CLAIMS, TITLES
+from palpate.paper.report.verdicts import readable
 from palpate.paper.sessions import GATE, SI, pressed, session, thinned
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from palpate.estimators import (
     KelvinVoigtRLS,
     SingleStageRLS,
 )
-from palpate.paper.comparison import Comparison
-from palpate.paper.comparison_claims import BALL_CLAIMS, SPONGE_CLAIMS
-from palpate.paper.phantom_claims import PHANTOM_CLAIMS
+from palpate.paper.comparison.claims import BALL_CLAIMS, SPONGE_CLAIMS
+from palpate.paper.comparison.experiment import Comparison
+from palpate.paper.comparison.phantom_claims import PHANTOM_CLAIMS
 
 COMPARISONS = (
     Comparison(

@@ -12,8 +12,8 @@ from palpate.identification import Identification
 from palpate.lab import BALL, THREE_SINES, Bench, Command, IdealProbe, Trajectory
 from palpate.paper.curves import median_and_range, plain, traced
 from palpate.paper.experiment import Outcome, Table
-from palpate.paper.forgetting_claims import FORGETTING_CLAIMS
-from palpate.paper.forgetting_figure import draw_forgetting
+from palpate.paper.forgetting.claims import FORGETTING_CLAIMS
+from palpate.paper.forgetting.figure import draw_forgetting
 from palpate.paper.judged import Curves, JudgedExperiment
 from palpate.paper.sessions import START, pressed
 from palpate.paper.starts import identified, starts_of, times_to

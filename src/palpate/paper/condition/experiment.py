@@ -13,10 +13,10 @@ from palpate.estimators import SingleStageRLS, VariableProjection
 from palpate.figures.style import DARK, LIGHT, Theme, style
 from palpate.identification import Identification, identify
 from palpate.lab import MATERIALS, THREE_SINES, Bench
-from palpate.paper.claims import readable
-from palpate.paper.condition_claims import CLAIMS, TITLES, findings_of
+from palpate.paper.condition.claims import CLAIMS, TITLES, findings_of
 from palpate.paper.experiment import Experiment, Finding, Outcome, Table
 from palpate.paper.panels import LABELS
+from palpate.paper.report.verdicts import readable
 from palpate.paper.sessions import GATE, SI, START, pressed, thinned
 from palpate.settings import ContactGate
 from palpate.trace import Trace

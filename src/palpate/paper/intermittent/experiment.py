@@ -14,8 +14,8 @@ from palpate.identification import Identification
 from palpate.lab import INCLUSION, PALPATION, PVC, Bench, Homogeneous, IdealProbe, Zones
 from palpate.paper.curves import median_and_range, plain
 from palpate.paper.experiment import Outcome, Table
-from palpate.paper.intermittent_claims import INTERMITTENT_CLAIMS
-from palpate.paper.intermittent_figure import draw_intermittent
+from palpate.paper.intermittent.claims import INTERMITTENT_CLAIMS
+from palpate.paper.intermittent.figure import draw_intermittent
 from palpate.paper.judged import Curves, JudgedExperiment
 from palpate.paper.sessions import START, pressed
 from palpate.paper.starts import identified

@@ -1,0 +1,1 @@
+"""Fig. 7: the forgetting factor and the initial covariance."""

@@ -1,0 +1,1 @@
+"""Fig. 10: the loop of force and penetration near the surface."""

@@ -1,0 +1,1 @@
+"""Fig. 19: a soft and a hard zone in turn."""

@@ -1,0 +1,1 @@
+"""Fig. 9: the double stage from starts near the truth."""

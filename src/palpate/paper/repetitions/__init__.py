@@ -1,0 +1,1 @@
+"""Figs. 5, 11 and 14: three repetitions."""

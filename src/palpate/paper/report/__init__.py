@@ -1,0 +1,1 @@
+"""What becomes of the claims, on a page and as JSON."""

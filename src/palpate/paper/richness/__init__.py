@@ -1,0 +1,1 @@
+"""Figs. 17 and 18: two sines and one."""
