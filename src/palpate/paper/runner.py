@@ -1,8 +1,15 @@
 """All experiments and seeds on all cores; what is finished stays, whatever happens then."""
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -75,39 +82,33 @@ class PaperRun:
                 self.tables[experiment.name] = tables
         self.taken_over = len(self.outcomes)
 
-    def work(self, pool: ProcessPoolExecutor, progress: Progress) -> None:
+    def work(self, pool: ProcessPoolExecutor, workers: int, progress: Progress) -> None:
         """Do all that is missing; a failure is noted, and the rest goes on."""
         total = len(self.experiments) * (self.seeds + 1)
         done = self.taken_over + len(self.tables)
+        waiting = deque(self._at_hand())
         pending: dict[Future[Any], _Task] = {}
-        with deaf_to_interrupts():
-            for task in self._at_hand():
-                pending[self._submitted(pool, task)] = task
-        while pending:
+        while waiting or pending:
+            # No more than keeps the workers busy, so that a figure is drawn as soon as it can be.
+            while waiting and len(pending) <= workers:
+                task = waiting.popleft()
+                pending[_submitted(pool, task, self._of(task.experiment))] = task
             for future in wait(pending, return_when=FIRST_COMPLETED).done:
                 task = pending.pop(future)
                 done += 1
-                if self._settled(task, future) and self._complete(task.experiment):
-                    drawing = _Task(task.experiment, None)
-                    if task.seed is not None:
-                        pending[self._submitted(pool, drawing)] = drawing
+                settled = self._settled(task, future)
+                if settled and task.seed is not None and self._complete(task.experiment):
+                    waiting.appendleft(_Task(task.experiment, None))
                 progress(str(task), done, total)
 
     def _at_hand(self) -> Iterator[_Task]:
-        """Figures of what is complete; then seed by seed, so that experiments share sessions."""
+        """One experiment after the other, so that an interrupted run has finished some."""
         for experiment in self.experiments:
             if self._complete(experiment) and experiment.name not in self.tables:
                 yield _Task(experiment, None)
-        for seed in range(self.seeds):
-            for experiment in self.experiments:
+            for seed in range(self.seeds):
                 if (experiment.name, seed) not in self.outcomes:
                     yield _Task(experiment, seed)
-
-    def _submitted(self, pool: ProcessPoolExecutor, task: _Task) -> Future[Any]:
-        sent = portable(task.experiment)
-        if task.seed is not None:
-            return pool.submit(measured, sent, task.seed)
-        return pool.submit(drawn, sent, self._of(task.experiment))
 
     def _settled(self, task: _Task, future: Future[Any]) -> bool:
         """Write down what a task gave; False where it failed."""
@@ -157,6 +158,19 @@ class PaperRun:
         write_report(self.report(), self.folder)
 
 
+def _submitted(pool: ProcessPoolExecutor, task: _Task, outcomes: list[Outcome]) -> Future[Any]:
+    sent = portable(task.experiment)
+    try:
+        with deaf_to_interrupts():  # a submission may start a process
+            if task.seed is not None:
+                return pool.submit(measured, sent, task.seed)
+            return pool.submit(drawn, sent, outcomes)
+    except BrokenExecutor as error:  # another worker died
+        failed: Future[Any] = Future()
+        failed.set_exception(error)
+        return failed
+
+
 def run_paper(
     experiments: Sequence[Experiment],
     *,
@@ -193,13 +207,14 @@ def run_paper(
     run = PaperRun(experiments, seeds, folder)
     run.take_over()
     begun(run)
+    count = workers or os.cpu_count() or 1
     # Sessions are for this run only: another may be of other code.
     with (
         TemporaryDirectory(prefix="palpate-") as sessions,
-        processes(workers or os.cpu_count() or 1, Path(sessions)) as pool,
+        processes(count, Path(sessions)) as pool,
     ):
         try:
-            run.work(pool, progress)
+            run.work(pool, count, progress)
         finally:
             run.write()
     if run.failures:

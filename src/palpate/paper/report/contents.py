@@ -13,9 +13,9 @@ from typing import Any
 from palpate.estimators import SingleStageRLS
 from palpate.files import write_text
 from palpate.lab import MATERIALS, TRAJECTORIES, Palpation, Probing, Sensors
-from palpate.paper.report.verdicts import Judgement, Verdict
 from palpate.paper.experiment import Experiment, Outcome, Table
 from palpate.paper.outcomes import plain, versions
+from palpate.paper.report.verdicts import Judgement, Verdict
 from palpate.paper.sessions import GATE, START
 
 TITLE = "Haddadi & Hashtrudi-Zaad (2012), run again"

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 
-from palpate.paper.report.verdicts import SIGNS, Judgement, Verdict
 from palpate.paper.experiment import Experiment, Table
 from palpate.paper.outcomes import figures_of
-from palpate.paper.report.page_style import STYLE
 from palpate.paper.report.contents import ABOUT, TITLE, Report, Section, circumstances, settings
+from palpate.paper.report.page_style import STYLE
+from palpate.paper.report.verdicts import SIGNS, Judgement, Verdict
 
 CLASSES = {
     Verdict.REPRODUCED: "yes",
