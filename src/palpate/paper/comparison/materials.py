@@ -13,14 +13,14 @@ from palpate.paper.comparison.phantom_claims import PHANTOM_CLAIMS
 COMPARISONS = (
     Comparison(
         "fig08",
-        "Rubber ball: three starts, four methods, one recording (Fig. 8, Tables I and II)",
+        "Rubber ball: three starts, four methods, one recording (Tables I and II)",
         "ball",
         (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS),
         BALL_CLAIMS,
     ),
     Comparison(
         "fig13",
-        "Sponge: three starts, four methods, one recording (Fig. 13, Tables III and IV)",
+        "Sponge: three starts, four methods, one recording (Tables III and IV)",
         "sponge",
         (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS),
         SPONGE_CLAIMS,
@@ -28,7 +28,7 @@ COMPARISONS = (
     ),
     Comparison(
         "fig16",
-        "PVC phantom: three starts, five methods, one recording (Fig. 16, Tables V and VI)",
+        "PVC phantom: three starts, five methods, one recording (Tables V and VI)",
         "pvc",
         (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS, ExtendedKelvinVoigtRLS),
         PHANTOM_CLAIMS,

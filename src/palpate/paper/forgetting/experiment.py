@@ -94,7 +94,7 @@ class ForgettingFactors(JudgedExperiment):
     def __init__(self) -> None:
         super().__init__(
             "fig07",
-            "Rubber ball, single stage: forgetting factor and initial covariance (Fig. 7)",
+            "Rubber ball, single stage: forgetting factor and initial covariance",
             FORGETTING_CLAIMS,
         )
 

@@ -47,7 +47,7 @@ class Hysteresis(JudgedExperiment):
     def __init__(self) -> None:
         super().__init__(
             "fig10",
-            "Rubber ball, near the surface: force over penetration (Fig. 10)",
+            "Rubber ball, near the surface: force over penetration",
             HYSTERESIS_CLAIMS,
         )
 

@@ -56,7 +56,7 @@ class Intermittent(JudgedExperiment):
     def __init__(self) -> None:
         super().__init__(
             "fig19",
-            "PVC phantom with a hard zone: regular and self-perturbing single stage (Fig. 19)",
+            "PVC phantom with a hard zone: regular and self-perturbing single stage",
             INTERMITTENT_CLAIMS,
         )
 

@@ -52,7 +52,7 @@ class NearTruth(JudgedExperiment):
     def __init__(self) -> None:
         super().__init__(
             "fig09",
-            "Rubber ball, double stage: starts in the vicinity of the final values (Fig. 9)",
+            "Rubber ball, double stage: starts in the vicinity of the final values",
             NEAR_TRUTH_CLAIMS,
         )
 

@@ -185,13 +185,13 @@ def _curves(name: str, results: Mapping[str, Identification]) -> Curves:
 RICHNESS = (
     Richness(
         "fig17",
-        "Rubber ball, Hunt–Crossley by the single stage: two sines and one (Fig. 17)",
+        "Rubber ball, Hunt–Crossley by the single stage: two sines and one",
         SingleStageRLS,
         HUNT_CROSSLEY_CLAIMS,
     ),
     Richness(
         "fig18",
-        "Rubber ball, Kelvin–Voigt: two sines and one (Fig. 18)",
+        "Rubber ball, Kelvin–Voigt: two sines and one",
         KelvinVoigtRLS,
         KELVIN_VOIGT_CLAIMS,
     ),
