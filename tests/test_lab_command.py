@@ -129,6 +129,7 @@ def test_the_rig_is_pictured(run, tmp_path, ending):
         (("ball", "--stiffness", 3), "--stiffness goes with a law of one's own"),
         (("hunt-crossley", "--stiffness", 3), "needs --stiffness, --damping, --exponent"),
         (("ball", "--picture", "rig.bmp"), "--picture must end in"),
+        (("ball", "--picture", "rig.svg", "--probe", "ideal"), "an ideal probe has none"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(run, tmp_path, arguments, words):

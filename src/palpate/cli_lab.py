@@ -78,7 +78,6 @@ def lab(
         Draw the rig as it presses the material to this file (.png, .svg or .pdf).
     """
     from palpate import lab as laboratory
-    from palpate.errors import InvalidParameterError
     from palpate.files import check_writable
 
     instruments = instruments or Instruments()
@@ -94,8 +93,8 @@ def lab(
     )
     for path in filter(None, (output, picture)):
         check_writable(path)
-    if picture is not None and picture.suffix not in (".png", ".svg", ".pdf"):
-        raise InvalidParameterError(f"--picture must end in .png, .svg or .pdf, not {picture}")
+    if picture is not None:
+        _check_picture(picture, instruments)
     measurement = _run(bench, seed, seconds)
     laboratory.write(measurement.contact, output, notes=_versions(bench))
     _print(bench, measurement, output)
@@ -103,6 +102,18 @@ def lab(
         from palpate.figures.rig import save_rig
 
         print(f"picture, {save_rig(bench, picture)}: {picture}")
+
+
+def _check_picture(picture: Path, instruments: Instruments) -> None:
+    """Say before the work what could not be drawn after it."""
+    from palpate.errors import InvalidParameterError
+    from palpate.figures.style import LIGHT, style
+
+    style(LIGHT)  # is matplotlib there?
+    if picture.suffix not in (".png", ".svg", ".pdf"):
+        raise InvalidParameterError(f"--picture must end in .png, .svg or .pdf, not {picture}")
+    if instruments.probe != "twin-pantograph":
+        raise InvalidParameterError("--picture shows the robot; an ideal probe has none")
 
 
 def _material(name: str, law: Law) -> "Material":
