@@ -1,6 +1,9 @@
 """A run on the bench: sensors, seeds, files, and what identification makes of them."""
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -112,3 +115,20 @@ def test_over_twenty_seeds_three_standard_errors_hold_in_the_expected_share(name
 def test_nonsense_is_refused_by_name(make, words):
     with pytest.raises(InvalidParameterError, match=words):
         make()
+
+
+def test_the_file_does_not_depend_on_what_the_processor_can_do(tmp_path):
+    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
+    core = pytest.importorskip("numpy._core._multiarray_umath", reason="NumPy 1 names it otherwise")
+    extensions = [name for name in core.__cpu_dispatch__ if core.__cpu_features__[name]]
+    if not extensions:
+        pytest.skip("this processor has nothing beyond NumPy's baseline")
+    files = []
+    for disabled in ("", " ".join(extensions)):
+        files.append(tmp_path / f"{bool(disabled)}.csv")
+        arguments = ["lab", "pvc", "--seconds", "5", "-o", str(files[-1])]
+        program = f"import sys; from palpate.cli import main; sys.argv[1:] = {arguments!r}; main()"
+        environment = {**os.environ, "NPY_DISABLE_CPU_FEATURES": disabled}
+        subprocess.run([sys.executable, "-c", program], env=environment, check=True)
+    first, second = (file.read_bytes() for file in files)
+    assert first == second

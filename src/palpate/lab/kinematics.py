@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.lab.elementary import arccos, arctan2, cos, sin
 from palpate.validation import Floats
 
 #: Of each motor: which pantograph it belongs to, and on which side its elbow lies.
@@ -59,11 +60,11 @@ class Geometry:
     def motor_angles(self, place: Floats, penetration: Floats) -> Floats:
         """Inverse kinematics: angles of the four motors from the x axis, rad; shape (k, 4)."""
         reach = self.wrists(place, penetration)[..., PANTOGRAPH, :] - self.motors
-        distance = np.hypot(reach[..., 0], reach[..., 1])
+        distance = _length(reach)
         cosine = (self.proximal**2 + distance**2 - self.distal**2) / (2 * self.proximal * distance)
         # Beyond the links' length they stretch as far as they can.
-        bend = np.arccos(np.clip(cosine, -1.0, 1.0))
-        angles: Floats = np.arctan2(reach[..., 1], reach[..., 0]) + ELBOW * bend
+        bend = arccos(np.clip(cosine, -1.0, 1.0))
+        angles: Floats = arctan2(reach[..., 1], reach[..., 0]) + ELBOW * bend
         return angles
 
     def motor_speeds(
@@ -76,14 +77,14 @@ class Geometry:
         angles = self.motor_angles(place, penetration)
         wrists = self.wrists(place, penetration)[..., PANTOGRAPH, :]
         along = wrists - self.elbows(angles)
-        turning = np.stack([-np.sin(angles), np.cos(angles)], axis=-1) * self.proximal
+        turning = np.stack([-sin(angles), cos(angles)], axis=-1) * self.proximal
         moving = np.stack([place_velocity, velocity], axis=-1)[..., None, :]
         speeds: Floats = (along * moving).sum(axis=-1) / (along * turning).sum(axis=-1)
         return speeds
 
     def elbows(self, angles: Floats) -> Floats:
         """Places of the four elbows; shape (k, 4, 2)."""
-        out = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        out = np.stack([cos(angles), sin(angles)], axis=-1)
         places: Floats = self.motors + self.proximal * out
         return places
 
@@ -95,18 +96,23 @@ class Geometry:
         elbows = self.elbows(angles)
         wrists = [_meeting(elbows[..., i, :], elbows[..., i + 1, :], self.distal) for i in (0, 2)]
         along = wrists[1] - wrists[0]
-        along = along / np.hypot(along[..., 0], along[..., 1])[..., None]
+        along = along / _length(along)[..., None]
         middle = 0.5 * (wrists[0] + wrists[1])
         x = middle[..., 0] - self.poker * along[..., 1]
         y = middle[..., 1] + self.poker * along[..., 0]
         return x, y
 
 
+def _length(vectors: Floats) -> Floats:
+    lengths: Floats = np.sqrt(vectors[..., 0] ** 2 + vectors[..., 1] ** 2)
+    return lengths
+
+
 def _meeting(left: Floats, right: Floats, radius: float) -> Floats:
     """The deeper of the two points at a distance from both."""
     first, second = (left, right)
     apart = second - first
-    distance = np.hypot(apart[..., 0], apart[..., 1])[..., None]
+    distance = _length(apart)[..., None]
     height = np.sqrt(np.maximum(radius**2 - 0.25 * distance**2, 0.0))
     across = np.stack([-apart[..., 1], apart[..., 0]], axis=-1) / distance
     across = across * np.where(across[..., 1:] >= 0.0, 1.0, -1.0)

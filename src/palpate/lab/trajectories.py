@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from palpate.design.motion import PAPER_MOTION, Motion
 from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.lab.elementary import sin
 from palpate.validation import Floats, instance, number_in, signals
 
 
@@ -174,8 +175,8 @@ class Tapping:
         stroke = np.array(self.depths)[turns.astype(np.int64) % len(self.depths)] + self.clearance
         still = np.zeros_like(time)
         return Command(
-            stroke * np.sin(math.pi * turns) ** 2 - self.clearance,
-            stroke * math.pi * self.rate * np.sin(2.0 * math.pi * turns),
+            stroke * np.square(sin(math.pi * turns)) - self.clearance,
+            stroke * math.pi * self.rate * sin(2.0 * math.pi * turns),
             still,
             still,
         )
@@ -230,7 +231,7 @@ class Followed:
 def _smooth_step(u: Floats) -> tuple[Floats, Floats]:
     """From 0 to 1 while u goes from 0 to 1, without a jump in speed or acceleration; and du."""
     u = np.clip(u, 0.0, 1.0)
-    return u**3 * (10.0 - 15.0 * u + 6.0 * u**2), 30.0 * u**2 * (1.0 - u) ** 2
+    return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u), 30.0 * u * u * (1.0 - u) * (1.0 - u)
 
 
 THREE_SINES = Probing()
