@@ -1,8 +1,12 @@
 """Fixtures that every test module shares; the table itself is in ``cases.py``."""
 
+import sys
+
 import hypothesis
 import pytest
 from cases import KINDS, MATERIALS, Signals, exciting, tapping
+
+from palpate import cli
 
 # The same examples in every run, and no clock: a slow machine is not a defect.
 hypothesis.settings.register_profile("palpate", deadline=None, derandomize=True)
@@ -31,3 +35,20 @@ def noisy(material) -> Signals:
 def broken(material) -> Signals:
     """The three sines near the surface: contact is lost and made again, with 0.02 N of noise."""
     return tapping(material, noise=0.02, seed=2)
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Calls palpate in this process: exit status, standard output, standard error."""
+
+    def call(*arguments) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["palpate", *map(str, arguments)])
+        status = 0
+        try:
+            cli.main()
+        except SystemExit as end:
+            status = end.code
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return call

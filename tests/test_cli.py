@@ -11,26 +11,8 @@ from cases import Signals
 from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
 
 import palpate
-from palpate import cli
 
 PYTHON = sys.executable
-
-
-@pytest.fixture
-def run(monkeypatch, capsys):
-    """Calls the command in this process: exit status, standard output, standard error."""
-
-    def call(*arguments) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["palpate", *map(str, arguments)])
-        status = 0
-        try:
-            cli.main()
-        except SystemExit as end:
-            status = end.code
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return call
 
 
 @pytest.fixture

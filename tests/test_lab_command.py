@@ -6,28 +6,11 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate import cli, lab
+from palpate import lab
 
 pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 
 QUICK = ("--seconds", "4", "--seed", "3")
-
-
-@pytest.fixture
-def run(monkeypatch, capsys):
-    """Calls the command in this process: exit status, standard output, standard error."""
-
-    def call(*arguments) -> tuple[int, str, str]:
-        monkeypatch.setattr("sys.argv", ["palpate", *map(str, arguments)])
-        status = 0
-        try:
-            cli.main()
-        except SystemExit as end:
-            status = end.code
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return call
 
 
 def test_what_lab_writes_identify_reads_and_finds_the_truth_in(run, tmp_path):

@@ -6,24 +6,13 @@ import sys
 import pytest
 from paper_cases import Tiny
 
-from palpate import cli, paper
+from palpate import paper
 
 
 @pytest.fixture
-def run(monkeypatch, capsys):
-    """Calls the command in this process: exit status, standard output, standard error."""
-
-    def call(*arguments) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["palpate", "paper", *map(str, arguments)])
-        status = 0
-        try:
-            cli.main()
-        except SystemExit as end:
-            status = end.code
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return call
+def run(run):
+    """``palpate paper`` with these arguments."""
+    return lambda *arguments: run("paper", *arguments)
 
 
 @pytest.fixture

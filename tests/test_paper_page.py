@@ -7,8 +7,9 @@ import pytest
 from paper_cases import Tiny
 
 from palpate.paper.outcomes import figures_of
-from palpate.paper.report.contents import Report, Section, write_report
+from palpate.paper.report.contents import Report, Section
 from palpate.paper.report.verdicts import judge
+from palpate.paper.report.writing import write_report
 
 VOID = {"meta", "img", "source", "br"}
 

@@ -5,7 +5,7 @@ measurement = bench.run(seed=0)
 palpate.identify(measurement.contact)
 """
 
-from palpate.lab.bench import Bench, Course, IdealProbe, Measurement, Probe
+from palpate.lab.bench import Bench, Measurement
 from palpate.lab.files import write
 from palpate.lab.materials import (
     BALL,
@@ -23,6 +23,7 @@ from palpate.lab.materials import (
     Touch,
     Zones,
 )
+from palpate.lab.probes import Course, IdealProbe, Probe
 from palpate.lab.robot import TwinPantograph
 from palpate.lab.sensors import PERFECT, Sensors
 from palpate.lab.trajectories import (

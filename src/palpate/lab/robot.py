@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from palpate.errors import InvalidParameterError, MissingExtraError
-from palpate.lab.bench import Course, Progress
 from palpate.lab.kinematics import Geometry
 from palpate.lab.materials import Material, Touch
+from palpate.lab.probes import Course, Progress
 from palpate.lab.rig import rig_xml
 from palpate.lab.trajectories import Command, Trajectory
 from palpate.validation import Floats, number_in

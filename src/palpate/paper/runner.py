@@ -19,8 +19,9 @@ from palpate.errors import PalpateError
 from palpate.files import make_folder, write_text
 from palpate.paper import outcomes as on_disk
 from palpate.paper.experiment import Experiment, Outcome, Table
-from palpate.paper.report.contents import Report, Section, write_report
+from palpate.paper.report.contents import Report, Section
 from palpate.paper.report.verdicts import judge
+from palpate.paper.report.writing import write_report
 from palpate.paper.workers import (
     Drawing,
     Failure,

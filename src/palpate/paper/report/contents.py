@@ -1,20 +1,17 @@
-"""The report: what the experiments gave, as a page, as JSON and as a table of claims."""
+"""What a report holds: experiments, claims, and what was chosen where the paper says nothing."""
 
-import json
 import os
 import platform
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 from palpate.estimators import SingleStageRLS
-from palpate.files import write_text
 from palpate.lab import MATERIALS, TRAJECTORIES, Palpation, Probing, Sensors
 from palpate.paper.experiment import Experiment, Outcome, Table
-from palpate.paper.outcomes import plain, versions
+from palpate.paper.outcomes import versions
 from palpate.paper.report.verdicts import Judgement, Verdict
 from palpate.paper.sessions import GATE, START
 
@@ -64,16 +61,6 @@ class Report:
         """The counts in words."""
         parts = (f"{count} {verdict.value}" for verdict, count in self.counts.items())
         return f"{len(self.judgements)} claims: {', '.join(parts)}"
-
-
-def write_report(report: Report, folder: Path) -> None:
-    """Write ``report.html``, ``report.json`` and ``claims.md``, each whole or not at all."""
-    from palpate.paper.report.page import page
-
-    write_text(folder / "report.html", page(report, folder))
-    text = json.dumps(as_dict(report), ensure_ascii=False, allow_nan=False, indent=1)
-    write_text(folder / "report.json", text + "\n")
-    write_text(folder / "claims.md", claims_as_markdown(report))
 
 
 def circumstances() -> dict[str, str]:
@@ -146,59 +133,3 @@ def _truth(described: dict[str, Any]) -> Iterator[str]:
         else:
             shown = f"{value:g}" if isinstance(value, float) else str(value)
             yield shown if key == "kind" else f"{key.replace('_', ' ')} {shown}"
-
-
-def as_dict(report: Report) -> dict[str, Any]:
-    """Return the report as plain numbers and words; what is not finite is None."""
-    return {
-        "title": TITLE,
-        **circumstances(),
-        "seeds": report.seeds,
-        "unfinished": list(report.unfinished),
-        "failures": list(report.failures),
-        "settings": [asdict(table) for table in settings()],
-        "verdicts": {verdict.value: count for verdict, count in report.counts.items()},
-        "claims": [judgement.as_dict() for judgement in report.judgements],
-        "experiments": [_section_as_dict(section) for section in report.sections],
-    }
-
-
-def _section_as_dict(section: Section) -> dict[str, Any]:
-    experiment = section.experiment
-    return {
-        "name": experiment.name,
-        "title": experiment.title,
-        "caption": experiment.caption,
-        "figure": f"{experiment.name}.svg",
-        "tables": [asdict(table) for table in section.tables],
-        "outcomes": [
-            {
-                "seed": outcome.seed,
-                "numbers": plain(outcome.numbers),
-                "findings": plain({key: asdict(each) for key, each in outcome.findings.items()}),
-            }
-            for outcome in section.outcomes
-        ],
-    }
-
-
-def claims_as_markdown(report: Report) -> str:
-    """Return the table of claims, to paste into a document."""
-    rows = [
-        "| figure | the paper's words | its number | ours | verdict | hinges on |",
-        "|---|---|---|---|---|---|",
-    ]
-    for each in report.judgements:
-        named = f"{each.claim.measured}: " if each.claim.measured else ""
-        number = f"{named}{each.ours_words}" if each.ours_words else ""
-        ours = ". ".join(filter(None, (number, each.words)))
-        cells = (
-            f"{each.experiment}; {each.claim.where}",
-            f"“{each.claim.words}”",
-            each.claim.number,
-            ours,
-            each.verdict_words,
-            each.claim.assumption,
-        )
-        rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return f"{report.summary}; {report.seeds} seeds.\n\n" + "\n".join(rows) + "\n"

@@ -1,0 +1,75 @@
+"""The report as files: a page, JSON and a table of claims."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from palpate.files import write_text
+from palpate.paper.outcomes import plain
+from palpate.paper.report.contents import TITLE, Report, Section, circumstances, settings
+from palpate.paper.report.page import page
+
+
+def write_report(report: Report, folder: Path) -> None:
+    """Write ``report.html``, ``report.json`` and ``claims.md``, each whole or not at all."""
+    write_text(folder / "report.html", page(report, folder))
+    text = json.dumps(as_dict(report), ensure_ascii=False, allow_nan=False, indent=1)
+    write_text(folder / "report.json", text + "\n")
+    write_text(folder / "claims.md", claims_as_markdown(report))
+
+
+def as_dict(report: Report) -> dict[str, Any]:
+    """Return the report as plain numbers and words; what is not finite is None."""
+    return {
+        "title": TITLE,
+        **circumstances(),
+        "seeds": report.seeds,
+        "unfinished": list(report.unfinished),
+        "failures": list(report.failures),
+        "settings": [asdict(table) for table in settings()],
+        "verdicts": {verdict.value: count for verdict, count in report.counts.items()},
+        "claims": [judgement.as_dict() for judgement in report.judgements],
+        "experiments": [_section_as_dict(section) for section in report.sections],
+    }
+
+
+def _section_as_dict(section: Section) -> dict[str, Any]:
+    experiment = section.experiment
+    return {
+        "name": experiment.name,
+        "title": experiment.title,
+        "caption": experiment.caption,
+        "figure": f"{experiment.name}.svg",
+        "tables": [asdict(table) for table in section.tables],
+        "outcomes": [
+            {
+                "seed": outcome.seed,
+                "numbers": plain(outcome.numbers),
+                "findings": plain({key: asdict(each) for key, each in outcome.findings.items()}),
+            }
+            for outcome in section.outcomes
+        ],
+    }
+
+
+def claims_as_markdown(report: Report) -> str:
+    """Return the table of claims, to paste into a document."""
+    rows = [
+        "| figure | the paper's words | its number | ours | verdict | hinges on |",
+        "|---|---|---|---|---|---|",
+    ]
+    for each in report.judgements:
+        named = f"{each.claim.measured}: " if each.claim.measured else ""
+        number = f"{named}{each.ours_words}" if each.ours_words else ""
+        ours = ". ".join(filter(None, (number, each.words)))
+        cells = (
+            f"{each.experiment}; {each.claim.where}",
+            f"“{each.claim.words}”",
+            each.claim.number,
+            ours,
+            each.verdict_words,
+            each.claim.assumption,
+        )
+        rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return f"{report.summary}; {report.seeds} seeds.\n\n" + "\n".join(rows) + "\n"
