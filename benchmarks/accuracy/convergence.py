@@ -55,7 +55,8 @@ METHOD = (
     "`VariableProjection()`, the offset drawn with 0.1 N. Beside it: the median, and the time "
     "from which twice the Cramér–Rao bound is below 5 %; of normal errors the worst of 200 is "
     "near 2.8 bounds, so no unbiased method has its worst there. The default's prior of the "
-    "offset, twenty times the noise, is not in the bound: early on it says more than the samples."
+    "offset, twenty times the noise, is not in the bound: early on it says more than the samples "
+    "do."
 )
 BESIDE = (
     *(f"median {symbol}" for symbol in SYMBOLS),
