@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 
 #include "palpate/matrix.hpp"
@@ -57,6 +58,22 @@ constexpr LagrangeWeights lagrange_weights(double t) noexcept {
       weights.first[i] = weights.first[i] * t + weights.value[i];
       weights.value[i] = weights.value[i] * t + c[i];
     }
+  }
+  return weights;
+}
+
+// Weights for values that grow by about e^rate a step: those of S e^(−rate t), which is level, put
+// back to S. Value, first and second derivative of S at t.
+inline LagrangeWeights levelled(const LagrangeWeights& level, double t, double rate) noexcept {
+  LagrangeWeights weights;
+  double growth = std::exp(rate * t);  // from point i to t
+  const double back = std::exp(-rate);
+  for (std::size_t i = 0; i < lagrange_points; ++i) {
+    const double value = level.value[i], first = level.first[i];
+    weights.value[i] = value * growth;
+    weights.first[i] = (first + rate * value) * growth;
+    weights.second[i] = (level.second[i] + rate * (2.0 * first + rate * value)) * growth;
+    growth *= back;
   }
   return weights;
 }

@@ -64,28 +64,43 @@ class PowerSums {
 
   // Interpolates the sums, never a function of them, between the eight nodes around an exponent.
   Local at(double n) const noexcept {
-    const double per_step = 1.0 / step_;
-    const double place = (n - lowest_) * per_step;
+    const double place = (n - lowest_) / step_;
     const double centred = std::floor(place) - 3.0;
     const std::size_t first =
         centred <= 0.0 ? 0 : std::min(static_cast<std::size_t>(centred), nodes - lagrange_points);
-    const LagrangeWeights weights = lagrange_weights(place - static_cast<double>(first));
-    Local local{};
-    for (std::size_t power = 0; power < power_count; ++power) {
-      const double* sums = &sums_[power][first];
-      local.value[power] = combine(weights.value, sums);
-      local.first[power] = combine(weights.first, sums) * per_step;
-    }
-    for (std::size_t power = 0; power < local.second.size(); ++power) {
-      local.second[power] = combine(weights.second, &sums_[power][first]) * (per_step * per_step);
-    }
-    return local;
+    const double t = place - static_cast<double>(first);
+    const LagrangeWeights weights = lagrange_weights(t);
+    // From node to node Σ p² grows by the square of what Σ p does. Where that is much, as where the
+    // unit is many times the depth, a polynomial would follow it badly.
+    const double growth = sums_[pp][first + 4] / sums_[pp][first + 3];
+    const bool level = growth > 0.9 && growth < 1.1;
+    const bool known = growth > 1e-70 && growth < 1e70;  // its fourth power is finite
+    if (level || !known) return interpolated(first, weights, weights);
+    const double rate = 0.5 * std::log(growth);
+    return interpolated(first, levelled(weights, t, rate), levelled(weights, t, 2.0 * rate));
   }
 
  private:
   static constexpr double combine(const Vector<lagrange_points>& w, const double* sums) noexcept {
     return (w[0] * sums[0] + w[1] * sums[1]) + (w[2] * sums[2] + w[3] * sums[3]) +
            (w[4] * sums[4] + w[5] * sums[5]) + (w[6] * sums[6] + w[7] * sums[7]);
+  }
+
+  // `single` are the weights for sums of p, `square` those for sums of p².
+  Local interpolated(std::size_t first, const LagrangeWeights& single,
+                     const LagrangeWeights& square) const noexcept {
+    const double per_step = 1.0 / step_;
+    Local local{};
+    for (std::size_t power = 0; power < power_count; ++power) {
+      const LagrangeWeights& weights = power < local.second.size() ? square : single;
+      const double* sums = &sums_[power][first];
+      local.value[power] = combine(weights.value, sums);
+      local.first[power] = combine(weights.first, sums) * per_step;
+    }
+    for (std::size_t power = 0; power < local.second.size(); ++power) {
+      local.second[power] = combine(square.second, &sums_[power][first]) * (per_step * per_step);
+    }
+    return local;
   }
 
   void scale(double factor) noexcept {
