@@ -8,7 +8,7 @@ import pytest
 from cases import MATERIALS, exciting, tapping
 
 import palpate
-from palpate import Contact, ContactGate, Scale
+from palpate import Contact, ContactGate, Scale, lab
 from palpate.preparation.suggestions import noise_of, suggest_gate, suggest_scale
 
 
@@ -158,3 +158,34 @@ def in_units(law, unit: float) -> float:
     """The stiffness, N/mⁿ, where metres and newtons are both ``unit`` times as many."""
     exponent = getattr(law, "exponent", 1.0)
     return law.stiffness * unit ** (1.0 - exponent)
+
+
+def test_near_the_surface_the_depth_decides_and_not_the_noise_of_the_force():
+    contact = lab.Bench(lab.SPONGE, lab.NEAR_SURFACE, lab.IdealProbe()).run().contact
+    gate = suggest_gate(contact)
+    assert gate.break_force == 0.0
+    deeper = contact.force[contact.penetration > gate.minimum_penetration]
+    # One in a thousand of the samples that touch.
+    assert np.count_nonzero(deeper <= gate.make_force) <= np.count_nonzero(contact.force > 0) / 1000
+    shallower = contact.penetration < 0.9 * gate.minimum_penetration
+    assert (contact.force[shallower & (contact.penetration > 0.0)] <= gate.make_force).any()
+
+
+def test_where_no_depth_tells_touching_from_free_the_force_decides():
+    contact = lab.Bench(lab.SPONGE, lab.NEAR_SURFACE, lab.IdealProbe()).run().contact
+    # A probe that lifts what it touches off its table: deep, by its own account, and free.
+    lifted = np.where(contact.time > 8.0, 0.1, contact.force)
+    gate = suggest_gate(Contact(contact.time, contact.penetration, contact.velocity, lifted))
+    assert gate.break_force == 0.8 * gate.make_force
+    assert gate.minimum_penetration < 0.1 * contact.penetration.max()
+
+
+@pytest.mark.parametrize("material", [lab.SPONGE, lab.PVC])
+@pytest.mark.parametrize("trajectory", [lab.NEAR_SURFACE, lab.TAPPING])
+def test_probing_near_the_surface_is_identified_within_its_error_bars(material, trajectory):
+    for seed in range(3):
+        bench = lab.Bench(material, trajectory, lab.IdealProbe())
+        result = palpate.identify(bench.run(seed).contact)
+        apart = np.abs(result.law.parameters - material.law.parameters)
+        # With samples chosen by their force the sponge was up to seven standard errors off.
+        assert (apart < 4.0 * result.estimate.standard_errors).all()
