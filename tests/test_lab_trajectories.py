@@ -112,6 +112,13 @@ def test_a_motion_without_its_column_is_refused_by_file_and_column(tmp_path):
         lab.Followed.read(file)
 
 
+def test_a_motion_too_short_is_refused_by_its_file(tmp_path):
+    file = tmp_path / "short.csv"
+    file.write_text("time_s,penetration_m\n0,0\n1,0.001\n")
+    with pytest.raises(RecordingError, match=r"short\.csv: .* at least four finite samples"):
+        lab.Followed.read(file)
+
+
 @pytest.mark.parametrize(
     "make, words",
     [

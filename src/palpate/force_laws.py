@@ -125,7 +125,7 @@ class HuntCrossley(_ForceLaw):
 
     @property
     def dissipation(self) -> float:
-        """B = B/K, s/m: what simulators call the Hunt–Crossley dissipation."""
+        """Dissipation b = B/K, s/m, as simulators call it."""
         return self.damping / self.stiffness if self.stiffness else float("nan")
 
     @overload

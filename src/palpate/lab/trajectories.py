@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.design.motion import PAPER_MOTION, Motion
-from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
 from palpate.lab.elementary import sin
 from palpate.validation import Floats, instance, number_in, signals
 
@@ -218,7 +218,11 @@ class Followed:
 
         time, penetration = read_columns(path, ["time_s", "penetration_m"])
         moved = np.flatnonzero(penetration != penetration[0])
-        return cls(time, penetration, pause=float(time[max(moved[0] - 1, 0)]) if moved.size else 0)
+        pause = float(time[max(moved[0] - 1, 0)]) if moved.size else 0.0
+        try:
+            return cls(time, penetration, pause=pause)
+        except InvalidParameterError as error:
+            raise RecordingError(f"{path}: {error}") from None
 
     def at(self, time: Floats) -> Command:
         """Return the command at times [s], shape (k,)."""
