@@ -53,7 +53,8 @@ def test_a_held_relaxing_material_relaxes_to_its_law_with_its_time_constant():
     above = pressed - 300.0 * 0.01
     # Pressed in within the first millisecond, then left alone: exact but for rounding.
     np.testing.assert_allclose(above, above[0] * np.exp(-(TIME[1:] - TIME[1]) / 0.5), rtol=1e-9)
-    assert above[0] == pytest.approx(150.0 * 0.01, rel=2e-3)  # 1 ms of relaxing: 0.1 % of it
+    # Within that millisecond it relaxes already: the mean of e^(−t/τ) over it is left.
+    assert above[0] == pytest.approx(150.0 * 0.01 * (1.0 - np.exp(-0.002)) / 0.002, rel=1e-9)
     np.testing.assert_allclose(force, 3.0)
 
 
