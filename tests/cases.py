@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 # The recursive least squares; variable projection has its own tests.
 KINDS = {
     name: kind
-    for name, kind in palpate.METHODS.items()
+    for name, kind in palpate.ESTIMATORS.items()
     if issubclass(kind, palpate.RecursiveLeastSquaresEstimator)
 }
 

@@ -12,7 +12,7 @@ from palpate import figures, metrics
 from palpate.preparation import suggestions, velocity
 from palpate.recordings import csv
 
-NAMES = [name for name in palpate.__all__ if name != "METHODS"]  # data has a comment
+NAMES = [name for name in palpate.__all__ if name not in ("ESTIMATORS", "FORCE_LAWS")]  # data has a comment
 OWN = [getattr(palpate, name) for name in NAMES]
 CLASSES = [thing for thing in OWN if inspect.isclass(thing)]
 FUNCTIONS = [thing for thing in OWN if not inspect.isclass(thing)]

@@ -11,7 +11,7 @@ from cases import MATERIALS, Signals, exciting, tapping
 from recordings import recording
 
 import palpate
-from palpate import METHODS, Contact, InvalidParameterError, RecordingError, cli, figures
+from palpate import ESTIMATORS, Contact, InvalidParameterError, RecordingError, cli, figures
 
 
 def contact_of(signals: Signals, **more) -> Contact:
@@ -72,9 +72,9 @@ def test_a_dark_figure_has_a_dark_background(monkeypatch, capsys, tmp_path):
     assert dark < 0.2
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ESTIMATORS)
 def test_a_figure_shows_force_loop_each_parameter_and_a_judgement(method):
-    result = palpate.identify(CONTACT, METHODS[method]())
+    result = palpate.identify(CONTACT, ESTIMATORS[method]())
     figure = figures.draw(result)
     titles = [axes.get_title() for axes in figure.axes]
     assert len(titles) == 3 + len(result.law.symbols)
@@ -91,7 +91,7 @@ def test_a_figure_shows_force_loop_each_parameter_and_a_judgement(method):
 def test_a_comparison_names_every_method_in_its_legends():
     figure = figures.draw_comparison(palpate.compare(CONTACT))
     words = [text.get_text() for axes in figure.axes for text in axes.get_legend().get_texts()]
-    for method in METHODS:
+    for method in ESTIMATORS:
         assert method in words
 
 

@@ -9,7 +9,7 @@ from cases import MATERIALS, Signals, bits, exciting, tapping
 
 import palpate
 from palpate import (
-    METHODS,
+    ESTIMATORS,
     ConstantForgetting,
     Contact,
     ContactGate,
@@ -116,11 +116,11 @@ def test_a_material_is_found_in_its_own_recording():
 
 def test_compare_gives_every_method_on_the_same_samples():
     results = compare(CONTACT)
-    assert list(results) == list(METHODS)
+    assert list(results) == list(ESTIMATORS)
     for method, result in results.items():
         assert result.method == method
         assert np.array_equal(result.trace.taken, results["single-stage"].trace.taken)
-        assert bits(result.trace) == bits(identify(CONTACT, METHODS[method]()).trace)
+        assert bits(result.trace) == bits(identify(CONTACT, ESTIMATORS[method]()).trace)
 
 
 def test_compare_takes_a_gate():

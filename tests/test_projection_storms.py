@@ -49,7 +49,7 @@ detectors = st.none() | st.builds(
     threshold=st.floats(1e-3, 1e12),
     noise=noises,
     adaptation=st.floats(0.0, 1.0),
-    settling=st.integers(10, 40),
+    warm_up=st.integers(10, 40),
     transition=st.integers(0, 20),
 )
 shared = {
@@ -207,7 +207,7 @@ def test_a_wrong_setting_is_named_with_its_value_and_range(wrong: dict, message:
         ({"threshold": 0.0}, r"threshold must be in \(0, 1e\+12\], not 0.0"),
         ({"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
         ({"adaptation": 1.5}, r"adaptation must be in \[0, 1\], not 1.5"),
-        ({"settling": 1}, r"settling must be in \[10, 1e\+06\], not 1"),
+        ({"warm_up": 1}, r"warm_up must be in \[10, 1e\+06\], not 1"),
     ],
 )
 def test_a_wrong_detector_is_named_with_its_value_and_range(wrong: dict, message: str) -> None:

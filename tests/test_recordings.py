@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate import METHODS, ContactGate, RecordingError, SingleStageRLS, read_contact
+from palpate import ESTIMATORS, ContactGate, RecordingError, SingleStageRLS, read_contact
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 FOLDER = Path(os.environ.get("PALPATE_DATA", BESIDE))
@@ -55,7 +55,7 @@ def test_every_recording_runs_through_every_method(path):
         return
     contact = read_contact(path)
     results = palpate.compare(contact)
-    assert list(results) == list(METHODS)
+    assert list(results) == list(ESTIMATORS)
     for result in results.values():
         assert result.trace.taken.any()
         assert np.isfinite(result.trace.parameters).all()

@@ -153,7 +153,7 @@ def test_the_single_stage_cannot_start_without_a_stiffness(stiffness):
 ])  # fmt: skip
 def test_a_start_beyond_the_arithmetic_is_refused(name, start):
     with pytest.raises(InvalidParameterError, match=r"^initial .* must be in") as caught:
-        palpate.METHODS[name](initial=start)
+        palpate.ESTIMATORS[name](initial=start)
     assert "1e+101" in str(caught.value)
 
 

@@ -138,12 +138,12 @@ def test_suggestions_go_with_the_units(length, force):
     )
 
 
-@pytest.mark.parametrize("method", palpate.METHODS)
+@pytest.mark.parametrize("method", palpate.ESTIMATORS)
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_what_is_identified_does_not_depend_on_the_units(method, unit):
     """Lengths and forces a thousand million times as large: the same numbers in those units."""
     signals = tapping(MATERIALS["ball"], noise=0.02, seed=9)
-    kind = palpate.METHODS[method]
+    kind = palpate.ESTIMATORS[method]
     # Starts have n = 1 or are linear: K₀ x₀/F₀ is the same in both.
     ours = palpate.identify(contact_of(signals), kind())
     theirs = palpate.identify(contact_of(signals, unit, unit), kind())

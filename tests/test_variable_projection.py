@@ -209,7 +209,7 @@ def test_replay_is_update_bit_for_bit_and_predicts_before_each_sample(surface: s
     force[300:] += 3.0  # a change, so that the restart is compared too
     force[100] = np.nan
     force[200] = -1.0
-    one = VariableProjection(surface=surface, change_detector=ChangeDetector(settling=50))
+    one = VariableProjection(surface=surface, change_detector=ChangeDetector(warm_up=50))
     other = one.copy()
     trace = one.replay(motion.x, motion.v, force)
     for k, (x, v, f) in enumerate(zip(motion.x, motion.v, force, strict=True)):

@@ -12,6 +12,8 @@ class ContactGate {
     double minimum_penetration = 0.0;  // m; at or below it there is no contact
     double make_force = 0.0;           // N; contact is made above it …
     double break_force = 0.0;          // N; … and lost at or below it (≤ make_force)
+
+    bool operator==(const Settings&) const = default;
   };
 
   enum class Phase : std::uint8_t { waiting, contact, held };
@@ -25,6 +27,11 @@ class ContactGate {
     const bool touching = phase_ == Phase::contact;
     const double threshold = touching ? settings_.break_force : settings_.make_force;
     if (penetration > settings_.minimum_penetration && force > threshold) return Phase::contact;
+    return without_contact();
+  }
+
+  // The phase that the end of contact leads to.
+  constexpr Phase without_contact() const noexcept {
     return phase_ == Phase::waiting ? Phase::waiting : Phase::held;
   }
 
@@ -34,5 +41,18 @@ class ContactGate {
   Settings settings_;
   Phase phase_ = Phase::waiting;
 };
+
+constexpr const char* validate(const ContactGate::Settings& settings) noexcept {
+  if (!(settings.minimum_penetration >= 0.0 && settings.minimum_penetration <= 1e100)) {
+    return "gate.minimum_penetration must be in [0, 1e100] m";
+  }
+  if (!(settings.make_force >= 0.0 && settings.make_force <= 1e100)) {
+    return "gate.make_force must be in [0, 1e100] N";
+  }
+  if (!(settings.break_force >= 0.0 && settings.break_force <= settings.make_force)) {
+    return "gate.break_force must be in [0, make_force]";
+  }
+  return nullptr;
+}
 
 }  // namespace palpate

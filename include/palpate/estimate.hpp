@@ -16,8 +16,8 @@ namespace palpate {
 // beyond it. It concerns the logarithm of the Hunt–Crossley law; other laws always hold it.
 inline double validity_margin(const HuntCrossley& law, double velocity) noexcept {
   const double viscous = std::abs(velocity) * std::abs(law.damping);
-  const double share = viscous > 0.0 ? viscous / std::abs(law.stiffness) : 0.0;  // not 0/0 at rest
-  return std::max(-largest_parameter, 1.0 - share / 0.1);
+  const double ratio = viscous > 0.0 ? viscous / std::abs(law.stiffness) : 0.0;  // not 0/0 at rest
+  return std::max(-largest_parameter, 1.0 - ratio / 0.1);
 }
 
 template <class Law>
@@ -25,8 +25,8 @@ constexpr double validity_margin(const Law&, double) noexcept {
   return 1.0;
 }
 
-// What a motion leaves undetermined, as bits.
-enum Doubt : std::uint8_t {
+// What a motion leaves undetermined: bits of `Estimate::flags`.
+enum IdentifiabilityFlag : std::uint8_t {
   exponent_not_identifiable = 1,
   damping_not_identifiable = 2,
   exponent_at_edge = 4,
@@ -55,7 +55,7 @@ struct Fit {
   Matrix<Law::size> covariance;  // of the law's parameters, SI
   Offset<Law::size> offset{};
   Surface surface{};
-  std::uint8_t doubts = 0;
+  std::uint8_t flags = 0;
 };
 
 template <std::size_t Size>
@@ -64,19 +64,19 @@ struct Estimate {
   Matrix<Size> covariance;  // of the parameters, SI
   Offset<Size> offset;
   Surface surface;
-  std::uint8_t doubts;
+  std::uint8_t flags;  // of IdentifiabilityFlag
   double validity_margin;
   Status status;           // of the last sample that was not refused
   std::uint64_t samples;   // taken
   std::uint64_t guarded;   // of them, how many the covariance guard touched
-  std::uint64_t restarts;  // how often a change was detected and the estimate began anew
+  std::uint64_t restarts;  // how often a change was detected and the estimate reinitialised
 
   constexpr bool valid() const noexcept { return validity_margin > 0.0; }
 };
 
 // The part of an estimate that a trace writes down.
 template <class Law>
-struct Moment {
+struct Snapshot {
   Law law;
   Vector<Law::size> variances;  // of the law's parameters, SI
 };

@@ -10,8 +10,11 @@
 
 namespace palpate {
 
-// Parameters that data drove past this are reported at it, so that their squares stay finite.
+// Parameters that data drove past this are reported at it: their squares, and products of those
+// with units of 1e±30, stay finite.
 inline constexpr double largest_parameter = 1e100;
+
+namespace detail {
 
 inline constexpr double largest_variance = largest_parameter * largest_parameter;
 
@@ -26,6 +29,8 @@ constexpr double saturate(double value) noexcept {
 // e^a kept within ±largest_parameter (ln 1e100 ≈ 230).
 inline double bounded_exp(double a) noexcept { return std::exp(std::clamp(a, -230.0, 230.0)); }
 
+}  // namespace detail
+
 // F = K x + B v for x ≥ 0, else 0 (eq. 1).
 struct KelvinVoigt {
   static constexpr std::size_t size = 2;
@@ -36,6 +41,7 @@ struct KelvinVoigt {
     return x < 0.0 ? 0.0 : stiffness * x + damping * v;
   }
   constexpr Vector<size> parameters() const noexcept { return {stiffness, damping}; }
+  bool operator==(const KelvinVoigt&) const = default;
 };
 
 // F = K₁ x + K₂ x² + B v for x ≥ 0, else 0 (eq. 14).
@@ -51,6 +57,7 @@ struct ExtendedKelvinVoigt {
   constexpr Vector<size> parameters() const noexcept {
     return {stiffness, quadratic_stiffness, damping};
   }
+  bool operator==(const ExtendedKelvinVoigt&) const = default;
 };
 
 // F = K xⁿ + B xⁿ v for x > 0, else 0 (eq. 2).
@@ -64,6 +71,7 @@ struct HuntCrossley {
     return x <= 0.0 ? 0.0 : std::pow(x, exponent) * (stiffness + damping * v);
   }
   constexpr Vector<size> parameters() const noexcept { return {stiffness, damping, exponent}; }
+  bool operator==(const HuntCrossley&) const = default;
 };
 
 }  // namespace palpate

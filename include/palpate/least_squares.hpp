@@ -19,10 +19,14 @@
 
 namespace palpate {
 
+namespace detail {
+
 // Forgetting may not make a direction more than this much less certain than it was at the start.
 inline constexpr double largest_windup = 1e6;
+// Products of four variances, in the minors of P, stay above the subnormals.
 inline constexpr double smallest_variance = 1e-70;
 // A guarded sample may not make its direction more than this much more certain at once.
+// (2⁻³⁶: with 52 bits, sixteen are left for the other directions.)
 inline constexpr double largest_gain = 0x1p36;
 // Samples that would pass these are refused. Within them J P Jᵀ times the noise variance is finite
 // for every law and scale.
@@ -30,49 +34,54 @@ inline constexpr double largest_coefficient = 1e100;
 inline constexpr double largest_residual = 1e70;
 inline constexpr double largest_innovation = 1e300;
 
+}  // namespace detail
+
 template <std::size_t Order>
 class LeastSquares {
  public:
   struct Settings {
     Vector<Order> initial{};             // θ₀
     Matrix<Order> initial_covariance{};  // P₀, positive definite
+
+    bool operator==(const Settings&) const = default;
   };
 
   constexpr explicit LeastSquares(const Settings& settings) noexcept
       : settings_(settings),
-        initial_information_(inverse(settings.initial_covariance)),
+        initial_information_(detail::inverse(settings.initial_covariance)),
         state_{settings.initial, settings.initial_covariance} {
     for (std::size_t i = 0; i < Order; ++i) {
-      ceiling_ = std::max(ceiling_, largest_windup * settings.initial_covariance[i][i]);
+      ceiling_ = std::max(ceiling_, detail::largest_windup * settings.initial_covariance[i][i]);
     }
   }
 
+  constexpr const Settings& settings() const noexcept { return settings_; }
   constexpr const Vector<Order>& parameters() const noexcept { return state_.parameters; }
   constexpr const Matrix<Order>& covariance() const noexcept { return state_.covariance; }
   constexpr std::uint64_t samples() const noexcept { return state_.samples; }
 
   constexpr double predict(const Vector<Order>& regressor) const noexcept {
-    return dot(regressor, state_.parameters);
+    return detail::dot(regressor, state_.parameters);
   }
 
   // Takes the sample whole (updated, guarded) or not at all (out_of_range).
   constexpr Status update(const Vector<Order>& regressor, double output, double forgetting_factor,
                           double perturbation = 0.0) noexcept {
-    const Vector<Order> g = multiply(state_.covariance, regressor);
+    const Vector<Order> g = detail::multiply(state_.covariance, regressor);
     // Rounding alone can make φᵀPφ negative, and only where cancellation has eaten every digit.
-    const double spread = std::max(dot(regressor, g), 0.0);
+    const double spread = std::max(detail::dot(regressor, g), 0.0);
     const double error = output - predict(regressor);
     Step step = renewed(g, forgetting_factor + spread, forgetting_factor, perturbation);
     if (sound(step.covariance)) [[likely]]
       return commit(step, error, Status::updated);
-    const double noise = std::max(spread / largest_gain, 1.0);
+    const double noise = std::max(spread / detail::largest_gain, 1.0);
     if (forgetting_factor != 1.0 || perturbation != 0.0) step = renewed(g, 1.0 + spread, 1.0, 0.0);
     if (noise > 1.0 && !sound(step.covariance)) step = renewed(g, noise + spread, 1.0, 0.0);
     if (!sound(step.covariance)) step.covariance = state_.covariance;
     return commit(step, error, Status::guarded);
   }
 
-  // Variance of y about φᵀθ: the weighted residual sum of the data alone (the initial values' share
+  // Variance of y about φᵀθ: the weighted residual sum of the data alone (the initial values' part
   // is taken out) over its degrees of freedom; 1 until there are more samples than coefficients.
   constexpr double noise_variance() const noexcept {
     const double freedom = state_.weight - static_cast<double>(Order);
@@ -87,7 +96,7 @@ class LeastSquares {
   struct State {
     Vector<Order> parameters;   // θ
     Matrix<Order> covariance;   // P
-    double residual = 0.0;      // Σ wᵢ (yᵢ − φᵢᵀθ)² and the initial values' share
+    double residual = 0.0;      // Σ wᵢ (yᵢ − φᵢᵀθ)² and the initial values' part
     double weight = 0.0;        // Σ wᵢ
     double prior_weight = 1.0;  // what forgetting left of the initial values
     std::uint64_t samples = 0;
@@ -108,7 +117,7 @@ class LeastSquares {
 
   // The lower triangle L of scaled_covariance() = L Lᵀ.
   Matrix<Order> scaled_root() const noexcept {
-    Matrix<Order> result = cholesky(state_.covariance);
+    Matrix<Order> result = detail::cholesky(state_.covariance);
     const double deviation = std::sqrt(noise_variance());
     for (auto& line : result) {
       for (double& entry : line) entry *= deviation;
@@ -144,21 +153,21 @@ class LeastSquares {
   constexpr bool sound(const Matrix<Order>& p) const noexcept {
     bool within = true;
     for (std::size_t i = 0; i < Order; ++i) {
-      within &= p[i][i] >= smallest_variance && p[i][i] <= ceiling_;
+      within &= p[i][i] >= detail::smallest_variance && p[i][i] <= ceiling_;
     }
-    return within && is_positive_definite(p);
+    return within && detail::is_positive_definite(p);
   }
 
   constexpr Status commit(const Step& step, double error, Status status) noexcept {
     Vector<Order> moved = state_.parameters;
-    bool within = step.innovation <= largest_innovation;
+    bool within = step.innovation <= detail::largest_innovation;
     for (std::size_t i = 0; i < Order; ++i) {
       moved[i] += step.gain[i] * error;
-      within &= moved[i] >= -largest_coefficient && moved[i] <= largest_coefficient;
+      within &= moved[i] >= -detail::largest_coefficient && moved[i] <= detail::largest_coefficient;
     }
     const double lambda = step.forgetting_factor;
     const double residual = lambda * (state_.residual + error * (error / step.innovation));
-    if (!(within && residual <= largest_residual)) return Status::out_of_range;
+    if (!(within && residual <= detail::largest_residual)) return Status::out_of_range;
     state_.parameters = moved;
     state_.covariance = step.covariance;
     state_.residual = residual;
@@ -171,7 +180,8 @@ class LeastSquares {
 
   // dᵀ P₀⁻¹ d; a start without covariances is the usual one.
   constexpr double information_of(const Vector<Order>& d) const noexcept {
-    if (!is_diagonal(initial_information_)) return dot(d, multiply(initial_information_, d));
+    if (!is_diagonal(initial_information_))
+      return detail::dot(d, detail::multiply(initial_information_, d));
     double sum = initial_information_[0][0] * d[0] * d[0];
     for (std::size_t i = 1; i < Order; ++i) sum += initial_information_[i][i] * d[i] * d[i];
     return sum;

@@ -16,6 +16,15 @@ template <std::size_t Size>
 using Matrix = std::array<std::array<double, Size>, Size>;
 
 template <std::size_t Size>
+constexpr Matrix<Size> diagonal(const Vector<Size>& values) noexcept {
+  Matrix<Size> matrix{};
+  for (std::size_t i = 0; i < Size; ++i) matrix[i][i] = values[i];
+  return matrix;
+}
+
+namespace detail {
+
+template <std::size_t Size>
 constexpr double dot(const Vector<Size>& a, const Vector<Size>& b) noexcept {
   double sum = a[0] * b[0];
   for (std::size_t i = 1; i < Size; ++i) sum += a[i] * b[i];
@@ -29,16 +38,9 @@ constexpr Vector<Size> multiply(const Matrix<Size>& matrix, const Vector<Size>& 
   return product;
 }
 
-template <std::size_t Size>
-constexpr Matrix<Size> diagonal(const Vector<Size>& values) noexcept {
-  Matrix<Size> matrix{};
-  for (std::size_t i = 0; i < Size; ++i) matrix[i][i] = values[i];
-  return matrix;
-}
-
 // Eliminating a matrix in floating point is exact for one whose entries differ by a few ε of its
-// diagonal. One that stays positive definite with this share of its diagonal taken off therefore is
-// so as stored (Rump, BIT 46, 2006).
+// diagonal. One that stays positive definite with this fraction of its diagonal taken off therefore
+// is so as stored (Rump, BIT 46, 2006).
 template <std::size_t Size>
 inline constexpr double definiteness_margin =
     8.0 * static_cast<double>(Size * Size) * std::numeric_limits<double>::epsilon();
@@ -200,4 +202,5 @@ constexpr Vector<Size> congruent_diagonal(const Matrix<Size>& jacobian,
   return result;
 }
 
+}  // namespace detail
 }  // namespace palpate

@@ -1,49 +1,72 @@
-// Gate + method + forgetting: an estimator that a control loop calls once a sample.
+// The loop that a controller calls once a sample, whatever the method:
+//
+//   gate → predict → choose λ and perturbation → learn → watch for a change
 #pragma once
 
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <utility>
 
 #include "palpate/change_detection.hpp"
 #include "palpate/contact_gate.hpp"
-#include "palpate/double_stage.hpp"
-#include "palpate/drift_method.hpp"
 #include "palpate/estimate.hpp"
 #include "palpate/forgetting.hpp"
-#include "palpate/projection_method.hpp"
-#include "palpate/regression_method.hpp"
-#include "palpate/scale.hpp"
+#include "palpate/method.hpp"
+#include "palpate/sample.hpp"
 #include "palpate/status.hpp"
-#include "palpate/surface_search.hpp"
 
 namespace palpate {
 
-template <class Method>
+template <Method M, class Detector = NoChangeDetector>
+struct EstimatorSettings {
+  typename M::Settings method{};
+  Forgetting::Settings forgetting = M::default_forgetting;
+  SelfPerturbation perturbation = no_perturbation;
+  [[no_unique_address]] typename Detector::Settings changes{};
+  ContactGate::Settings gate{};
+  Scale scale = M::default_scale;
+  double sample_time = 1e-3;  // s
+
+  bool operator==(const EstimatorSettings&) const = default;
+};
+
+// What is wrong with these settings, in words; null where they are sound. A constructor does not
+// ask: settings that come from elsewhere are for this to check.
+template <Method M, class Detector>
+constexpr const char* validate(const EstimatorSettings<M, Detector>& settings) noexcept {
+  if (const char* fault = validate(settings.method)) return fault;
+  if (const char* fault = validate(settings.forgetting)) return fault;
+  if (const char* fault = validate(settings.perturbation)) return fault;
+  if (const char* fault = validate(settings.changes)) return fault;
+  if (const char* fault = validate(settings.gate)) return fault;
+  if (const char* fault = validate(settings.scale)) return fault;
+  if (!(settings.sample_time > 0.0 && settings.sample_time <= 1e6)) {
+    return "sample_time must be in (0, 1e6] s";
+  }
+  if (!M::forgets && settings.forgetting != no_forgetting) {
+    return "forgetting must be none: this method does not forget by a factor";
+  }
+  if (!M::perturbs && settings.perturbation.active()) {
+    return "perturbation must be none: this method has no covariance to reopen";
+  }
+  return nullptr;
+}
+
+template <Method M, class Detector = NoChangeDetector>
 class RecursiveEstimator {
  public:
-  using Law = typename Method::Law;
-  static constexpr std::size_t order = Method::order;
+  using Method = M;
+  using Law = typename M::Law;
+  using Settings = EstimatorSettings<M, Detector>;
 
-  struct Settings {
-    typename Method::Settings method;
-    Forgetting::Settings forgetting{};
-    SelfPerturbation perturbation{};
-    ChangeDetector::Settings changes{};
-    ContactGate::Settings gate{};
-    Scale scale{};
-    double sample_time = 1e-3;  // s
-  };
-
-  explicit RecursiveEstimator(const Settings& settings) noexcept
+  explicit RecursiveEstimator(const Settings& settings = {}) noexcept
       : settings_(settings),
-        gate_(settings.gate),
-        changes_(settings.changes),
-        forgetting_(settings.forgetting, settings.sample_time),
         units_(settings.scale),
-        method_(settings.method, units_) {}
+        method_(settings.method, units_),
+        gate_(method_.gate(settings.gate, units_)),
+        forgetting_(settings.forgetting, settings.sample_time),
+        changes_(settings.changes) {}
 
   Status update(double penetration, double velocity, double force) noexcept {
     return update(penetration, velocity, force, settings_.sample_time);
@@ -51,14 +74,20 @@ class RecursiveEstimator {
 
   // dt: time since the previous sample, s. The sample is taken whole or not at all.
   Status update(double penetration, double velocity, double force, double dt) noexcept {
-    return step({penetration, velocity, force}, dt, nullptr);
+    return step<false>({penetration, velocity, force}, dt).status;
   }
 
-  // update(), which also writes down the a-priori force [N] that the sample is compared with.
+  // update(), which also gives the a-priori force [N] that the sample is compared with; NaN where
+  // the sample is not finite.
   Status update(const Sample& sample, double dt, double& predicted_force) noexcept {
-    predicted_force = std::numeric_limits<double>::quiet_NaN();
-    return step(sample, dt, &predicted_force);
+    const Outcome outcome = step<true>(sample, dt);
+    predicted_force = outcome.predicted_force;
+    return outcome.status;
   }
+
+  // Contact ends here, as where a recording breaks off or a tool is changed: what was learned is
+  // held until contact is made again.
+  void leave_contact() noexcept { enter(gate_.without_contact()); }
 
   // The force that the sensor would show by the present estimate, N; no law acts out of contact.
   double predict(double penetration, double velocity) const noexcept {
@@ -67,13 +96,13 @@ class RecursiveEstimator {
 
   Law law() const noexcept { return method_.law(units_); }
 
-  Estimate<order> estimate() const noexcept {
+  Estimate<Law::size> estimate() const noexcept {
     const Fit<Law> fit = method_.fit(units_);
     return {fit.law.parameters(),
             fit.covariance,
             fit.offset,
             fit.surface,
-            fit.doubts,
+            fit.flags,
             validity_margin(fit.law, velocity_),
             status_,
             samples_,
@@ -82,135 +111,129 @@ class RecursiveEstimator {
   }
 
   // The part of an estimate that a trace writes down at every sample.
-  Moment<Law> moment() const noexcept { return method_.moment(units_); }
+  Snapshot<Law> snapshot() const noexcept { return method_.snapshot(units_); }
 
   double last_velocity() const noexcept { return velocity_; }
   const Settings& settings() const noexcept { return settings_; }
 
   // The recursion inside, for θ and P as they are, in scaled units.
-  const Method& method() const noexcept { return method_; }
+  const M& method() const noexcept { return method_; }
 
   void reset() noexcept { *this = RecursiveEstimator(settings_); }
 
  private:
-  static bool finite(const Sample& s) noexcept {
-    return std::isfinite(s.penetration) && std::isfinite(s.velocity) && std::isfinite(s.force);
-  }
+  struct Outcome {
+    Status status;
+    double predicted_force;  // N; NaN where none was asked for
+  };
 
-  bool in_range(const Sample& s) const noexcept {
-    constexpr double limit = Method::largest_input;
-    if constexpr (requires { method_.largest_penetration(); }) {
-      if (!(s.penetration < method_.largest_penetration())) return false;
-    }
-    const bool signs = Method::takes_approach || (s.penetration > 0.0 && s.force > 0.0);
-    return signs && std::abs(s.penetration) < limit && std::abs(s.velocity) < limit &&
-           std::abs(s.force) < limit;
-  }
-
-  // A method that searches for the surface takes the approach to it too, whatever the force.
-  ContactGate::Phase next_phase(const Sample& sample, const Sample& inner) const noexcept {
-    if constexpr (Method::takes_approach) {
-      // A tenth of the unit before the first candidate is enough to know the force in the free.
-      if (inner.penetration > method_.lowest_surface() - 0.1) return ContactGate::Phase::contact;
-      const bool waiting = gate_.phase() == ContactGate::Phase::waiting;
-      return waiting ? ContactGate::Phase::waiting : ContactGate::Phase::held;
-    }
-    return gate_.next(sample.penetration, sample.force);
-  }
-
-  Status step(const Sample& sample, double dt, double* predicted_force) noexcept {
-    if (!finite(sample)) return Status::not_finite;
+  template <bool Predicted>
+  Outcome step(const Sample& sample, double dt) noexcept {
+    constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+    if (!detail::finite(sample)) return {Status::not_finite, unknown};
     const bool valid_step = dt > 0.0 && std::isfinite(dt);
-    const Sample inner = scaled(sample, units_);
-    const ContactGate::Phase phase = next_phase(sample, inner);
-    if (valid_step && phase == ContactGate::Phase::contact && in_range(inner)) [[likely]] {
-      return learn(sample, inner, dt, predicted_force);
+    const Sample inner = detail::scaled(sample, units_);
+    const ContactGate::Phase phase = gate_.next(sample.penetration, sample.force);
+    const bool touching = phase == ContactGate::Phase::contact;
+    if (valid_step && touching && method_.in_range(inner)) [[likely]] {
+      return take<Predicted>(sample, inner, dt);
     }
-    if (predicted_force) *predicted_force = predict(sample.penetration, sample.velocity);
-    if (!valid_step) return Status::invalid_step;
-    if (phase == ContactGate::Phase::contact) return Status::out_of_range;
-    gate_.enter(phase);
-    return status_ = phase == ContactGate::Phase::waiting ? Status::waiting : Status::held;
+    const double predicted = Predicted ? predict(sample.penetration, sample.velocity) : unknown;
+    if (!valid_step) return {Status::invalid_step, predicted};
+    if (touching) return {Status::out_of_range, predicted};
+    enter(phase);
+    return {status_, predicted};
   }
 
-  Status learn(const Sample& sample, const Sample& inner, double dt,
-               double* predicted_force) noexcept {
+  // A sample in contact and in range. Nothing of the loop changes before the method has learned it.
+  template <bool Predicted>
+  Outcome take(const Sample& sample, const Sample& inner, double dt) noexcept {
     Forgetting forgetting = forgetting_;
     if (gate_.phase() == ContactGate::Phase::contact) {
       forgetting.advance(dt);
     } else {
       forgetting.rearm();
     }
-    // Before the method refreshes the answer that it measures errors against.
-    if (predicted_force && Method::prediction_lags) {
-      *predicted_force = predict(sample.penetration, sample.velocity);
+
+    // Predict. A trace's prediction comes first: prepare() may refresh what errors are measured by.
+    double predicted = std::numeric_limits<double>::quiet_NaN();
+    if constexpr (Predicted && !M::predicts_exactly) {
+      predicted = predict(sample.penetration, sample.velocity);
     }
-    // An abrupt change perturbs P and takes λ back to λ₀.
+    const typename M::Row row = method_.prepare(inner);
     double error = 0.0;
-    const auto adapt = [&](auto&& predict_scaled) noexcept {
-      double perturbation = 0.0;
-      if (predicted_force || settings_.perturbation.active() || changes_.active()) {
-        const double predicted = predict_scaled() * units_.force;
-        if (predicted_force && !Method::prediction_lags) *predicted_force = predicted;
-        error = saturate(sample.force - predicted);
-        perturbation = settings_.perturbation(error);
-        if (perturbation > 0.0) forgetting.rearm();
-      }
-      return std::pair{forgetting.factor(), perturbation};
-    };
-    Status status = method_.learn(inner, dt, adapt);
-    if (!taken(status)) return status;
-    if (changes_.active()) {
-      if (changes_.observe(inner, error)) {
-        method_.restart();
-        begin_with(changes_.suspects(), forgetting);
-        changes_.rearm();
-        ++restarts_;
-        status = Status::restarted;
-      } else if (changes_.over()) {
-        method_.restart_again();
-        begin_with(changes_.certain(), forgetting);
-      }
+    if ((Predicted && M::predicts_exactly) || Detector::active || settings_.perturbation.active()) {
+      const double expected = method_.predict(row) * units_.force;
+      if constexpr (Predicted && M::predicts_exactly) predicted = expected;
+      error = detail::saturate(sample.force - expected);
     }
 
+    // Choose λ and the perturbation: an abrupt change perturbs P and takes λ back to λ₀.
+    const double perturbation = settings_.perturbation(error);
+    if (perturbation > 0.0) forgetting.rearm();
+
+    Status status = method_.learn(row, dt, forgetting.factor(), perturbation);
+    if (!taken(status)) return {status, predicted};
+
+    if constexpr (Detector::active) {
+      if (watch({inner, dt}, error, forgetting)) status = Status::restarted;
+    }
+    commit(sample, status, forgetting);
+    return {status, predicted};
+  }
+
+  void commit(const Sample& sample, Status status, const Forgetting& forgetting) noexcept {
     gate_.enter(ContactGate::Phase::contact);
     forgetting_ = forgetting;
     velocity_ = sample.velocity;
     status_ = status;
     ++samples_;
     if (status == Status::guarded) ++guarded_;
-    return status;
   }
 
-  // The estimate begins anew with this many of the latest samples.
-  void begin_with(std::size_t samples, Forgetting& forgetting) noexcept {
+  void enter(ContactGate::Phase phase) noexcept {
+    gate_.enter(phase);
+    status_ = phase == ContactGate::Phase::waiting ? Status::waiting : Status::held;
+  }
+
+  // True when a change is detected. The method then starts again with the samples after it.
+  bool watch(const TakenSample& taken, double error, Forgetting& forgetting) noexcept {
+    if (changes_.observe(taken, error)) {
+      method_.reinitialise();
+      relearn(changes_.post_change_samples(), forgetting);
+      changes_.rearm();
+      ++restarts_;
+      return true;
+    }
+    if (changes_.transient_over()) {
+      method_.reinitialise_after_transient();
+      relearn(changes_.settled_samples(), forgetting);
+    }
+    return false;
+  }
+
+  // Learns this many of the latest samples again, with their own time steps, as if contact had been
+  // made with the first of them.
+  void relearn(std::size_t samples, Forgetting& forgetting) noexcept {
     forgetting.rearm();
-    const auto adapt = [&](auto&&) noexcept { return std::pair{forgetting.factor(), 0.0}; };
     for (std::size_t age = samples; age-- > 0;) {
-      method_.learn(changes_.recent(age), settings_.sample_time, adapt);
-      forgetting.advance(settings_.sample_time);
+      const TakenSample& past = changes_.recent(age);
+      if (age + 1 < samples) forgetting.advance(past.dt);
+      method_.learn(method_.prepare(past.sample), past.dt, forgetting.factor(), 0.0);
     }
   }
 
   Settings settings_;
-  ContactGate gate_;
-  ChangeDetector changes_;
-  Forgetting forgetting_;
   Units units_;
-  Method method_;
+  M method_;
+  ContactGate gate_;
+  Forgetting forgetting_;
+  [[no_unique_address]] Detector changes_;
   double velocity_ = 0.0;
   Status status_ = Status::waiting;
   std::uint64_t samples_ = 0;
   std::uint64_t guarded_ = 0;
   std::uint64_t restarts_ = 0;
 };
-
-using KelvinVoigtRLS = RecursiveEstimator<RegressionMethod<KelvinVoigtRegression>>;
-using ExtendedKelvinVoigtRLS = RecursiveEstimator<RegressionMethod<ExtendedKelvinVoigtRegression>>;
-using SingleStageRLS = RecursiveEstimator<RegressionMethod<HuntCrossleyLogRegression>>;
-using DoubleStageRLS = RecursiveEstimator<DoubleStageMethod>;
-using ProjectionEstimator = RecursiveEstimator<ProjectionMethod<VariableProjection>>;
-using DriftEstimator = RecursiveEstimator<DriftMethod>;
-using SurfaceEstimator = RecursiveEstimator<ProjectionMethod<SurfaceSearch>>;
 
 }  // namespace palpate

@@ -42,7 +42,7 @@ template <class Estimator>
     const double dt = in.time_steps ? in.time_steps[in.one_time_step ? 0 : k] : sample_time;
     const Status status = estimator.update({in.penetration[k], in.velocity[k], in.force[k]}, dt,
                                            out.predicted_force[k]);
-    const auto now = estimator.moment();
+    const auto now = estimator.snapshot();
     const Vector<size> parameters = now.law.parameters();
     for (std::size_t i = 0; i < size; ++i) {
       out.parameters[k * size + i] = parameters[i];

@@ -1,4 +1,4 @@
-// One Python class for the estimates of every law.
+// One compiled class for the estimates of every law: numbers alone, which Python gives names.
 #pragma once
 
 #include <array>
@@ -6,20 +6,14 @@
 #include <cstdint>
 
 #include "palpate/estimate.hpp"
-#include "palpate/force_laws.hpp"
 #include "palpate/status.hpp"
 
 namespace palpate::bindings {
 
-enum class LawKind : std::uint8_t { kelvin_voigt, extended_kelvin_voigt, hunt_crossley };
-
-constexpr LawKind kind_of(const KelvinVoigt&) { return LawKind::kelvin_voigt; }
-constexpr LawKind kind_of(const ExtendedKelvinVoigt&) { return LawKind::extended_kelvin_voigt; }
-constexpr LawKind kind_of(const HuntCrossley&) { return LawKind::hunt_crossley; }
-
 struct EstimateValue {
-  static constexpr std::size_t capacity = 3;
-  LawKind kind;
+  // Parameters of a law; the bare recursion's largest order.
+  static constexpr std::size_t capacity = 8;
+
   std::size_t size;
   std::array<double, capacity> parameters;
   std::array<double, capacity * capacity> covariance;  // size × size, row-major
@@ -28,7 +22,7 @@ struct EstimateValue {
   std::array<double, capacity> offset_covariance;
   double surface;
   double surface_variance;
-  std::uint8_t doubts;
+  std::uint8_t flags;
   double validity_margin;
   Status status;
   std::uint64_t samples;
@@ -36,29 +30,26 @@ struct EstimateValue {
   std::uint64_t restarts;
 };
 
-template <class Law>
-EstimateValue value_of(const Estimate<Law::size>& estimate) {
-  EstimateValue value{.kind = kind_of(Law{}),
-                      .size = Law::size,
-                      .parameters = {},
-                      .covariance = {},
-                      .offset = estimate.offset.value,
-                      .offset_variance = estimate.offset.variance,
-                      .offset_covariance = {},
-                      .surface = estimate.surface.value,
-                      .surface_variance = estimate.surface.variance,
-                      .doubts = estimate.doubts,
-                      .validity_margin = estimate.validity_margin,
-                      .status = estimate.status,
-                      .samples = estimate.samples,
-                      .guarded = estimate.guarded,
-                      .restarts = estimate.restarts};
-  for (std::size_t i = 0; i < Law::size; ++i) {
+template <std::size_t Size>
+EstimateValue value_of(const Estimate<Size>& estimate) {
+  static_assert(Size <= EstimateValue::capacity);
+  EstimateValue value;  // what lies beyond `size` is never read
+  value.size = Size;
+  value.offset = estimate.offset.value;
+  value.offset_variance = estimate.offset.variance;
+  value.surface = estimate.surface.value;
+  value.surface_variance = estimate.surface.variance;
+  value.flags = estimate.flags;
+  value.validity_margin = estimate.validity_margin;
+  value.status = estimate.status;
+  value.samples = estimate.samples;
+  value.guarded = estimate.guarded;
+  value.restarts = estimate.restarts;
+  for (std::size_t i = 0; i < Size; ++i) {
     value.parameters[i] = estimate.parameters[i];
     value.offset_covariance[i] = estimate.offset.covariance[i];
-    for (std::size_t j = 0; j < Law::size; ++j) {
-      value.covariance[i * Law::size + j] = estimate.covariance[i][j];
-    }
+    for (std::size_t j = 0; j < Size; ++j)
+      value.covariance[i * Size + j] = estimate.covariance[i][j];
   }
   return value;
 }

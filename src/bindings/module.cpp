@@ -2,6 +2,8 @@
 
 NB_MODULE(_core, module) {
   module.doc() = "The compiled recursion of palpate.";
+  // The settings' defaults, by class and name, so that they stand once: in the headers.
+  module.attr("defaults") = palpate::bindings::nb::dict();
   palpate::bindings::bind_force_laws(module);
   palpate::bindings::bind_estimate(module);
   palpate::bindings::bind_least_squares(module);

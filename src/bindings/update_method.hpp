@@ -10,8 +10,6 @@
 
 namespace palpate::bindings {
 
-inline constexpr std::size_t status_count = 8;
-
 // The members of the Python enumeration, by value; filled when the enumeration is bound.
 inline std::array<PyObject*, status_count> status_members{};
 
@@ -69,7 +67,7 @@ inline bool place_arguments(PyObject* const* args, Py_ssize_t positional, PyObje
   return true;
 }
 
-template <class Core>
+template <class Handle>
 PyObject* update_method(PyObject* self, PyObject* const* args, Py_ssize_t positional,
                         PyObject* names) noexcept {
   std::array<PyObject*, 4> placed{};
@@ -92,18 +90,21 @@ PyObject* update_method(PyObject* self, PyObject* const* args, Py_ssize_t positi
     PyErr_SetString(PyExc_TypeError, "update() of an estimator that was never initialised");
     return nullptr;
   }
-  Core& core = *nb::inst_ptr<Core>(self);
-  return member_of(default_step ? core.update(numbers[0], numbers[1], numbers[2])
-                                : core.update(numbers[0], numbers[1], numbers[2], numbers[3]));
+  Handle& handle = *nb::inst_ptr<Handle>(self);
+  handle.wait_until_free();
+  return member_of(handle.with([&](auto& core) {
+    return default_step ? core.update(numbers[0], numbers[1], numbers[2])
+                        : core.update(numbers[0], numbers[1], numbers[2], numbers[3]);
+  }));
 }
 
-template <class Core>
+template <class Handle>
 inline PyMethodDef update_methods[] = {
-    {"update", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(&update_method<Core>)),
+    {"update", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(&update_method<Handle>)),
      METH_FASTCALL | METH_KEYWORDS, update_doc},
     {nullptr, nullptr, 0, nullptr}};
 
-template <class Core>
-inline PyType_Slot update_slots[] = {{Py_tp_methods, update_methods<Core>}, {0, nullptr}};
+template <class Handle>
+inline PyType_Slot update_slots[] = {{Py_tp_methods, update_methods<Handle>}, {0, nullptr}};
 
 }  // namespace palpate::bindings

@@ -1,20 +1,29 @@
 """Real-time identification of contact models, from penetration, velocity and force."""
 
-from palpate._core import Estimate, Status
+from palpate._core import Status
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError, RecordingError
+from palpate.estimate import Estimate
 from palpate.estimators import (
+    ESTIMATORS,
     ContactEstimator,
     DoubleStageRLS,
     DriftTracking,
     ExtendedKelvinVoigtRLS,
     KelvinVoigtRLS,
+    PythonEstimator,
     RecursiveLeastSquaresEstimator,
     SingleStageRLS,
     VariableProjection,
 )
-from palpate.force_laws import ExtendedKelvinVoigt, HuntCrossley, KelvinVoigt
-from palpate.identification import METHODS, Identification, compare, identify
+from palpate.force_laws import (
+    FORCE_LAWS,
+    ExtendedKelvinVoigt,
+    ForceLaw,
+    HuntCrossley,
+    KelvinVoigt,
+)
+from palpate.identification import Identification, compare, identify
 from palpate.least_squares import LeastSquares
 from palpate.recordings.csv import Columns, read_contact
 from palpate.settings import (
@@ -28,7 +37,8 @@ from palpate.settings import (
 from palpate.trace import Trace
 
 __all__ = [
-    "METHODS",
+    "ESTIMATORS",
+    "FORCE_LAWS",
     "ChangeDetector",
     "Columns",
     "ConstantForgetting",
@@ -41,6 +51,7 @@ __all__ = [
     "ExtendedKelvinVoigt",
     "ExtendedKelvinVoigtRLS",
     "FadingForgetting",
+    "ForceLaw",
     "HuntCrossley",
     "Identification",
     "InvalidParameterError",
@@ -49,6 +60,7 @@ __all__ = [
     "LeastSquares",
     "MissingExtraError",
     "PalpateError",
+    "PythonEstimator",
     "RecordingError",
     "RecursiveLeastSquaresEstimator",
     "Scale",

@@ -9,14 +9,14 @@ import numpy
 import numpy.typing
 from numpy.typing import NDArray
 
-import palpate.force_laws
 
+defaults: dict = ...
 
-def kelvin_voigt_force(arg0: float, arg1: float, arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
+def kelvin_voigt_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
 
-def extended_kelvin_voigt_force(arg0: float, arg1: float, arg2: float, arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg4: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
+def extended_kelvin_voigt_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
 
-def hunt_crossley_force(arg0: float, arg1: float, arg2: float, arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg4: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
+def hunt_crossley_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
 
 class Status(enum.IntEnum):
     """What one ``update`` did with its sample."""
@@ -35,7 +35,7 @@ class Status(enum.IntEnum):
 
     RESTARTED = 4
     """
-    Taken; the material has changed, and the estimate began anew with the latest samples.
+    Taken; the material has changed, and the estimate was reinitialised with the latest samples.
     """
 
     NOT_FINITE = 5
@@ -47,110 +47,52 @@ class Status(enum.IntEnum):
     OUT_OF_RANGE = 7
     """Refused: finite, but too large for the arithmetic."""
 
-class Estimate:
-    """
-    What an estimator knows now.
+class EstimateValue:
+    """The numbers of an estimate, SI."""
 
-    Attributes
-    ----------
-    law : KelvinVoigt, ExtendedKelvinVoigt or HuntCrossley
-        The contact model, in SI.
-    covariance : numpy.ndarray, shape (p, p)
-        Joint covariance of the law's parameters, in their order and in SI: the recursion's P times
-        the variance of its residual, taken from θ to the law by the delta method.
-    standard_errors : numpy.ndarray, shape (p,)
-        Square roots of its diagonal.
-    offset, offset_standard_error : float
-        Force that the sensor shows without contact, N, by methods that estimate it; else 0.
-    surface, surface_standard_error : float
-        Where the material begins, in the coordinate of the penetration, m, by methods that search for
-        it; else 0.
-    joint_covariance : numpy.ndarray, shape (p + 1, p + 1)
-        Covariance of the law's parameters and, last, the offset.
-    flags : tuple of str
-        What this motion left undetermined, and what motion would help.
-    valid : bool
-        Condition 10, |v| < 0.1 K/B, at the last sample taken. Always true for laws without a
-        logarithm.
-    validity_margin : float
-        1 − |v B/K| / 0.1: 1 at rest, 0 at the limit, negative beyond it.
-    status : Status
-        Of the last sample that was not refused.
-    samples : int
-        Samples taken.
-    guarded : int
-        Of them, how many the covariance guard touched (``docs/numerics.md``).
-    restarts : int
-        How often a change of the material was detected and the estimate began anew.
-    """
+    def __init__(self, parameters: numpy.typing.NDArray[numpy.float64], covariance: numpy.typing.NDArray[numpy.float64], status: Status, samples: int, validity_margin: float = 1.0, guarded: int = 0, restarts: int = 0) -> None: ...
 
     @property
-    def law(self) -> palpate.force_laws.KelvinVoigt | palpate.force_laws.ExtendedKelvinVoigt | palpate.force_laws.HuntCrossley:
-        """The contact model, SI."""
+    def parameters(self) -> numpy.typing.NDArray[numpy.float64]: ...
 
     @property
-    def parameters(self) -> numpy.typing.NDArray[numpy.float64]:
-        """The law's parameters in its own order, SI."""
+    def covariance(self) -> numpy.typing.NDArray[numpy.float64]: ...
 
     @property
-    def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Joint covariance of the law's parameters, SI."""
+    def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]: ...
 
     @property
-    def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Standard errors of the law's parameters, SI."""
+    def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]: ...
 
     @property
-    def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Covariance of the law's parameters and, last, the offset, SI."""
+    def offset(self) -> float: ...
 
     @property
-    def offset(self) -> float:
-        """Force without contact, N."""
+    def offset_variance(self) -> float: ...
 
     @property
-    def offset_standard_error(self) -> float:
-        """Its standard error, N; 0 where it is not estimated."""
+    def surface(self) -> float: ...
 
     @property
-    def surface(self) -> float:
-        """Where the material begins, m."""
+    def surface_variance(self) -> float: ...
 
     @property
-    def surface_standard_error(self) -> float:
-        """Its standard error, m; 0 where it is not searched for."""
+    def flags(self) -> int: ...
 
     @property
-    def flags(self) -> tuple[str, ...]:
-        """What this motion left undetermined, and what motion would help."""
+    def validity_margin(self) -> float: ...
 
     @property
-    def valid(self) -> bool:
-        """Whether condition 10 held at the last sample taken."""
+    def status(self) -> Status: ...
 
     @property
-    def validity_margin(self) -> float:
-        """
-        Condition 10 as a margin: 1 at rest, 0 at the limit, negative beyond it.
-        """
+    def samples(self) -> int: ...
 
     @property
-    def status(self) -> Status:
-        """Of the last sample that was not refused."""
+    def guarded(self) -> int: ...
 
     @property
-    def samples(self) -> int:
-        """Samples taken."""
-
-    @property
-    def guarded(self) -> int:
-        """Of them, those that the guard touched."""
-
-    @property
-    def restarts(self) -> int:
-        """How often the estimate began anew."""
-
-    def __repr__(self) -> str: ...
+    def restarts(self) -> int: ...
 
 class LeastSquares:
     def __init__(self, arg0: int, arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], /) -> None: ...
@@ -188,7 +130,7 @@ class LeastSquares:
     def _restore(self, arg: bytes, /) -> None: ...
 
 class KelvinVoigtRLS:
-    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float], arg6: Sequence[float], arg7: float, /) -> None: ...
+    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float] | None, arg5: Sequence[float], arg6: Sequence[float], arg7: float, /) -> None: ...
 
     def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
         """
@@ -213,11 +155,15 @@ class KelvinVoigtRLS:
         Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
         """
 
-    def estimate(self) -> Estimate:
-        """What is known now, as an :class:`Estimate`."""
+    def _estimate(self) -> EstimateValue: ...
 
     def reset(self) -> None:
         """Forget everything but the settings."""
+
+    def leave_contact(self) -> None:
+        """
+        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
+        """
 
     def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], /) -> None: ...
 
@@ -226,7 +172,7 @@ class KelvinVoigtRLS:
     def _restore(self, arg: bytes, /) -> None: ...
 
 class ExtendedKelvinVoigtRLS:
-    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float], arg6: Sequence[float], arg7: float, /) -> None: ...
+    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float] | None, arg5: Sequence[float], arg6: Sequence[float], arg7: float, /) -> None: ...
 
     def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
         """
@@ -251,11 +197,15 @@ class ExtendedKelvinVoigtRLS:
         Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
         """
 
-    def estimate(self) -> Estimate:
-        """What is known now, as an :class:`Estimate`."""
+    def _estimate(self) -> EstimateValue: ...
 
     def reset(self) -> None:
         """Forget everything but the settings."""
+
+    def leave_contact(self) -> None:
+        """
+        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
+        """
 
     def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], /) -> None: ...
 
@@ -264,7 +214,7 @@ class ExtendedKelvinVoigtRLS:
     def _restore(self, arg: bytes, /) -> None: ...
 
 class SingleStageRLS:
-    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float], arg6: Sequence[float], arg7: float, /) -> None: ...
+    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float] | None, arg5: Sequence[float], arg6: Sequence[float], arg7: float, /) -> None: ...
 
     def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
         """
@@ -289,11 +239,15 @@ class SingleStageRLS:
         Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
         """
 
-    def estimate(self) -> Estimate:
-        """What is known now, as an :class:`Estimate`."""
+    def _estimate(self) -> EstimateValue: ...
 
     def reset(self) -> None:
         """Forget everything but the settings."""
+
+    def leave_contact(self) -> None:
+        """
+        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
+        """
 
     def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], /) -> None: ...
 
@@ -302,7 +256,7 @@ class SingleStageRLS:
     def _restore(self, arg: bytes, /) -> None: ...
 
 class DoubleStageRLS:
-    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float], arg6: Sequence[float], arg7: float, /) -> None: ...
+    def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float] | None, arg5: Sequence[float], arg6: Sequence[float], arg7: float, /) -> None: ...
 
     def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
         """
@@ -327,11 +281,15 @@ class DoubleStageRLS:
         Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
         """
 
-    def estimate(self) -> Estimate:
-        """What is known now, as an :class:`Estimate`."""
+    def _estimate(self) -> EstimateValue: ...
 
     def reset(self) -> None:
         """Forget everything but the settings."""
+
+    def leave_contact(self) -> None:
+        """
+        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
+        """
 
     def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], /) -> None: ...
 
@@ -340,7 +298,7 @@ class DoubleStageRLS:
     def _restore(self, arg: bytes, /) -> None: ...
 
 class VariableProjection:
-    def __init__(self, arg0: float, arg1: Sequence[float], arg2: bool, arg3: float, arg4: Sequence[float] | None, arg5: Sequence[float], arg6: Sequence[float], arg7: Sequence[float], arg8: Sequence[float], arg9: float, /) -> None: ...
+    def __init__(self, arg0: float, arg1: Sequence[float], arg2: bool, arg3: float, arg4: Sequence[float] | None, arg5: Sequence[float], arg6: Sequence[float] | None, arg7: Sequence[float], arg8: Sequence[float], arg9: float, /) -> None: ...
 
     update: types.MethodDescriptorType = ...
 
@@ -349,11 +307,15 @@ class VariableProjection:
         Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
         """
 
-    def estimate(self) -> Estimate:
-        """What is known now, as an :class:`Estimate`."""
+    def _estimate(self) -> EstimateValue: ...
 
     def reset(self) -> None:
         """Forget everything but the settings."""
+
+    def leave_contact(self) -> None:
+        """
+        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
+        """
 
     def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], /) -> None: ...
 
@@ -362,7 +324,7 @@ class VariableProjection:
     def _restore(self, arg: bytes, /) -> None: ...
 
 class DriftTracking:
-    def __init__(self, arg0: float, arg1: Sequence[float], arg2: bool, arg3: float, arg4: Sequence[float], arg5: Sequence[float], arg6: Sequence[float], arg7: Sequence[float], arg8: float, /) -> None: ...
+    def __init__(self, arg0: float, arg1: Sequence[float], arg2: bool, arg3: float, arg4: Sequence[float], arg5: Sequence[float] | None, arg6: Sequence[float], arg7: Sequence[float], arg8: float, /) -> None: ...
 
     update: types.MethodDescriptorType = ...
 
@@ -371,11 +333,15 @@ class DriftTracking:
         Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
         """
 
-    def estimate(self) -> Estimate:
-        """What is known now, as an :class:`Estimate`."""
+    def _estimate(self) -> EstimateValue: ...
 
     def reset(self) -> None:
         """Forget everything but the settings."""
+
+    def leave_contact(self) -> None:
+        """
+        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
+        """
 
     def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], /) -> None: ...
 

@@ -112,15 +112,13 @@ def identify(
     as_json
         Print one JSON object instead of a table.
     """
-    from palpate.errors import InvalidParameterError
-    from palpate.identification import METHODS
+    from palpate.estimators import estimator_named
     from palpate.identification import identify as run
 
     reading = reading or Reading()
-    if method not in METHODS:
-        raise InvalidParameterError(f"--method must be one of {', '.join(METHODS)}, not {method!r}")
+    kind = estimator_named(method)
     contact = reading.contact(file)
-    result = run(contact, METHODS[method](**{"gate": reading.gate(contact)}))
+    result = run(contact, kind(**{"gate": reading.gate(contact)}))
     if figure is not None:
         from palpate import figures
 

@@ -118,7 +118,7 @@ def _check_picture(picture: Path, instruments: Instruments) -> None:
 
 def _material(name: str, law: Law) -> "Material":
     from palpate.errors import InvalidParameterError
-    from palpate.force_laws import ExtendedKelvinVoigt, HuntCrossley, KelvinVoigt
+    from palpate.force_laws import FORCE_LAWS
     from palpate.lab import MATERIALS, Homogeneous
 
     given = {key: value for key, value in vars(law).items() if value is not None}
@@ -129,17 +129,15 @@ def _material(name: str, law: Law) -> "Material":
                 f"hunt-crossley; {name} has its own parameters"
             )
         return MATERIALS[name]
-    kinds = {kind.kind: kind for kind in (HuntCrossley, KelvinVoigt, ExtendedKelvinVoigt)}
-    if name not in kinds:
+    if name not in FORCE_LAWS:
         raise InvalidParameterError(
-            f"MATERIAL must be one of {', '.join([*MATERIALS, *kinds])}, not {name!r}"
+            f"MATERIAL must be one of {', '.join([*MATERIALS, *FORCE_LAWS])}, not {name!r}"
         )
-    kind = kinds[name]
-    wanted = [field.name for field in fields(kind)]
+    wanted = [field.name for field in fields(FORCE_LAWS[name])]
     if set(given) != set(wanted):
         options = ", ".join(f"--{field.replace('_', '-')}" for field in wanted)
         raise InvalidParameterError(f"{name} needs {options}, and no others")
-    return Homogeneous(kind(**given), name)
+    return Homogeneous(FORCE_LAWS[name](**given), name)
 
 
 def _trajectory(name: str) -> "Trajectory":

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.errors import InvalidParameterError
-from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
+from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, instance, number_in, signals
 
 
@@ -52,18 +52,11 @@ def sensitivity(law: ForceLaw, penetration: ArrayLike, velocity: ArrayLike) -> F
     penetration, velocity : array_like, shape (k,)
         m and m/s, finite.
     """
-    instance("law", law, (KelvinVoigt, ExtendedKelvinVoigt, HuntCrossley))
+    instance("law", law, ForceLaw)
     x, v = _finite_signals(penetration, velocity)
-    depth = np.where(x > 0.0, x, 1.0)
-    if isinstance(law, HuntCrossley):
-        power = depth**law.exponent
-        force = power * (law.stiffness + law.damping * v)
-        columns = [power, power * v, np.log(depth) * force]
-    elif isinstance(law, ExtendedKelvinVoigt):
-        columns = [depth, depth**2, v]
-    else:
-        columns = [depth, v]
-    return np.where(x[:, None] > 0.0, np.column_stack(columns), 0.0)
+    inside = x > 0.0
+    gradient = law.parameter_gradient(np.where(inside, x, 1.0), v)
+    return np.where(inside[:, None], gradient, 0.0)
 
 
 def jacobian(
@@ -143,14 +136,8 @@ def cramer_rao_bound(
 def _by_surface(law: ForceLaw, penetration: ArrayLike, velocity: ArrayLike) -> Floats:
     """∂F/∂d where x becomes x − d."""
     x, v = _finite_signals(penetration, velocity)
-    depth = np.where(x > 0.0, x, 1.0)
-    if isinstance(law, HuntCrossley):
-        slope = law.exponent * depth ** (law.exponent - 1.0) * (law.stiffness + law.damping * v)
-    elif isinstance(law, ExtendedKelvinVoigt):
-        slope = law.stiffness + 2.0 * law.quadratic_stiffness * depth
-    else:
-        slope = np.full_like(depth, law.stiffness)
-    return np.where(x > 0.0, -slope, 0.0)
+    inside = x > 0.0
+    return np.where(inside, -law.penetration_gradient(np.where(inside, x, 1.0), v), 0.0)
 
 
 def _finite_signals(penetration: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:

@@ -5,23 +5,34 @@ Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
-from typing import ClassVar, TypeVar, overload
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, ClassVar, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import number
+from palpate.validation import number, shown
 
 Floats = NDArray[np.float64]
 
 
-class _ForceLaw:
+class ForceLaw:
+    """Force by penetration and velocity: a frozen dataclass whose fields are its parameters, SI.
+
+    A law of one's own derives from this one, gives ``kind``, ``units``, ``symbols``, ``force`` and
+    the two gradients, and is made known by :func:`register`; see ``CONTRIBUTING.md``.
+    """
+
+    __slots__ = ()
+    #: What the command line and files call it.
     kind: ClassVar[str]
+    #: Of the parameters, in their order.
     units: ClassVar[tuple[str, ...]]
     symbols: ClassVar[tuple[str, ...]]
+    #: Whether condition 10 of the paper, |v| < 0.1 K/B, concerns it.
+    has_condition_10: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         for name, value in self.as_dict().items():
@@ -36,9 +47,109 @@ class _ForceLaw:
         """The parameters in their order, SI."""
         return np.array(list(self.as_dict().values()))
 
+    @overload
+    def force(self, penetration: float, velocity: float) -> float: ...
+    @overload
+    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> Floats: ...
+    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> float | Floats:
+        """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays; 0 out of contact."""
+        raise NotImplementedError
 
+    def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
+        """∂F/∂θ in contact, shape (k, p), at penetrations > 0 [m] and velocities [m/s], (k,)."""
+        raise NotImplementedError
+
+    def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
+        """∂F/∂x in contact, N/m, shape (k,), at penetrations > 0 [m] and velocities [m/s], (k,)."""
+        raise NotImplementedError
+
+
+Law = TypeVar("Law", bound=type[ForceLaw])
+
+#: Every force law by its kind.
+FORCE_LAWS: dict[str, type[ForceLaw]] = {}
+
+
+def register(law: Law) -> Law:
+    """Make a law known to estimators, lab, figures, reports and the command line; a decorator.
+
+    Raises
+    ------
+    InvalidParameterError
+        It is no force law, lacks a part, or another has its kind.
+    """
+    if not (isinstance(law, type) and issubclass(law, ForceLaw) and is_dataclass(law)):
+        raise InvalidParameterError(f"law must be a dataclass of ForceLaw, not {shown(law)}")
+    missing = [name for name in ("kind", "units", "symbols") if not hasattr(law, name)]
+    needed = ("force", "parameter_gradient", "penetration_gradient")
+    missing += [name for name in needed if getattr(law, name) is getattr(ForceLaw, name)]
+    if missing:
+        raise InvalidParameterError(f"{law.__name__} lacks {', '.join(missing)}")
+    if not len(fields(law)) == len(law.units) == len(law.symbols):
+        raise InvalidParameterError(f"{law.__name__} must have a unit and a symbol a parameter")
+    if FORCE_LAWS.setdefault(law.kind, law) is not law:
+        raise InvalidParameterError(f"kind must be new: {law.kind!r} is {FORCE_LAWS[law.kind]}")
+    return law
+
+
+def law_from(description: dict[str, Any]) -> ForceLaw:
+    """Return the law of a ``kind`` and its parameters, as :meth:`ForceLaw.as_dict` names them.
+
+    Raises
+    ------
+    InvalidParameterError
+        The kind is unknown, or the parameters are not its own.
+    """
+    given = dict(description)
+    kind = given.pop("kind", None)
+    if not isinstance(kind, str) or kind not in FORCE_LAWS:
+        raise InvalidParameterError(
+            f"kind must be one of {', '.join(FORCE_LAWS)}, not {shown(kind)}"
+        )
+    law = FORCE_LAWS[kind]
+    names = [field.name for field in fields(law)]  # type: ignore[arg-type]  # a dataclass, by register()
+    if set(given) != set(names):
+        raise InvalidParameterError(f"{kind} needs {', '.join(names)}, and no others")
+    return law(**given)
+
+
+class _CompiledLaw(ForceLaw):
+    """A law whose force is worked out by the compiled core."""
+
+    __slots__ = ()
+    _compiled: ClassVar[Callable[..., None]]
+
+    @overload
+    def force(self, penetration: float, velocity: float) -> float: ...
+    @overload
+    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> Floats: ...
+    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> float | Floats:
+        """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays; 0 out of contact."""
+        try:
+            given = np.asarray(penetration), np.asarray(velocity)
+            if any(array.dtype.kind not in "fiub" for array in given):
+                raise TypeError
+            if np.ma.is_masked(penetration) or np.ma.is_masked(velocity):
+                raise TypeError
+            x, v = np.broadcast_arrays(*(array.astype(np.float64, copy=False) for array in given))
+        except Exception:  # an object's own __array__ may raise anything
+            raise InvalidParameterError(
+                "penetration and velocity must be numbers, or arrays of shapes that go together, "
+                f"not {shown(penetration)} and {shown(velocity)}"
+            ) from None
+        force = np.empty(x.shape)
+        type(self)._compiled(
+            self.parameters,
+            np.ascontiguousarray(x).reshape(-1),
+            np.ascontiguousarray(v).reshape(-1),
+            force.reshape(-1),
+        )
+        return float(force) if force.ndim == 0 else force
+
+
+@register
 @dataclass(frozen=True, slots=True)
-class KelvinVoigt(_ForceLaw):
+class KelvinVoigt(_CompiledLaw):
     """A linear spring and a linear damper in parallel.
 
     F = K x + B v  for x ≥ 0, else 0.   (eq. 1)
@@ -58,18 +169,20 @@ class KelvinVoigt(_ForceLaw):
     kind: ClassVar[str] = "kelvin-voigt"
     units: ClassVar[tuple[str, ...]] = ("N/m", "N·s/m")
     symbols: ClassVar[tuple[str, ...]] = ("K", "B")
+    _compiled: ClassVar[Callable[..., None]] = _core.kelvin_voigt_force
 
-    @overload
-    def force(self, penetration: float, velocity: float) -> float: ...
-    @overload
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> Floats: ...
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> float | Floats:
-        """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays (eq. 1)."""
-        return _evaluate(_core.kelvin_voigt_force, self, penetration, velocity)
+    def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
+        """∂F/∂(K, B) = (x, v)."""
+        return np.column_stack([penetration, velocity])
+
+    def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
+        """∂F/∂x = K."""
+        return np.full_like(penetration, self.stiffness)
 
 
+@register
 @dataclass(frozen=True, slots=True)
-class ExtendedKelvinVoigt(_ForceLaw):
+class ExtendedKelvinVoigt(_CompiledLaw):
     """A stiffening spring and a linear damper in parallel.
 
     F = K₁ x + K₂ x² + B v  for x ≥ 0, else 0.   (eq. 14)
@@ -90,18 +203,21 @@ class ExtendedKelvinVoigt(_ForceLaw):
     kind: ClassVar[str] = "extended-kelvin-voigt"
     units: ClassVar[tuple[str, ...]] = ("N/m", "N/m²", "N·s/m")
     symbols: ClassVar[tuple[str, ...]] = ("K₁", "K₂", "B")
+    _compiled: ClassVar[Callable[..., None]] = _core.extended_kelvin_voigt_force
 
-    @overload
-    def force(self, penetration: float, velocity: float) -> float: ...
-    @overload
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> Floats: ...
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> float | Floats:
-        """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays (eq. 14)."""
-        return _evaluate(_core.extended_kelvin_voigt_force, self, penetration, velocity)
+    def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
+        """∂F/∂(K₁, K₂, B) = (x, x², v)."""
+        return np.column_stack([penetration, penetration**2, velocity])
+
+    def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
+        """∂F/∂x = K₁ + 2 K₂ x."""
+        slope: Floats = self.stiffness + 2.0 * self.quadratic_stiffness * penetration
+        return slope
 
 
+@register
 @dataclass(frozen=True, slots=True)
-class HuntCrossley(_ForceLaw):
+class HuntCrossley(_CompiledLaw):
     """A spring and a damper in parallel that both stiffen with depth.
 
     F = K xⁿ + B xⁿ v = K xⁿ (1 + b v)  for x > 0, else 0.   (eq. 2)
@@ -122,46 +238,25 @@ class HuntCrossley(_ForceLaw):
     kind: ClassVar[str] = "hunt-crossley"
     units: ClassVar[tuple[str, ...]] = ("N/mⁿ", "N·s/mⁿ⁺¹", "")
     symbols: ClassVar[tuple[str, ...]] = ("K", "B", "n")
+    has_condition_10: ClassVar[bool] = True
+    _compiled: ClassVar[Callable[..., None]] = _core.hunt_crossley_force
 
     @property
     def dissipation(self) -> float:
         """Dissipation b = B/K, s/m, as simulators call it."""
         return self.damping / self.stiffness if self.stiffness else float("nan")
 
-    @overload
-    def force(self, penetration: float, velocity: float) -> float: ...
-    @overload
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> Floats: ...
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> float | Floats:
-        """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays (eq. 2)."""
-        return _evaluate(_core.hunt_crossley_force, self, penetration, velocity)
+    def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
+        """∂F/∂(K, B, n) = (xⁿ, xⁿ v, F ln x)."""
+        power = penetration**self.exponent
+        force = power * (self.stiffness + self.damping * velocity)
+        return np.column_stack([power, power * velocity, np.log(penetration) * force])
 
-
-ForceLaw = KelvinVoigt | ExtendedKelvinVoigt | HuntCrossley
-LawType = TypeVar("LawType", KelvinVoigt, ExtendedKelvinVoigt, HuntCrossley)
-
-
-def _evaluate(
-    law_over_arrays: Callable[..., None],
-    law: ForceLaw,
-    penetration: ArrayLike,
-    velocity: ArrayLike,
-) -> float | Floats:
-    try:
-        given = np.asarray(penetration), np.asarray(velocity)
-        if any(array.dtype.kind not in "fiub" for array in given):
-            raise TypeError
-        x, v = np.broadcast_arrays(*(array.astype(np.float64, copy=False) for array in given))
-    except (TypeError, ValueError):
-        raise InvalidParameterError(
-            "penetration and velocity must be numbers, or arrays of shapes that go together, not "
-            f"{penetration!r:.60} and {velocity!r:.60}"
-        ) from None
-    force = np.empty(x.shape)
-    law_over_arrays(
-        *law.as_dict().values(),
-        np.ascontiguousarray(x).reshape(-1),
-        np.ascontiguousarray(v).reshape(-1),
-        force.reshape(-1),
-    )
-    return float(force) if force.ndim == 0 else force
+    def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
+        """∂F/∂x = n xⁿ⁻¹ (K + B v)."""
+        slope: Floats = (
+            self.exponent
+            * penetration ** (self.exponent - 1.0)
+            * (self.stiffness + self.damping * velocity)
+        )
+        return slope

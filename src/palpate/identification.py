@@ -6,35 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from palpate._core import Estimate, Status
+from palpate._core import Status
 from palpate.contact import Contact
 from palpate.errors import RecordingError
-from palpate.estimators import (
-    ContactEstimator,
-    DoubleStageRLS,
-    ExtendedKelvinVoigtRLS,
-    KelvinVoigtRLS,
-    SingleStageRLS,
-    VariableProjection,
-)
-from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.estimate import Estimate
+from palpate.estimators import ESTIMATORS, ContactEstimator, SingleStageRLS, VariableProjection
+from palpate.force_laws import ForceLaw
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.suggestions import suggest_gate, suggest_scale
 from palpate.settings import ContactGate, Scale
 from palpate.trace import Trace
 from palpate.validation import Floats, instance
-
-#: Every method by the name that the command line knows it by.
-METHODS: dict[str, type[ContactEstimator]] = {
-    kind.method: kind
-    for kind in (
-        VariableProjection,
-        SingleStageRLS,
-        DoubleStageRLS,
-        KelvinVoigtRLS,
-        ExtendedKelvinVoigtRLS,
-    )
-}
 
 # Samples above the surface that a search for it needs: the force in the free to a quarter of σ.
 FEWEST_ABOVE = 20
@@ -107,8 +89,8 @@ class Identification:
 
     @property
     def violated_fraction(self) -> float:
-        """Share of contact at which condition 10 did not hold; NaN for laws it does not concern."""
-        return violated_fraction(self.trace) if isinstance(self.law, HuntCrossley) else math.nan
+        """Fraction of contact at which condition 10 did not hold; NaN for laws it does not concern."""
+        return violated_fraction(self.trace) if self.law.has_condition_10 else math.nan
 
     @property
     def changes(self) -> Floats:
@@ -192,17 +174,16 @@ def compare(contact: Contact, *, gate: ContactGate | None = None) -> dict[str, I
     Returns
     -------
     dict
-        An :class:`Identification` for each name in ``METHODS``.
+        An :class:`Identification` for each name in ``ESTIMATORS``.
     """
-    return {name: identify(contact, kind(**{"gate": gate})) for name, kind in METHODS.items()}
+    return {name: identify(contact, kind(**{"gate": gate})) for name, kind in ESTIMATORS.items()}
 
 
 def _replay_segments(contact: Contact, estimator: ContactEstimator) -> Trace:
     steps = contact.time_steps
     traces = []
     for part in contact.segments():
-        # A sample far in the free opens the gate: between segments there is no contact.
-        estimator.update(-1e30, 0.0, 0.0)
+        estimator.leave_contact()
         traces.append(
             estimator.replay(
                 contact.penetration[part], contact.velocity[part], contact.force[part], steps[part]

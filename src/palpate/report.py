@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from palpate.contact import Contact
-from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
+from palpate.force_laws import ForceLaw, law_from
 from palpate.identification import Identification
 
 
@@ -62,11 +62,9 @@ def print_results(results: Sequence[Identification], console: Console | None = N
 
 def truth_of(contact: Contact) -> ForceLaw | None:
     """Return the law that a simulated recording says it was made with; None for any other."""
-    kinds = {kind.kind: kind for kind in (KelvinVoigt, ExtendedKelvinVoigt, HuntCrossley)}
     try:
-        words = json.loads(contact.made["truth"])
-        return kinds[words.pop("kind")](**words)
-    except (KeyError, ValueError, TypeError, AttributeError):
+        return law_from(json.loads(contact.made["truth"]))
+    except (KeyError, ValueError, TypeError, AttributeError, RecursionError):
         return None
 
 

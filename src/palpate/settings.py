@@ -2,8 +2,16 @@
 
 from dataclasses import dataclass
 
+from palpate import _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import number_in
+from palpate.validation import number_in, shown, whole_in
+
+# Each default stands once, in the C++ headers, with its reason.
+_FADING = _core.defaults["FadingForgetting"]
+_PERTURBATION = _core.defaults["SelfPerturbation"]
+_DETECTOR = _core.defaults["ChangeDetector"]
+#: Time between samples where ``update`` is given none, s.
+SAMPLE_TIME: float = _core.defaults["loop"]["sample_time"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +41,7 @@ class ContactGate:
         given = 0.8 * make if self.break_force is None else self.break_force
         if number_in("break_force", given, 0.0, 1e100) > make:
             raise InvalidParameterError(
-                f"break_force must be in [0, make_force = {make:g}], not {given!r}"
+                f"break_force must be in [0, make_force = {make:g}], not {shown(given)}"
             )
         depth = number_in("minimum_penetration", self.minimum_penetration, 0.0, 1e100)
         object.__setattr__(self, "minimum_penetration", depth)
@@ -80,8 +88,8 @@ class FadingForgetting:
         α, 1/s, > 0. The paper finds 5 to 8 good and 0.1 unstable.
     """
 
-    initial_factor: float = 0.99
-    rate: float = 5.0
+    initial_factor: float = _FADING["initial_factor"]
+    rate: float = _FADING["rate"]
 
     def __post_init__(self) -> None:
         initial = number_in("initial_factor", self.initial_factor, 0.0, 1.0, open_low=True)
@@ -110,8 +118,8 @@ class SelfPerturbation:
         γ, 1/N², ≥ 0.
     """
 
-    gain: float = 0.05
-    sensitivity: float = 2.5
+    gain: float = _PERTURBATION["gain"]
+    sensitivity: float = _PERTURBATION["sensitivity"]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gain", number_in("gain", self.gain, 0.0, 1e20))
@@ -124,7 +132,7 @@ class SelfPerturbation:
 
 @dataclass(frozen=True, slots=True)
 class ChangeDetector:
-    """Notices that another material is touched, and lets the estimate begin anew.
+    """Notices that another material is touched, and reinitialises the estimate.
 
     z = min(e²/s², 200);  g ← max(0, g + z − drift);  alarm at g > threshold   (Page's CUSUM)
 
@@ -142,21 +150,21 @@ class ChangeDetector:
     noise : float, optional
         The least s, N, > 0: the sensor's noise. None: from the first errors.
     adaptation : float
-        Share of the way from s² to e² a sample, in [0, 1].
-    settling : int
+        Fraction of the way from s² to e² a sample, in [0, 1].
+    warm_up : int
         Samples without alarms at the start and after each change, 10 to 1e6.
     transition : int
         Samples over which a velocity filter smears a change, 0 to 100: the length of a centred
-        filter. Once twice as many have come after an alarm, the estimate begins anew with the
-        latest of them; 0 for a velocity that is measured.
+        filter. Once twice as many have come after an alarm, a second reset leaves the latest of
+        them only; 0 for a velocity that is measured.
     """
 
-    drift: float = 4.0
-    threshold: float = 60.0
+    drift: float = _DETECTOR["drift"]
+    threshold: float = _DETECTOR["threshold"]
     noise: float | None = None
-    adaptation: float = 5e-4
-    settling: int = 200
-    transition: int = 15
+    adaptation: float = _DETECTOR["adaptation"]
+    warm_up: int = _DETECTOR["warm_up"]
+    transition: int = _DETECTOR["transition"]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "drift", number_in("drift", self.drift, 1.0, 199.0))
@@ -167,9 +175,8 @@ class ChangeDetector:
             object.__setattr__(self, "noise", noise)
         adaptation = number_in("adaptation", self.adaptation, 0.0, 1.0)
         object.__setattr__(self, "adaptation", adaptation)
-        object.__setattr__(self, "settling", int(number_in("settling", self.settling, 10, 1e6)))
-        transition = int(number_in("transition", self.transition, 0, 100))
-        object.__setattr__(self, "transition", transition)
+        object.__setattr__(self, "warm_up", whole_in("warm_up", self.warm_up, 10, 1_000_000))
+        object.__setattr__(self, "transition", whole_in("transition", self.transition, 0, 100))
 
     def _plain(self) -> tuple[float, float, float, float, float, float]:
         return (
@@ -177,7 +184,7 @@ class ChangeDetector:
             self.threshold,
             self.noise or 0.0,
             self.adaptation,
-            float(self.settling),
+            float(self.warm_up),
             float(self.transition),
         )
 

@@ -11,14 +11,29 @@ from palpate.errors import InvalidParameterError
 Floats = NDArray[np.float64]
 
 
+def shown(value: Any) -> str:
+    """``value`` as an error message shows it: on one line, and not a page of it."""
+    try:
+        words = repr(value)
+    except Exception:  # whatever it is, it must not hide what is wrong with it
+        words = f"<{type(value).__name__}>"
+    words = " ".join(words.split())
+    return words if len(words) <= 80 else words[:77] + "…"
+
+
 def number(name: str, value: Any) -> float:
     """``value`` as a finite float."""
     try:
+        # These have a float too, but are not one number: a text, an imaginary part, a mask.
+        if isinstance(value, str | bytes | bytearray | complex) or np.ma.is_masked(value):
+            raise TypeError
+        if isinstance(value, np.ndarray) and value.ndim:
+            raise TypeError
         result = float(value)
-    except (TypeError, ValueError):
-        raise InvalidParameterError(f"{name} must be a number, not {value!r}") from None
+    except Exception:  # an object's own __float__ may raise anything
+        raise InvalidParameterError(f"{name} must be a number, not {shown(value)}") from None
     if not math.isfinite(result):
-        raise InvalidParameterError(f"{name} must be finite, not {value!r}")
+        raise InvalidParameterError(f"{name} must be finite, not {shown(value)}")
     return result
 
 
@@ -27,8 +42,29 @@ def number_in(name: str, value: Any, low: float, high: float, *, open_low: bool 
     result = number(name, value)
     if result < low or result > high or (open_low and result == low):
         bracket = "(" if open_low else "["
-        raise InvalidParameterError(f"{name} must be in {bracket}{low:g}, {high:g}], not {value!r}")
+        raise InvalidParameterError(
+            f"{name} must be in {bracket}{low:g}, {high:g}], not {shown(value)}"
+        )
     return result
+
+
+def whole_in(name: str, value: Any, low: int, high: int) -> int:
+    """``value`` as a whole number in [low, high]."""
+    result = number_in(name, value, low, high)
+    if result != int(result):
+        raise InvalidParameterError(f"{name} must be a whole number, not {shown(value)}")
+    return int(value)  # beyond 2⁵³ a float would round it
+
+
+def pair_in(name: str, pair: Any, low: float, high: float) -> tuple[float, float]:
+    """Two numbers in [low, high]."""
+    try:
+        first, second = pair
+    except Exception:  # an object's own __iter__ may raise anything
+        raise InvalidParameterError(
+            f"{name} must be (lowest, highest) within [{low:g}, {high:g}], not {shown(pair)}"
+        ) from None
+    return number_in(name, first, low, high), number_in(name, second, low, high)
 
 
 def instance(name: str, value: Any, kinds: type | tuple[type, ...]) -> None:
@@ -36,17 +72,22 @@ def instance(name: str, value: Any, kinds: type | tuple[type, ...]) -> None:
     if not isinstance(value, kinds):
         allowed = kinds if isinstance(kinds, tuple) else (kinds,)
         words = " or ".join(kind.__name__ for kind in allowed)
-        raise InvalidParameterError(f"{name} must be a {words}, not {value!r}")
+        raise InvalidParameterError(f"{name} must be a {words}, not {shown(value)}")
 
 
 def signal(name: str, values: ArrayLike) -> Floats:
     """``values`` as a contiguous one-dimensional float array (a copy only where it must be)."""
+    if np.ma.is_masked(values):
+        raise InvalidParameterError(
+            f"{name} must not be masked: {int(np.ma.count_masked(values))} values are; fill them, "
+            "with NaN for samples that are to be refused"
+        )
     try:
         array = np.asarray(values)
         if array.dtype.kind not in "fiub":
             raise TypeError
         result = np.ascontiguousarray(array, dtype=np.float64)
-    except (TypeError, ValueError):
+    except Exception:  # an object's own __array__ may raise anything
         raise InvalidParameterError(
             f"{name} must be an array of real numbers, not {type(values).__name__}"
         ) from None
@@ -67,9 +108,11 @@ def signals(**arrays: ArrayLike) -> tuple[Floats, ...]:
 def covariance_matrix(name: str, value: ArrayLike, size: int) -> Floats:
     """A positive definite matrix from a scalar, a diagonal or a matrix."""
     try:
+        if np.ma.is_masked(value) or np.asarray(value).dtype.kind not in "fiub":
+            raise TypeError
         given = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InvalidParameterError(f"{name} must be numbers, not {value!r}") from None
+    except Exception:  # an object's own __array__ may raise anything
+        raise InvalidParameterError(f"{name} must be numbers, not {shown(value)}") from None
     if given.ndim == 0:
         matrix = np.diag(np.full(size, float(given)))
     elif given.shape == (size,):
@@ -83,8 +126,11 @@ def covariance_matrix(name: str, value: ArrayLike, size: int) -> Floats:
         )
     variances = np.diag(matrix)
     if not np.all((variances >= 1e-20) & (variances <= 1e20)):
-        raise InvalidParameterError(f"{name} must have variances in [1e-20, 1e+20], not {value!r}")
+        raise InvalidParameterError(
+            f"{name} must have variances in [1e-20, 1e+20], not {shown(value)}"
+        )
     deviations = np.sqrt(variances)
+    # Ten thousand times the rounding of the eigenvalues of a unit diagonal.
     if np.linalg.eigvalsh(matrix / np.outer(deviations, deviations)).min() < 1e-10:
-        raise InvalidParameterError(f"{name} must be positive definite, not {value!r}")
+        raise InvalidParameterError(f"{name} must be positive definite, not {shown(value)}")
     return np.ascontiguousarray(matrix)

@@ -42,7 +42,26 @@ TEST("an allocation is counted") {
   CHECK(allocations == before + 2);
 }
 
-TEST("construction, update, predict, estimate, replay and reset never allocate") {
+TEST("construction, update, predict, estimate and reset never allocate") {
+  for_every_estimator([&]<class Estimator>() {
+    const auto law = ball<typename Estimator::Law>;
+    const long before = allocations;
+    Estimator estimator;
+    probe(estimator, law, 0.5);
+    estimator.update(std::nan(""), 0.0, 0.0);
+    estimator.update(-1e-3, 0.0, 0.0);
+    estimator.leave_contact();
+    // What it gives must be used, or the compiler may leave the work out.
+    double used = estimator.predict(0.01, 0.02);
+    used += estimator.estimate().covariance[0][0];
+    estimator.reset();
+    const long after = allocations;
+    CHECK(after == before);
+    CHECK(std::isfinite(used));
+  });
+}
+
+TEST("replay never allocates") {
   constexpr std::size_t count = 200;
   std::vector<double> x(count), v(count), f(count), parameters(3 * count), errors(3 * count),
       predicted(count), margins(count);
@@ -56,18 +75,11 @@ TEST("construction, update, predict, estimate, replay and reset never allocate")
       f[k] = s.force;
     }
     const long before = allocations;
-    Estimator estimator(defaults<Estimator>());
-    probe(estimator, law, 1.0);
-    estimator.update(std::nan(""), 0.0, 0.0);
-    estimator.update(-1e-3, 0.0, 0.0);
-    // What it gives must be used, or the compiler may leave the work out.
-    double used = estimator.predict(0.01, 0.02);
-    used += estimator.estimate().covariance[0][0];
+    Estimator estimator;
     replay(estimator, {x.data(), v.data(), f.data(), nullptr, count},
            {parameters.data(), errors.data(), predicted.data(), margins.data(), status.data()});
-    estimator.reset();
     const long after = allocations;
     CHECK(after == before);
-    CHECK(std::isfinite(used + parameters.back()));
+    CHECK(std::isfinite(parameters.back()));
   });
 }

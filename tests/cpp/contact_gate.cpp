@@ -59,7 +59,7 @@ TEST("asking what a sample leads to changes nothing") {
 
 TEST("an estimator waits, learns in contact, holds outside it and resumes") {
   for_each_estimator([]<class Estimator>() {
-    typename Estimator::Settings settings = defaults<Estimator>();
+    typename Estimator::Settings settings = typename Estimator::Settings{};
     settings.gate = gate_settings;
     Estimator estimator(settings);
     const auto law = ball<typename Estimator::Law>;

@@ -31,17 +31,17 @@ void check_on_truth(const Estimator& estimator, const typename Estimator::Law& t
 
 TEST("the linear models converge to the truth") {
   // What is left of the start is its weight P₀⁻¹ against that of two seconds of motion.
-  KelvinVoigtRLS linear(defaults<KelvinVoigtRLS>());
+  KelvinVoigtRLS linear(KelvinVoigtRLS::Settings{});
   probe(linear, ball<KelvinVoigt>, 2.0);
   check_on_truth(linear, ball<KelvinVoigt>, 1e-6);
-  ExtendedKelvinVoigtRLS extended(defaults<ExtendedKelvinVoigtRLS>());
+  ExtendedKelvinVoigtRLS extended(ExtendedKelvinVoigtRLS::Settings{});
   probe(extended, ball<ExtendedKelvinVoigt>, 2.0);
   check_on_truth(extended, ball<ExtendedKelvinVoigt>, 1e-4);
 }
 
 TEST("the single stage converges to the truth where its logarithm is exact, without damping") {
   for (const double exponent : {1.0, 1.5, 2.0}) {
-    SingleStageRLS::Settings settings = defaults<SingleStageRLS>();
+    SingleStageRLS::Settings settings = SingleStageRLS::Settings{};
     settings.method.initial_covariance = diagonal<3>({1e8, 1e8, 1e8});
     SingleStageRLS estimator(settings);
     const HuntCrossley truth{2000.0, 0.0, exponent};
@@ -62,7 +62,7 @@ TEST("with damping the single stage has the bias of its logarithm that methods s
                              {4.0, -0.5, 0.1, -1.0, 0.1},
                              {10.0, -3.2, 0.1, -2.0, 0.1}};
   for (const Stated& row : rows) {
-    SingleStageRLS::Settings settings = defaults<SingleStageRLS>();
+    SingleStageRLS::Settings settings = SingleStageRLS::Settings{};
     settings.method.initial_covariance = diagonal<3>({1e8, 1e8, 1e8});
     SingleStageRLS estimator(settings);
     const HuntCrossley truth{2000.0, 2000.0 * row.dissipation, 1.0};
@@ -76,7 +76,7 @@ TEST("with damping the single stage has the bias of its logarithm that methods s
 }
 
 TEST("the single stage is batch least squares of the logarithm, weighted as the factors say") {
-  SingleStageRLS estimator(defaults<SingleStageRLS>());
+  SingleStageRLS estimator(SingleStageRLS::Settings{});
   Batch<3> batch({std::log(0.1), 0.0, 1.0}, {1e3, 1e3, 1e3});
   double departure = 0.01;
   for (int k = 0; k < 1000; ++k) {
@@ -95,7 +95,7 @@ TEST("the single stage is batch least squares of the logarithm, weighted as the 
 TEST("from a start off the truth the double stage freezes on a ridge that explains the force") {
   const HuntCrossley truth = ball<HuntCrossley>;
   for (const double off : {0.9, 1.1}) {
-    DoubleStageRLS::Settings settings = defaults<DoubleStageRLS>();
+    DoubleStageRLS::Settings settings = DoubleStageRLS::Settings{};
     settings.method.initial = {off * truth.stiffness, off * truth.damping, off * truth.exponent};
     DoubleStageRLS estimator(settings);
     probe(estimator, truth, 2.0 * period);
@@ -113,7 +113,7 @@ TEST("from a start off the truth the double stage freezes on a ridge that explai
 
 TEST("the truth as a start stays put on clean data") {
   for_each_estimator([]<class Estimator>() {
-    typename Estimator::Settings settings = defaults<Estimator>();
+    typename Estimator::Settings settings;
     settings.method.initial = ball<typename Estimator::Law>;
     if constexpr (std::is_same_v<Estimator, SingleStageRLS>) {
       settings.method.initial.damping = 0.0;  // where the logarithm is exact

@@ -14,7 +14,7 @@ namespace {
 
 template <class Estimator>
 typename Estimator::Settings constantly_forgetting(double factor) noexcept {
-  typename Estimator::Settings settings = defaults<Estimator>();
+  typename Estimator::Settings settings;
   settings.forgetting = {factor, 0.0};
   return settings;
 }
@@ -43,7 +43,7 @@ void hold_one_direction() {
     CHECK(taken(recursion.update(regressor, 5.0, 0.95)));
     if (k % 100 == 0) check_sound(recursion);
   }
-  CHECK(windup(recursion, 1e3) <= largest_windup);
+  CHECK(windup(recursion, 1e3) <= detail::largest_windup);
   CHECK_NEAR(recursion.predict(regressor), 5.0, 1e-6);
 }
 
@@ -99,14 +99,14 @@ TEST("no motion at all, or none that a regressor sees, leaves P as it was") {
     CHECK(taken(recursion.update({0.0, 0.0}, 0.0, 0.9)));
     check_sound(recursion);
   }
-  CHECK(windup(recursion, 1e3) <= largest_windup);
+  CHECK(windup(recursion, 1e3) <= detail::largest_windup);
   CHECK(recursion.parameters()[0] == 1.0);
 }
 
 TEST("while the motion excites every direction the guard never acts") {
   for_each_estimator([]<class Estimator>() {
     const auto law = ball<typename Estimator::Law>;
-    Estimator fading(defaults<Estimator>());
+    Estimator fading;
     probe(fading, law, 60.0);
     CHECK(fading.estimate().guarded == 0);
     Estimator constant(constantly_forgetting<Estimator>(0.99));
@@ -121,8 +121,8 @@ TEST("however large the initial covariance, the estimate comes out the same") {
     if constexpr (!std::is_same_v<Estimator, DoubleStageRLS>) {
       const auto law = ball<typename Estimator::Law>;
       const auto found_from = [&](double variance) {
-        typename Estimator::Settings settings = defaults<Estimator>();
-        for (std::size_t i = 0; i < Estimator::order; ++i) {
+        typename Estimator::Settings settings;
+        for (std::size_t i = 0; i < Estimator::Law::size; ++i) {
           settings.method.initial_covariance[i][i] = variance;
         }
         Estimator estimator(settings);
@@ -133,7 +133,7 @@ TEST("however large the initial covariance, the estimate comes out the same") {
       const auto expected = found_from(1e11);
       for (const double variance : {1e12, 1e14, 1e16, 1e18, 1e20}) {
         const auto found = found_from(variance);
-        for (std::size_t i = 0; i < Estimator::order; ++i) {
+        for (std::size_t i = 0; i < Estimator::Law::size; ++i) {
           // The dozen samples that were guarded count for less, of two thousand.
           CHECK_NEAR(found[i], expected[i], 1e-4 * expected[i]);
         }

@@ -30,8 +30,8 @@ void check_same(const Estimator& a, const Estimator& b) {
 }  // namespace
 
 TEST("a refused sample changes no byte, before contact, in it and after it") {
-  for_each_estimator([]<class Estimator>() {
-    Estimator estimator(defaults<Estimator>());
+  for_every_estimator([]<class Estimator>() {
+    Estimator estimator;
     const auto check_refusals = [&] {
       const auto before = bytes_of(estimator);
       for (const double bad : {infinity, -infinity, not_a_number}) {
@@ -83,7 +83,7 @@ TEST("replay is update, bit for bit, and writes down what each sample met") {
     const Signals forms[] = {{x.data(), v.data(), f.data(), nullptr, count},
                              {x.data(), v.data(), f.data(), &half, count, true},
                              {x.data(), v.data(), f.data(), dt.data(), count}};
-    typename Estimator::Settings settings = defaults<Estimator>();
+    typename Estimator::Settings settings;
     settings.scale = {0.02, 0.05, 30.0};
     for (const Signals& signals : forms) {
       Estimator replayed(settings);
@@ -113,12 +113,12 @@ TEST("replay is update, bit for bit, and writes down what each sample met") {
 }
 
 TEST("an estimator restored from its bytes continues as if never stopped, bit for bit") {
-  for_each_estimator([]<class Estimator>() {
+  for_every_estimator([]<class Estimator>() {
     const auto law = ball<typename Estimator::Law>;
-    Estimator whole(defaults<Estimator>());
+    Estimator whole;
     probe(whole, law, 0.3);
     const auto saved = bytes_of(whole);
-    Estimator restored(defaults<Estimator>());
+    Estimator restored;
     std::memcpy(static_cast<void*>(&restored), saved.data(), saved.size());
     probe(whole, law, 0.3);
     probe(restored, law, 0.3);
@@ -127,12 +127,12 @@ TEST("an estimator restored from its bytes continues as if never stopped, bit fo
 }
 
 TEST("a reset forgets everything but the settings") {
-  for_each_estimator([]<class Estimator>() {
+  for_every_estimator([]<class Estimator>() {
     const auto law = ball<typename Estimator::Law>;
-    Estimator used(defaults<Estimator>());
+    Estimator used;
     probe(used, law, 0.3);
     used.reset();
-    Estimator fresh(defaults<Estimator>());
+    Estimator fresh;
     check_same(used, fresh);
     probe(used, law, 0.3);
     probe(fresh, law, 0.3);
@@ -145,7 +145,7 @@ TEST("scaling the units scales the answer") {
   const Scale micro{1e-6, 1e-5, 1e-9};
   for_each_estimator([&]<class Estimator>() {
     using Law = typename Estimator::Law;
-    typename Estimator::Settings settings = defaults<Estimator>();
+    typename Estimator::Settings settings;
     Estimator plain(settings);
     settings.scale = micro;
     settings.method.initial.stiffness *= micro.force / micro.penetration;  // every start has n = 1
@@ -172,9 +172,9 @@ TEST(
     // The double stage never forgets its start.
     if constexpr (!std::is_same_v<Estimator, DoubleStageRLS>) {
       const auto estimate_under = [](const Scale& scale) {
-        typename Estimator::Settings settings = defaults<Estimator>();
+        typename Estimator::Settings settings;
         settings.scale = scale;
-        for (std::size_t i = 0; i < Estimator::order; ++i) {
+        for (std::size_t i = 0; i < Estimator::Law::size; ++i) {
           settings.method.initial_covariance[i][i] = 1e10;
         }
         Estimator estimator(settings);
@@ -187,9 +187,9 @@ TEST(
       };
       const auto plain = estimate_under({});
       const auto under = estimate_under({0.02, 0.05, 30.0});
-      for (std::size_t i = 0; i < Estimator::order; ++i) {
+      for (std::size_t i = 0; i < Estimator::Law::size; ++i) {
         CHECK_NEAR(under.parameters[i], plain.parameters[i], 1e-3 * plain.parameters[i]);
-        for (std::size_t j = 0; j < Estimator::order; ++j) {
+        for (std::size_t j = 0; j < Estimator::Law::size; ++j) {
           CHECK_NEAR(under.covariance[i][j], plain.covariance[i][j],
                      1e-3 * std::abs(plain.covariance[i][j]));
         }
@@ -200,7 +200,7 @@ TEST(
 
 TEST("an estimate reports condition 10 of its law at the last velocity") {
   for_each_estimator([]<class Estimator>() {
-    Estimator estimator(defaults<Estimator>());
+    Estimator estimator;
     probe(estimator, ball<typename Estimator::Law>, 0.5);
     const double velocity = probed(ball<typename Estimator::Law>, 0.499).velocity;
     CHECK(estimator.estimate().validity_margin == validity_margin(estimator.law(), velocity));
@@ -209,7 +209,7 @@ TEST("an estimate reports condition 10 of its law at the last velocity") {
 }
 
 TEST("the double stage skips its second stage while K + B v is not positive") {
-  DoubleStageRLS::Settings settings = defaults<DoubleStageRLS>();
+  DoubleStageRLS::Settings settings;
   settings.method.initial = {1.0, 100.0, 1.0};
   settings.method.stage_one_covariance = diagonal<2>({1e-9, 1e-9});
   DoubleStageRLS estimator(settings);
@@ -220,7 +220,7 @@ TEST("the double stage skips its second stage while K + B v is not positive") {
 }
 
 TEST("an absurd exponent does not stop the double stage") {
-  DoubleStageRLS::Settings settings = defaults<DoubleStageRLS>();
+  DoubleStageRLS::Settings settings;
   settings.method.initial.exponent = 1000.0;
   DoubleStageRLS estimator(settings);
   CHECK(taken(estimator.update(10.0, 0.01, 20.0)));
@@ -230,7 +230,7 @@ TEST("an estimate says how sure it is: errors shrink as samples come and grow wi
   for_each_estimator([]<class Estimator>() {
     const auto law = ball<typename Estimator::Law>;
     const auto error_after = [&](int count, double noise) {
-      typename Estimator::Settings settings = defaults<Estimator>();
+      typename Estimator::Settings settings;
       settings.forgetting = {};
       settings.method.initial = law;
       Estimator estimator(settings);

@@ -10,45 +10,26 @@
 
 namespace palpate {
 
-// The start and P₀ of an estimator, as in the Python package.
-template <class Estimator>
-typename Estimator::Settings defaults() noexcept;
-
-template <>
-inline KelvinVoigtRLS::Settings defaults<KelvinVoigtRLS>() noexcept {
-  return {.method = {.initial = {0.1, 0.0}, .initial_covariance = diagonal<2>({1e8, 1e8})},
-          .forgetting = {0.99, 5.0}};
-}
-
-template <>
-inline ExtendedKelvinVoigtRLS::Settings defaults<ExtendedKelvinVoigtRLS>() noexcept {
-  return {
-      .method = {.initial = {0.1, 0.0, 0.0}, .initial_covariance = diagonal<3>({1e10, 1e10, 1e10})},
-      .forgetting = {0.99, 5.0}};
-}
-
-template <>
-inline SingleStageRLS::Settings defaults<SingleStageRLS>() noexcept {
-  return {
-      .method = {.initial = {0.1, 0.0, 1.0}, .initial_covariance = diagonal<3>({1e3, 1e3, 1e3})},
-      .forgetting = {0.99, 5.0}};
-}
-
-template <>
-inline DoubleStageRLS::Settings defaults<DoubleStageRLS>() noexcept {
-  return {.method = {.initial = {0.1, 0.0, 1.0},
-                     .stage_one_covariance = diagonal<2>({1e8, 1e8}),
-                     .stage_two_covariance = 1e3},
-          .forgetting = {0.99, 5.0}};
-}
-
-// Calls test.operator()<Estimator>() with each of them.
+// Calls test.operator()<Estimator>() with each of the paper's methods.
 template <class Test>
 void for_each_estimator(Test&& test) {
   test.template operator()<KelvinVoigtRLS>();
   test.template operator()<ExtendedKelvinVoigtRLS>();
   test.template operator()<SingleStageRLS>();
   test.template operator()<DoubleStageRLS>();
+}
+
+// The same with every estimator, with and without a change detector.
+template <class Test>
+void for_every_estimator(Test&& test) {
+  const auto both = [&]<class Estimator>() {
+    test.template operator()<Estimator>();
+    test.template operator()<WithChangeDetector<Estimator>>();
+  };
+  for_each_estimator(both);
+  both.template operator()<VariableProjection>();
+  both.template operator()<VariableProjectionWithSurface>();
+  both.template operator()<DriftTracking>();
 }
 
 // A material for each law, near the paper's ball.

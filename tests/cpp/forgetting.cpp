@@ -68,7 +68,7 @@ TEST("a perturbation is the gain times the nearest integer of the weighted squar
   CHECK(paper_perturbation(0.447) == 0.0);  // √(0.5/2.5) = 0.4472 N
   CHECK(paper_perturbation(-0.448) == 0.05);
   CHECK_NEAR(paper_perturbation(2.0), 0.05 * 10.0, 1e-15);
-  CHECK(SelfPerturbation{}(1e6) == 0.0);
+  CHECK(no_perturbation(1e6) == 0.0);
   CHECK(!SelfPerturbation{0.0, 2.5}.active());
   CHECK(!SelfPerturbation{0.05, 0.0}.active());
 }
@@ -76,7 +76,7 @@ TEST("a perturbation is the gain times the nearest integer of the weighted squar
 TEST(
     "an estimator is eq. 13 with the schedule from its own contact, and again from each later "
     "one") {
-  KelvinVoigtRLS estimator(defaults<KelvinVoigtRLS>());
+  KelvinVoigtRLS estimator;
   LeastSquares<2> recursion({{0.1, 0.0}, diagonal<2>({1e8, 1e8})});
   const KelvinVoigt truth = ball<KelvinVoigt>;
   for (const int length : {700, 300, 50}) {
@@ -94,7 +94,7 @@ TEST(
 }
 
 TEST("self-perturbation follows a change of material that a faded factor cannot") {
-  KelvinVoigtRLS::Settings settings = defaults<KelvinVoigtRLS>();
+  KelvinVoigtRLS::Settings settings;
   KelvinVoigtRLS plain(settings);
   settings.perturbation = {0.05, 2.5};
   KelvinVoigtRLS perturbed(settings);
@@ -120,7 +120,7 @@ TEST("self-perturbation follows a change of material that a faded factor cannot"
 }
 
 TEST("a perturbation takes the factor back to its first value") {
-  KelvinVoigtRLS::Settings settings = defaults<KelvinVoigtRLS>();
+  KelvinVoigtRLS::Settings settings;
   settings.perturbation = {0.05, 2.5};
   KelvinVoigtRLS estimator(settings);
   LeastSquares<2> recursion({{0.1, 0.0}, diagonal<2>({1e8, 1e8})});

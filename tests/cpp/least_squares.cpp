@@ -123,7 +123,7 @@ TEST("a perturbation or a factor that is not finite is guarded, and P stays posi
     LeastSquares<3> recursion = started<3>(0.1, 1e3);
     CHECK(recursion.update({1.0, 0.2, 0.3}, 2.0, 0.99, bad) == Status::guarded);
     CHECK(recursion.update({1.0, 0.1, 0.5}, 2.0, bad, 0.0) == Status::guarded);
-    CHECK(is_positive_definite(recursion.covariance()));
+    CHECK(detail::is_positive_definite(recursion.covariance()));
     for (const double theta : recursion.parameters()) CHECK(std::isfinite(theta));
   }
 }

@@ -68,15 +68,15 @@ void check_covariance(const Matrix<Size>& covariance) {
   }
 }
 
-template <class Method>
-void check_sound(const RecursiveEstimator<Method>& estimator) {
+template <class Method, class Detector>
+void check_sound(const RecursiveEstimator<Method, Detector>& estimator) {
   check_sound(estimator.method());
   const auto now = estimator.estimate();
   for (const double parameter : now.parameters) CHECK(std::isfinite(parameter));
   CHECK(std::isfinite(now.validity_margin));
   CHECK(now.guarded <= now.samples);
   check_covariance(now.covariance);
-  for (const double variance : estimator.moment().variances) CHECK(std::isfinite(variance));
+  for (const double variance : estimator.snapshot().variances) CHECK(std::isfinite(variance));
 }
 
 }  // namespace palpate

@@ -23,8 +23,8 @@ constexpr bool fit_for_a_controller() noexcept {
          std::is_nothrow_constructible_v<Estimator, const Settings&> &&
          noexcept(e->update(0.0, 0.0, 0.0)) && noexcept(e->update(0.0, 0.0, 0.0, 0.0)) &&
          noexcept(e->update(Sample{}, 0.0, *number)) && noexcept(e->reset()) &&
-         noexcept(known->predict(0.0, 0.0)) && noexcept(known->law()) &&
-         noexcept(known->estimate()) && noexcept(known->moment()) &&
+         noexcept(e->leave_contact()) && noexcept(known->predict(0.0, 0.0)) &&
+         noexcept(known->law()) && noexcept(known->estimate()) && noexcept(known->snapshot()) &&
          noexcept(replay(*e, Signals{}, TraceColumns{}));
 }
 
@@ -32,6 +32,14 @@ static_assert(fit_for_a_controller<KelvinVoigtRLS>());
 static_assert(fit_for_a_controller<ExtendedKelvinVoigtRLS>());
 static_assert(fit_for_a_controller<SingleStageRLS>());
 static_assert(fit_for_a_controller<DoubleStageRLS>());
+static_assert(fit_for_a_controller<VariableProjection>());
+static_assert(fit_for_a_controller<VariableProjectionWithSurface>());
+static_assert(fit_for_a_controller<DriftTracking>());
+static_assert(fit_for_a_controller<WithChangeDetector<SingleStageRLS>>());
+
+// A detector that is switched off costs no memory: what holds it is larger by it.
+static_assert(sizeof(SingleStageRLS) + sizeof(ChangeDetector) <=
+              sizeof(WithChangeDetector<SingleStageRLS>));
 
 static_assert(std::is_trivially_copyable_v<LeastSquares<1>>);
 static_assert(std::is_trivially_copyable_v<LeastSquares<8>>);
@@ -42,7 +50,7 @@ bool finds_the_ball() noexcept {
   bool found = true;
   for_each_estimator([&]<class Estimator>() {
     const auto law = ball<typename Estimator::Law>;
-    Estimator estimator(defaults<Estimator>());
+    Estimator estimator;
     probe(estimator, law, 2.0);
     const Sample s = probed(law, 2.0);
     found &= std::abs(estimator.predict(s.penetration, s.velocity) - s.force) < 0.05 * s.force;

@@ -1,23 +1,34 @@
-"""The estimators: a method is a file."""
+"""The estimators: a method is a file, and a line here, in the order of a table."""
 
-from palpate.estimators.contact_estimator import ContactEstimator
-from palpate.estimators.drift_tracking import DriftTracking
-from palpate.estimators.recursive_least_squares import (
+from palpate.estimators.contact_estimator import (
+    CompiledEstimator,
+    ContactEstimator,
+    PythonEstimator,
+)
+from palpate.estimators.registry import ESTIMATORS, estimator_named, register
+
+from palpate.estimators.variable_projection import VariableProjection  # isort: skip
+from palpate.estimators.recursive_least_squares import (  # isort: skip
     DoubleStageRLS,
     ExtendedKelvinVoigtRLS,
     KelvinVoigtRLS,
     RecursiveLeastSquaresEstimator,
     SingleStageRLS,
 )
-from palpate.estimators.variable_projection import VariableProjection
+from palpate.estimators.drift_tracking import DriftTracking  # isort: skip
 
 __all__ = [
+    "ESTIMATORS",
+    "CompiledEstimator",
     "ContactEstimator",
     "DoubleStageRLS",
     "DriftTracking",
     "ExtendedKelvinVoigtRLS",
     "KelvinVoigtRLS",
+    "PythonEstimator",
     "RecursiveLeastSquaresEstimator",
     "SingleStageRLS",
     "VariableProjection",
+    "estimator_named",
+    "register",
 ]

@@ -1,6 +1,6 @@
 """The face that every estimator of a contact shows."""
 
-from collections.abc import Callable
+import copy
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
@@ -8,91 +8,61 @@ from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
+from palpate.estimate import Estimate
 from palpate.force_laws import ForceLaw
-from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.trace import Trace
-from palpate.validation import Floats, instance, number_in, signal, signals
+from palpate.validation import Floats, signal, signals
 
 
 class ContactEstimator:
     """What every estimator shares: samples one at a time, or arrays by the same recursion.
 
-    Its subclasses are the methods.
+    Its subclasses are the methods. Settings are the constructor's keyword arguments; what was
+    learned is apart, and :meth:`replace` forgets it.
     """
 
     __slots__ = ()
+    #: What the command line calls the method.
     method: ClassVar[str]
+    #: The force law that it identifies.
     law_type: ClassVar[type[ForceLaw]]
 
-    if TYPE_CHECKING:  # the compiled class brings these
+    if TYPE_CHECKING:  # the compiled class, or a method of one's own, brings these
         _settings: dict[str, Any]
-        _replay: Callable[..., None]
-        _state: Callable[[], bytes]
-        _restore: Callable[[bytes], None]
+
+        def _state(self) -> bytes: ...
+        def _restore(self, state: bytes) -> None: ...
 
         def update(
             self, penetration: float, velocity: float, force: float, dt: float | None = None
         ) -> _core.Status:
-            """Take one sample; the compiled method says how."""
+            """Take one sample, and say what was done with it; never raises on data."""
+
+        def replay(
+            self,
+            penetration: ArrayLike,
+            velocity: ArrayLike,
+            force: ArrayLike,
+            dt: ArrayLike | None = None,
+        ) -> Trace:
+            """Take arrays sample by sample, as ``update`` would, and write everything down."""
 
         def predict(self, penetration: float, velocity: float) -> float:
-            """Force [N] of the present law."""
+            """Force [N] that the sensor would show by the present estimate."""
 
-        def estimate(self) -> _core.Estimate:
+        def estimate(self) -> Estimate:
             """What is known now."""
 
         def reset(self) -> None:
             """Forget everything but the settings."""
 
+        def leave_contact(self) -> None:
+            """End the contact; the estimate is held until it is made again."""
+
     @property
     def settings(self) -> dict[str, Any]:
         """The constructor's arguments."""
         return dict(self._settings)
-
-    def replay(
-        self,
-        penetration: ArrayLike,
-        velocity: ArrayLike,
-        force: ArrayLike,
-        dt: ArrayLike | None = None,
-    ) -> Trace:
-        """Take arrays sample by sample, as ``update`` would, and write everything down.
-
-        Parameters
-        ----------
-        penetration, velocity, force : array_like, shape (k,)
-            m, m/s and N.
-        dt : float or array_like, shape (k,), optional
-            Time since the previous sample, s; ``sample_time`` unless given.
-
-        Raises
-        ------
-        InvalidParameterError
-            Arrays of different length, of the wrong type or not one-dimensional.
-        """
-        x, v, f = signals(penetration=penetration, velocity=velocity, force=force)
-        steps: Floats | None = None
-        if dt is not None:
-            one = np.isscalar(dt) or (isinstance(dt, np.ndarray) and dt.ndim == 0)
-            steps = signal("dt", np.array([dt]) if one else dt)
-            if not one and steps.size != x.size:
-                raise InvalidParameterError(
-                    "arrays must have the same length: "
-                    f"penetration has {x.size}, dt has {steps.size}"
-                )
-        trace = Trace.empty(x.size, len(self.law_type.symbols))
-        self._replay(
-            x,
-            v,
-            f,
-            steps,
-            trace.parameters,
-            trace.standard_errors,
-            trace.predicted_force,
-            trace.validity_margin,
-            trace.status,
-        )
-        return trace
 
     def replace(self, **changes: Any) -> Self:
         """Return a fresh estimator with these settings changed, which has learned nothing."""
@@ -115,33 +85,122 @@ class ContactEstimator:
         return f"{type(self).__name__}({arguments})"
 
 
+class CompiledEstimator(ContactEstimator):
+    """An estimator whose recursion is compiled; ``update`` never allocates.
+
+    Threads may share one: each call is taken whole, and waits while another thread replays.
+    """
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:  # the compiled class brings these
+
+        def _estimate(self) -> _core.EstimateValue: ...
+        def _replay(self, *arrays: Any) -> None: ...
+
+    def estimate(self) -> Estimate:
+        """Return what is known now."""
+        return Estimate(self._estimate(), self.law_type)
+
+    def replay(
+        self,
+        penetration: ArrayLike,
+        velocity: ArrayLike,
+        force: ArrayLike,
+        dt: ArrayLike | None = None,
+    ) -> Trace:
+        """Take arrays sample by sample, as ``update`` would, and write everything down.
+
+        The interpreter's lock is released meanwhile: do not change the arrays from another thread.
+
+        Parameters
+        ----------
+        penetration, velocity, force : array_like, shape (k,)
+            m, m/s and N.
+        dt : float or array_like, shape (k,), optional
+            Time since the previous sample, s; ``sample_time`` unless given.
+
+        Raises
+        ------
+        InvalidParameterError
+            Arrays of different length, of the wrong type or not one-dimensional.
+        """
+        x, v, f = signals(penetration=penetration, velocity=velocity, force=force)
+        steps = None if dt is None else _time_steps(dt, x.size)
+        trace = Trace.empty(x.size, len(self.law_type.symbols))
+        self._replay(
+            x,
+            v,
+            f,
+            steps,
+            trace.parameters,
+            trace.standard_errors,
+            trace.predicted_force,
+            trace.validity_margin,
+            trace.status,
+        )
+        return trace
+
+
+class PythonEstimator(ContactEstimator):
+    """An estimator written in Python: it gives ``update``, ``predict``, ``estimate``, ``reset``
+    and ``leave_contact``, keeps its settings in ``_settings`` and what it learned in other
+    attributes, and gets the rest from here.
+    """
+
+    def replay(
+        self,
+        penetration: ArrayLike,
+        velocity: ArrayLike,
+        force: ArrayLike,
+        dt: ArrayLike | None = None,
+    ) -> Trace:
+        """Take arrays sample by sample by ``update``, and write everything down.
+
+        Arguments and errors are those of :meth:`CompiledEstimator.replay`.
+        """
+        x, v, f = signals(penetration=penetration, velocity=velocity, force=force)
+        steps: list[float | None] = [None] * x.size
+        if dt is not None:
+            steps = np.broadcast_to(_time_steps(dt, x.size), x.shape).tolist()
+        trace = Trace.empty(x.size, len(self.law_type.symbols))
+        rows = zip(x.tolist(), v.tolist(), f.tolist(), steps, strict=True)
+        for k, (depth, speed, push, step) in enumerate(rows):
+            finite = np.isfinite((depth, speed, push)).all()
+            trace.predicted_force[k] = self.predict(depth, speed) if finite else np.nan
+            trace.status[k] = self.update(depth, speed, push, step)
+            estimate = self.estimate()
+            trace.parameters[k] = estimate.parameters
+            trace.standard_errors[k] = estimate.standard_errors
+            trace.validity_margin[k] = estimate.validity_margin
+        return trace
+
+    def _state(self) -> Any:
+        learned = {name: value for name, value in vars(self).items() if name != "_settings"}
+        return copy.deepcopy(learned)
+
+    def _restore(self, state: Any) -> None:
+        vars(self).update(copy.deepcopy(state))
+
+
+def _time_steps(dt: ArrayLike, samples: int) -> Floats:
+    """One time step, or as many as there are samples."""
+    one = np.isscalar(dt) or (isinstance(dt, np.ndarray) and dt.ndim == 0)
+    steps = signal("dt", np.array([dt]) if one else dt)
+    if not one and steps.size != samples:
+        raise InvalidParameterError(
+            f"arrays must have the same length: penetration has {samples}, dt has {steps.size}"
+        )
+    return steps
+
+
 Estimator = TypeVar("Estimator", bound=ContactEstimator)
 
 
-def _restored(kind: type[Estimator], settings: dict[str, Any], state: bytes) -> Estimator:
+def _restored(kind: type[Estimator], settings: dict[str, Any], state: Any) -> Estimator:
     estimator = kind(**settings)
-    estimator._restore(state)
+    try:
+        estimator._restore(state)
+    except (TypeError, ValueError) as error:
+        raise InvalidParameterError(f"{kind.__name__}: {error}") from None
     return estimator
-
-
-def loop_settings(
-    change_detector: ChangeDetector | None,
-    gate: ContactGate | None,
-    scale: Scale | None,
-    sample_time: float,
-    default_scale: Scale,
-) -> tuple[Any, ...]:
-    """Check what every estimator's loop is set by, as the compiled constructors take it."""
-    instance("change_detector", change_detector, (ChangeDetector, type(None)))
-    instance("gate", gate, (ContactGate, type(None)))
-    instance("scale", scale, (Scale, type(None)))
-    return (
-        NO_DETECTION if change_detector is None else change_detector._plain(),
-        (gate or ContactGate())._plain(),
-        (scale or default_scale)._plain(),
-        number_in("sample_time", sample_time, 0.0, 1e6, open_low=True),
-    )
-
-
-# Drift 0 switches the detector off.
-NO_DETECTION = (0.0, 60.0, 0.0, 5e-4, 200.0, 0.0)

@@ -3,14 +3,20 @@
 from typing import Any
 
 from palpate import _core
-from palpate.estimators.contact_estimator import ContactEstimator, loop_settings
+from palpate.estimators.contact_estimator import CompiledEstimator
+from palpate.estimators.loop_settings import loop_settings
+from palpate.estimators.registry import register
 from palpate.estimators.variable_projection import PROBING, projection_settings
 from palpate.force_laws import HuntCrossley
-from palpate.settings import ChangeDetector, ContactGate, Scale
+from palpate.settings import SAMPLE_TIME, ChangeDetector, ContactGate, Scale
 from palpate.validation import number_in
 
 
-class DriftTracking(ContactEstimator, _core.DriftTracking):
+_DEFAULTS = _core.defaults["DriftTracking"]
+
+
+@register
+class DriftTracking(CompiledEstimator, _core.DriftTracking):
     """The Hunt–Crossley law of a material that drifts, by an extended Kalman filter.
 
     F = k ξⁿ (1 + b v) + F₀,  ξ = x/x_r;  d(ln k), db and dn are random walks.
@@ -23,15 +29,15 @@ class DriftTracking(ContactEstimator, _core.DriftTracking):
     Parameters
     ----------
     stiffness_drift : float
-        How far ln k walks in a second, 1/√s, ≥ 0. Too large and the walk takes all that would tell
-        the exponent; 0.02 follows ±30 % at 0.1 Hz to a few tenths of a percent.
+        How far ln k walks in a second, 1/√s, ≥ 0. Too large and the walk takes all that makes the
+        exponent identifiable; 0.02 follows ±30 % at 0.1 Hz to a few tenths of a percent.
     dissipation_drift : float
         The same of b = B/K, s/m per √s, ≥ 0.
     exponent_drift : float
         The same of n, 1/√s, ≥ 0.
     noise, offset, offset_deviation, exponent_range
         As in :class:`VariableProjection`; but an offset is not estimated unless asked for, since
-        beside a drifting stiffness few motions tell it.
+        beside a drifting stiffness few motions make it identifiable.
     change_detector, gate, sample_time, scale
         As in :class:`VariableProjection`.
 
@@ -48,16 +54,16 @@ class DriftTracking(ContactEstimator, _core.DriftTracking):
     def __init__(
         self,
         *,
-        stiffness_drift: float = 0.02,
-        dissipation_drift: float = 0.0,
-        exponent_drift: float = 0.0,
+        stiffness_drift: float = _DEFAULTS["stiffness_drift"],
+        dissipation_drift: float = _DEFAULTS["dissipation_drift"],
+        exponent_drift: float = _DEFAULTS["exponent_drift"],
         noise: float | None = None,
-        offset: bool = False,
+        offset: bool = _DEFAULTS["offset"],
         offset_deviation: float | None = None,
-        exponent_range: tuple[float, float] = (0.3, 3.6),
+        exponent_range: tuple[float, float] = _DEFAULTS["exponent_range"],
         change_detector: ChangeDetector | None = None,
         gate: ContactGate | None = None,
-        sample_time: float = 1e-3,
+        sample_time: float = SAMPLE_TIME,
         scale: Scale | None = None,
     ) -> None:
         self._settings: dict[str, Any] = {

@@ -9,9 +9,12 @@ from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
-from palpate.estimators.contact_estimator import ContactEstimator, loop_settings
+from palpate.estimators.contact_estimator import CompiledEstimator
+from palpate.estimators.loop_settings import loop_settings
+from palpate.estimators.registry import register
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
 from palpate.settings import (
+    SAMPLE_TIME,
     ChangeDetector,
     ConstantForgetting,
     ContactGate,
@@ -20,10 +23,10 @@ from palpate.settings import (
     Scale,
     SelfPerturbation,
 )
-from palpate.validation import covariance_matrix, instance, number_in
+from palpate.validation import covariance_matrix, instance, number_in, shown
 
 
-class RecursiveLeastSquaresEstimator(ContactEstimator):
+class RecursiveLeastSquaresEstimator(CompiledEstimator):
     """The settings of the paper's recursive estimators; its subclasses are the methods.
 
     Parameters
@@ -43,7 +46,7 @@ class RecursiveLeastSquaresEstimator(ContactEstimator):
         Which samples are contact. None: every sample with x > 0 and F > 0, and in :func:`identify`
         a gate chosen from the data.
     sample_time : float
-        Time between samples where ``update`` is not told, s, in (0, 1e6].
+        Time between samples where ``update`` is given none, s, in (0, 1e6].
     scale : Scale, optional
         Units of the arithmetic. None: plain SI, and in :func:`identify` chosen from the data.
 
@@ -66,7 +69,7 @@ class RecursiveLeastSquaresEstimator(ContactEstimator):
         perturbation: SelfPerturbation | None = None,
         change_detector: ChangeDetector | None = None,
         gate: ContactGate | None = None,
-        sample_time: float = 1e-3,
+        sample_time: float = SAMPLE_TIME,
         scale: Scale | None = None,
     ) -> None:
         settings: dict[str, Any] = {
@@ -110,40 +113,7 @@ class RecursiveLeastSquaresEstimator(ContactEstimator):
         )
 
 
-class KelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.KelvinVoigtRLS):
-    """The linear contact model by recursive least squares.
-
-    y = F, φ = [x, v], θ = [K, B] in eq. 13. The simplest and quickest to settle; wrong in shape
-    wherever stiffness grows with depth.
-
-    Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is a
-    :class:`KelvinVoigt`, ``initial_covariance`` 1e8 unless given.
-    """
-
-    __slots__ = ("_settings",)
-    method = "kelvin-voigt"
-    law_type = KelvinVoigt
-    default_initial = KelvinVoigt(0.1, 0.0)
-    default_covariance = 1e8
-
-
-class ExtendedKelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.ExtendedKelvinVoigtRLS):
-    """The extended Kelvin–Voigt model by recursive least squares.
-
-    y = F, φ = [x, x², v], θ = [K₁, K₂, B] in eq. 13, for the law of eq. 14.
-
-    Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is an
-    :class:`ExtendedKelvinVoigt`, ``initial_covariance`` 1e10 unless given: in SI x² is so small
-    that K₂ never moves under a smaller one.
-    """
-
-    __slots__ = ("_settings",)
-    method = "extended-kelvin-voigt"
-    law_type = ExtendedKelvinVoigt
-    default_initial = ExtendedKelvinVoigt(0.1, 0.0, 0.0)
-    default_covariance = 1e10
-
-
+@register
 class SingleStageRLS(RecursiveLeastSquaresEstimator, _core.SingleStageRLS):
     """The paper's method: the Hunt–Crossley law, linear in one logarithm.
 
@@ -159,8 +129,8 @@ class SingleStageRLS(RecursiveLeastSquaresEstimator, _core.SingleStageRLS):
     __slots__ = ("_settings",)
     method = "single-stage"
     law_type = HuntCrossley
-    default_initial = HuntCrossley(0.1, 0.0, 1.0)
-    default_covariance = 1e3
+    default_initial = HuntCrossley(*_core.defaults["SingleStageRLS"]["initial"])
+    default_covariance = _core.defaults["SingleStageRLS"]["initial_covariance"]
 
     def _plain_settings(self) -> tuple[Any, ...]:
         plain = super()._plain_settings()
@@ -172,6 +142,7 @@ class SingleStageRLS(RecursiveLeastSquaresEstimator, _core.SingleStageRLS):
         return plain
 
 
+@register
 class DoubleStageRLS(RecursiveLeastSquaresEstimator, _core.DoubleStageRLS):
     """The double-stage method of Diolaiti, Melchiorri & Stramigioli (2005).
 
@@ -189,8 +160,8 @@ class DoubleStageRLS(RecursiveLeastSquaresEstimator, _core.DoubleStageRLS):
     __slots__ = ("_settings",)
     method = "double-stage"
     law_type = HuntCrossley
-    default_initial = HuntCrossley(0.1, 0.0, 1.0)
-    default_covariance = (1e8, 1e8, 1e3)
+    default_initial = HuntCrossley(*_core.defaults["DoubleStageRLS"]["initial"])
+    default_covariance = _core.defaults["DoubleStageRLS"]["initial_covariance"]
 
     def _plain_settings(self) -> tuple[Any, ...]:
         plain = super()._plain_settings()
@@ -198,6 +169,42 @@ class DoubleStageRLS(RecursiveLeastSquaresEstimator, _core.DoubleStageRLS):
         if covariance[0][2] or covariance[1][2]:
             raise InvalidParameterError(
                 "initial_covariance must be zero between [K, B] and n: the stages know nothing of "
-                f"each other, not {self._settings['initial_covariance']!r}"
+                f"each other, not {shown(self._settings['initial_covariance'])}"
             )
         return plain
+
+
+@register
+class KelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.KelvinVoigtRLS):
+    """The linear contact model by recursive least squares.
+
+    y = F, φ = [x, v], θ = [K, B] in eq. 13. The simplest and quickest to settle; wrong in shape
+    wherever stiffness grows with depth.
+
+    Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is a
+    :class:`KelvinVoigt`, ``initial_covariance`` 1e8 unless given.
+    """
+
+    __slots__ = ("_settings",)
+    method = "kelvin-voigt"
+    law_type = KelvinVoigt
+    default_initial = KelvinVoigt(*_core.defaults["KelvinVoigtRLS"]["initial"])
+    default_covariance = _core.defaults["KelvinVoigtRLS"]["initial_covariance"]
+
+
+@register
+class ExtendedKelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.ExtendedKelvinVoigtRLS):
+    """The extended Kelvin–Voigt model by recursive least squares.
+
+    y = F, φ = [x, x², v], θ = [K₁, K₂, B] in eq. 13, for the law of eq. 14.
+
+    Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is an
+    :class:`ExtendedKelvinVoigt`, ``initial_covariance`` 1e10 unless given: in SI x² is so small
+    that K₂ never moves under a smaller one.
+    """
+
+    __slots__ = ("_settings",)
+    method = "extended-kelvin-voigt"
+    law_type = ExtendedKelvinVoigt
+    default_initial = ExtendedKelvinVoigt(*_core.defaults["ExtendedKelvinVoigtRLS"]["initial"])
+    default_covariance = _core.defaults["ExtendedKelvinVoigtRLS"]["initial_covariance"]

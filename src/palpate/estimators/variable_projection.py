@@ -4,9 +4,12 @@ from typing import Any, Literal
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
-from palpate.estimators.contact_estimator import ContactEstimator, loop_settings
+from palpate.estimators.contact_estimator import CompiledEstimator
+from palpate.estimators.loop_settings import loop_settings
+from palpate.estimators.registry import register
 from palpate.force_laws import HuntCrossley
 from palpate.settings import (
+    SAMPLE_TIME,
     ChangeDetector,
     ConstantForgetting,
     ContactGate,
@@ -14,13 +17,15 @@ from palpate.settings import (
     Forgetting,
     Scale,
 )
-from palpate.validation import instance, number_in
+from palpate.validation import instance, number_in, pair_in, shown
 
+_DEFAULTS = _core.defaults["VariableProjection"]
 # Where it is not chosen: the probing of a hand-sized robot.
-PROBING = Scale(penetration=10e-3, velocity=20e-3, force=1.0)
+PROBING = Scale(*_DEFAULTS["scale"])
 
 
-class VariableProjection(ContactEstimator, _core.VariableProjection):
+@register
+class VariableProjection(CompiledEstimator, _core.VariableProjection):
     """The Hunt–Crossley law by variable projection: exact least squares in the force domain.
 
     min over (K, B, n, F₀) of Σ (F − K xⁿ − B xⁿ v − F₀)²
@@ -56,7 +61,7 @@ class VariableProjection(ContactEstimator, _core.VariableProjection):
         Which samples are contact. None: every sample with x > 0 and F > 0, and in :func:`identify`
         a gate chosen from the data.
     sample_time : float
-        Time between samples where ``update`` is not told, s, in (0, 1e6].
+        Time between samples where ``update`` is given none, s, in (0, 1e6].
     scale : Scale, optional
         Units of the arithmetic, near the largest values to come. None: 10 mm, 20 mm/s and 1 N, and
         in :func:`identify` chosen from the data.
@@ -77,13 +82,13 @@ class VariableProjection(ContactEstimator, _core.VariableProjection):
         noise: float | None = None,
         forgetting: Forgetting | None = None,
         change_detector: ChangeDetector | None = None,
-        offset: bool = True,
+        offset: bool = _DEFAULTS["offset"],
         offset_deviation: float | None = None,
-        exponent_range: tuple[float, float] = (0.3, 3.6),
+        exponent_range: tuple[float, float] = _DEFAULTS["exponent_range"],
         surface: Literal["estimate"] | None = None,
         surface_range: tuple[float, float] | None = None,
         gate: ContactGate | None = None,
-        sample_time: float = 1e-3,
+        sample_time: float = SAMPLE_TIME,
         scale: Scale | None = None,
     ) -> None:
         instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
@@ -132,8 +137,8 @@ def _positive(name: str, value: float | None) -> float:
 def _checked_surfaces(
     surface: str | None, surface_range: tuple[float, float] | None, scale: Scale
 ) -> tuple[float, float] | None:
-    if surface not in (None, "estimate"):
-        raise InvalidParameterError(f"surface must be 'estimate' or None, not {surface!r}")
+    if not (surface is None or (isinstance(surface, str) and surface == "estimate")):
+        raise InvalidParameterError(f"surface must be 'estimate' or None, not {shown(surface)}")
     if surface is None:
         if surface_range is not None:
             raise InvalidParameterError(
@@ -142,30 +147,22 @@ def _checked_surfaces(
         return None
     widest = 5.0 * scale.penetration
     if surface_range is None:
-        return -0.2 * scale.penetration, 0.2 * scale.penetration
-    low, high = _pair("surface_range", surface_range, -widest, widest)
+        least, most = _DEFAULTS["surface_range"]
+        return least * scale.penetration, most * scale.penetration
+    low, high = pair_in("surface_range", surface_range, -widest, widest)
     if not high > low:
         raise InvalidParameterError(
-            f"surface_range must be (lowest, highest) in m, not {surface_range!r}: it holds nothing"
+            f"surface_range must be (lowest, highest) in m, not {shown(surface_range)}: it holds nothing"
         )
     return low, high
 
 
 def _checked_range(exponent_range: tuple[float, float]) -> tuple[float, float]:
-    low, high = _pair("exponent_range", exponent_range, 0.1, 10.0)
+    low, high = pair_in("exponent_range", exponent_range, 0.1, 10.0)
     if not 0.2 <= high - low <= 5.0:
         reason = "nothing" if high <= low else "too little or too much to search"
         raise InvalidParameterError(
-            f"exponent_range must be 0.2 to 5 wide, not {exponent_range!r}: it holds {reason}"
+            f"exponent_range must be 0.2 to 5 wide, not {shown(exponent_range)}: it holds {reason}"
         )
     return low, high
 
-
-def _pair(name: str, pair: tuple[float, float], low: float, high: float) -> tuple[float, float]:
-    try:
-        first, second = pair
-    except (TypeError, ValueError):
-        raise InvalidParameterError(
-            f"{name} must be (lowest, highest) within [{low:g}, {high:g}], not {pair!r}"
-        ) from None
-    return number_in(name, first, low, high), number_in(name, second, low, high)

@@ -16,7 +16,6 @@ from palpate.figures.panels import (
     draw_parameter,
 )
 from palpate.figures.style import DARK, LIGHT, save, style
-from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 
 if TYPE_CHECKING:
@@ -53,7 +52,7 @@ def draw(identification: Identification, *, dark: bool = False) -> "Figure":
             axes = figure.add_subplot(rows[1, i * span : (i + 1) * span])
             draw_parameter(axes, identification, i, name, theme)
         bottom = figure.add_subplot(rows[2, :])
-        if isinstance(law, HuntCrossley):
+        if law.has_condition_10:
             draw_condition(bottom, identification, theme)
         else:
             draw_error(bottom, [identification], theme)

@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from palpate.errors import InvalidParameterError
-from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
+from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.validation import Floats, instance, number, number_in
 
 #: Force [N] at a time [s], place along the surface [m], penetration [m] and velocity [m/s]; to be
@@ -52,7 +52,7 @@ class Homogeneous:
     name: str = "material"
 
     def __post_init__(self) -> None:
-        instance("law", self.law, (KelvinVoigt, ExtendedKelvinVoigt, HuntCrossley))
+        instance("law", self.law, ForceLaw)
         _check_real(self.law)
 
     def touch(self) -> Touch:

@@ -11,7 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace palpate {
+namespace palpate::detail {
 
 class ResidualBlocks {
  public:
@@ -29,15 +29,16 @@ class ResidualBlocks {
     }
   }
 
-  // Factor on variances, ≥ 1. A length counts with at least 16 blocks, and only by what exceeds the
-  // scatter of white residuals (two standard deviations of the variance of as many blocks).
+  // Factor on variances, ≥ 1. A length counts with at least 16 blocks, which tell a variance to a
+  // third, and only by what exceeds the scatter of white residuals (two standard deviations of the
+  // variance of as many blocks, each √(2/blocks) of it).
   double inflation() const noexcept {
     const Level& single = levels_[0];
-    if (single.blocks < 16 || !(single.squares > 0.0)) return 1.0;
+    if (single.blocks < fewest_blocks || !(single.squares > 0.0)) return 1.0;
     const double variance = single.squares / static_cast<double>(single.blocks);
     double largest = 1.0, length = 1.0;
     for (const Level& level : levels_) {
-      if (level.blocks < 16) break;
+      if (level.blocks < fewest_blocks) break;
       const double blocks = static_cast<double>(level.blocks);
       const double scatter = 1.0 + 2.0 * std::sqrt(2.0 / blocks);
       largest = std::max(largest, level.squares / (blocks * length * variance * scatter));
@@ -49,12 +50,15 @@ class ResidualBlocks {
   void clear() noexcept { *this = ResidualBlocks(); }
 
  private:
+  static constexpr std::uint64_t fewest_blocks = 16;
+
   struct Level {
     double squares = 0.0;  // Σ (block sum)²
     double half = 0.0;     // the first of the two blocks that make the next longer one
     std::uint64_t blocks = 0;
   };
 
+  // Blocks of up to 2³¹ samples: 25 days at 1 kHz.
   std::array<Level, 32> levels_{};
 };
 
@@ -80,7 +84,7 @@ class LatterResiduals {
   ResidualBlocks older_;  // since the last renewal but one
   ResidualBlocks newer_;  // since the last
   std::uint64_t samples_ = 0;
-  std::uint64_t renewal_ = 32;
+  std::uint64_t renewal_ = 32;  // twice the fewest blocks, then twice as many each time
 };
 
-}  // namespace palpate
+}  // namespace palpate::detail

@@ -1,5 +1,3 @@
-#include "palpate/least_squares.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -8,6 +6,8 @@
 #include <variant>
 
 #include "conversions.hpp"
+#include "palpate/least_squares.hpp"
+#include "state.hpp"
 
 namespace palpate::bindings {
 namespace {
@@ -26,6 +26,10 @@ constexpr std::size_t largest_order = 8;
 struct Engine {
   typename EngineOf<std::make_index_sequence<largest_order>>::type recursion;
 };
+
+std::string name_of(const Engine& engine) {
+  return "LeastSquares." + std::to_string(engine.recursion.index() + 1);
+}
 
 template <std::size_t Order>
 Engine make_engine(const InputArray& initial, const InputArray& covariance) {
@@ -151,8 +155,16 @@ before it is divided by λ. Numbers out of their range are refused with a :class
                               self.recursion);
           },
           "Rows taken.")
-      .def("_state", &state_of<Engine>)
-      .def("_restore", &restore<Engine>);
+      .def("_state",
+           [](const Engine& self) {
+             return std::visit(
+                 [&](const auto& recursion) { return saved(recursion, name_of(self)); },
+                 self.recursion);
+           })
+      .def("_restore", [](Engine& self, const nb::bytes& state) {
+        std::visit([&](auto& recursion) { restore(recursion, name_of(self), state); },
+                   self.recursion);
+      });
 }
 
 }  // namespace palpate::bindings

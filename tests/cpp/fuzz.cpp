@@ -36,25 +36,25 @@ constexpr double corners[] = {0.0,
                               std::numeric_limits<double>::infinity(),
                               std::numeric_limits<double>::quiet_NaN()};
 
-class Storm {
+class Fuzz {
  public:
-  explicit Storm(std::uint64_t seed) noexcept : random_(seed) {}
+  explicit Fuzz(std::uint64_t seed) noexcept : random_(seed) {}
 
   struct Event {
     Sample sample;
     double dt;
   };
 
-  // Each kind of weather lasts a while: a hold needs thousands of equal samples to wind P up.
+  // Each kind of sample lasts a while: a hold needs thousands of equal samples to wind P up.
   Event next() noexcept {
     if (left_-- == 0) {
       left_ = random_.below(2000);
-      weather_ = random_.below(6);
+      kind_ = random_.below(6);
       event_ = {
           {random_.between(1e-4, 0.02), random_.between(-0.1, 0.1), random_.between(0.1, 30.0)},
           1e-3};
     }
-    switch (weather_) {
+    switch (kind_) {
       case 0:  // any bits at all
         return {{random_.any(), random_.any(), random_.any()}, random_.any()};
       case 1:  // any bits, but as contact
@@ -78,7 +78,7 @@ class Storm {
 
   RandomNumbers random_;
   std::uint64_t left_ = 0;
-  std::uint64_t weather_ = 0;
+  std::uint64_t kind_ = 0;
   Event event_{};
 };
 
@@ -89,7 +89,7 @@ typename Estimator::Settings any_settings(RandomNumbers& random) noexcept {
     const double all[] = {values...};
     return all[random.below(sizeof...(values))];
   };
-  typename Estimator::Settings settings = defaults<Estimator>();
+  typename Estimator::Settings settings;
   settings.forgetting = {one_of(1e-300, 0.5, 0.99, 1.0), one_of(0.0, 5.0, 1e6)};
   if (random.below(2)) settings.perturbation = {one_of(1e-9, 0.05, 1e20), one_of(2.5, 1e40)};
   if (random.below(2)) settings.gate = {1e-4, 0.1, 0.05};
@@ -111,12 +111,12 @@ typename Estimator::Settings any_settings(RandomNumbers& random) noexcept {
 }
 
 template <class Estimator>
-void weather(const typename Estimator::Settings& settings, std::uint64_t seed, int count) {
-  Storm storm(seed);
+void fuzz(const typename Estimator::Settings& settings, std::uint64_t seed, int count) {
+  Fuzz sequence(seed);
   Estimator estimator(settings);
   check_sound(estimator);
   for (int k = 0; k < count; ++k) {
-    const auto [sample, dt] = storm.next();
+    const auto [sample, dt] = sequence.next();
     const auto before = bytes_of(estimator);
     double predicted = 0.0;
     const Status status =
@@ -132,22 +132,22 @@ void weather(const typename Estimator::Settings& settings, std::uint64_t seed, i
 
 }  // namespace
 
-TEST("a storm of arbitrary bit patterns leaves every estimator sound") {
+TEST("fuzzing with arbitrary bit patterns leaves every estimator sound") {
   for_each_estimator(
-      []<class Estimator>() { weather<Estimator>(defaults<Estimator>(), 1, 100000); });
+      []<class Estimator>() { fuzz<Estimator>(typename Estimator::Settings{}, 1, 100000); });
 }
 
 TEST("the same under settings from every corner of their ranges") {
   for_each_estimator([]<class Estimator>() {
     RandomNumbers random(2);
     for (std::uint64_t round = 0; round < 40; ++round) {
-      weather<Estimator>(any_settings<Estimator>(random), round, 5000);
+      fuzz<Estimator>(any_settings<Estimator>(random), round, 5000);
     }
   });
 }
 
-TEST("a storm of arbitrary rows leaves least squares of every order sound") {
-  const auto weather_of = []<std::size_t Order>(std::integral_constant<std::size_t, Order>) {
+TEST("fuzzing with arbitrary rows leaves least squares of every order sound") {
+  const auto fuzz_order = []<std::size_t Order>(std::integral_constant<std::size_t, Order>) {
     RandomNumbers random(Order);
     LeastSquares<Order> recursion({{}, diagonal([] {
                                      Vector<Order> variances{};
@@ -164,9 +164,9 @@ TEST("a storm of arbitrary rows leaves least squares of every order sound") {
       check_sound(recursion);
     }
   };
-  weather_of(std::integral_constant<std::size_t, 1>{});
-  weather_of(std::integral_constant<std::size_t, 2>{});
-  weather_of(std::integral_constant<std::size_t, 3>{});
-  weather_of(std::integral_constant<std::size_t, 5>{});
-  weather_of(std::integral_constant<std::size_t, 8>{});
+  fuzz_order(std::integral_constant<std::size_t, 1>{});
+  fuzz_order(std::integral_constant<std::size_t, 2>{});
+  fuzz_order(std::integral_constant<std::size_t, 3>{});
+  fuzz_order(std::integral_constant<std::size_t, 5>{});
+  fuzz_order(std::integral_constant<std::size_t, 8>{});
 }

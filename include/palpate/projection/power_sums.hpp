@@ -7,17 +7,19 @@
 #include <cmath>
 #include <cstddef>
 
-#include "palpate/lagrange.hpp"
 #include "palpate/matrix.hpp"
-#include "palpate/scale.hpp"
+#include "palpate/projection/lagrange.hpp"
+#include "palpate/sample.hpp"
 
-namespace palpate {
+namespace palpate::detail {
 
 // For one exponent, with p = ξⁿ: the sums of p², p²w, p²w², p, pw, pF, pwF.
 enum Power : std::size_t { pp, ppw, ppww, p1, pw, pf, pwf, power_count };
 
 class PowerSums {
  public:
+  // Steps of 0.1 over the default range, from 0.3 to 3.6: narrow enough for eight-point
+  // interpolation to leave 1e-8.
   static constexpr std::size_t nodes = 34;
   using Values = Vector<power_count>;
 
@@ -73,11 +75,11 @@ class PowerSums {
     // From node to node Σ p² grows by the square of what Σ p does. Where that is much, as where the
     // unit is many times the depth, a polynomial would follow it badly.
     const double growth = sums_[pp][first + 4] / sums_[pp][first + 3];
-    const bool level = growth > 0.9 && growth < 1.1;
+    const bool even = growth > 0.9 && growth < 1.1;  // twice in seven steps: interpolated to 1e-9
     const bool known = growth > 1e-70 && growth < 1e70;  // its fourth power is finite
-    if (level || !known) return interpolated(first, weights, weights);
+    if (even || !known) return interpolated(first, weights, weights);
     const double rate = 0.5 * std::log(growth);
-    return interpolated(first, levelled(weights, t, rate), levelled(weights, t, 2.0 * rate));
+    return interpolated(first, rescaled(weights, t, rate), rescaled(weights, t, 2.0 * rate));
   }
 
  private:
@@ -152,4 +154,4 @@ class PowerSums {
   alignas(32) std::array<std::array<double, nodes>, power_count> sums_{};
 };
 
-}  // namespace palpate
+}  // namespace palpate::detail

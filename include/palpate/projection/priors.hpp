@@ -1,0 +1,105 @@
+// The settings of variable projection, and what its weak priors weigh beside the samples.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "palpate/force_laws.hpp"
+#include "palpate/projection/power_sums.hpp"
+
+namespace palpate {
+
+struct ProjectionSettings {
+  double noise = 0.0;  // standard deviation of the force in scaled units; 0: from the residual
+  // Below a third a law is nearly a step; 3.6 ends 33 steps of 0.1, well beyond the cone's 2.
+  double lowest_exponent = 0.3;
+  double highest_exponent = 3.6;
+  bool offset = true;
+  double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²); 0: twenty times the noise
+  // Weak priors: n ~ N(1.3, 1), between a spring and a cone, and c/k ~ N(0, 1), the damping force
+  // at the speed of the scale as large as the elastic one.
+  double prior_exponent = 1.3;
+  double prior_exponent_deviation = 1.0;
+  double prior_dissipation = 0.0;  // c/k
+  double prior_dissipation_deviation = 1.0;
+
+  bool operator==(const ProjectionSettings&) const = default;
+};
+
+constexpr const char* validate(const ProjectionSettings& s) noexcept {
+  const auto deviation = [](double value) noexcept { return value >= 0.0 && value <= 1e60; };
+  if (!deviation(s.noise)) return "method.noise must be in [0, 1e60] units of force";
+  if (!deviation(s.offset_deviation)) {
+    return "method.offset_deviation must be in [0, 1e60] units of force";
+  }
+  if (!(s.lowest_exponent >= 0.1 && s.highest_exponent <= 10.0)) {
+    return "method.lowest_exponent and highest_exponent must be in [0.1, 10]";
+  }
+  // Within a step of 0.15 the sums are interpolated to 1e-7; below 0.006 their differences drown.
+  const double width = s.highest_exponent - s.lowest_exponent;
+  if (!(width >= 0.2 && width <= 5.0)) {
+    return "method.highest_exponent must be 0.2 to 5 above lowest_exponent";
+  }
+  if (!(s.prior_exponent_deviation > 0.0 && s.prior_dissipation_deviation > 0.0)) {
+    return "method.prior deviations must be > 0";
+  }
+  const auto within = [](double value, double limit) noexcept {
+    return value >= -limit && value <= limit;
+  };
+  if (!within(s.prior_exponent, 1e3) || !within(s.prior_dissipation, 1e60)) {
+    return "method.prior values must be finite and small: an exponent, and c/k";
+  }
+  return nullptr;
+}
+
+namespace detail {
+
+// A quotient's denominator never is zero with this added, and no sum of squares feels it.
+inline constexpr double tiny = 1e-300;
+
+// The samples and the priors of one least-squares problem.
+struct ProjectionProblem {
+  const PowerSums& sums;
+  const ProjectionSettings& settings;
+
+  // ρ_F = σ²/s_F² in samples; s_F = 20 σ unless given, far beyond what the mean of a pause leaves.
+  double offset_weight(double variance) const noexcept {
+    const double deviation = settings.offset_deviation;
+    return deviation > 0.0 ? variance / (deviation * deviation) : 1.0 / (20.0 * 20.0);
+  }
+
+  // 1 / (Σ1 + ρ_F), by which the offset is eliminated; 0 without one.
+  double offset_fraction(double variance) const noexcept {
+    return settings.offset ? 1.0 / (sums.weight() + offset_weight(variance) + tiny) : 0.0;
+  }
+
+  // ρ_b = σ²/(s k)² for a prior on c/k of deviation s.
+  double damping_weight(double k, double variance) const noexcept {
+    const double deviation = settings.prior_dissipation_deviation * k;
+    return std::min(variance / (deviation * deviation + tiny), largest_parameter);
+  }
+
+  double exponent_weight(double variance) const noexcept {
+    return variance / (settings.prior_exponent_deviation * settings.prior_exponent_deviation);
+  }
+
+  // What the prior adds to J at an exponent.
+  double exponent_penalty(double n, double variance) const noexcept {
+    const double away = (n - settings.prior_exponent) / settings.prior_exponent_deviation;
+    return variance * away * away;
+  }
+
+  // σ² for the weight of the priors, from the least J. Few samples fit exactly: two more, with an
+  // error of 1 % of the rms force, keep the priors from vanishing then.
+  double prior_variance(double cost) const noexcept {
+    if (settings.noise > 0.0) return settings.noise * settings.noise;
+    const double n = sums.weight();
+    if (!(sums.force_squared() > 0.0)) return 1.0;
+    const double floor = 1e-4 * sums.force_squared() / std::max(n, 1.0);
+    const double residual = std::max(sums.force_squared() + cost, 0.0);
+    return (residual + 2.0 * floor) / (std::max(n - 4.0, 0.0) + 2.0);
+  }
+};
+
+}  // namespace detail
+}  // namespace palpate

@@ -1,0 +1,121 @@
+// The Hunt–Crossley law by variable projection: exact nonlinear least squares in the force domain,
+//
+//   min over (k, c, F₀, n) of Σ (F − k ξⁿ − c ξⁿ w − F₀)²,   ξ = x/x_r, w = v/V,
+//
+// with no logarithm, no condition 10 and no starting values. For a fixed n the law is linear in
+// (k, c, F₀), so what is left is a function J(n) of one variable. See docs/variable-projection.md.
+#pragma once
+
+#include <algorithm>
+
+#include "palpate/contact_gate.hpp"
+#include "palpate/matrix.hpp"
+#include "palpate/projection/covariance.hpp"
+#include "palpate/projection/exponent_search.hpp"
+#include "palpate/projection/power_sums.hpp"
+#include "palpate/projection/priors.hpp"
+#include "palpate/projection/solution.hpp"
+#include "palpate/sample.hpp"
+
+namespace palpate::detail {
+
+class ProjectionSolver {
+ public:
+  using Settings = ProjectionSettings;
+
+  explicit ProjectionSolver(const Settings& settings) noexcept
+      : settings_(settings), sums_(settings.lowest_exponent, settings.highest_exponent) {}
+
+  // Samples count where the gate finds contact, and the law needs a depth and a push.
+  static ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {
+    return given;
+  }
+  static bool in_range(const Sample& s) noexcept { return touching(s); }
+
+  void add(const Sample& sample, double forgetting_factor) noexcept {
+    sums_.add(sample, forgetting_factor);
+  }
+
+  double weight() const noexcept { return sums_.weight(); }  // samples, less what was forgotten
+  double lowest_exponent() const noexcept { return sums_.lowest(); }
+  double highest_exponent() const noexcept { return sums_.highest(); }
+
+  // Forgets the samples; the prior is the old answer with these deviations.
+  void restart(const ProjectionSolution& old, double exponent_deviation,
+               double dissipation_deviation) noexcept {
+    settings_.prior_exponent = old.n;
+    settings_.prior_exponent_deviation = exponent_deviation;
+    settings_.prior_dissipation = old.k > 0.0 ? old.c / old.k : 0.0;
+    settings_.prior_dissipation_deviation = dissipation_deviation;
+    clear();
+  }
+
+  // Forgets the samples and keeps the prior.
+  void clear() noexcept { sums_.clear(); }
+
+  // The global minimum over the whole range of exponents.
+  ProjectionSolution solve() const noexcept { return solve_from(search_grid(problem())); }
+
+  // The same from an answer of a little while ago, in whose basin the minimum still is.
+  ProjectionSolution solve_near(const ProjectionSolution& earlier) const noexcept {
+    const double variance = earlier.prior_variance;
+    return solve_from({earlier.n, variance, problem().offset_fraction(variance)});
+  }
+
+ private:
+  ProjectionProblem problem() const noexcept { return {sums_, settings_}; }
+
+  ProjectionSolution solve_from(const SearchStart& start) const noexcept {
+    const ProjectionPoint point = refine(problem(), start);
+    ProjectionSolution r{};
+    r.k = point.linear.k;
+    r.c = point.linear.c;
+    r.offset = point.linear.offset;
+    r.n = point.n;
+    r.prior_variance = start.variance;
+    r.noise_variance = noise_variance(point, start);
+    r.cost = point.linear.cost + problem().exponent_penalty(point.n, start.variance);
+    r.at_edge = at_edge(point.n);
+    r.surface_found = true;
+    const InverseRoot<4> inverse =
+        covariance_root(problem(), point, std::max(r.noise_variance, least_variance()));
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j < 4; ++j) r.root[i][j] = inverse.root[i][j];
+    }
+    r.damping_identifiable = !inverse.guarded[1];
+    r.exponent_identifiable =
+        !inverse.guarded[2] && !inverse.guarded[3] && sums_.depth_spread() > smallest_spread;
+    return r;
+  }
+
+  // From the residual, once ten degrees of freedom tell it to a quarter or so (1/√20).
+  double noise_variance(const ProjectionPoint& point, const SearchStart& start) const noexcept {
+    constexpr double fewest_degrees = 10.0;
+    const double fitted = settings_.offset ? 4.0 : 3.0;
+    const double freedom = sums_.weight() - fitted;
+    if (settings_.noise != 0.0 || freedom < fewest_degrees) return start.variance;
+    // Below rounding of Σ F², some ε, there is no residual; a part of it keeps error bars above
+    // zero.
+    const double rounding = 1e-15 * sums_.force_squared();
+    return std::max(sums_.force_squared() + point.linear.cost, rounding) / freedom;
+  }
+
+  // No force sensor is better than a hundred-thousandth; without any force, one unit.
+  double least_variance() const noexcept {
+    if (!(sums_.force_squared() > 0.0)) return 1.0;
+    return 1e-10 * sums_.force_squared() / sums_.weight();
+  }
+
+  // Within a quarter of a step of the last node: there the minimum may lie beyond it.
+  bool at_edge(double n) const noexcept {
+    const double margin = 0.25 * sums_.step();
+    return n < sums_.lowest() + margin || n > sums_.highest() - margin;
+  }
+
+  static constexpr double smallest_spread = 1e-4;  // of ln ξ: 1 µm at 10 mm, beyond any sensor
+
+  Settings settings_;
+  PowerSums sums_;
+};
+
+}  // namespace palpate::detail

@@ -1,0 +1,72 @@
+// A sample, and the units of the arithmetic. An estimator divides its inputs by these and gives its
+// law back in SI, so that nanonewtons and kilonewtons meet the same covariance.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+
+// One sample, in whichever units its holder says.
+struct Sample {
+  double penetration;
+  double velocity;
+  double force;
+};
+
+struct Scale {
+  double penetration = 1.0;  // m
+  double velocity = 1.0;     // m/s
+  double force = 1.0;        // N
+
+  bool operator==(const Scale&) const = default;
+};
+
+// What is wrong with these settings, in words; null where they are sound.
+constexpr const char* validate(const Scale& scale) noexcept {
+  // Products and quotients of three units stay within the range of a double.
+  constexpr double least = 1e-30, most = 1e30;
+  const auto unit = [](double value) noexcept { return value >= least && value <= most; };
+  if (!unit(scale.penetration)) return "scale.penetration must be in [1e-30, 1e30] m";
+  if (!unit(scale.velocity)) return "scale.velocity must be in [1e-30, 1e30] m/s";
+  if (!unit(scale.force)) return "scale.force must be in [1e-30, 1e30] N";
+  return nullptr;
+}
+
+// A scale with what the way there and back needs, worked out once.
+struct Units : Scale {
+  explicit Units(const Scale& scale) noexcept
+      : Scale(scale),
+        per_penetration(1.0 / scale.penetration),
+        per_velocity(1.0 / scale.velocity),
+        per_force(1.0 / scale.force),
+        log_penetration(std::log(scale.penetration)),
+        log_force(std::log(scale.force)) {}
+
+  double per_penetration;
+  double per_velocity;
+  double per_force;
+  double log_penetration;
+  double log_force;
+};
+
+namespace detail {
+
+inline bool finite(const Sample& s) noexcept {
+  return std::isfinite(s.penetration) && std::isfinite(s.velocity) && std::isfinite(s.force);
+}
+
+inline Sample scaled(const Sample& s, const Units& u) noexcept {
+  return {s.penetration * u.per_penetration, s.velocity * u.per_velocity, s.force * u.per_force};
+}
+
+inline bool within(const Sample& s, double limit) noexcept {
+  return std::abs(s.penetration) < limit && std::abs(s.velocity) < limit &&
+         std::abs(s.force) < limit;
+}
+
+// What a logarithm can take.
+inline bool touching(const Sample& s) noexcept { return s.penetration > 0.0 && s.force > 0.0; }
+
+}  // namespace detail
+}  // namespace palpate

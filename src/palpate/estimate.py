@@ -1,0 +1,192 @@
+"""What an estimator knows now."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate._core import EstimateValue, Status
+from palpate.errors import InvalidParameterError
+from palpate.force_laws import ForceLaw
+
+Floats = NDArray[np.float64]
+
+# By the bits of IdentifiabilityFlag in include/palpate/estimate.hpp.
+ADVICE = {
+    1: "exponent not identifiable from this motion: reach shallow and deep penetrations in turn",
+    2: "damping not identifiable: pass the same depths at different speeds, both ways",
+    4: "exponent at the edge of its range: widen exponent_range, or check the surface",
+    8: "surface at the edge of its range: widen surface_range, or record the approach",
+    16: "not tracking yet: the start still waits for a motion that makes the exponent identifiable",
+}
+
+
+class Estimate:
+    """What an estimator knows now, in SI.
+
+    Estimators make it; :meth:`from_law` is for a method of one's own.
+
+    Attributes
+    ----------
+    law : force law
+        The contact model.
+    parameters : numpy.ndarray, shape (p,)
+        The law's parameters in its own order.
+    covariance : numpy.ndarray, shape (p, p)
+        Joint covariance of the law's parameters, in their order: the recursion's P times the
+        variance of its residual, taken from θ to the law by the delta method.
+    standard_errors : numpy.ndarray, shape (p,)
+        Square roots of its diagonal.
+    offset, offset_standard_error : float
+        Force that the sensor shows without contact, N, by methods that estimate it; else 0.
+    surface, surface_standard_error : float
+        Where the material begins, in the coordinate of the penetration, m, by methods that search
+        for it; else 0.
+    joint_covariance : numpy.ndarray, shape (p + 1, p + 1)
+        Covariance of the law's parameters and, last, the offset.
+    flags : tuple of str
+        What is not identifiable from this motion, and what motion would help.
+    valid : bool
+        Condition 10, |v| < 0.1 K/B, at the last sample taken. Always true for laws without a
+        logarithm.
+    validity_margin : float
+        1 − |v B/K| / 0.1: 1 at rest, 0 at the limit, negative beyond it.
+    status : Status
+        Of the last sample that was not refused.
+    samples : int
+        Samples taken.
+    guarded : int
+        Of them, how many the covariance guard touched (``docs/numerics.md``).
+    restarts : int
+        How often a change of the material was detected and the estimate reinitialised.
+    """
+
+    __slots__ = ("_law_type", "_value")
+
+    def __init__(self, value: EstimateValue, law_type: type[ForceLaw]) -> None:
+        self._value = value
+        self._law_type = law_type
+
+    @classmethod
+    def from_law(
+        cls,
+        law: ForceLaw,
+        covariance: Floats,
+        *,
+        status: Status,
+        samples: int,
+        validity_margin: float = 1.0,
+    ) -> "Estimate":
+        """Return the estimate of a method of one's own.
+
+        Parameters
+        ----------
+        law : force law
+            The contact model.
+        covariance : array_like, shape (p, p)
+            Joint covariance of the law's parameters, p at most 8.
+        status : Status
+            Of the last sample that was not refused.
+        samples : int
+            Samples taken.
+        validity_margin : float
+            Condition 10, where it concerns the law.
+
+        Raises
+        ------
+        InvalidParameterError
+            The covariance is not a matrix of the law's size, or the law has more than 8 parameters.
+        """
+        matrix = np.ascontiguousarray(covariance, dtype=np.float64).reshape(-1)
+        try:
+            value = EstimateValue(law.parameters, matrix, status, samples, validity_margin)
+        except ValueError as error:
+            raise InvalidParameterError(f"{type(law).__name__}: {error}") from None
+        return cls(value, type(law))
+
+    @property
+    def law(self) -> Any:
+        """The contact model, SI."""
+        return self._law_type(*self._value.parameters.tolist())
+
+    @property
+    def parameters(self) -> Floats:
+        """The law's parameters in its own order, SI."""
+        return self._value.parameters
+
+    @property
+    def covariance(self) -> Floats:
+        """Joint covariance of the law's parameters, SI."""
+        return self._value.covariance
+
+    @property
+    def standard_errors(self) -> Floats:
+        """Standard errors of the law's parameters, SI."""
+        return self._value.standard_errors
+
+    @property
+    def joint_covariance(self) -> Floats:
+        """Covariance of the law's parameters and, last, the offset, SI."""
+        return self._value.joint_covariance
+
+    @property
+    def offset(self) -> float:
+        """Force without contact, N."""
+        return self._value.offset
+
+    @property
+    def offset_standard_error(self) -> float:
+        """Its standard error, N; 0 where it is not estimated."""
+        return float(max(self._value.offset_variance, 0.0) ** 0.5)
+
+    @property
+    def surface(self) -> float:
+        """Where the material begins, m."""
+        return self._value.surface
+
+    @property
+    def surface_standard_error(self) -> float:
+        """Its standard error, m; 0 where it is not searched for."""
+        return float(max(self._value.surface_variance, 0.0) ** 0.5)
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """What is not identifiable from this motion, and what motion would help."""
+        bits = self._value.flags
+        return tuple(words for bit, words in ADVICE.items() if bits & bit)
+
+    @property
+    def valid(self) -> bool:
+        """Whether condition 10 held at the last sample taken."""
+        return self._value.validity_margin > 0.0
+
+    @property
+    def validity_margin(self) -> float:
+        """Condition 10 as a margin: 1 at rest, 0 at the limit, negative beyond it."""
+        return self._value.validity_margin
+
+    @property
+    def status(self) -> Status:
+        """Of the last sample that was not refused."""
+        return self._value.status
+
+    @property
+    def samples(self) -> int:
+        """Samples taken."""
+        return self._value.samples
+
+    @property
+    def guarded(self) -> int:
+        """Of them, those that the guard touched."""
+        return self._value.guarded
+
+    @property
+    def restarts(self) -> int:
+        """How often the estimate was reinitialised after a change of the material."""
+        return self._value.restarts
+
+    def __repr__(self) -> str:
+        return (
+            f"Estimate({self.law!r}, standard_errors={self.standard_errors.tolist()}, "
+            f"samples={self.samples}, status={self.status.name})"
+        )
