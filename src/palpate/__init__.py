@@ -2,7 +2,13 @@
 
 from palpate._core import Estimate, Status
 from palpate.contact import Contact
-from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError, RecordingError
+from palpate.errors import (
+    InvalidParameterError,
+    MissingChannelError,
+    MissingExtraError,
+    PalpateError,
+    RecordingError,
+)
 from palpate.estimators import (
     ContactEstimator,
     DoubleStageRLS,
@@ -16,7 +22,8 @@ from palpate.estimators import (
 from palpate.force_laws import ExtendedKelvinVoigt, HuntCrossley, KelvinVoigt
 from palpate.identification import METHODS, Identification, compare, identify
 from palpate.least_squares import LeastSquares
-from palpate.recordings.csv import Columns, read_contact
+from palpate.preparation import Columns, choose_gate, prepare
+from palpate.recordings import Recording, open_recording, write_contact
 from palpate.settings import (
     ChangeDetector,
     ConstantForgetting,
@@ -47,8 +54,10 @@ __all__ = [
     "KelvinVoigt",
     "KelvinVoigtRLS",
     "LeastSquares",
+    "MissingChannelError",
     "MissingExtraError",
     "PalpateError",
+    "Recording",
     "RecordingError",
     "RecursiveLeastSquaresEstimator",
     "Scale",
@@ -57,7 +66,10 @@ __all__ = [
     "Status",
     "Trace",
     "VariableProjection",
+    "choose_gate",
     "compare",
     "identify",
-    "read_contact",
+    "open_recording",
+    "prepare",
+    "write_contact",
 ]

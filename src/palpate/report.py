@@ -64,9 +64,9 @@ def truth_of(contact: Contact) -> ForceLaw | None:
     """Return the law that a simulated recording says it was made with; None for any other."""
     kinds = {kind.kind: kind for kind in (KelvinVoigt, ExtendedKelvinVoigt, HuntCrossley)}
     try:
-        words = json.loads(contact.made["truth"])
+        words = json.loads(contact.provenance["truth"])
         return kinds[words.pop("kind")](**words)
-    except (KeyError, ValueError, TypeError, AttributeError):
+    except (KeyError, ValueError, TypeError, AttributeError, OverflowError, RecursionError):
         return None
 
 
