@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.validation import Floats, signals
+from palpate.validation import Floats, number, signals
 
 # s. A metre within less is a velocity beyond 1e100 m/s, which no estimator takes.
 SHORTEST_STEP = 1e-100
@@ -99,8 +99,8 @@ class Contact:
 
     def window(self, start: float | None = None, stop: float | None = None) -> "Contact":
         """Return the samples with start ≤ time ≤ stop, s; velocity stays as it is."""
-        low = -np.inf if start is None else start
-        high = np.inf if stop is None else stop
+        low = -np.inf if start is None else number("start", start)
+        high = np.inf if stop is None else number("stop", stop)
         keep = (self.time >= low) & (self.time <= high)
         if not keep.any():
             where = f"{self.source}: " if self.source else ""

@@ -120,9 +120,13 @@ def prepare(
         instance("columns", names, Columns)
         channels = _of_recording(as_recording(recording), names)
     contact = _contact_of(channels, velocity_window)
-    history = {**channels.notes, **(provenance or {}), **contact.provenance}
-    origin = channels.source if source is None else source
-    return dataclasses.replace(contact, source=origin, provenance=history)
+    done = contact.provenance
+    notes = {f"note on {key}" if key in done else key: v for key, v in channels.notes.items()}
+    return dataclasses.replace(
+        contact,
+        source=channels.source if source is None else source,
+        provenance={**notes, **(provenance or {}), **done},
+    )
 
 
 def as_recording(recorded: Recorded) -> Recording:
@@ -155,7 +159,7 @@ class _Channels:
     values: dict[str, ArrayLike]  # by the names that Contact gives them
     made: dict[str, str]  # how, in words
     source: str = ""
-    notes: dict[str, str] = dataclasses.field(default_factory=dict)
+    notes: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
 
 def _of_arrays(given: dict[str, ArrayLike], provenance: dict[str, str]) -> _Channels:
@@ -192,8 +196,7 @@ def _of_recording(recording: Recording, columns: Columns) -> _Channels:
     if segment in recording.channels:
         values["segment"] = _known(recording.channels[segment])
     _check_time(recording, columns.time, values)
-    notes = {f"note on {key}" if key in made else key: v for key, v in recording.notes.items()}
-    return _Channels(values, made, recording.source, notes)
+    return _Channels(values, made, recording.source, recording.notes)
 
 
 def _contact_of(channels: _Channels, window: float | None) -> Contact:
@@ -239,7 +242,7 @@ def _check_time(recording: Recording, name: str, values: dict[str, ArrayLike]) -
 
 
 def _array(column: Any) -> NDArray[Any]:
-    values = np.ma.asarray(column) if np.ma.isMaskedArray(column) else np.asarray(column)
+    values: NDArray[Any] = np.asanyarray(column)
     if values.dtype == object and hasattr(column, "isna"):  # what pandas calls NA is no number
         return np.where(column.isna(), np.nan, values)
     return values

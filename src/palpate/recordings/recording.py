@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import MissingChannelError, RecordingError
+from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
 from palpate.validation import Floats
 
 
@@ -29,6 +29,11 @@ class Recording:
         What the file says of itself, in words.
     rows : sequence of int, optional
         The row of the file that each sample stands in, for messages; None where there are none.
+
+    Raises
+    ------
+    InvalidParameterError
+        A channel is no array.
     """
 
     channels: Mapping[str, NDArray[Any]]
@@ -36,6 +41,17 @@ class Recording:
     source: str = ""
     notes: Mapping[str, str] = field(default_factory=dict)
     rows: Sequence[int] | None = None
+
+    def __post_init__(self) -> None:
+        channels = {}
+        for name, values in self.channels.items():
+            try:
+                channels[name] = np.asanyarray(values)
+            except (TypeError, ValueError):
+                raise InvalidParameterError(
+                    f"channel {name!r} must be an array, not {type(values).__name__}"
+                ) from None
+        object.__setattr__(self, "channels", channels)
 
     def numbers(self, name: str) -> Floats:
         """Return a channel as numbers; NaN where it is masked.
