@@ -243,9 +243,10 @@ def test_time_runs_back_at_a_segments_border_only(tmp_path):
         prepare(written(tmp_path / "s.csv", text_of(rows, (*HEADER, "segment"))))
 
 
-def test_a_velocity_column_that_was_asked_for_has_to_exist(tmp_path):
-    with pytest.raises(RecordingError, match="no column 'speed'"):
-        prepare(recording(tmp_path), columns=Columns(velocity="speed"))
+@pytest.mark.parametrize("name", ["velocity", "segment"])
+def test_a_column_that_was_asked_for_has_to_exist(tmp_path, name):
+    with pytest.raises(RecordingError, match="no column 'mine'"):
+        prepare(recording(tmp_path), columns=Columns(**{name: "mine"}))
 
 
 def test_the_reader_knows_no_option_of_a_command(tmp_path):
@@ -271,9 +272,9 @@ def test_a_name_that_no_file_can_have_is_refused_in_words(tmp_path, name):
 @pytest.mark.skipif(sys.platform in ("darwin", "win32"), reason="file names are text there")
 def test_a_file_name_that_is_no_utf_8_can_be_printed(tmp_path):
     good = recording(tmp_path).read_bytes()
-    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9.csv"))
+    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xe9t\xe9.csv"))
     contact = prepare(written(path, good))
-    assert contact.source == f"{tmp_path}/caf\\xe9.csv"
+    assert contact.source == f"{tmp_path}/\\xe9t\\xe9.csv"
     path.unlink()
     with pytest.raises(RecordingError) as caught:
         prepare(path)

@@ -253,6 +253,13 @@ def test_a_recordings_channels_are_arrays():
         Recording({"a": [[1], [2, 3]]})
 
 
+@pytest.mark.parametrize("name", TABLE)
+@pytest.mark.parametrize("filling", [1.0, "1.0"])
+def test_a_channel_of_several_numbers_a_sample_is_refused(name, filling):
+    with pytest.raises(RecordingError, match=rf"'{name}': one number a .*\(600, 3\)"):
+        prepare(recorded(**{name: np.full((600, 3), filling)}))
+
+
 def test_a_format_is_one_function_and_one_row(monkeypatch, tmp_path):
     monkeypatch.setitem(palpate.recordings.READERS, ".toy", lambda path: recorded())
     assert numbers(prepare(tmp_path / "a.TOY")) == numbers(prepare(recorded()))

@@ -260,8 +260,8 @@ def _not_finite(contact: Contact) -> str:
     for name, wrong in {"penetration": penetration, "velocity": velocity, "force": force}.items():
         if wrong.any():
             origin = f" ({contact.provenance[name]})" if name in contact.provenance else ""
-            words.append(f"{name}{origin} is NaN or infinite in {wrong.sum()} of {wrong.size}")
-    return ", ".join(words)
+            words.append(f"{name}{origin} is NaN or infinite in {wrong.sum()}")
+    return f"{', '.join(words)} of {len(contact)} samples"
 
 
 def _largest(values: Floats) -> str:

@@ -20,12 +20,12 @@ _SI = {"time": "s", "penetration": "m", "velocity": "m/s", "force": "N"}
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Columns:
-    """Which column is which; ``velocity`` and ``segment`` may be absent.
+    """Which column is which; ``velocity`` and ``segment`` may be absent under their default names.
 
     Parameters
     ----------
     time, penetration, force, velocity : str
-        Columns in s, m, N and m/s. A velocity column named here other than the default must exist.
+        Columns in s, m, N and m/s.
     segment : str
         A label that changes where a separate contact begins.
     """
@@ -157,7 +157,7 @@ def as_recording(recorded: Recorded) -> Recording:
 @dataclasses.dataclass(frozen=True, slots=True)
 class _Channels:
     values: dict[str, ArrayLike]  # by the names that Contact gives them
-    made: dict[str, str]  # how, in words
+    provenance: dict[str, str]
     source: str = ""
     notes: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
@@ -177,9 +177,10 @@ def _of_arrays(given: dict[str, ArrayLike], provenance: dict[str, str]) -> _Chan
 
 def _of_recording(recording: Recording, columns: Columns) -> _Channels:
     names = dataclasses.asdict(columns)
-    segment = names.pop("segment")
-    if columns.velocity == Columns().velocity and columns.velocity not in recording.channels:
-        del names["velocity"]
+    for channel in ("velocity", "segment"):
+        if names[channel] == getattr(Columns(), channel) not in recording.channels:
+            del names[channel]
+    segment = names.pop("segment", None)
     values: dict[str, ArrayLike] = {}
     made = {}
     for channel, name in names.items():
@@ -189,12 +190,12 @@ def _of_recording(recording: Recording, columns: Columns) -> _Channels:
             raise RecordingError(
                 f"{recording.place(name)}: the {channel} is in {unit}; convert it to {_SI[channel]}"
             )
-        masked = _masked(recording.channels[name])
+        masked = _masked(recording.channel(name))
         made[channel] = f"column {name!r}" + (f"; {masked}" if masked else "")
         values[channel] = numbers
     made.pop("time")
-    if segment in recording.channels:
-        values["segment"] = _known(recording.channels[segment])
+    if segment is not None:
+        values["segment"] = _known(recording.channel(segment))
     _check_time(recording, columns.time, values)
     return _Channels(values, made, recording.source, recording.notes)
 
@@ -209,7 +210,7 @@ def _contact_of(channels: _Channels, window: float | None) -> Contact:
         velocity=channels.values.get("velocity", np.zeros_like(time)),
         force=force,
         segment=channels.values.get("segment"),
-        provenance=channels.made,
+        provenance=channels.provenance,
     )
     if "velocity" in channels.values:
         return contact
@@ -217,7 +218,7 @@ def _contact_of(channels: _Channels, window: float | None) -> Contact:
     return dataclasses.replace(
         contact,
         velocity=np.concatenate([np.empty(0), *parts]),
-        provenance={**channels.made, "velocity": "centred quadratic Savitzky–Golay filter"},
+        provenance={**channels.provenance, "velocity": "centred quadratic Savitzky–Golay filter"},
     )
 
 

@@ -53,6 +53,18 @@ class Recording:
                 ) from None
         object.__setattr__(self, "channels", channels)
 
+    def channel(self, name: str) -> NDArray[Any]:
+        """Return a channel as it was recorded.
+
+        Raises
+        ------
+        MissingChannelError
+            There is no channel of this name.
+        """
+        if name not in self.channels:
+            raise MissingChannelError(name, list(self.channels), self.source)
+        return self.channels[name]
+
     def numbers(self, name: str) -> Floats:
         """Return a channel as numbers; NaN where it is masked.
 
@@ -61,11 +73,14 @@ class Recording:
         MissingChannelError
             There is no channel of this name.
         RecordingError
-            It holds something other than numbers: the message says where.
+            It holds something other than one number a sample: the message says where.
         """
-        if name not in self.channels:
-            raise MissingChannelError(name, list(self.channels), self.source)
-        values = self.channels[name]
+        values = self.channel(name)
+        if values.ndim != 1:
+            raise RecordingError(
+                f"{self.place(name)}: one number a sample is needed, and this has the shape "
+                f"{values.shape}"
+            )
         if values.dtype.kind in "fiub":
             return unmasked(values)
         if values.dtype.kind in "OUS":
