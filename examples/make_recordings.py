@@ -8,12 +8,13 @@ header say which law made the force, and how coarse and noisy the sensors were. 
 ``lab``.
 """
 
+import dataclasses
 import sys
 from pathlib import Path
 
 import numpy as np
 
-from palpate import Contact, HuntCrossley
+from palpate import Contact, HuntCrossley, prepare, write_contact
 from palpate.design import PAPER_MOTION, Motion
 from palpate.lab import (
     BALL,
@@ -26,7 +27,6 @@ from palpate.lab import (
     Probing,
     Sensors,
     Tapping,
-    write,
 )
 
 HERE = Path(__file__).parent
@@ -44,8 +44,9 @@ def with_tachometer(seed: int) -> Contact:
     noise = 2e-4 * np.random.default_rng(seed).standard_normal(len(run.truth))
     velocity = run.truth.velocity + noise
     seen = run.contact
-    made = {**seen.made, "velocity": "measured by a tachometer, noise 0.0002 m/s rms"}
-    return Contact(seen.time, seen.penetration, velocity, seen.force, made=made)
+    measured = {"velocity": "measured by a tachometer, noise 0.0002 m/s rms"}
+    provenance = {**seen.provenance, **measured}
+    return dataclasses.replace(seen, velocity=velocity, provenance=provenance)
 
 
 def in_segments(seed: int) -> Contact:
@@ -55,13 +56,12 @@ def in_segments(seed: int) -> Contact:
     for k, depth in enumerate((12e-3, 8e-3, 10e-3, 6e-3)):
         touch = Tapping((depth,), rate=0.9, pause=0.4)
         parts.append(Bench(PVC, touch, IdealProbe(), sensors).run(seed + k, seconds=1.5).contact)
-    return Contact(
-        np.concatenate([part.time + 3.0 * k for k, part in enumerate(parts)]),
-        np.concatenate([part.penetration for part in parts]),
-        None,
-        np.concatenate([part.force for part in parts]),
+    return prepare(
+        time=np.concatenate([part.time + 3.0 * k for k, part in enumerate(parts)]),
+        penetration=np.concatenate([part.penetration for part in parts]),
+        force=np.concatenate([part.force for part in parts]),
         segment=np.repeat(np.arange(1, 5), [len(part) for part in parts]),
-        made=parts[0].made,
+        provenance=parts[0].provenance,
     )
 
 
@@ -82,11 +82,11 @@ def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "recordings"
     folder.mkdir(parents=True, exist_ok=True)
     maker = {"made by": "examples/make_recordings.py"}
-    write(robot_on(BALL, seed=1), folder / "ball.csv", maker)
-    write(robot_on(SPONGE, seed=2), folder / "sponge.csv", maker)
-    write(with_tachometer(seed=3), folder / "phantom.csv", maker, velocity=True)
-    write(in_segments(seed=4), folder / "tapping.csv", maker)
-    write(under_a_bead(seed=5), folder / "microscale.csv", maker)
+    write_contact(robot_on(BALL, seed=1), folder / "ball.csv", maker)
+    write_contact(robot_on(SPONGE, seed=2), folder / "sponge.csv", maker)
+    write_contact(with_tachometer(seed=3), folder / "phantom.csv", maker, velocity=True)
+    write_contact(in_segments(seed=4), folder / "tapping.csv", maker)
+    write_contact(under_a_bead(seed=5), folder / "microscale.csv", maker)
 
 
 if __name__ == "__main__":

@@ -9,14 +9,14 @@ numbers come from your encoder, its velocity filter and your force sensor, all e
 import sys
 from pathlib import Path
 
-from palpate import ContactGate, SingleStageRLS, read_contact
+from palpate import ContactGate, SingleStageRLS, prepare
 
 BALL = Path(__file__).parent / "recordings" / "ball.csv"
 
 
 def main() -> None:
     """Feel one recording, sample by sample."""
-    contact = read_contact(sys.argv[1] if len(sys.argv) > 1 else BALL)
+    contact = prepare(sys.argv[1] if len(sys.argv) > 1 else BALL)
     samples = zip(
         contact.time.tolist(),
         contact.penetration.tolist(),

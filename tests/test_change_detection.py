@@ -158,7 +158,8 @@ def test_trace_identification_and_estimate_tell_the_same_changes() -> None:
     motion = three_sines(9.0)
     clean = switched(PVC, INCLUSION, motion, SWITCH)
     clean[6000:] = PVC.force(motion.x, motion.v)[6000:]
-    contact = Contact(5.0 + motion.time, motion.x, motion.v, clean + white(len(motion), 4))
+    force = clean + white(len(motion), 4)
+    contact = Contact(5.0 + motion.time, penetration=motion.x, velocity=motion.v, force=force)
     result = identify(contact, VariableProjection(change_detector=ChangeDetector()))
     assert result.changes == pytest.approx([8.0, 11.0], abs=1e-3 * A_FEW_MS)
     assert np.array_equal(result.changes, contact.time[alarms(result.trace.status)])

@@ -7,7 +7,6 @@ from importlib import metadata
 
 import numpy as np
 import pytest
-from cases import Signals
 from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
 
 import palpate
@@ -30,7 +29,7 @@ def test_identify_prints_a_table_that_a_person_reads(run, good):
     assert (status, err) == (0, "")
     assert "600 samples" in out
     assert "variable-" in out
-    law = palpate.identify(palpate.read_contact(good)).law
+    law = palpate.identify(palpate.prepare(good)).law
     for symbol, value in zip(law.symbols, law.parameters, strict=True):
         assert f"{symbol} = {value:.4g}" in out
     assert "N/mⁿ" in out
@@ -83,7 +82,7 @@ def test_json_is_one_object_of_the_agreed_shape(run, good):
 def test_json_says_beyond_that_only_how_the_numbers_were_made(run, good):
     """So that a field that goes, comes or changes its name is noticed."""
     whole = json.loads(run("identify", good, "--json")[1])
-    assert sorted(whole) == ["file", "gate", "made", "results", "samples", "scale"]
+    assert sorted(whole) == ["file", "gate", "provenance", "results", "samples", "scale"]
     assert sorted(whole["gate"]) == ["break_force", "make_force", "minimum_penetration"]
     assert sorted(whole["scale"]) == ["force", "penetration", "velocity"]
     [result] = whole["results"]
@@ -93,7 +92,7 @@ def test_json_says_beyond_that_only_how_the_numbers_were_made(run, good):
 
 
 def test_json_holds_the_numbers_of_the_library(run, good):
-    results = palpate.compare(palpate.read_contact(good))
+    results = palpate.compare(palpate.prepare(good))
     printed = results_of(run("compare", good, "--json")[1])
     assert printed == {method: result.as_dict() for method, result in results.items()}
 
@@ -121,7 +120,7 @@ def test_columns_are_mapped(run, tmp_path):
         "--velocity", "speed",
     )  # fmt: skip
     assert status == 0
-    contact = palpate.Contact(*(getattr(SIGNALS, name) for name in Signals.__annotations__))
+    contact = palpate.Contact(**vars(SIGNALS))
     expected = palpate.identify(contact).law
     law = results_of(out)["variable-projection"]["law"]
     assert law == {"kind": "hunt-crossley", **expected.as_dict()}
@@ -230,3 +229,20 @@ def test_what_is_printed_does_not_depend_on_the_run(run, good):
     assert np.isfinite(
         json.loads(run("identify", good, "--json")[1])["results"][0]["fit_rmse_percent"]
     )
+
+
+NO_TRUTH = {
+    "deep": "[" * 100_000,
+    "no law": '{"kind": "magic"}',
+    "of a number beyond all floats": '{"kind": "kelvin-voigt", "damping": 1, "stiffness": 1%s}'
+    % ("0" * 400),
+}
+
+
+@pytest.mark.parametrize("words", NO_TRUTH.values(), ids=NO_TRUTH)
+def test_a_note_that_states_no_truth_is_passed_over(run, good, words):
+    good.write_text(f"# truth: {words}\n{good.read_text()}")
+    status, out, err = run("identify", good)
+    assert (status, err) == (0, "")
+    assert "600 samples" in out
+    assert "truth" not in out

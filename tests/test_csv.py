@@ -1,13 +1,15 @@
-"""Contacts read from CSV files: what is taken as it is, and what is refused by row and column."""
+"""CSV files: what is taken as it is, what is refused by row and column, and what is written."""
 
 import math
+import os
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
 
-from palpate import Columns, RecordingError, read_contact
+from palpate import Columns, RecordingError, open_recording, prepare, write_contact
 from palpate.preparation.velocity import velocity_of
 
 
@@ -17,7 +19,7 @@ def with_column(rows, values):
 
 def test_a_good_file_is_read_to_the_last_bit(tmp_path):
     path = recording(tmp_path)
-    contact = read_contact(path)
+    contact = prepare(path)
     for name in ("time", "penetration", "force"):
         assert np.array_equal(getattr(contact, name), getattr(SIGNALS, name))
     assert np.array_equal(contact.velocity, velocity_of(SIGNALS.time, SIGNALS.penetration))
@@ -26,28 +28,58 @@ def test_a_good_file_is_read_to_the_last_bit(tmp_path):
 
 
 def test_a_contact_says_how_each_channel_was_made(tmp_path):
-    made = read_contact(recording(tmp_path)).made
-    assert made["penetration"] == "column 'penetration_m'"
-    assert made["force"] == "column 'force_N'"
-    assert "Savitzky" in made["velocity"]
+    provenance = prepare(recording(tmp_path)).provenance
+    assert provenance["penetration"] == "column 'penetration_m'"
+    assert provenance["force"] == "column 'force_N'"
+    assert "Savitzky" in provenance["velocity"]
 
 
 def test_a_path_may_be_text(tmp_path):
-    assert len(read_contact(str(recording(tmp_path)))) == 600
+    assert len(prepare(str(recording(tmp_path)))) == 600
+
+
+def test_a_recording_holds_what_the_file_says_and_no_more(tmp_path):
+    text = "# probe: 7\n" + text_of([["0", "1", "2", "a", "5"], ["1", "1", "3", "", "6"]],
+                                    (*HEADER, "remark", "gain"))  # fmt: skip
+    read = open_recording(written(tmp_path / "r.csv", text))
+    assert {name: channel.tolist() for name, channel in read.channels.items()} == {
+        "time_s": [0.0, 1.0],
+        "penetration_m": [1.0, 1.0],
+        "force_N": [2.0, 3.0],
+        "remark": ["a", ""],
+        "gain": [5.0, 6.0],
+    }
+    assert read.units == {"time_s": "s", "penetration_m": "m", "force_N": "N"}
+    assert read.notes == {"probe": "7"}
+    assert read.source == str(tmp_path / "r.csv")
+    assert list(read.rows) == [3, 4]
+
+
+def test_columns_of_one_name_are_told_apart_by_their_place(tmp_path):
+    path = written(tmp_path / "t.csv", text_of([["0", "1", "2", "3"]], (*HEADER, "force_N")))
+    read = open_recording(path)
+    assert list(read.channels)[2:] == ["force_N (column 3)", "force_N (column 4)"]
+    assert prepare(path, columns=Columns(force="force_N (column 4)")).force == 3.0
+
+
+def test_a_long_cell_of_text_widens_no_other(tmp_path):
+    rows = [["0", "1", "2", "x" * 100_000]] + [["1", "1", "2", "y"]] * 3
+    read = open_recording(written(tmp_path / "l.csv", text_of(rows, (*HEADER, "remark"))))
+    assert read.channels["remark"].nbytes < 1000
 
 
 def test_a_velocity_column_is_taken_as_it_is(tmp_path):
     rows = with_column(rows_of(), SIGNALS.velocity.tolist())
     path = written(tmp_path / "v.csv", text_of(rows, (*HEADER, "velocity_m_s")))
-    contact = read_contact(path)
+    contact = prepare(path)
     assert np.array_equal(contact.velocity, SIGNALS.velocity)
-    assert contact.made["velocity"] == "column 'velocity_m_s'"
+    assert contact.provenance["velocity"] == "column 'velocity_m_s'"
 
 
 def test_columns_of_other_names_are_mapped(tmp_path):
     rows = with_column(rows_of(), SIGNALS.velocity.tolist())
     path = written(tmp_path / "m.csv", text_of(rows, ("t", "depth", "Fz", "speed")))
-    contact = read_contact(path, columns=Columns("t", "depth", "Fz", "speed"))
+    contact = prepare(path, columns=Columns("t", "depth", "Fz", "speed"))
     assert np.array_equal(contact.force, SIGNALS.force)
     assert np.array_equal(contact.velocity, SIGNALS.velocity)
 
@@ -55,7 +87,7 @@ def test_columns_of_other_names_are_mapped(tmp_path):
 def test_columns_may_stand_in_any_order_among_others(tmp_path):
     rows = [["note", f, "7", x, t] for t, x, f in rows_of()]
     header = ("remark", "force_N", "gain", "penetration_m", "time_s")
-    contact = read_contact(written(tmp_path / "o.csv", text_of(rows, header)))
+    contact = prepare(written(tmp_path / "o.csv", text_of(rows, header)))
     assert np.array_equal(contact.penetration, SIGNALS.penetration)
     assert np.array_equal(contact.force, SIGNALS.force)
 
@@ -64,7 +96,7 @@ def test_columns_may_stand_in_any_order_among_others(tmp_path):
 @pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"], ids=["unix", "windows", "old mac"])
 def test_commas_semicolons_and_tabs_are_told_apart(tmp_path, delimiter, ending):
     text = text_of(rows_of(), delimiter=delimiter).replace("\n", ending)
-    contact = read_contact(written(tmp_path / "d.csv", text))
+    contact = prepare(written(tmp_path / "d.csv", text))
     assert np.array_equal(contact.force, SIGNALS.force)
 
 
@@ -88,7 +120,7 @@ VARIANTS = {
 
 @pytest.mark.parametrize("change", VARIANTS.values(), ids=VARIANTS)
 def test_how_a_file_is_written_does_not_matter(tmp_path, change):
-    contact = read_contact(written(tmp_path / "v.csv", change(text_of(rows_of()))))
+    contact = prepare(written(tmp_path / "v.csv", change(text_of(rows_of()))))
     assert np.array_equal(contact.time, SIGNALS.time)
     assert np.array_equal(contact.force, SIGNALS.force)
 
@@ -97,7 +129,7 @@ def test_how_a_file_is_written_does_not_matter(tmp_path, change):
 def test_a_segment_column_marks_separate_contacts(tmp_path, labels):
     rows = with_column([["0.1", "1", "2"], ["0.2", "1", "2"], ["0", "1", "2"], ["0.1", "3", "2"],
                         ["0.2", "7", "2"]], labels)  # fmt: skip
-    contact = read_contact(written(tmp_path / "s.csv", text_of(rows, (*HEADER, "segment"))))
+    contact = prepare(written(tmp_path / "s.csv", text_of(rows, (*HEADER, "segment"))))
     edges = [part.start for part in contact.segments()]
     assert edges[-1] == 2
     assert edges[0] == 0
@@ -109,7 +141,7 @@ def test_a_segment_column_marks_separate_contacts(tmp_path, labels):
 def test_not_a_number_is_a_value_that_is_not_known(tmp_path):
     rows = rows_of()
     rows[4][2], rows[5][1] = "nan", "NaN"
-    contact = read_contact(written(tmp_path / "n.csv", text_of(rows)))
+    contact = prepare(written(tmp_path / "n.csv", text_of(rows)))
     assert math.isnan(contact.force[4])
     assert math.isnan(contact.penetration[5])
     assert np.isfinite(contact.force).sum() == 599
@@ -144,12 +176,13 @@ BAD_FILES = {
     "empty": ("", ["empty"]),
     "of blank lines": ("\n \n\n", ["empty"]),
     "of notes only": ("# nothing\n", ["empty"]),
-    "of a header only": (",".join(HEADER) + "\n", ["header but no samples"]),
+    "of a header only": (",".join(HEADER) + "\n", ["columns but no samples"]),
     "without a time column": (without(0), ["no column 'time_s'", "penetration_m, force_N"]),
-    "without a penetration column": (without(1), ["no column 'penetration_m'", "--penetration"]),
+    "without a penetration column": (without(1), ["no column 'penetration_m'", "time_s, force_N"]),
     "without a force column": (without(2), ["no column 'force_N'", "time_s, penetration_m"]),
     "with a column twice": (
-        text_of([["0", "1", "2", "3"]], (*HEADER, "force_N")), ["2 columns", "'force_N'"],
+        text_of([["0", "1", "2", "3"]], (*HEADER, "force_N")),
+        ["no column 'force_N'", "force_N (column 3), force_N (column 4)"],
     ),
     "with text in a cell": (changed(10, 2, "n/a"), ["'force_N'", "row 12", "'n/a'"]),
     "with a decimal comma": (
@@ -174,7 +207,15 @@ BAD_FILES = {
     "of a picture": (b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", ["not a text file"]),
     "of zeros": (bytes(1000), ["not a text file"]),
     "of bytes that happen to be text": (bytes(range(1, 128)), ["no column 'time_s'"]),
-    "in another encoding": (text_of(rows_of()).encode("utf-16"), ["not a text file"]),
+    "in UTF-16": (text_of(rows_of()).encode("utf-16"), ["in UTF-16", "save it as UTF-8"]),
+    "in UTF-16, big end first": (b"\xfe\xff" + text_of([]).encode("utf-16-be"), ["in UTF-16"]),
+    "in UTF-32": (text_of(rows_of()).encode("utf-32"), ["in UTF-32", "save it as UTF-8"]),
+    "in Latin-1": (
+        f"# gauge: 3\n{text_of([['0', '1', '2', '5 µm']], (*HEADER, 'remark'))}".encode("latin-1"),
+        ["row 3", "0xB5", "not UTF-8", "Latin-1", "save it as UTF-8"],
+    ),
+    "in Latin-1 from the first byte": ("µ,time_s".encode("latin-1"), ["row 1", "0xB5"]),
+    "in Latin-1 behind a byte order mark": (b"\xef\xbb\xbfa\r\nb\r\n\xb5", ["row 3", "0xB5"]),
     "with a header of one endless word": ("x" * 200_000 + "\n1,2,3\n", ["row 1", "header"]),
     "with very many columns": (",".join(map(str, range(50_000))), ["no column", "49980 more"]),
     "with an endless quotation": (
@@ -187,7 +228,7 @@ BAD_FILES = {
 def test_a_bad_file_is_refused_by_file_column_and_row(tmp_path, content, words):
     path = written(tmp_path / "bad.csv", content)
     with pytest.raises(RecordingError) as caught:
-        read_contact(path)
+        prepare(path)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     for word in words:
@@ -199,16 +240,68 @@ def test_a_bad_file_is_refused_by_file_column_and_row(tmp_path, content, words):
 def test_time_runs_back_at_a_segments_border_only(tmp_path):
     rows = with_column([["0", "1", "1"], ["1", "1", "1"], ["0", "1", "1"], ["0", "1", "1"]], "aabb")
     with pytest.raises(RecordingError, match="row 5: 0 s repeats"):
-        read_contact(written(tmp_path / "s.csv", text_of(rows, (*HEADER, "segment"))))
+        prepare(written(tmp_path / "s.csv", text_of(rows, (*HEADER, "segment"))))
 
 
-def test_a_velocity_column_that_was_asked_for_has_to_exist(tmp_path):
-    with pytest.raises(RecordingError, match="no column 'speed'"):
-        read_contact(recording(tmp_path), columns=Columns(velocity="speed"))
+@pytest.mark.parametrize("name", ["velocity", "segment"])
+def test_a_column_that_was_asked_for_has_to_exist(tmp_path, name):
+    with pytest.raises(RecordingError, match="no column 'mine'"):
+        prepare(recording(tmp_path), columns=Columns(**{name: "mine"}))
+
+
+def test_the_reader_knows_no_option_of_a_command(tmp_path):
+    with pytest.raises(RecordingError) as caught:
+        prepare(written(tmp_path / "w.csv", without(1)))
+    assert "--" not in str(caught.value).replace(str(tmp_path), "")
+
+
+def test_rows_are_counted_in_lines_of_the_file(tmp_path):
+    """A remark of two lines: what follows stands a line further down."""
+    rows = [["0", "1", "1", '"two\nlines"'], ["1", "1", "1", ""], ["0.5", "1", "1", ""]]
+    path = written(tmp_path / "q.csv", text_of(rows, (*HEADER, "remark")))
+    with pytest.raises(RecordingError, match=r"row 5: 0\.5 s runs back"):
+        prepare(path)
+
+
+@pytest.mark.parametrize("name", ["a" * 300 + ".csv", "zero\0byte.csv"], ids=["long", "zero"])
+def test_a_name_that_no_file_can_have_is_refused_in_words(tmp_path, name):
+    with pytest.raises(RecordingError, match="check the path"):
+        prepare(tmp_path / name)
+
+
+@pytest.mark.skipif(sys.platform in ("darwin", "win32"), reason="file names are text there")
+def test_a_file_name_that_is_no_utf_8_can_be_printed(tmp_path):
+    good = recording(tmp_path).read_bytes()
+    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xe9t\xe9.csv"))
+    contact = prepare(written(path, good))
+    assert contact.source == f"{tmp_path}/\\xe9t\\xe9.csv"
+    path.unlink()
+    with pytest.raises(RecordingError) as caught:
+        prepare(path)
+    str(caught.value).encode()
 
 
 def test_a_folder_and_a_path_to_nothing_are_refused(tmp_path):
     for path in (tmp_path, tmp_path / "absent.csv", Path(recording(tmp_path)) / "below.csv"):
         with pytest.raises(RecordingError) as caught:
-            read_contact(path)
+            prepare(path)
         assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_a_written_contact_is_read_back_with_its_notes_and_its_segments(tmp_path):
+    given = prepare(**vars(SIGNALS), segment=np.arange(600) // 200, provenance={"tare": "none"})
+    write_contact(given, tmp_path / "w.csv", {"made by": "a test"}, velocity=True)
+    read = prepare(tmp_path / "w.csv")
+    for name in ("time", "penetration", "velocity", "force"):
+        expected = getattr(given, name)
+        atol = 1e-7 * np.abs(expected).max()  # seven digits
+        np.testing.assert_allclose(getattr(read, name), expected, rtol=1e-6, atol=atol)
+    assert list(read.segments()) == list(given.segments())
+    assert read.provenance["made by"] == "a test"
+    assert read.provenance["tare"] == "none"
+
+
+def test_a_velocity_that_was_worked_out_is_not_written(tmp_path):
+    given = prepare(recording(tmp_path))
+    write_contact(given, tmp_path / "w.csv")
+    assert "velocity" not in (tmp_path / "w.csv").read_text()

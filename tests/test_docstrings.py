@@ -9,15 +9,15 @@ import pytest
 
 import palpate
 from palpate import figures, metrics
-from palpate.preparation import suggestions, velocity
-from palpate.recordings import csv
+from palpate.preparation import preparing, suggestions, velocity
+from palpate.recordings import csv, opening, recording
 
 NAMES = [name for name in palpate.__all__ if name not in ("ESTIMATORS", "FORCE_LAWS")]  # data has a comment
 OWN = [getattr(palpate, name) for name in NAMES]
 CLASSES = [thing for thing in OWN if inspect.isclass(thing)]
 FUNCTIONS = [thing for thing in OWN if not inspect.isclass(thing)]
 FUNCTIONS += [figures.draw, figures.draw_comparison, velocity.velocity_of]
-MODULES = [palpate, figures, metrics, suggestions, velocity, csv]
+MODULES = [palpate, figures, metrics, preparing, suggestions, velocity, csv, opening, recording]
 
 
 def members(kind: type) -> dict[str, object]:

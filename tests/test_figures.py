@@ -15,7 +15,7 @@ from palpate import ESTIMATORS, Contact, InvalidParameterError, RecordingError, 
 
 
 def contact_of(signals: Signals, **more) -> Contact:
-    return Contact(signals.time, signals.penetration, signals.velocity, signals.force, **more)
+    return Contact(**vars(signals), **more)
 
 
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1), source="folder/probe.csv")

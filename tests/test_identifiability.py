@@ -24,7 +24,7 @@ from probing import (
 )
 from scipy.stats import binom
 
-from palpate import Estimate, HuntCrossley, VariableProjection, identify, read_contact
+from palpate import Estimate, HuntCrossley, VariableProjection, identify, prepare
 
 DATA = Path(os.environ.get("PALPATE_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
@@ -149,7 +149,7 @@ def test_microrheology_is_flagged(name: str) -> None:
     path = DATA / name
     if not path.is_file():
         pytest.skip(f"{name} is not beside this checkout: its licence does not allow a copy here")
-    contact = read_contact(path)
+    contact = prepare(path)
     table = np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding="utf-8")
     oscillating = table["kind"] == "modulation"  # by 15 nm; the rest is a pause and a quick stroke
     assert oscillating.any()

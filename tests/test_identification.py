@@ -4,8 +4,11 @@ import dataclasses
 import math
 
 import numpy as np
+import pandas
+import polars
 import pytest
 from cases import MATERIALS, Signals, bits, exciting, tapping
+from recordings import recording
 
 import palpate
 from palpate import (
@@ -26,7 +29,7 @@ from palpate.preparation.suggestions import suggest_gate, suggest_scale
 
 
 def contact_of(signals: Signals, **more) -> Contact:
-    return Contact(signals.time, signals.penetration, signals.velocity, signals.force, **more)
+    return Contact(**vars(signals), **more)
 
 
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1))
@@ -180,7 +183,8 @@ def test_the_guards_work_is_flagged():
 def test_refused_samples_are_flagged_with_their_number():
     force = BALL.force.copy()
     force[[100, 200, 300]] = math.nan
-    assert "3 samples refused: not finite" in flags_of(dataclasses.replace(BALL, force=force))
+    flags = flags_of(dataclasses.replace(BALL, force=force))
+    assert "3 samples refused: not finite: force is NaN or infinite in 3 of 1000" in flags
     force[[100, 200, 300]] = 1e300
     assert "3 samples refused: out of range" in flags_of(dataclasses.replace(BALL, force=force))
 
@@ -195,17 +199,66 @@ def test_a_probe_that_never_touches_is_an_error_that_names_the_gate_and_the_larg
 
 def test_no_samples_are_an_error():
     with pytest.raises(RecordingError, match="there are no samples"):
-        identify(Contact([], [], [], []))
+        identify(contact_of(BALL[:0]))
 
 
 def test_channels_of_which_nothing_is_known_are_an_error():
     unknown = np.full(10, math.nan)
+    contact = Contact(np.arange(10.0), penetration=unknown, velocity=unknown, force=unknown)
     with pytest.raises(RecordingError, match="the largest are no m and no N"):
-        identify(Contact(np.arange(10.0), unknown, unknown, unknown))
+        identify(contact)
 
 
-def test_what_is_no_contact_and_what_is_no_estimator_are_refused_by_name():
-    with pytest.raises(InvalidParameterError, match="^contact must be a Contact"):  # noqa: RUF043
+def test_a_contact_without_any_velocity_says_so_and_where_it_came_from():
+    unknown = dataclasses.replace(BALL, velocity=np.full(len(BALL), math.nan))
+    origin = {"velocity": "column 'speed'"}
+    with pytest.raises(
+        RecordingError, match=r"^p\.csv: no sample of the contact has a vel"
+    ) as caught:
+        identify(contact_of(unknown, source="p.csv", provenance=origin))
+    words = str(caught.value)
+    assert "velocity (column 'speed') is NaN or infinite in 1000 of 1000" in words
+    assert "worked out from the penetration" in words
+    # In contact only: the rest of the channel does not hide it.
+    contact = contact_of(tapping(MATERIALS["ball"]), provenance=origin)
+    known = np.where(contact.penetration > 0.0, math.nan, contact.velocity)
+    assert 0 < np.isfinite(known).sum() < len(known)
+    with pytest.raises(RecordingError, match="no sample of the contact has a velocity"):
+        identify(dataclasses.replace(contact, velocity=known), "kelvin-voigt")
+
+
+def test_a_channel_that_is_not_finite_is_named_once_with_where_it_came_from():
+    depth = BALL.penetration.copy()
+    depth[[100, 200]] = math.nan
+    table = {"time_s": BALL.time, "penetration_m": depth, "force_N": BALL.force}
+    flags = "; ".join(identify(palpate.Recording(table)).flags)
+    # The velocity is worked out from the depth: that it is not known either goes without saying.
+    words = "penetration (column 'penetration_m') is NaN or infinite in 2 of 1000"
+    assert f"2 samples refused: not finite: {words}" in flags
+    assert "velocity" not in flags
+
+
+@pytest.mark.parametrize("frame", [pandas.DataFrame, polars.DataFrame])
+def test_identify_and_compare_take_what_is_not_yet_a_contact(frame, tmp_path):
+    path = recording(tmp_path)
+    contact = palpate.prepare(path)
+    expected = {name: bits(result.trace) for name, result in compare(contact).items()}
+    opened = palpate.open_recording(path)
+    for source in (path, str(path), opened, frame(dict(opened.channels))):
+        assert bits(identify(source).trace) == expected["variable-projection"]
+        results = compare(source, gate=None)
+        assert {name: bits(result.trace) for name, result in results.items()} == expected
+
+
+def test_an_estimator_may_be_given_by_its_name(kind):
+    assert bits(identify(CONTACT, kind.method).trace) == bits(identify(CONTACT, kind()).trace)
+
+
+def test_what_is_no_recording_and_what_is_no_estimator_are_refused_by_name():
+    with pytest.raises(InvalidParameterError, match=r"^recording must be a Recording"):
         identify([1.0, 2.0])
-    with pytest.raises(InvalidParameterError, match="^estimator must be a ContactEstimator"):  # noqa: RUF043
-        identify(CONTACT, "single-stage")
+    for wrong in ("spring", SingleStageRLS, 3):
+        with pytest.raises(InvalidParameterError, match=r"^estimator must be a Con") as caught:
+            identify(CONTACT, wrong)
+        assert all(name in str(caught.value) for name in METHODS)
+        assert repr(wrong) in str(caught.value)

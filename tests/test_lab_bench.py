@@ -43,7 +43,7 @@ def test_without_a_pause_the_bias_stays_and_the_recording_says_so():
     trajectory = lab.Probing(pause=0.0)
     run = lab.Bench(lab.BALL, trajectory, IDEAL, lab.Sensors(force_bias=5.0)).run(seed=1)
     assert abs((run.contact.force - run.truth.force).mean()) > 0.1
-    assert "bias is still in" in run.contact.made["tare"]
+    assert "bias is still in" in run.contact.provenance["tare"]
 
 
 def test_the_penetration_of_an_ideal_probe_can_be_rounded():
@@ -60,7 +60,7 @@ def test_the_same_seed_gives_the_same_file_and_another_does_not(probe, tmp_path)
     bench = lab.Bench(lab.PVC, lab.THREE_SINES, probe)
     files = [tmp_path / f"{k}.csv" for k in range(3)]
     for file, seed in zip(files, (4, 4, 5), strict=True):
-        lab.write(bench.run(seed, seconds=4.0).contact, file)
+        palpate.write_contact(bench.run(seed, seconds=4.0).contact, file)
     same, again, other = (file.read_bytes() for file in files)
     assert same == again
     assert same != other
@@ -68,13 +68,13 @@ def test_the_same_seed_gives_the_same_file_and_another_does_not(probe, tmp_path)
 
 def test_a_file_gives_back_the_contact_and_its_truth(tmp_path):
     contact = lab.Bench(lab.PVC, lab.THREE_SINES, IDEAL).run().contact
-    lab.write(contact, tmp_path / "pvc.csv", notes={"made by": "this test"})
-    read = palpate.read_contact(tmp_path / "pvc.csv")
+    palpate.write_contact(contact, tmp_path / "pvc.csv", notes={"made by": "this test"})
+    read = palpate.prepare(tmp_path / "pvc.csv")
     np.testing.assert_allclose(read.time, contact.time, rtol=1e-8)
     np.testing.assert_allclose(read.force, contact.force, rtol=1e-6, atol=1e-9)
-    assert json.loads(read.made["truth"]) == lab.PVC.describe()
-    assert read.made["made by"] == "this test"
-    assert "removed" in read.made["tare"]
+    assert json.loads(read.provenance["truth"]) == lab.PVC.describe()
+    assert read.provenance["made by"] == "this test"
+    assert "removed" in read.provenance["tare"]
 
 
 @pytest.mark.parametrize("name", IN_CLASS)

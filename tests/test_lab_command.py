@@ -19,7 +19,7 @@ def test_what_lab_writes_identify_reads_and_finds_the_truth_in(run, tmp_path):
     assert (status, err) == (0, "")
     assert '"stiffness": 100000.0' in out
     whole = json.loads(run("identify", file, "--json")[1])
-    assert json.loads(whole["made"]["truth"]) == lab.PVC.describe()
+    assert json.loads(whole["provenance"]["truth"]) == lab.PVC.describe()
     [result] = whole["results"]
     for name, value in lab.PVC.law.as_dict().items():
         assert abs(result["law"][name] - value) < 3.0 * result["standard_errors"][name]
@@ -38,7 +38,7 @@ def test_identify_shows_the_truth_that_a_file_states_beside_what_it_found(run, t
 def test_the_command_makes_the_file_that_the_library_makes(run, tmp_path):
     run("lab", "sponge", "--trajectory", "two-sines", "-o", tmp_path / "a.csv", *QUICK)
     contact = lab.Bench(lab.SPONGE, lab.TWO_SINES).run(3, seconds=4.0).contact
-    read = palpate.read_contact(tmp_path / "a.csv")
+    read = palpate.prepare(tmp_path / "a.csv")
     np.testing.assert_allclose(read.penetration, contact.penetration, rtol=1e-6)
 
 
@@ -50,7 +50,7 @@ def test_the_command_makes_the_file_that_the_library_makes(run, tmp_path):
 def test_every_material_and_every_trajectory_is_there(run, tmp_path, material, trajectory):
     file = tmp_path / "any.csv"
     assert run("lab", material, "--trajectory", trajectory, "-o", file, *QUICK)[0] == 0
-    contact = palpate.read_contact(file)
+    contact = palpate.prepare(file)
     assert len(contact) == 4000
     assert contact.force.max() > 0.5
 
@@ -67,14 +67,14 @@ def test_a_law_of_ones_own_is_pressed(run, tmp_path, law):
     file = tmp_path / "own.csv"
     status, _, err = run("lab", *law, "--probe", "ideal", "-o", file, *QUICK)
     assert (status, err) == (0, "")
-    assert json.loads(palpate.read_contact(file).made["truth"])["kind"] == law[0]
+    assert json.loads(palpate.prepare(file).provenance["truth"])["kind"] == law[0]
 
 
 def test_sensors_can_be_switched_off(run, tmp_path):
     file = tmp_path / "ball.csv"
     off = ("--noise", 0, "--resolution", 0, "--bias", 0, "--counts", 0)
     run("lab", "ball", "-o", file, *off, *QUICK)
-    law = palpate.identify(palpate.read_contact(file)).law
+    law = palpate.identify(palpate.prepare(file)).law
     np.testing.assert_allclose(law.parameters, lab.BALL.law.parameters, rtol=1e-3)
 
 
@@ -87,7 +87,7 @@ def test_a_motion_from_a_file_is_followed(run, tmp_path):
     file = tmp_path / "ball.csv"
     status, _, err = run("lab", "ball", "--trajectory", motion, "-o", file, *QUICK)
     assert (status, err) == (0, "")
-    assert palpate.read_contact(file).penetration.max() == pytest.approx(8e-3, rel=0.2)
+    assert palpate.prepare(file).penetration.max() == pytest.approx(8e-3, rel=0.2)
 
 
 @pytest.mark.parametrize("ending", [".png", ".svg"])

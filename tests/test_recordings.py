@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate import ESTIMATORS, ContactGate, RecordingError, SingleStageRLS, read_contact
+from palpate import ESTIMATORS, ContactGate, RecordingError, SingleStageRLS, prepare
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 FOLDER = Path(os.environ.get("PALPATE_DATA", BESIDE))
@@ -51,9 +51,9 @@ def window_of(contact: palpate.Contact, fit: dict) -> palpate.Contact:
 def test_every_recording_runs_through_every_method(path):
     if not has_penetration(path):
         with pytest.raises(RecordingError, match="no column 'penetration_m'"):
-            read_contact(path)
+            prepare(path)
         return
-    contact = read_contact(path)
+    contact = prepare(path)
     results = palpate.compare(contact)
     assert list(results) == list(ESTIMATORS)
     for result in results.values():
@@ -67,7 +67,7 @@ def test_every_recording_runs_through_every_method(path):
 @pytest.mark.parametrize("path", files("A_*.json", "D_dvrk_palpation_trial4_a.json"))
 def test_the_single_stage_fits_as_the_reference_does(path):
     fit = json.loads(path.read_text())["fit"]
-    contact = window_of(read_contact(path.with_suffix(".csv")), fit)
+    contact = window_of(prepare(path.with_suffix(".csv")), fit)
     gate = ContactGate(fit["x_min"], make_force=fit["F_min"], break_force=fit["F_min"])
     result = palpate.identify(contact, SingleStageRLS(gate=gate))
     # 0.5 points is what the issue asks; the velocity filter alone moves it by 0.1.
@@ -77,7 +77,7 @@ def test_the_single_stage_fits_as_the_reference_does(path):
 @pytest.mark.parametrize("path", files("B_*.csv"))
 def test_a_heel_strike_is_known_to_break_condition_ten(path):
     """Far outside the method's validity (README, set B): an honest result says so."""
-    result = palpate.identify(read_contact(path), SingleStageRLS())
+    result = palpate.identify(prepare(path), SingleStageRLS())
     assert result.violated_fraction > 0.1
     assert any("condition 10" in flag for flag in result.flags)
 
@@ -85,7 +85,7 @@ def test_a_heel_strike_is_known_to_break_condition_ten(path):
 @pytest.mark.parametrize("path", files("E_*.csv"))
 def test_a_micro_scale_recording_learns_damping_in_units_of_its_own(path):
     """In SI the log form never learns B here (README, set E); a scale of the data's own does."""
-    contact = read_contact(path)
+    contact = prepare(path)
     scaled = palpate.identify(contact, SingleStageRLS())
     plain = palpate.identify(contact, SingleStageRLS(gate=scaled.gate, scale=palpate.Scale()))
     assert scaled.scale.penetration < 1e-3
@@ -96,7 +96,7 @@ def test_a_micro_scale_recording_learns_damping_in_units_of_its_own(path):
 @pytest.mark.parametrize("path", files("C_*.csv", "B_*.csv", "F_*.csv"))
 def test_velocity_is_bounded_by_what_the_probe_can_do(path):
     """Taken across a border between segments it would jump by metres per second."""
-    contact = read_contact(path)
+    contact = prepare(path)
     assert len(list(contact.segments())) > 1
     inside = np.concatenate(
         [

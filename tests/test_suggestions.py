@@ -8,13 +8,16 @@ import pytest
 from cases import MATERIALS, exciting, tapping
 
 import palpate
-from palpate import Contact, ContactGate, Scale, lab
-from palpate.preparation.suggestions import noise_of, suggest_gate, suggest_scale
+from palpate import Contact, ContactGate, InvalidParameterError, Scale, lab
+from palpate.preparation.suggestions import choose_gate, noise_of, suggest_gate, suggest_scale
 
 
 def contact_of(signals, length: float = 1.0, force: float = 1.0) -> Contact:
     return Contact(
-        signals.time, length * signals.penetration, length * signals.velocity, force * signals.force
+        signals.time,
+        penetration=length * signals.penetration,
+        velocity=length * signals.velocity,
+        force=force * signals.force,
     )
 
 
@@ -67,7 +70,8 @@ def test_the_scale_is_the_largest_of_each_channel_in_contact():
 
 
 def test_a_channel_that_stays_zero_has_the_unit_one():
-    still = Contact(np.arange(10.0), np.full(10, 0.01), np.zeros(10), np.full(10, 2.0))
+    depth, force = np.full(10, 0.01), np.full(10, 2.0)
+    still = Contact(np.arange(10.0), penetration=depth, velocity=np.zeros(10), force=force)
     assert suggest_scale(still) == Scale(0.01, 1.0, 2.0)
 
 
@@ -118,7 +122,8 @@ def test_a_sample_that_no_estimator_takes_sets_nothing(channel, bad):
 
 @pytest.mark.parametrize("sign", [-1.0, 0.0])
 def test_a_probe_that_never_touches_gets_what_refuses_nothing(sign):
-    away = Contact(np.arange(50.0), np.full(50, sign), np.zeros(50), np.full(50, sign))
+    same = np.full(50, sign)
+    away = Contact(np.arange(50.0), penetration=same, velocity=np.zeros(50), force=same)
     assert suggest_gate(away) == ContactGate()
     assert suggest_scale(away) == Scale()
 
@@ -160,6 +165,27 @@ def in_units(law, unit: float) -> float:
     return law.stiffness * unit ** (1.0 - exponent)
 
 
+@pytest.mark.parametrize("given", [{}, {"minimum_penetration": 7e-3}, {"minimum_force": 5.0}])
+def test_a_threshold_that_is_given_wins_and_the_other_is_chosen(given):
+    contact = contact_of(exciting(MATERIALS["ball"], noise=0.05, seed=3))
+    chosen, suggested = choose_gate(contact, **given), suggest_gate(contact)
+    force = given.get("minimum_force")
+    assert chosen == ContactGate(
+        given.get("minimum_penetration", suggested.minimum_penetration),
+        suggested.make_force if force is None else force,
+        suggested.break_force if force is None else force,
+    )
+
+
+@pytest.mark.parametrize("name", ["minimum_penetration", "minimum_force"])
+@pytest.mark.parametrize("bad", [-1.0, math.nan, 1e101, "much"])
+def test_a_threshold_of_no_sense_is_refused_by_the_name_it_was_given_by(name, bad):
+    contact = contact_of(exciting(MATERIALS["ball"], seconds=0.1))
+    with pytest.raises(InvalidParameterError, match=f"^{name} must be") as caught:
+        choose_gate(contact, **{name: bad})
+    assert repr(bad) in str(caught.value)
+
+
 def test_near_the_surface_the_depth_decides_and_not_the_noise_of_the_force():
     contact = lab.Bench(lab.SPONGE, lab.NEAR_SURFACE, lab.IdealProbe()).run().contact
     gate = suggest_gate(contact)
@@ -175,7 +201,7 @@ def test_where_no_depth_tells_touching_from_free_the_force_decides():
     contact = lab.Bench(lab.SPONGE, lab.NEAR_SURFACE, lab.IdealProbe()).run().contact
     # A probe that lifts what it touches off its table: deep, by its own account, and free.
     lifted = np.where(contact.time > 8.0, 0.1, contact.force)
-    gate = suggest_gate(Contact(contact.time, contact.penetration, contact.velocity, lifted))
+    gate = suggest_gate(dataclasses.replace(contact, force=lifted))
     assert gate.break_force == 0.8 * gate.make_force
     assert gate.minimum_penetration < 0.1 * contact.penetration.max()
 

@@ -1,5 +1,7 @@
 """Where the material begins is found, with an error bar, from samples that include the approach."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from probing import (
@@ -45,8 +47,8 @@ def felt_below(
     return clean + offset + white(len(motion), seed)
 
 
-def contact_of(motion: Motion, force: Floats) -> Contact:
-    return Contact(motion.time, motion.x, motion.v, force)
+def contact_of(motion: Motion, force: Floats, **more: Any) -> Contact:
+    return Contact(motion.time, penetration=motion.x, velocity=motion.v, force=force, **more)
 
 
 @pytest.mark.parametrize("surface", [-1.9e-3, 0.0, 0.33e-3, 1.9e-3])
@@ -138,7 +140,7 @@ def test_segments_of_one_contact_are_separated_without_inventing_a_sample() -> N
     motion = tapping(4.0, surface)
     force = felt_below(MATERIALS["ball"], motion, surface, 4)
     segments = np.arange(len(motion)) // 40
-    contact = Contact(motion.time, motion.x, motion.v, force, segment=segments)
+    contact = contact_of(motion, force, segment=segments)
     result = identify(contact, VariableProjection(surface="estimate"))
     assert result.estimate.samples == np.count_nonzero(result.trace.taken)
     whole = identify(contact_of(motion, force), VariableProjection(surface="estimate"))
@@ -151,9 +153,7 @@ def test_segments_of_one_contact_are_separated_without_inventing_a_sample() -> N
 def test_a_contact_without_free_approach_is_refused_in_plain_words(rise: float) -> None:
     motion = three_sines(2.0)
     deeper = Motion(motion.x + rise, motion.v)
-    contact = Contact(
-        deeper.time, deeper.x, deeper.v, felt_below(PVC, deeper, 0.0, 5), source="pressed.csv"
-    )
+    contact = contact_of(deeper, felt_below(PVC, deeper, 0.0, 5), source="pressed.csv")
     with pytest.raises(RecordingError, match=r"pressed\.csv: .*surface.*free approach") as refusal:
         identify(contact, VariableProjection(surface="estimate"))
     assert "0 of 2000 samples" in str(refusal.value)

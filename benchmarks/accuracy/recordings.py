@@ -18,7 +18,7 @@ from palpate import (
     RecordingError,
     VariableProjection,
     identify,
-    read_contact,
+    prepare,
 )
 
 EXPONENTS = (0.3, 3.6)  # the default range of VariableProjection
@@ -98,7 +98,7 @@ def _compared(item: tuple[Path, bool]) -> Fit | str:
     if noted and not window:
         return "no notes"
     try:
-        contact = read_contact(file)
+        contact = prepare(file)
         gate = None
         if window:
             gate = ContactGate(window["x_min"], window["F_min"], window["F_min"])

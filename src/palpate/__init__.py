@@ -2,7 +2,13 @@
 
 from palpate._core import Status
 from palpate.contact import Contact
-from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError, RecordingError
+from palpate.errors import (
+    InvalidParameterError,
+    MissingChannelError,
+    MissingExtraError,
+    PalpateError,
+    RecordingError,
+)
 from palpate.estimate import Estimate
 from palpate.estimators import (
     ESTIMATORS,
@@ -25,7 +31,8 @@ from palpate.force_laws import (
 )
 from palpate.identification import Identification, compare, identify
 from palpate.least_squares import LeastSquares
-from palpate.recordings.csv import Columns, read_contact
+from palpate.preparation import Columns, choose_gate, prepare
+from palpate.recordings import Recording, open_recording, write_contact
 from palpate.settings import (
     ChangeDetector,
     ConstantForgetting,
@@ -58,9 +65,11 @@ __all__ = [
     "KelvinVoigt",
     "KelvinVoigtRLS",
     "LeastSquares",
+    "MissingChannelError",
     "MissingExtraError",
     "PalpateError",
     "PythonEstimator",
+    "Recording",
     "RecordingError",
     "RecursiveLeastSquaresEstimator",
     "Scale",
@@ -69,7 +78,10 @@ __all__ = [
     "Status",
     "Trace",
     "VariableProjection",
+    "choose_gate",
     "compare",
     "identify",
-    "read_contact",
+    "open_recording",
+    "prepare",
+    "write_contact",
 ]

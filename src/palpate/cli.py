@@ -56,33 +56,26 @@ class Reading:
 
     def contact(self, file: Path) -> "Contact":
         """Read the file and cut the time window."""
-        from palpate.recordings.csv import Columns, read_contact
+        from palpate.errors import MissingChannelError, RecordingError
+        from palpate.preparation import Columns, prepare
 
         columns = Columns(self.time, self.penetration, self.force, self.velocity)
-        contact = read_contact(file, columns=columns, velocity_window=self.velocity_window)
+        try:
+            contact = prepare(file, columns=columns, velocity_window=self.velocity_window)
+        except MissingChannelError as error:
+            hint = "map other names with --time, --penetration, --force, --velocity"
+            raise RecordingError(f"{error} ({hint})") from None
         if self.start is None and self.stop is None:
             return contact
         return contact.window(self.start, self.stop)
 
     def gate(self, contact: "Contact") -> Any:
         """Return the gate asked for; what is not asked for is chosen from the data."""
-        from palpate.errors import InvalidParameterError
-        from palpate.preparation.suggestions import suggest_gate
-        from palpate.settings import ContactGate
+        from palpate.preparation import choose_gate
 
-        if self.min_penetration is None and self.min_force is None:
-            return None
-        chosen = suggest_gate(contact)
-        depth, make, broken = chosen.minimum_penetration, chosen.make_force, chosen.break_force
-        if self.min_penetration is not None:
-            depth = self.min_penetration
-        if self.min_force is not None:
-            make = broken = self.min_force
-        try:
-            return ContactGate(minimum_penetration=depth, make_force=make, break_force=broken)
-        except InvalidParameterError as error:
-            words = str(error).replace("minimum_penetration", "--min-penetration")
-            raise InvalidParameterError(words.replace("make_force", "--min-force")) from None
+        return choose_gate(
+            contact, minimum_penetration=self.min_penetration, minimum_force=self.min_force
+        )
 
 
 @app.command
@@ -181,7 +174,7 @@ def _as_dict(file: Path, results: "list[Identification]") -> dict[str, Any]:
     return {
         "file": str(file),
         "samples": len(contact),
-        "made": dict(contact.made),
+        "provenance": dict(contact.provenance),
         "gate": {
             "minimum_penetration": gate.minimum_penetration,
             "make_force": gate.make_force,

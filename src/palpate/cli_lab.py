@@ -79,6 +79,7 @@ def lab(
     """
     from palpate import lab as laboratory
     from palpate.files import check_writable
+    from palpate.recordings import write_contact
 
     instruments = instruments or Instruments()
     bench = laboratory.Bench(
@@ -96,7 +97,7 @@ def lab(
     if picture is not None:
         _check_picture(picture, instruments)
     measurement = _run(bench, seed, seconds)
-    laboratory.write(measurement.contact, output, notes=_versions(bench))
+    write_contact(measurement.contact, output, notes=_versions(bench))
     _print(bench, measurement, output)
     if picture is not None:
         from palpate.figures.rig import save_rig
@@ -192,7 +193,7 @@ def _versions(bench: "Bench") -> dict[str, str]:
 def _print(bench: "Bench", measurement: "Measurement", output: Path) -> None:
     contact, truth = measurement.contact, measurement.truth
     print(f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s")
-    print(f"truth: {contact.made['truth']}")
+    print(f"truth: {contact.provenance['truth']}")
     print(
         f"deepest {1e3 * truth.penetration.max():.2f} mm, fastest "
         f"{1e3 * abs(truth.velocity).max():.1f} mm/s, firmest {truth.force.max():.2f} N"

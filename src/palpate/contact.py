@@ -3,18 +3,24 @@
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.preparation.velocity import velocity_of
-from palpate.validation import Floats, signals
+from palpate.validation import Floats, number, signals
+
+# s. A metre within less is a velocity beyond 1e100 m/s, which no estimator takes.
+SHORTEST_STEP = 1e-100
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
 class Contact:
     """What identification needs, in SI and on one clock, and how it was made.
+
+    A plain value: :func:`palpate.prepare` makes one from a recording, a frame or arrays, and works
+    out the velocity where there is none.
 
     Parameters
     ----------
@@ -22,20 +28,16 @@ class Contact:
         s; strictly increasing within a segment.
     penetration : array_like, shape (k,)
         m, positive inside the material.
-    velocity : array_like, shape (k,), optional
-        m/s, positive while penetrating. None: from the penetration, by
-        :func:`palpate.preparation.velocity.velocity_of`, a segment at a time.
+    velocity : array_like, shape (k,)
+        m/s, positive while penetrating.
     force : array_like, shape (k,)
         N, compression positive.
     segment : array_like, shape (k,), optional
         A label a sample; where it changes, another contact begins after a free or unknown time.
     source : str
         Where it came from: a file's name.
-    made : mapping
-        How each channel was made, in words.
-    velocity_window : float, optional
-        Length of the velocity filter, s, where ``velocity`` is None; 15 samples but at most 15 ms
-        unless given.
+    provenance : mapping
+        How each channel was made, and what else is known of its origin, in words.
 
     Raises
     ------
@@ -49,43 +51,25 @@ class Contact:
     force: Floats
     segment: NDArray[np.int64]
     source: str
-    made: Mapping[str, str]
+    provenance: Mapping[str, str]
 
     def __init__(
         self,
         time: ArrayLike,
-        penetration: ArrayLike,
-        velocity: ArrayLike | None = None,
-        force: ArrayLike | None = None,
         *,
+        penetration: ArrayLike,
+        velocity: ArrayLike,
+        force: ArrayLike,
         segment: ArrayLike | None = None,
         source: str = "",
-        made: Mapping[str, str] | None = None,
-        velocity_window: float | None = None,
+        provenance: Mapping[str, str] | None = None,
     ) -> None:
-        if force is None:
-            raise InvalidParameterError("force must be given: an array in N, not None")
-        t, x, f = signals(time=time, penetration=penetration, force=force)
-        labels = _labels(segment, t.size)
+        t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
+        labels = _numbered(segment, t.size)
         _check_time(t, labels)
-        history = dict(made or {})
-        if velocity is None:
-            v = np.concatenate(
-                [velocity_of(t[part], x[part], velocity_window) for part in _parts(labels)]
-                or [np.empty(0)]
-            )
-            history.setdefault("velocity", "centred quadratic Savitzky–Golay filter")
-        else:
-            v = signals(time=t, velocity=velocity)[1]
-        for name, value in {
-            "time": t,
-            "penetration": x,
-            "velocity": v,
-            "force": f,
-            "segment": labels,
-            "source": source,
-            "made": history,
-        }.items():
+        values: dict[str, Any] = {"time": t, "penetration": x, "velocity": v, "force": f}
+        values |= {"segment": labels, "source": source, "provenance": dict(provenance or {})}
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
@@ -93,7 +77,10 @@ class Contact:
 
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""
-        yield from _parts(self.segment)
+        borders = np.flatnonzero(np.diff(self.segment)) + 1
+        for start, stop in itertools.pairwise([0, *borders.tolist(), len(self)]):
+            if stop > start:
+                yield slice(start, stop)
 
     @property
     def sample_time(self) -> float:
@@ -112,8 +99,8 @@ class Contact:
 
     def window(self, start: float | None = None, stop: float | None = None) -> "Contact":
         """Return the samples with start ≤ time ≤ stop, s; velocity stays as it is."""
-        low = -np.inf if start is None else start
-        high = np.inf if stop is None else stop
+        low = -np.inf if start is None else number("start", start)
+        high = np.inf if stop is None else number("stop", stop)
         keep = (self.time >= low) & (self.time <= high)
         if not keep.any():
             where = f"{self.source}: " if self.source else ""
@@ -123,38 +110,48 @@ class Contact:
             )
         return Contact(
             self.time[keep],
-            self.penetration[keep],
-            self.velocity[keep],
-            self.force[keep],
+            penetration=self.penetration[keep],
+            velocity=self.velocity[keep],
+            force=self.force[keep],
             segment=self.segment[keep],
             source=self.source,
-            made={**self.made, "window": f"{low:g} s to {high:g} s"},
+            provenance={**self.provenance, "window": f"{low:g} s to {high:g} s"},
         )
 
 
-def _labels(segment: ArrayLike | None, samples: int) -> NDArray[np.int64]:
-    """Consecutive numbers for the runs of equal labels."""
-    if segment is None or samples == 0:
+def first_wrong_time(time: Floats, segment: ArrayLike | None = None) -> int | None:
+    """Return the first sample whose time is not finite or, within a segment, not later enough.
+
+    Enough is 1e-100 s; ``segment`` labels the samples as in :class:`Contact`.
+    """
+    labels = _numbered(segment, time.size)
+    with np.errstate(invalid="ignore", over="ignore"):  # of times that are not finite, or absurd
+        late = np.diff(time) >= SHORTEST_STEP
+    wrong = ~np.isfinite(time)
+    wrong[1:] |= ~late & (labels[1:] == labels[:-1])
+    return int(np.argmax(wrong)) if wrong.any() else None
+
+
+def _numbered(segment: ArrayLike | None, samples: int) -> NDArray[np.int64]:
+    """Consecutive numbers for the runs of equal labels; missing ones (NaN) are equal too."""
+    if segment is None:
         return np.zeros(samples, dtype=np.int64)
-    given = np.asarray(segment)
+    try:
+        given = np.asarray(segment)
+        missing = given != given
+    except (TypeError, ValueError):
+        raise InvalidParameterError("segment must be one label a sample, such as 0, 0, 1") from None
     if given.shape != (samples,):
         raise InvalidParameterError(
             f"arrays must have the same length: time has {samples}, segment has {given.size}"
         )
-    return np.concatenate([[0], np.cumsum(given[1:] != given[:-1])])
-
-
-def _parts(labels: NDArray[np.int64]) -> list[slice]:
-    borders = np.flatnonzero(np.diff(labels)) + 1
-    edges = [0, *borders.tolist(), labels.size]
-    return [slice(a, b) for a, b in itertools.pairwise(edges) if b > a]
+    other = (given[1:] != given[:-1]) & ~(missing[1:] & missing[:-1])
+    return np.concatenate([np.zeros(min(samples, 1), dtype=np.int64), np.cumsum(other)])
 
 
 def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
-    wrong = ~np.isfinite(time)
-    wrong[1:] |= (time[1:] <= time[:-1]) & (labels[1:] == labels[:-1])
-    if wrong.any():
-        first = int(np.argmax(wrong))
+    first = first_wrong_time(time, labels)
+    if first is not None:
         before = f" after {time[first - 1]} s" if first else ""
         raise InvalidParameterError(
             "time must be finite and increase within a segment; "

@@ -13,5 +13,34 @@ class RecordingError(PalpateError, ValueError):
     """A recording cannot be used: the message names the file, the column and the row."""
 
 
+class MissingChannelError(RecordingError):
+    """A recording has no channel of the name that was looked for.
+
+    Attributes
+    ----------
+    channel : str
+        The name.
+    available : list of str
+        What there is.
+    """
+
+    def __init__(self, channel: str, available: list[str], source: str = "") -> None:
+        super().__init__(channel, available, source)
+        self.channel = channel
+        self.available = available
+        self.source = source
+
+    def __str__(self) -> str:
+        where = f"{self.source}: " if self.source else ""
+        return f"{where}no column {self.channel!r}; there are {_listed(self.available)}"
+
+
+def _listed(names: list[str]) -> str:
+    """The names that a person can read on a line."""
+    shown = [name[:40] if name.isprintable() else repr(name[:40]) for name in names[:20]]
+    more = [f"{len(names) - 20} more"] if len(names) > 20 else []
+    return ", ".join(shown + more) or "none at all"
+
+
 class MissingExtraError(PalpateError, ImportError):
     """An optional dependency is absent: the message names the extra that brings it."""

@@ -8,15 +8,22 @@ import numpy as np
 
 from palpate._core import Status
 from palpate.contact import Contact
-from palpate.errors import RecordingError
+from palpate.errors import InvalidParameterError, RecordingError
 from palpate.estimate import Estimate
-from palpate.estimators import ESTIMATORS, ContactEstimator, SingleStageRLS, VariableProjection
+from palpate.estimators import (
+    ESTIMATORS,
+    ContactEstimator,
+    SingleStageRLS,
+    VariableProjection,
+    estimator_named,
+)
 from palpate.force_laws import ForceLaw
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
-from palpate.preparation.suggestions import suggest_gate, suggest_scale
+from palpate.preparation.preparing import Recorded, prepare
+from palpate.preparation.suggestions import choose_gate, suggest_scale
 from palpate.settings import ContactGate, Scale
 from palpate.trace import Trace
-from palpate.validation import Floats, instance
+from palpate.validation import Floats, shown
 
 # Samples above the surface that a search for it needs: the force in the free to a quarter of σ.
 FEWEST_ABOVE = 20
@@ -123,60 +130,80 @@ class Identification:
         }
 
 
-def identify(contact: Contact, estimator: ContactEstimator | None = None) -> Identification:
+def identify(
+    source: Contact | Recorded, estimator: ContactEstimator | str | None = None
+) -> Identification:
     """Identify the contact model of a whole contact.
 
     The samples go one by one through the estimator's own recursion, a segment at a time.
 
     Parameters
     ----------
-    contact : Contact
-        Prepared samples, for instance of :func:`read_contact`.
-    estimator : ContactEstimator, optional
-        Method and settings; it is left as it is. :class:`VariableProjection` unless given. A
-        ``gate`` or ``scale`` it leaves open (None) is chosen from the data: see
-        :mod:`palpate.preparation.suggestions`.
+    source : Contact, Recording, path or frame
+        What is not yet a contact is prepared by :func:`prepare`, with its default columns.
+    estimator : ContactEstimator or str, optional
+        Method and settings; it is left as it is. Or the name of a method, such as
+        ``"single-stage"``. :class:`VariableProjection` unless given. A ``gate`` or ``scale`` it
+        leaves open (None) is chosen from the data: see :mod:`palpate.preparation.suggestions`.
 
     Raises
     ------
     RecordingError
-        The probe never touches: no sample passes the gate; or a search for the surface has no free
-        approach: fewer than 20 samples lie above the surface that it found.
+        The recording cannot be prepared; the probe never touches: no sample passes the gate; or a
+        search for the surface has no free approach: fewer than 20 samples lie above the surface
+        that it found.
+    InvalidParameterError
+        The source is none of these, or there is no such estimator.
     """
-    instance("contact", contact, Contact)
-    given = VariableProjection() if estimator is None else estimator
-    instance("estimator", given, ContactEstimator)
+    contact = source if isinstance(source, Contact) else prepare(source)
+    given = _estimator(estimator)
     chosen: dict[str, Any] = {}
     if given.settings["gate"] is None:
-        chosen["gate"] = suggest_gate(contact)
+        chosen["gate"] = choose_gate(contact)
     if given.settings["scale"] is None:
         chosen["scale"] = suggest_scale(contact)
     fresh = given.replace(**chosen)
     trace = _replay_segments(contact, fresh)
     if not trace.taken.any():
-        raise RecordingError(_never_touches(contact, fresh))
+        raise RecordingError(_nothing_taken(contact, fresh))
     if fresh.settings.get("surface") == "estimate":
         _check_approach(contact, trace, fresh.estimate().surface)
     bare = Identification(contact, fresh, trace)
     return Identification(contact, fresh, trace, tuple(_flags(bare)))
 
 
-def compare(contact: Contact, *, gate: ContactGate | None = None) -> dict[str, Identification]:
+def compare(
+    source: Contact | Recorded, *, gate: ContactGate | None = None
+) -> dict[str, Identification]:
     """Identify a contact with every method, on the same samples.
 
     Parameters
     ----------
-    contact : Contact
-        Prepared samples.
+    source : Contact, Recording, path or frame
+        As for :func:`identify`.
     gate : ContactGate, optional
-        Which of them are contact; chosen from the data unless given.
+        Which samples are contact; chosen from the data unless given.
 
     Returns
     -------
     dict
         An :class:`Identification` for each name in ``ESTIMATORS``.
     """
+    contact = source if isinstance(source, Contact) else prepare(source)
     return {name: identify(contact, kind(**{"gate": gate})) for name, kind in ESTIMATORS.items()}
+
+
+def _estimator(given: ContactEstimator | str | None) -> ContactEstimator:
+    if given is None:
+        return VariableProjection()
+    if isinstance(given, str):
+        return estimator_named(given)()
+    if not isinstance(given, ContactEstimator):
+        raise InvalidParameterError(
+            f"estimator must be a ContactEstimator or one of {', '.join(ESTIMATORS)}, "
+            f"not {shown(given)}"
+        )
+    return given
 
 
 def _replay_segments(contact: Contact, estimator: ContactEstimator) -> Trace:
@@ -194,17 +221,35 @@ def _replay_segments(contact: Contact, estimator: ContactEstimator) -> Trace:
     return Trace.joined(traces, len(estimator.law_type.symbols))
 
 
-def _never_touches(contact: Contact, estimator: ContactEstimator) -> str:
+def _nothing_taken(contact: Contact, estimator: ContactEstimator) -> str:
     gate = estimator.settings["gate"]
     where = f"{contact.source}: " if contact.source else ""
     if not len(contact):
         return f"{where}there are no samples"
+    inside = (contact.penetration > gate.minimum_penetration) & (contact.force > gate.make_force)
+    if inside.any() and not np.isfinite(contact.velocity[inside]).any():
+        return (
+            f"{where}no sample of the contact has a velocity: {_not_finite(contact)}; without that "
+            "channel it is worked out from the penetration"
+        )
     return (
         f"{where}the probe never touches: no sample has penetration above "
         f"{gate.minimum_penetration:.3g} m and force above {gate.make_force:.3g} N "
         f"(the largest are {_largest(contact.penetration)} m and {_largest(contact.force)} N); "
         "check the units and signs, or lower the gate"
     )
+
+
+def _not_finite(contact: Contact) -> str:
+    """Which channels are not finite, where they come from, and how often, in words."""
+    penetration, force = ~np.isfinite(contact.penetration), ~np.isfinite(contact.force)
+    velocity = ~np.isfinite(contact.velocity) & ~penetration  # beyond what follows from the depth
+    words = []
+    for name, wrong in {"penetration": penetration, "velocity": velocity, "force": force}.items():
+        if wrong.any():
+            origin = f" ({contact.provenance[name]})" if name in contact.provenance else ""
+            words.append(f"{name}{origin} is NaN or infinite in {wrong.sum()}")
+    return f"{', '.join(words)} of {len(contact)} samples"
 
 
 def _largest(values: Floats) -> str:
@@ -241,7 +286,10 @@ def _flags(result: Identification) -> list[str]:
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
         count = int(np.count_nonzero(status == refusal))
         if count:
-            flags.append(f"{count} samples refused: {refusal.name.lower().replace('_', ' ')}")
+            words = refusal.name.lower().replace("_", " ")
+            if refusal == Status.NOT_FINITE:
+                words += f": {_not_finite(result.contact)}"
+            flags.append(f"{count} samples refused: {words}")
     return flags
 
 

@@ -63,8 +63,8 @@ def print_results(results: Sequence[Identification], console: Console | None = N
 def truth_of(contact: Contact) -> ForceLaw | None:
     """Return the law that a simulated recording says it was made with; None for any other."""
     try:
-        return law_from(json.loads(contact.made["truth"]))
-    except (KeyError, ValueError, TypeError, AttributeError, RecursionError):
+        return law_from(json.loads(contact.provenance["truth"]))
+    except (KeyError, ValueError, TypeError, AttributeError, OverflowError, RecursionError):
         return None
 
 

@@ -48,7 +48,10 @@ def probed(probe: Probe) -> Contact:
         wanted = acceleration[k] + BANDWIDTH**2 * error + 2.0 * BANDWIDTH * lag
         probe.advance(time[k + 1], MASS * wanted)
         rows[k] = probe.penetration(), probe.velocity(), probe.force()
-    return Contact(time[1:], *rows.T, source=probe.engine)
+    penetration, velocity, force = rows.T
+    return Contact(
+        time[1:], penetration=penetration, velocity=velocity, force=force, source=probe.engine
+    )
 
 
 def planned_motion() -> tuple[Floats, Floats, Floats, Floats]:

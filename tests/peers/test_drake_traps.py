@@ -37,7 +37,10 @@ def test_hunt_crossley_contact_ignores_the_relaxation_time(stepping) -> None:
 def test_the_force_belongs_to_the_state_after_the_step_and_not_before() -> None:
     contact = shown_by("drake-sap")
     late = Contact(
-        contact.time[1:], contact.penetration[:-1], contact.velocity[:-1], contact.force[1:]
+        contact.time[1:],
+        penetration=contact.penetration[:-1],
+        velocity=contact.velocity[:-1],
+        force=contact.force[1:],
     )
     found = identify(late, KelvinVoigtRLS()).law
     # F = K (x + T v) + B v of the state before the step: K T = 1 N·s/m is counted as damping. The

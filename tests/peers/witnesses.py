@@ -1,5 +1,6 @@
 """Every witness: which engine, what was set in it, and what it then showed."""
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
@@ -43,4 +44,4 @@ def shown_by(name: str) -> Contact:
 def sensed(contact: Contact, seed: int) -> Contact:
     """The same through a force sensor with white noise."""
     noise = np.random.default_rng(seed).normal(0.0, NOISE, len(contact))
-    return Contact(contact.time, contact.penetration, contact.velocity, contact.force + noise)
+    return dataclasses.replace(contact, force=contact.force + noise)

@@ -6,7 +6,6 @@ palpate.identify(measurement.contact)
 """
 
 from palpate.lab.bench import Bench, Measurement
-from palpate.lab.files import write
 from palpate.lab.materials import (
     BALL,
     INCLUSION,
@@ -78,5 +77,4 @@ __all__ = [
     "Trajectory",
     "TwinPantograph",
     "Zones",
-    "write",
 ]

@@ -10,6 +10,7 @@ from palpate.lab.materials import Material
 from palpate.lab.probes import Course, Probe, Progress
 from palpate.lab.sensors import Sensors, rounded
 from palpate.lab.trajectories import Command, Trajectory
+from palpate.preparation import prepare
 from palpate.validation import Floats, instance, number_in
 
 
@@ -20,8 +21,8 @@ class Measurement:
     Attributes
     ----------
     contact : Contact
-        As the sensors recorded it, with the bias of the force removed; ``made`` holds the truth.
-        Its velocity comes from the penetration, as for any recording.
+        As the sensors recorded it, with the bias of the force removed; ``provenance`` holds the
+        truth. Its velocity comes from the penetration, as for any recording.
     truth : Contact
         What really happened, on the same clock.
     command : Command
@@ -88,7 +89,13 @@ class Bench:
         course = self.probe.follow(self.trajectory, self.material, time, random, progress)
         return Measurement(
             self._recorded(time, course, random, seed),
-            Contact(time, course.penetration, course.velocity, course.force, source="truth"),
+            Contact(
+                time,
+                penetration=course.penetration,
+                velocity=course.velocity,
+                force=course.force,
+                source="truth",
+            ),
             self.trajectory.at(time),
         )
 
@@ -99,13 +106,12 @@ class Bench:
         resting = time < self.trajectory.pause
         tare = float(force[resting].mean()) if resting.any() else 0.0
         penetration = rounded(course.recorded_penetration, self.sensors.penetration_resolution)
-        return Contact(
-            time,
-            penetration,
-            None,
-            force - tare,
+        return prepare(
+            time=time,
+            penetration=penetration,
+            force=force - tare,
             source=f"{self.material.name}, {self.probe.name}, seed {seed}",
-            made=self._history(tare, int(resting.sum()), seed),
+            provenance=self._history(tare, int(resting.sum()), seed),
         )
 
     def _history(self, tare: float, samples: int, seed: int) -> dict[str, str]:

@@ -214,15 +214,16 @@ class Followed:
     @classmethod
     def read(cls, path: str | Path) -> "Followed":
         """Return the motion in a CSV file's columns time_s and penetration_m."""
-        from palpate.recordings.csv import read_columns
+        from palpate.recordings import open_recording
 
-        time, penetration = read_columns(path, ["time_s", "penetration_m"])
+        recording = open_recording(path)
+        time, penetration = recording.numbers("time_s"), recording.numbers("penetration_m")
         moved = np.flatnonzero(penetration != penetration[0])
         pause = float(time[max(moved[0] - 1, 0)]) if moved.size else 0.0
         try:
             return cls(time, penetration, pause=pause)
         except InvalidParameterError as error:
-            raise RecordingError(f"{path}: {error}") from None
+            raise RecordingError(f"{recording.source}: {error}") from None
 
     def at(self, time: Floats) -> Command:
         """Return the command at times [s], shape (k,)."""

@@ -1,1 +1,6 @@
-"""From what was recorded to a contact: velocity, thresholds and units chosen from the data."""
+"""From what was recorded to a contact: its channels, its velocity, its gate and its units."""
+
+from palpate.preparation.preparing import Columns, prepare
+from palpate.preparation.suggestions import choose_gate
+
+__all__ = ["Columns", "choose_gate", "prepare"]

@@ -1,15 +1,44 @@
 """A gate and a scale chosen from the data, where the user chooses none."""
 
+import dataclasses
+
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.settings import ContactGate, Scale
-from palpate.validation import Floats
+from palpate.validation import Floats, number_in
 
 LARGEST = 1e100  # m, m/s or N; beyond it no estimator takes a sample
 MOST_DOUBTFUL = 0.03  # of the contact within 3 σ of the gate; deep probing has under 0.5 %
 NOISE_FACTOR = 10.0  # F ≥ 10 σ keeps the bias of the logarithm, σ²/2F², under 0.5 %
+
+
+def choose_gate(
+    contact: Contact,
+    *,
+    minimum_penetration: float | None = None,
+    minimum_force: float | None = None,
+) -> ContactGate:
+    """Return the gate of a contact: the thresholds that are given, the suggested ones elsewhere.
+
+    Parameters
+    ----------
+    contact : Contact
+        What the gate is for.
+    minimum_penetration : float, optional
+        Contact is deeper than this, m, in [0, 1e100].
+    minimum_force : float, optional
+        Contact is made and lost at this force, N, in [0, 1e100].
+    """
+    gate = suggest_gate(contact)
+    if minimum_penetration is not None:
+        depth = number_in("minimum_penetration", minimum_penetration, 0.0, LARGEST)
+        gate = dataclasses.replace(gate, minimum_penetration=depth)
+    if minimum_force is not None:
+        force = number_in("minimum_force", minimum_force, 0.0, LARGEST)
+        gate = dataclasses.replace(gate, make_force=force, break_force=force)
+    return gate
 
 
 def suggest_scale(contact: Contact) -> Scale:

@@ -42,11 +42,12 @@ def velocity_of(time: Floats, penetration: Floats, window: float | None = None) 
     velocity = np.full(time.shape, np.nan)
     known = np.isfinite(penetration)
     t, x = time[known], penetration[known]
-    if t.size < 3:
-        velocity[known] = np.gradient(x, t) if t.size == 2 else 0.0
-        return velocity
-    width = min(window_samples(float(np.median(np.diff(t))), window), t.size)
-    velocity[known] = _local_slope(t, x, width)
+    with np.errstate(over="ignore", invalid="ignore"):  # of absurd depths: ±1e308 m
+        if t.size < 3:
+            velocity[known] = np.gradient(x, t) if t.size == 2 else 0.0
+            return velocity
+        width = min(window_samples(float(np.median(np.diff(t))), window), t.size)
+        velocity[known] = _local_slope(t, x, width)
     return velocity
 
 

@@ -1,111 +1,118 @@
-"""Contacts in comma-separated text: a header line, then a sample a row, in SI."""
+"""Comma-separated text: a header line, then a sample a row, read and written."""
 
+import codecs
 import csv
 import io
-from collections.abc import Iterator
+import itertools
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.errors import RecordingError
-from palpate.validation import Floats
+from palpate.files import write_text
+from palpate.recordings.recording import Recording, number_in_text, printable
+
+# The columns that palpate writes, and their units.
+UNITS = {"time_s": "s", "penetration_m": "m", "velocity_m_s": "m/s", "force_N": "N"}
+
+_MARKS = {  # UTF-32 before UTF-16, whose mark it begins with
+    codecs.BOM_UTF32_LE: "UTF-32",
+    codecs.BOM_UTF32_BE: "UTF-32",
+    codecs.BOM_UTF16_LE: "UTF-16",
+    codecs.BOM_UTF16_BE: "UTF-16",
+}
 
 
-@dataclass(frozen=True, slots=True)
-class Columns:
-    """Names of the columns; ``velocity`` and ``segment`` may be absent from the file.
+def read_csv(path: Path) -> Recording:
+    """Read a CSV file: every column of its header, as numbers where all of it are.
 
-    Parameters
-    ----------
-    time, penetration, force, velocity : str
-        Columns in s, m, N and m/s. A velocity column named here other than the default must exist.
-    segment : str
-        A label that changes where a separate contact begins.
-    """
-
-    time: str = "time_s"
-    penetration: str = "penetration_m"
-    force: str = "force_N"
-    velocity: str = "velocity_m_s"
-    segment: str = "segment"
-
-
-def read_contact(
-    path: str | Path, *, columns: Columns | None = None, velocity_window: float | None = None
-) -> Contact:
-    """Read a contact from a CSV file.
+    Text in UTF-8 with commas, semicolons or tabs between values. Lines that begin with ``#`` before
+    the header are notes; those like ``# name: words`` are kept. Columns of the same name are told
+    apart by their place: ``force_N (column 3)``.
 
     Parameters
     ----------
-    path : str or Path
-        Text with a header line and commas, semicolons or tabs between values; lines that begin
-        with ``#`` before the header are notes; those like ``# name: words`` go to ``made``.
-    columns : Columns, optional
-        Names of the columns.
-    velocity_window : float, optional
-        Length of the Savitzky–Golay filter, s, where the file has no velocity.
+    path : Path
+        The file.
 
     Raises
     ------
     RecordingError
-        The file cannot be read, lacks a column, holds something other than numbers, has no sample,
-        or its time does not increase within a segment.
+        The file cannot be read, is no text in UTF-8, or has no header.
     """
-    path = Path(path)
-    names = columns or Columns()
     table = _Table.read(path)
-    wanted = [names.time, names.penetration, names.force]
-    has_velocity = names.velocity in table.header
-    if has_velocity or names.velocity != Columns().velocity:
-        wanted.append(names.velocity)
-    values = table.numbers(wanted)
-    labels = table.words(names.segment) if names.segment in table.header else None
-    _check_time(path, names.time, values[0], labels, table.first_row)
-    made = dict(table.notes)
-    made |= {"penetration": f"column {names.penetration!r}", "force": f"column {names.force!r}"}
-    if has_velocity:
-        made["velocity"] = f"column {names.velocity!r}"
-    return Contact(
-        values[0],
-        values[1],
-        values[3] if len(values) > 3 else None,
-        values[2],
-        segment=labels,
-        source=str(path),
-        made=made,
-        velocity_window=velocity_window,
+    columns, rows = table.columns()
+    return Recording(
+        dict(zip(table.header, columns, strict=True)),
+        units={name: unit for name, unit in UNITS.items() if name in table.header},
+        source=table.source,
+        notes=table.notes,
+        rows=rows,
     )
 
 
-def read_columns(path: str | Path, names: list[str]) -> list[Floats]:
-    """Return the columns of these names, as floats; errors as :func:`read_contact`."""
-    return _Table.read(Path(path)).numbers(names)
+def write_contact(
+    contact: Contact,
+    path: str | Path,
+    notes: Mapping[str, str] | None = None,
+    *,
+    velocity: bool = False,
+) -> None:
+    """Write a contact as CSV, whole or not at all, with what is known of it above the header.
+
+    Parameters
+    ----------
+    contact : Contact
+        For instance of :meth:`palpate.lab.Bench.run`. Several segments get a column.
+    path : str or Path
+        The file.
+    notes : mapping, optional
+        Further lines for its head, before those of the contact's ``provenance``.
+    velocity : bool
+        Write the velocity too. Most rigs record none, and it is worked out when it is needed.
+
+    Raises
+    ------
+    RecordingError
+        The path cannot be written.
+    """
+    head = {**(notes or {}), **contact.provenance}
+    if not velocity:
+        head.pop("velocity", None)
+    columns = {"time_s": (contact.time, "%.9g"), "penetration_m": (contact.penetration, "%.7g")}
+    if velocity:
+        columns["velocity_m_s"] = contact.velocity, "%.7g"
+    columns["force_N"] = contact.force, "%.7g"
+    if contact.segment[-1:].any():
+        columns["segment"] = (contact.segment + 1).astype(np.float64), "%d"
+    text = io.StringIO()
+    for name, words in head.items():
+        text.write(f"# {name}: {' '.join(words.split())}\n")
+    text.write(",".join(columns) + "\n")
+    table = np.column_stack([values for values, _ in columns.values()])
+    np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")
+    write_text(Path(path), text.getvalue())
 
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    path: Path
+    source: str
+    notes: dict[str, str]  # what stands above the header as "# name: words"
     header: list[str]
     delimiter: str
     lines: list[str]
-    notes: dict[str, str]  # what stands above the header as "# name: words"
     first_row: int  # number of the first sample's line in the file
 
     @classmethod
     def read(cls, path: Path) -> "_Table":
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except OSError as error:
-            raise RecordingError(
-                f"{path}: {error.strerror or 'cannot be read'}; check the path"
-            ) from None
-        except UnicodeDecodeError:
-            text = "\0"
-        if "\0" in text:
-            raise RecordingError(f"{path}: not a text file; expected CSV with a header")
-        lines = text.splitlines()
+        source = printable(path)
+        lines = _text(path, source).splitlines()
         top = 0
         while top < len(lines) and (not lines[top].strip() or lines[top].startswith("#")):
             top += 1
@@ -113,35 +120,23 @@ class _Table:
         while body and not body[-1].strip():
             body.pop()
         if not body:
-            raise RecordingError(f"{path}: the file is empty; expected a header and samples")
+            raise RecordingError(f"{source}: the file is empty; expected a header and samples")
         delimiter = max(",;\t", key=body[0].count)
         try:
-            header = [name.strip() for name in next(csv.reader([body[0]], delimiter=delimiter))]
+            names = next(csv.reader([body[0]], delimiter=delimiter))
         except csv.Error as error:
-            raise RecordingError(f"{path}: row {top + 1} is not a header: {error}") from None
-        return cls(path, header, delimiter, body[1:], _notes(lines[:top]), top + 2)
+            raise RecordingError(f"{source}: row {top + 1} is not a header: {error}") from None
+        return cls(source, _notes(lines[:top]), _told_apart(names), delimiter, body[1:], top + 2)
 
-    def numbers(self, names: list[str]) -> list[Floats]:
-        """The columns of these names, as floats."""
-        for name in names:
-            if name not in self.header:
-                raise RecordingError(
-                    f"{self.path}: no column {name!r}; the file has {_listed(self.header)} "
-                    "(map other names with --time, --penetration, --force, --velocity)"
-                )
-            if self.header.count(name) > 1:
-                raise RecordingError(
-                    f"{self.path}: {self.header.count(name)} columns are named {name!r}; "
-                    "rename all but one"
-                )
+    def columns(self) -> tuple[list[NDArray[Any]], Sequence[int]]:
+        """Every column, and the row of the file that each sample stands in."""
         if not self.lines:
-            raise RecordingError(f"{self.path}: a header but no samples")
-        positions = [self.header.index(name) for name in names]
+            return [np.empty(0) for _ in self.header], range(0)
         try:
             table = np.loadtxt(
                 io.StringIO("\n".join(self.lines)),
                 delimiter=self.delimiter,
-                usecols=positions,
+                usecols=range(len(self.header)),
                 ndmin=2,
                 quotechar='"',
                 comments=None,
@@ -149,15 +144,16 @@ class _Table:
             if len(table) != len(self.lines):  # loadtxt passes over blank lines
                 raise ValueError
         except (ValueError, IndexError):
-            table = np.array([self._row(row, fields, names) for row, fields in self._rows()])
-        return [np.ascontiguousarray(column) for column in table.T]
+            return self._columns_with_text()
+        rows = range(self.first_row, self.first_row + len(table))
+        return [np.ascontiguousarray(column) for column in table.T], rows
 
-    def words(self, name: str) -> np.ndarray:
-        """The column of this name, as text."""
-        position = self.header.index(name)
-        return np.array(
-            [fields[position] if position < len(fields) else "" for _, fields in self._rows()]
-        )
+    def _columns_with_text(self) -> tuple[list[NDArray[Any]], Sequence[int]]:
+        rows, samples = zip(*self._rows(), strict=True)
+        columns = itertools.zip_longest(*samples, fillvalue="")  # a row may be short, or long
+        found = [_column(cells) for _, cells in zip(self.header, columns, strict=False)]
+        absent = np.full(len(rows), "", dtype=object)
+        return found + [absent] * (len(self.header) - len(found)), rows
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         reader = csv.reader(self.lines, delimiter=self.delimiter)
@@ -168,20 +164,39 @@ class _Table:
             except StopIteration:
                 return
             except csv.Error as error:
-                raise RecordingError(f"{self.path}: row {row} cannot be read: {error}") from None
+                raise RecordingError(f"{self.source}: row {row} cannot be read: {error}") from None
             yield row, fields
 
-    def _row(self, row: int, fields: list[str], names: list[str]) -> list[float]:
-        values = []
-        for name in names:
-            position = self.header.index(name)
-            text = fields[position].strip() if position < len(fields) else ""
-            try:
-                values.append(float(text.replace("_", "?")))  # to Python 1_000 is a number
-            except ValueError:
-                found = f"{text[:40]!r} is not a number" if text else "the value is missing"
-                raise RecordingError(f"{self.path}: column {name!r}, row {row}: {found}") from None
-        return values
+
+def _text(path: Path, source: str) -> str:
+    try:
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        reason = getattr(error, "strerror", None) or "cannot be read"
+        raise RecordingError(f"{source}: {reason}; check the path") from None
+    for mark, encoding in _MARKS.items():
+        if data.startswith(mark):
+            raise RecordingError(f"{source}: the text is in {encoding}; save it as UTF-8")
+    if b"\0" in data:
+        raise RecordingError(f"{source}: not a text file; expected CSV in UTF-8 with a header")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        row = len((error.object[: error.start].decode() + "x").splitlines())
+        raise RecordingError(
+            f"{source}: row {row} holds the byte 0x{error.object[error.start]:02X}, which is not "
+            "UTF-8 (the text may be in Latin-1 or Windows-1252); save it as UTF-8"
+        ) from None
+
+
+def _told_apart(names: list[str]) -> list[str]:
+    """Names without the spaces around them; those that occur twice with their place."""
+    header = [name.strip() for name in names]
+    times = Counter(header)
+    return [
+        name if times[name] == 1 else f"{name} (column {place})"
+        for place, name in enumerate(header, start=1)
+    ]
 
 
 def _notes(lines: list[str]) -> dict[str, str]:
@@ -189,29 +204,9 @@ def _notes(lines: list[str]) -> dict[str, str]:
     return {name: words.strip() for name, colon, words in named if colon}
 
 
-def _listed(names: list[str]) -> str:
-    """The names that a person can read on a line."""
-    shown = [name[:40] if name.isprintable() else repr(name[:40]) for name in names[:20]]
-    more = [f"{len(names) - 20} more"] if len(names) > 20 else []
-    return ", ".join(shown + more)
-
-
-def _check_time(
-    path: Path, name: str, time: Floats, labels: np.ndarray | None, first_row: int
-) -> None:
-    behind = time[1:] <= time[:-1]
-    if labels is not None:
-        behind &= labels[1:] == labels[:-1]
-    wrong = ~np.isfinite(time)
-    wrong[1:] |= behind
-    if not wrong.any():
-        return
-    sample = int(np.argmax(wrong))
-    what = "is not finite"
-    if np.isfinite(time[sample]):
-        repeats = time[sample] == time[sample - 1]
-        what = "repeats the time before it" if repeats else f"runs back from {time[sample - 1]:g} s"
-    raise RecordingError(
-        f"{path}: column {name!r}, row {first_row + sample}: {time[sample]:g} s {what}; time must "
-        "increase within a segment"
-    )
+def _column(cells: Sequence[str]) -> NDArray[Any]:
+    """Numbers where all cells are, else text: as objects, for one long cell would widen all."""
+    try:
+        return np.array([number_in_text(cell) for cell in cells])
+    except ValueError:
+        return np.array(cells, dtype=object)

@@ -87,7 +87,7 @@ class Comparison(JudgedExperiment):
 
     def _measured(self, material: str, seed: int) -> tuple[dict[str, Any], Curves]:
         contact = pressed(material, "three-sines", seed)
-        numbers: dict[str, Any] = {"truth": json.loads(contact.made["truth"]), "methods": {}}
+        numbers: dict[str, Any] = {"truth": json.loads(contact.provenance["truth"]), "methods": {}}
         curves: Curves = {}
         for kind in self.kinds:
             starts = starts_of(contact, kind)

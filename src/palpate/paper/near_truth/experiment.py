@@ -62,7 +62,7 @@ class NearTruth(JudgedExperiment):
         curves: Curves = {}
         for material in ("ball", "sponge"):
             contact = pressed(material, "three-sines", seed)
-            truth = json.loads(contact.made["truth"])
+            truth = json.loads(contact.provenance["truth"])
             law = np.array([truth[name] for name in ("stiffness", "damping", "exponent")])
             numbers[material] = {}
             for off in OFF:

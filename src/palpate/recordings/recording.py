@@ -1,0 +1,134 @@
+"""A recording: channels as they were recorded, and nothing done to them."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
+from palpate.validation import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Channels as recorded, with their units and their origin; :func:`palpate.prepare` goes on.
+
+    Parameters
+    ----------
+    channels : mapping
+        An array of numbers or of text for each name. Masked numbers are not known.
+    units : mapping
+        The unit of each channel, where it is known: ``"s"``, ``"m"``, ``"m/s"``, ``"N"``.
+    source : str
+        Where it came from: a file's name.
+    notes : mapping
+        What the file says of itself, in words.
+    rows : sequence of int, optional
+        The row of the file that each sample stands in, for messages; None where there are none.
+
+    Raises
+    ------
+    InvalidParameterError
+        A channel is no array.
+    """
+
+    channels: Mapping[str, NDArray[Any]]
+    units: Mapping[str, str] = field(default_factory=dict)
+    source: str = ""
+    notes: Mapping[str, str] = field(default_factory=dict)
+    rows: Sequence[int] | None = None
+
+    def __post_init__(self) -> None:
+        channels = {}
+        for name, values in self.channels.items():
+            try:
+                channels[name] = np.asanyarray(values)
+            except (TypeError, ValueError):
+                raise InvalidParameterError(
+                    f"channel {name!r} must be an array, not {type(values).__name__}"
+                ) from None
+        object.__setattr__(self, "channels", channels)
+
+    def channel(self, name: str) -> NDArray[Any]:
+        """Return a channel as it was recorded.
+
+        Raises
+        ------
+        MissingChannelError
+            There is no channel of this name.
+        """
+        if name not in self.channels:
+            raise MissingChannelError(name, list(self.channels), self.source)
+        return self.channels[name]
+
+    def numbers(self, name: str) -> Floats:
+        """Return a channel as numbers; NaN where it is masked.
+
+        Raises
+        ------
+        MissingChannelError
+            There is no channel of this name.
+        RecordingError
+            It holds something other than one number a sample: the message says where.
+        """
+        values = self.channel(name)
+        if values.ndim != 1:
+            raise RecordingError(
+                f"{self.place(name)}: one number a sample is needed, and this has the shape "
+                f"{values.shape}"
+            )
+        if values.dtype.kind in "fiub":
+            return unmasked(values)
+        if values.dtype.kind in "OUS":
+            return np.array([self._number(name, k, value) for k, value in enumerate(values)])
+        raise RecordingError(
+            f"{self.place(name)}: numbers are needed, and this holds {values.dtype}"
+        )
+
+    def place(self, name: str, sample: int | None = None) -> str:
+        """Where a channel, or a sample of it, is found: file, column and row, in words."""
+        words = f"{self.source}: " if self.source else ""
+        words += f"column {name!r}"
+        if sample is None:
+            return words
+        if self.rows is None:
+            return f"{words}, sample {sample}"
+        return f"{words}, row {self.rows[sample]}"
+
+    def _number(self, name: str, sample: int, value: Any) -> float:
+        if value is np.ma.masked:
+            return np.nan
+        try:
+            return number_in_text(value) if isinstance(value, str) else float(value)
+        except (TypeError, ValueError, OverflowError):
+            blank = isinstance(value, str) and not value.strip()
+            found = "the value is missing" if blank else f"{_shown(value)} is not a number"
+            raise RecordingError(f"{self.place(name, sample)}: {found}") from None
+
+
+def unmasked(values: NDArray[Any]) -> Floats:
+    """Return numbers as floats; NaN where they are masked."""
+    known: Floats = np.ma.filled(values.astype(np.float64, copy=False), np.nan)
+    return known
+
+
+def number_in_text(text: str) -> float:
+    """Return the number that a cell holds; a ValueError where it holds none."""
+    if "_" in text:  # to Python 1_000 is a number
+        raise ValueError
+    return float(text)
+
+
+def printable(path: Path) -> str:
+    """Return a path as text that can be encoded: bytes that are no UTF-8 in hexadecimal."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
+
+
+def _shown(value: Any) -> str:
+    """Any value on a line, cut off after some 40 characters."""
+    text = repr(value.strip()[:40] if isinstance(value, str) else value)
+    return text if len(text) < 200 else f"{text[:40]}…"

@@ -1,0 +1,270 @@
+"""From a recording, a file, a frame or arrays to a contact: one way, the same numbers."""
+
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pandas
+import polars
+import pytest
+from cases import MATERIALS, exciting
+from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
+
+import palpate
+from palpate import (
+    Columns,
+    InvalidParameterError,
+    MissingChannelError,
+    Recording,
+    RecordingError,
+    open_recording,
+    prepare,
+)
+from palpate.preparation.velocity import velocity_of
+
+CHANNELS = ("time", "penetration", "velocity", "force")
+ARRAYS = {name: getattr(SIGNALS, name) for name in ("time", "penetration", "force")}
+TABLE = {"time_s": SIGNALS.time, "penetration_m": SIGNALS.penetration, "force_N": SIGNALS.force}
+FRAMES = pytest.mark.parametrize("frame", [pandas.DataFrame, polars.DataFrame])
+
+
+def numbers(contact: palpate.Contact) -> list[bytes]:
+    return [getattr(contact, name).tobytes() for name in CHANNELS]
+
+
+def recorded(**channels) -> Recording:
+    return Recording({**TABLE, **channels}, source="probe.bag")
+
+
+def test_a_file_a_recording_a_frame_and_arrays_give_the_same_contact(tmp_path):
+    path = recording(tmp_path)
+    expected = numbers(prepare(**ARRAYS))
+    for source in (
+        path, str(path), open_recording(path), recorded(), pandas.DataFrame(TABLE),
+        polars.DataFrame(TABLE),
+    ):  # fmt: skip
+        assert numbers(prepare(source)) == expected
+
+
+def test_a_velocity_is_made_where_there_is_none():
+    contact = prepare(**ARRAYS)
+    assert np.array_equal(contact.velocity, velocity_of(SIGNALS.time, SIGNALS.penetration))
+    assert "Savitzky" in contact.provenance["velocity"]
+
+
+def test_a_velocity_that_is_there_is_taken():
+    given = prepare(**vars(SIGNALS), provenance={"velocity": "a tachometer"})
+    assert np.array_equal(given.velocity, SIGNALS.velocity)
+    assert given.provenance == {"velocity": "a tachometer"}
+    column = prepare(recorded(velocity_m_s=SIGNALS.velocity))
+    assert np.array_equal(column.velocity, SIGNALS.velocity)
+    assert column.provenance["velocity"] == "column 'velocity_m_s'"
+
+
+def test_the_velocity_filter_has_the_length_it_is_given():
+    expected = velocity_of(SIGNALS.time, SIGNALS.penetration, 0.05)
+    for source in ({**ARRAYS}, {"recording": recorded()}):
+        assert np.array_equal(prepare(**source, velocity_window=0.05).velocity, expected)
+
+
+def test_velocity_is_never_taken_across_a_segments_border():
+    signals = exciting(MATERIALS["ball"], seconds=0.5)
+    parts = [slice(0, 100), slice(100, 101), slice(101, 103), slice(103, 500)]
+    labels = np.concatenate([np.full(p.stop - p.start, k) for k, p in enumerate(parts)])
+    jump = signals.penetration + 1e-3 * labels
+    given = {"time": signals.time, "penetration": jump, "force": signals.force}
+    apart = prepare(**given, segment=labels)
+    for part in parts:
+        assert np.array_equal(apart.velocity[part], velocity_of(signals.time[part], jump[part]))
+    across = prepare(**given)
+    assert np.max(np.abs(across.velocity)) > 5.0 * np.max(np.abs(apart.velocity))
+
+
+@FRAMES
+def test_a_frames_columns_may_have_other_names(frame):
+    table = {"t": SIGNALS.time, "z": SIGNALS.penetration, "Fz": SIGNALS.force, "touch": "a"}
+    table |= {"v": SIGNALS.velocity}
+    contact = prepare(frame(table), columns=Columns("t", "z", "Fz", "v", "touch"), source="run 7")
+    assert np.array_equal(contact.velocity, SIGNALS.velocity)
+    assert contact.source == "run 7"
+    assert contact.provenance["force"] == "column 'Fz'"
+
+
+@FRAMES
+def test_what_a_frame_does_not_know_is_not_a_number(frame):
+    force = [None, *SIGNALS.force[1:].tolist()]
+    contact = prepare(frame({**TABLE, "force_N": force}))
+    assert np.isnan(contact.force).nonzero()[0].tolist() == [0]
+
+
+def test_the_missing_of_a_pandas_column_of_objects_is_not_a_number():
+    column = pandas.Series([pandas.NA, *SIGNALS.force[1:]], dtype=object)
+    contact = prepare(pandas.DataFrame({**TABLE, "force_N": column}))
+    assert np.isnan(contact.force).nonzero()[0].tolist() == [0]
+
+
+@FRAMES
+def test_a_frame_with_text_in_a_cell_is_refused_by_column_and_sample(frame):
+    force = ["1.5"] * 600
+    assert (prepare(frame({**TABLE, "force_N": force})).force == 1.5).all()
+    force[7] = "n/a"
+    with pytest.raises(RecordingError, match=r"^column 'force_N', sample 7: 'n/a' is not a number"):
+        prepare(frame({**TABLE, "force_N": force}))
+
+
+def test_a_time_of_day_is_no_number_of_seconds():
+    days = pandas.Series(pandas.date_range("2026-01-01", periods=600, freq="ms"))
+    for time in (days, days - days[0]):
+        with pytest.raises(RecordingError, match="column 'time_s': numbers are needed, and this"):
+            prepare(pandas.DataFrame({**TABLE, "time_s": time}))
+
+
+@pytest.mark.parametrize("bad", [3, [1.0, 2.0], {"time_s": [1.0]}, polars.DataFrame(TABLE).lazy()])
+@pytest.mark.filterwarnings("ignore::polars.exceptions.PerformanceWarning")
+def test_what_is_no_recording_is_refused_in_words(bad):
+    words = "^recording must be a Recording, a path, or a pandas or polars DataFrame, not"
+    with pytest.raises(InvalidParameterError, match=words):
+        prepare(bad)
+    with pytest.raises(InvalidParameterError, match=words):
+        palpate.identify(bad)
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_an_array_that_is_missing_is_named(name):
+    with pytest.raises(InvalidParameterError, match=f"^{name} must be given"):
+        prepare(**{key: values for key, values in ARRAYS.items() if key != name})
+
+
+def test_arrays_beside_a_recording_are_refused_by_name():
+    with pytest.raises(InvalidParameterError, match=r"^velocity must not be given beside a rec"):
+        prepare(recorded(), velocity=SIGNALS.velocity)
+
+
+@pytest.mark.parametrize("name", CHANNELS)
+@pytest.mark.parametrize("bad", [["a"] * 600, [10**400] * 600, 1j * np.ones(600)], ids="thc")
+def test_arrays_of_another_type_are_refused_by_name(name, bad):
+    with pytest.raises(InvalidParameterError, match=f"^{name} must be an array of real numbers"):
+        prepare(**{**vars(SIGNALS), name: bad})
+    column = {"time": "time_s", "force": "force_N"}.get(name)
+    if column:
+        with pytest.raises(RecordingError, match=f"^probe.bag: column '{column}'"):
+            prepare(recorded(**{column: bad}))
+
+
+def test_arrays_that_do_not_fit_together_are_refused():
+    with pytest.raises(InvalidParameterError, match="time has 600, penetration has 600, force has"):
+        prepare(**{**ARRAYS, "force": np.ones(3)})
+    with pytest.raises(InvalidParameterError, match=r"sample 1 is 0\.0 s after 0\.0 s"):
+        prepare(**{**ARRAYS, "time": np.zeros(600)})
+
+
+@pytest.mark.parametrize("name", ["penetration", "velocity", "force"])
+def test_what_a_mask_hides_is_not_known_and_said_so(name):
+    masked = np.ma.masked_array(getattr(SIGNALS, name), np.arange(600) % 100 == 3)
+    columns = {"penetration": "penetration_m", "velocity": "velocity_m_s", "force": "force_N"}
+    for contact, words in (
+        (prepare(**{**vars(SIGNALS), name: masked}), "an array; 6 masked samples are NaN"),
+        (
+            prepare(recorded(**{columns[name]: masked})),
+            f"column '{columns[name]}'; 6 masked samples are NaN",
+        ),
+    ):
+        assert np.isnan(getattr(contact, name)).sum() == 6
+        assert contact.provenance[name] == words
+    assert not np.isnan(masked.data).any()  # what was given stays as it was
+
+
+def test_a_mask_that_hides_nothing_is_not_worth_a_word():
+    contact = prepare(**{**ARRAYS, "force": np.ma.masked_array(SIGNALS.force)})
+    assert list(contact.provenance) == ["velocity"]
+
+
+def test_a_masked_time_is_refused():
+    masked = np.ma.masked_array(SIGNALS.time, np.arange(600) == 3)
+    with pytest.raises(InvalidParameterError, match="sample 3 is nan s"):
+        prepare(**{**ARRAYS, "time": masked})
+
+
+def test_masked_labels_are_a_segment_of_their_own():
+    labels = np.ma.masked_array(np.zeros(600), np.arange(600) >= 400)
+    for contact in (prepare(**ARRAYS, segment=labels), prepare(recorded(segment=labels))):
+        assert [part.start for part in contact.segments()] == [0, 400]
+
+
+def test_a_unit_that_is_not_si_is_refused_by_column():
+    milli = dataclasses.replace(recorded(), units={"force_N": "mN"})
+    words = "probe.bag: column 'force_N': the force is in mN; convert it to N"
+    with pytest.raises(RecordingError, match=words):
+        prepare(milli)
+
+
+def test_a_column_that_is_not_there_is_an_error_that_can_be_asked():
+    with pytest.raises(MissingChannelError) as caught:
+        prepare(recorded(), columns=Columns(force="Fz"))
+    error = caught.value
+    assert (error.channel, error.available) == ("Fz", list(TABLE))
+    assert str(error) == ("probe.bag: no column 'Fz'; there are time_s, penetration_m, force_N")
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)  # as from another process
+
+
+def test_a_note_does_not_overwrite_what_was_done_and_is_kept(tmp_path):
+    notes = "# velocity: by a wizard\n# force: a feather\n# probe: 7\n"
+    path = written(tmp_path / "n.csv", notes + text_of(rows_of()))
+    provenance = prepare(path).provenance
+    assert "Savitzky" in provenance["velocity"]
+    assert provenance["note on velocity"] == "by a wizard"
+    assert provenance["force"] == "column 'force_N'"
+    assert provenance["note on force"] == "a feather"
+    assert provenance["probe"] == "7"
+    assert "Savitzky" in prepare(path, provenance={"velocity": "mine"}).provenance["velocity"]
+
+
+@pytest.mark.parametrize("window", [None, 0.05])
+def test_steps_too_short_for_any_velocity_are_refused_by_row(tmp_path, window):
+    rows = [[repr(5e-324 * k), repr(1e-3 * k), "1"] for k in range(30)]
+    path = written(tmp_path / "s.csv", text_of(rows, HEADER))
+    with pytest.raises(RecordingError, match=r"column 'time_s', row 3: 4\.94066e-324 s is hardly"):
+        prepare(path, velocity_window=window)
+
+
+def test_depths_beyond_all_measure_give_no_warning():
+    absurd = np.where(np.arange(600) % 2, 1e308, -1e308)
+    for samples in (2, 600):
+        given = {name: values[:samples] for name, values in ARRAYS.items()}
+        velocity = prepare(**{**given, "penetration": absurd[:samples]}).velocity
+        assert not (np.abs(velocity) < 1e300).any()
+
+
+def test_of_no_samples_there_is_a_contact_without_any_and_no_recording():
+    assert len(prepare(time=[], penetration=[], force=[])) == 0
+    with pytest.raises(RecordingError, match=r"^probe\.bag: there are columns but no samples"):
+        prepare(recorded(time_s=[], penetration_m=[], force_N=[]))
+
+
+def test_not_known_stays_not_known():
+    contact = prepare(**{**ARRAYS, "force": np.full(600, math.nan)})
+    assert np.isnan(contact.force).all()
+
+
+def test_a_recordings_channels_are_arrays():
+    assert Recording({"a": [1, 2]}).numbers("a").tolist() == [1.0, 2.0]
+    with pytest.raises(InvalidParameterError, match="channel 'a' must be an array, not list"):
+        Recording({"a": [[1], [2, 3]]})
+
+
+@pytest.mark.parametrize("name", TABLE)
+@pytest.mark.parametrize("filling", [1.0, "1.0"])
+def test_a_channel_of_several_numbers_a_sample_is_refused(name, filling):
+    with pytest.raises(RecordingError, match=rf"'{name}': one number a .*\(600, 3\)"):
+        prepare(recorded(**{name: np.full((600, 3), filling)}))
+
+
+def test_a_format_is_one_function_and_one_row(monkeypatch, tmp_path):
+    monkeypatch.setitem(palpate.recordings.READERS, ".toy", lambda path: recorded())
+    assert numbers(prepare(tmp_path / "a.TOY")) == numbers(prepare(recorded()))
+
+
+@pytest.mark.parametrize("suffix", ["", ".txt", ".log"])
+def test_a_file_of_no_known_suffix_is_read_as_csv(tmp_path, suffix):
+    assert len(prepare(recording(tmp_path, f"probe{suffix}"))) == 600
