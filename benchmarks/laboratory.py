@@ -15,8 +15,8 @@ from benchmarks.accuracy import report
 from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.table import Group, Line
 from palpate import HuntCrossley, identify, lab
-from palpate.files import write_text
 from palpate.validation import Floats
+from palpate.writing import write_text
 
 MATERIALS = ("ball", "sponge", "pvc", "inclusion")
 

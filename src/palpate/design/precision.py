@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.design.excitation import inverse_information, jacobian
 from palpate.design.motion import Motion
 from palpate.design.rounding import effective_noise, mean_rounding_error
-from palpate.excitation import inverse_information, jacobian
 from palpate.force_laws import HuntCrossley
 from palpate.validation import Floats
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from palpate.errors import InvalidParameterError
 from palpate.figures.style import DARK, LIGHT, Theme, save, style
-from palpate.files import replacing
 from palpate.lab import Bench, TwinPantograph
 from palpate.lab.kinematics import Geometry
 from palpate.lab.picture import NoRendererError, photograph
+from palpate.writing import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

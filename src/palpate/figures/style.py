@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from palpate.errors import MissingExtraError, RecordingError
-from palpate.files import replacing
+from palpate.writing import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from palpate.contact import Contact
-from palpate.files import write_text
+from palpate.writing import write_text
 
 
 def write(

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.files import replacing
 from palpate.lab import MATERIALS, TRAJECTORIES, Bench, Measurement
 from palpate.settings import ContactGate, Scale
 from palpate.validation import Floats
+from palpate.writing import replacing
 
 #: When the command leaves its pause, s; the paper's clock, in which contact is made at 2 s.
 START = 2.0

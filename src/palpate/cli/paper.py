@@ -1,4 +1,4 @@
-"""The command ``palpate paper``: parse, call, print."""
+"""The command ``palpate paper``."""
 
 import sys
 from collections.abc import Iterator

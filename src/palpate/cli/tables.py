@@ -1,6 +1,5 @@
 """Results as a table that a person reads."""
 
-import json
 import math
 from collections.abc import Sequence
 
@@ -8,9 +7,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from palpate.contact import Contact
-from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
 from palpate.identification import Identification
+from palpate.recordings.truth import truth_of
 
 
 def print_results(results: Sequence[Identification], console: Console | None = None) -> None:
@@ -40,7 +38,7 @@ def print_results(results: Sequence[Identification], console: Console | None = N
             _percent(result.fit_rmse_percent),
             _share(result.violated_fraction),
         )
-    if truth := truth_of(contact):
+    if truth := truth_of(contact.made):
         named = zip(truth.symbols, truth.parameters, truth.units, strict=True)
         words = "\n".join(
             f"{symbol} = {value:.4g} {unit}".rstrip() for symbol, value, unit in named
@@ -58,16 +56,6 @@ def print_results(results: Sequence[Identification], console: Console | None = N
     for result in results:
         for flag in result.flags:
             console.print(Text(f"{result.method}: {flag}", style="yellow"), soft_wrap=True)
-
-
-def truth_of(contact: Contact) -> ForceLaw | None:
-    """Return the law that a simulated recording says it was made with; None for any other."""
-    kinds = {kind.kind: kind for kind in (KelvinVoigt, ExtendedKelvinVoigt, HuntCrossley)}
-    try:
-        words = json.loads(contact.made["truth"])
-        return kinds[words.pop("kind")](**words)
-    except (KeyError, ValueError, TypeError, AttributeError):
-        return None
 
 
 def _in_two_lines(method: str) -> str:

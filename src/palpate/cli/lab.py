@@ -1,4 +1,4 @@
-"""The command ``palpate lab``: parse, call, print."""
+"""The command ``palpate lab``."""
 
 import sys
 from dataclasses import dataclass, fields
@@ -78,7 +78,7 @@ def lab(
         Draw the rig as it presses the material to this file (.png, .svg or .pdf).
     """
     from palpate import lab as laboratory
-    from palpate.files import check_writable
+    from palpate.writing import check_writable
 
     instruments = instruments or Instruments()
     bench = laboratory.Bench(

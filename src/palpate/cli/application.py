@@ -1,0 +1,47 @@
+"""All commands together, and how each ends: its exit status, and what is said of an error."""
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from cyclopts import App, CycloptsError
+
+from palpate.errors import PalpateError
+
+#: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
+COMMANDS = ("identify", "compare", "design", "lab", "paper")
+
+
+def application() -> App:
+    """Return the command line with every command."""
+    app = App(
+        name="palpate",
+        help="Identify what a probe touches: contact models from penetration, velocity and force.",
+        help_format="plaintext",
+        version_flags=["--version"],
+    )
+    for name in COMMANDS:
+        app.command(getattr(import_module(f"palpate.cli.{name}"), name))
+    return app
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Run a command.
+
+    Raises
+    ------
+    SystemExit
+        2 after an error, which is one line on standard error; 141 where the reader of the output
+        is gone.
+    """
+    try:
+        application()(
+            arguments, exit_on_error=False, print_error=False, result_action="return_value"
+        )
+    except (PalpateError, CycloptsError) as error:
+        print(f"palpate: {' '.join(str(error).split())}", file=sys.stderr)
+        sys.exit(2)
+    except BrokenPipeError:
+        # The reader of our output is gone; there is nobody left to tell.
+        sys.stderr.close()
+        sys.exit(141)

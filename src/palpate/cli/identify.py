@@ -1,0 +1,48 @@
+"""The command ``palpate identify``."""
+
+from pathlib import Path
+
+from palpate.cli.printing import AsJson, print_identifications
+from palpate.cli.reading import Reading
+
+
+def identify(
+    file: Path,
+    /,
+    *,
+    method: str = "variable-projection",
+    figure: Path | None = None,
+    dark: bool = False,
+    as_json: AsJson = False,
+    reading: Reading | None = None,
+) -> None:
+    """Identify the contact model of a recording.
+
+    Parameters
+    ----------
+    file
+        CSV with a header and, unless named otherwise, columns time_s, penetration_m, force_N and
+        optionally velocity_m_s and segment.
+    method
+        variable-projection, single-stage, double-stage, kelvin-voigt or extended-kelvin-voigt.
+    figure
+        Draw it to this file (.svg, .pdf or .png).
+    dark
+        Draw on a dark background.
+    as_json
+        Print one JSON object instead of a table.
+    """
+    from palpate.errors import InvalidParameterError
+    from palpate.identification import METHODS
+    from palpate.identification import identify as run
+
+    reading = reading or Reading()
+    if method not in METHODS:
+        raise InvalidParameterError(f"--method must be one of {', '.join(METHODS)}, not {method!r}")
+    contact = reading.contact(file)
+    result = run(contact, METHODS[method](**{"gate": reading.gate(contact)}))
+    if figure is not None:
+        from palpate import figures
+
+        figures.save(figures.draw(result, dark=dark), figure)
+    print_identifications(file, [result], figure, as_json=as_json)

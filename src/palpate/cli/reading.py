@@ -1,0 +1,65 @@
+"""The options that say how a file is read, and which of its samples are used."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from palpate.contact import Contact
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Reading:
+    """How a file is read, and which of its samples are used."""
+
+    time: str = "time_s"
+    "Column of the time, s."
+    penetration: str = "penetration_m"
+    "Column of the penetration, m, positive inside the material."
+    force: str = "force_N"
+    "Column of the force, N, compression positive."
+    velocity: str = "velocity_m_s"
+    "Column of the velocity, m/s; where the file has none it is worked out from the penetration."
+    start: float | None = None
+    "Use samples from this time on, s."
+    stop: float | None = None
+    "Use samples up to this time, s."
+    min_penetration: float | None = None
+    "Contact is deeper than this, m; chosen from the data unless given."
+    min_force: float | None = None
+    "Contact is firmer than this, N; chosen from the data unless given."
+    velocity_window: float | None = None
+    "Length of the velocity filter, s; 15 samples but at most 15 ms unless given."
+
+    def contact(self, file: Path) -> "Contact":
+        """Read the file and cut the time window."""
+        from palpate.recordings.csv import Columns, read_contact
+
+        columns = Columns(self.time, self.penetration, self.force, self.velocity)
+        contact = read_contact(file, columns=columns, velocity_window=self.velocity_window)
+        if self.start is None and self.stop is None:
+            return contact
+        return contact.window(self.start, self.stop)
+
+    def gate(self, contact: "Contact") -> Any:
+        """Return the gate asked for; what is not asked for is chosen from the data."""
+        from palpate.errors import InvalidParameterError
+        from palpate.preparation.suggestions import suggest_gate
+        from palpate.settings import ContactGate
+
+        if self.min_penetration is None and self.min_force is None:
+            return None
+        chosen = suggest_gate(contact)
+        depth, make, broken = chosen.minimum_penetration, chosen.make_force, chosen.break_force
+        if self.min_penetration is not None:
+            depth = self.min_penetration
+        if self.min_force is not None:
+            make = broken = self.min_force
+        try:
+            return ContactGate(minimum_penetration=depth, make_force=make, break_force=broken)
+        except InvalidParameterError as error:
+            words = str(error).replace("minimum_penetration", "--min-penetration")
+            raise InvalidParameterError(words.replace("make_force", "--min-force")) from None
