@@ -1,63 +1,20 @@
 """Real-time identification of contact models, from penetration, velocity and force."""
 
-from palpate._core import Estimate, Status
-from palpate.contact import Contact
-from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError, RecordingError
-from palpate.estimators import (
-    ContactEstimator,
-    DoubleStageRLS,
-    DriftTracking,
-    ExtendedKelvinVoigtRLS,
-    KelvinVoigtRLS,
-    RecursiveLeastSquaresEstimator,
-    SingleStageRLS,
-    VariableProjection,
-)
-from palpate.force_laws import ExtendedKelvinVoigt, HuntCrossley, KelvinVoigt
-from palpate.identification import METHODS, Identification, compare, identify
-from palpate.least_squares import LeastSquares
-from palpate.recordings.csv import Columns, read_contact
-from palpate.settings import (
-    ChangeDetector,
-    ConstantForgetting,
-    ContactGate,
-    FadingForgetting,
-    Scale,
-    SelfPerturbation,
-)
-from palpate.trace import Trace
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "METHODS",
-    "ChangeDetector",
-    "Columns",
-    "ConstantForgetting",
-    "Contact",
-    "ContactEstimator",
-    "ContactGate",
-    "DoubleStageRLS",
-    "DriftTracking",
-    "Estimate",
-    "ExtendedKelvinVoigt",
-    "ExtendedKelvinVoigtRLS",
-    "FadingForgetting",
-    "HuntCrossley",
-    "Identification",
-    "InvalidParameterError",
-    "KelvinVoigt",
-    "KelvinVoigtRLS",
-    "LeastSquares",
-    "MissingExtraError",
-    "PalpateError",
-    "RecordingError",
-    "RecursiveLeastSquaresEstimator",
-    "Scale",
-    "SelfPerturbation",
-    "SingleStageRLS",
-    "Status",
-    "Trace",
-    "VariableProjection",
-    "compare",
-    "identify",
-    "read_contact",
-]
+if TYPE_CHECKING:
+    from palpate._public import *  # noqa: F403 - they are listed there
+    from palpate._public import __all__ as __all__
+else:
+    # Imported when the first of them is asked for: the command line answers --help, and an
+    # interrupt, without NumPy.
+    def __getattr__(name: str) -> object:
+        public = import_module("palpate._public")
+        globals().update({each: getattr(public, each) for each in (*public.__all__, "__all__")})
+        if name in globals():
+            return globals()[name]
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__getattr__("__all__")})
