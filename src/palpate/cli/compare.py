@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from palpate.cli.printing import AsJson, print_identifications
+from palpate.cli.printing import AsJson
 from palpate.cli.reading import Reading
 
 
@@ -29,13 +29,18 @@ def compare(
     as_json
         Print one JSON object instead of a table.
     """
+    from palpate.cli.tables import print_identifications
     from palpate.identification import compare as run
 
     reading = reading or Reading()
+    if figure is not None:
+        from palpate.figures import check_figure
+
+        check_figure(figure, inputs=[file])
     contact = reading.contact(file)
     results = run(contact, gate=reading.gate(contact))
     if figure is not None:
         from palpate import figures
 
-        figures.save(figures.draw_comparison(results, dark=dark), figure)
+        figures.save(figures.draw_comparison(results, dark=dark), figure, inputs=[file])
     print_identifications(file, list(results.values()), figure, as_json=as_json)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from palpate.cli.printing import AsJson, print_identifications
+from palpate.cli.printing import AsJson
 from palpate.cli.reading import Reading
 
 
@@ -32,6 +32,7 @@ def identify(
     as_json
         Print one JSON object instead of a table.
     """
+    from palpate.cli.tables import print_identifications
     from palpate.errors import InvalidParameterError
     from palpate.identification import METHODS
     from palpate.identification import identify as run
@@ -39,10 +40,14 @@ def identify(
     reading = reading or Reading()
     if method not in METHODS:
         raise InvalidParameterError(f"--method must be one of {', '.join(METHODS)}, not {method!r}")
+    if figure is not None:
+        from palpate.figures import check_figure
+
+        check_figure(figure, inputs=[file])
     contact = reading.contact(file)
     result = run(contact, METHODS[method](**{"gate": reading.gate(contact)}))
     if figure is not None:
         from palpate import figures
 
-        figures.save(figures.draw(result, dark=dark), figure)
+        figures.save(figures.draw(result, dark=dark), figure, inputs=[file])
     print_identifications(file, [result], figure, as_json=as_json)

@@ -3,9 +3,11 @@
 import sys
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TextIO
 
 from cyclopts import Parameter
+
+from palpate.cli.printing import Terminal
 
 if TYPE_CHECKING:
     from palpate.lab import Bench, Material, Measurement, Probe, Trajectory
@@ -78,7 +80,7 @@ def lab(
         Draw the rig as it presses the material to this file (.png, .svg or .pdf).
     """
     from palpate import lab as laboratory
-    from palpate.writing import check_writable
+    from palpate.writing import check_outputs, is_standard_output
 
     instruments = instruments or Instruments()
     bench = laboratory.Bench(
@@ -91,27 +93,27 @@ def lab(
             force_bias=instruments.bias,
         ),
     )
-    for path in filter(None, (output, picture)):
-        check_writable(path)
     if picture is not None:
         _check_picture(picture, instruments)
+    inputs = [] if trajectory in laboratory.TRAJECTORIES else [Path(trajectory)]
+    check_outputs([output, picture] if picture else [output], inputs)
     measurement = _run(bench, seed, seconds)
     laboratory.write(measurement.contact, output, notes=_versions(bench))
-    _print(bench, measurement, output)
+    # A recording that goes on into a pipe is not mixed with words about it.
+    where = sys.stderr if is_standard_output(output) else sys.stdout
+    _print(measurement, output, where)
     if picture is not None:
         from palpate.figures.rig import save_rig
 
-        print(f"picture, {save_rig(bench, picture)}: {picture}")
+        print(f"picture, {save_rig(bench, picture)}: {picture}", file=where)
 
 
 def _check_picture(picture: Path, instruments: Instruments) -> None:
     """Say before the work what could not be drawn after it."""
     from palpate.errors import InvalidParameterError
-    from palpate.figures.style import LIGHT, style
+    from palpate.figures import check_figure
 
-    style(LIGHT)  # is matplotlib there?
-    if picture.suffix not in (".png", ".svg", ".pdf"):
-        raise InvalidParameterError(f"--picture must end in .png, .svg or .pdf, not {picture}")
+    check_figure(picture)
     if instruments.probe != "twin-pantograph":
         raise InvalidParameterError("--picture shows the robot; an ideal probe has none")
 
@@ -172,10 +174,9 @@ def _run(bench: "Bench", seed: int, seconds: float) -> "Measurement":
     """Run the bench, with a progress bar where a person looks on."""
     if not sys.stderr.isatty():
         return bench.run(seed, seconds=seconds)
-    from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with Progress(console=Terminal(stderr=True), transient=True) as bar:
         task = bar.add_task(f"pressing {bench.material.name}", total=seconds)
         return bench.run(
             seed, seconds=seconds, progress=lambda reached: bar.update(task, completed=reached)
@@ -191,12 +192,13 @@ def _versions(bench: "Bench") -> dict[str, str]:
     return {"made by": "palpate lab; " + ", ".join(f"{name} {version(name)}" for name in names)}
 
 
-def _print(bench: "Bench", measurement: "Measurement", output: Path) -> None:
+def _print(measurement: "Measurement", output: Path, where: TextIO) -> None:
     contact, truth = measurement.contact, measurement.truth
-    print(f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s")
-    print(f"truth: {contact.made['truth']}")
-    print(
+    lines = (
+        f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s",
+        f"truth: {contact.made['truth']}",
         f"deepest {1e3 * truth.penetration.max():.2f} mm, fastest "
-        f"{1e3 * abs(truth.velocity).max():.1f} mm/s, firmest {truth.force.max():.2f} N"
+        f"{1e3 * abs(truth.velocity).max():.1f} mm/s, firmest {truth.force.max():.2f} N",
+        f"recording: {output}",
     )
-    print(f"recording: {output}")
+    print(*lines, sep="\n", file=where)

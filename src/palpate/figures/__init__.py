@@ -15,14 +15,14 @@ from palpate.figures.panels import (
     draw_loop,
     draw_parameter,
 )
-from palpate.figures.style import DARK, LIGHT, save, style
+from palpate.figures.style import DARK, LIGHT, check_figure, save, style
 from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw", "draw_comparison", "save"]
+__all__ = ["check_figure", "draw", "draw_comparison", "save"]
 
 
 def draw(identification: Identification, *, dark: bool = False) -> "Figure":

@@ -18,5 +18,5 @@ def truth_of(notes: Mapping[str, str]) -> ForceLaw | None:
     try:
         words = json.loads(notes["truth"])
         return kinds[words.pop("kind")](**words)
-    except (KeyError, ValueError, TypeError, AttributeError):
+    except (KeyError, ValueError, TypeError, AttributeError, RecursionError):
         return None
