@@ -1,6 +1,7 @@
 """Real-time identification of contact models, from penetration, velocity and force."""
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -10,6 +11,8 @@ else:
     # Imported when the first of them is asked for: the command line answers --help, and an
     # interrupt, without NumPy.
     def __getattr__(name: str) -> object:
+        if find_spec(f"palpate.{name}"):  # a module, for one of the package's own
+            return import_module(f"palpate.{name}")
         public = import_module("palpate._public")
         globals().update({each: getattr(public, each) for each in (*public.__all__, "__all__")})
         if name in globals():

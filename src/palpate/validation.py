@@ -15,7 +15,7 @@ def number(name: str, value: Any) -> float:
     """``value`` as a finite float."""
     try:
         result = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InvalidParameterError(f"{name} must be a number, not {value!r}") from None
     if not math.isfinite(result):
         raise InvalidParameterError(f"{name} must be finite, not {value!r}")

@@ -1,6 +1,7 @@
 """How figures look, and how they are written."""
 
 import io
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -137,7 +138,9 @@ def _as_bytes(figure: "Figure", ending: str) -> bytes:
     import matplotlib
 
     drawn = io.BytesIO()
-    with matplotlib.rc_context({"svg.hashsalt": "palpate"}):
+    with matplotlib.rc_context({"svg.hashsalt": "palpate"}), warnings.catch_warnings():
+        # A name in a script that the font lacks is drawn as boxes; that is no news.
+        warnings.filterwarnings("ignore", "Glyph .* missing from")
         figure.savefig(
             drawn, format=ending[1:], facecolor=figure.get_facecolor(), metadata=_FORMATS[ending]
         )
