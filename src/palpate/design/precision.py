@@ -173,7 +173,8 @@ class Measurement:
 
     def _relative(self, information: Floats) -> Floats:
         errors: Floats = np.sqrt(np.diag(inverse_information(information)))[:3]
-        return errors / self.law.parameters
+        with np.errstate(over="ignore"):  # of a parameter next to nothing, nothing is known
+            return errors / self.law.parameters
 
     def _nothing(self) -> Floats:
         size = 3 + self.offset + self.surface

@@ -139,8 +139,9 @@ def _as_bytes(figure: "Figure", ending: str) -> bytes:
 
     drawn = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "palpate"}), warnings.catch_warnings():
-        # A name in a script that the font lacks is drawn as boxes; that is no news.
+        # A name in a script that the font lacks is drawn as boxes, and axes to 1e308 overflow.
         warnings.filterwarnings("ignore", "Glyph .* missing from")
+        warnings.filterwarnings("ignore", "overflow encountered", RuntimeWarning)
         figure.savefig(
             drawn, format=ending[1:], facecolor=figure.get_facecolor(), metadata=_FORMATS[ending]
         )
