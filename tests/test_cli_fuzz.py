@@ -15,7 +15,7 @@ WORDS = [
     "\udcff", "\udcff.svg", "a\nb", "\x1b[31m", "[[[[", "{0}", "%s", "$HOME", "~",
     "$\\foo$", "手", "'", '"', "\\", "*", "1,2", "1 2", "--help", "--version", "-h", "@file",
     "/", "no/x.svg", "x.svg", "X.PNG", "x.pgf", ".svg", "dir.svg", "loop.svg", "probe.svg",
-    "/dev/null", "/dev/full", "probe.csv", "time_s", "force_N", "single-stage", "ball",
+    "/dev/null", "probe.csv", "time_s", "force_N", "single-stage", "ball",
     "pvc", "hunt-crossley", "two-sines", "near-surface", "ideal",
 ]  # fmt: skip
 READING = ["--method", "--figure", "--dark", "--json", "--no-json", "--time", "--penetration",

@@ -65,6 +65,8 @@ def check_writable(path: Path, inputs: Sequence[Path] = ()) -> None:
     with _in_words(path):
         _refuse_inputs(path, inputs)
         status = _status(path)
+        if _own_descriptor(status) is not None:
+            return
         if status is not None and not os.access(path, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         if status is None or stat.S_ISREG(status.st_mode):
