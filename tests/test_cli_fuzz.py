@@ -89,7 +89,7 @@ def check_some(folder, monkeypatch, capsys, seed: int, count: int) -> None:
 
 
 def test_a_word_in_the_wrong_place_ends_in_a_line(folder, monkeypatch, capsys):
-    check_some(folder, monkeypatch, capsys, seed=0, count=80)
+    check_some(folder, monkeypatch, capsys, seed=0, count=50)
 
 
 @pytest.mark.slow
