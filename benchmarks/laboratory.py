@@ -15,8 +15,8 @@ from benchmarks.accuracy import report
 from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.table import Group, Line
 from palpate import HuntCrossley, identify, lab
-from palpate.files import write_text
 from palpate.validation import Floats
+from palpate.writing import check_writable, write_text
 
 MATERIALS = ("ball", "sponge", "pvc", "inclusion")
 
@@ -40,6 +40,8 @@ def laboratory(
     """
     if seeds < 2:
         sys.exit(f"--seeds {seeds} is fewer than 2")
+    if markdown is not None:
+        check_writable(markdown)
     with Campaign(seeds, workers) as campaign:
         groups = [
             _group(campaign, "Encoders of 20 000 counts a turn, as in the paper", 20_000.0),

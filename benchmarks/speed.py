@@ -21,6 +21,7 @@ from benchmarks.replays import measure_replays
 from benchmarks.side_by_side import compare_with_peers
 from benchmarks.startup import measure_startup
 from benchmarks.timing import Effort, clock
+from palpate.writing import check_outputs, write_text
 
 app = App(name="python -m benchmarks.speed", help_format="plaintext", version_flags=[])
 
@@ -43,6 +44,7 @@ def main(
     markdown
         Write the tables to this file as Markdown.
     """
+    check_outputs([path for path in (as_json, markdown) if path is not None])
     effort = Effort.quick() if quick else Effort()
     where = machine.describe(_compiler())
     with clock() as running:
@@ -60,9 +62,9 @@ def main(
     report.print_sections(sections, where, console)
     if as_json is not None:
         content = json.dumps(report.as_dict(sections, where), indent=1, ensure_ascii=False)
-        as_json.write_text(content + "\n", encoding="utf-8")
+        write_text(as_json, content + "\n")
     if markdown is not None:
-        markdown.write_text(report.as_markdown(sections, where), encoding="utf-8")
+        write_text(markdown, report.as_markdown(sections, where))
 
 
 def _compiler() -> str:

@@ -7,8 +7,8 @@ import pytest
 
 from palpate import HuntCrossley, InvalidParameterError, KelvinVoigt
 from palpate.design import PAPER_MOTION, Motion, design, effective_noise
+from palpate.design.excitation import cramer_rao_bound, jacobian
 from palpate.design.rounding import mean_rounding_error
-from palpate.excitation import cramer_rao_bound, jacobian
 
 BALL = HuntCrossley(2000.0, 2000.0, 1.0)
 SPONGE = HuntCrossley(300.0, 3000.0, 1.0)

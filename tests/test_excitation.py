@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import approx_fprime, least_squares
 
 from palpate import ExtendedKelvinVoigt, HuntCrossley, InvalidParameterError, KelvinVoigt
+from palpate.design.excitation import cramer_rao_bound, fisher_information, sensitivity
 from palpate.design.motion import PAPER_MOTION
-from palpate.excitation import cramer_rao_bound, fisher_information, sensitivity
 
 LAWS = [
     KelvinVoigt(900.0, 12.0),

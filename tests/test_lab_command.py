@@ -111,7 +111,7 @@ def test_the_rig_is_pictured(run, tmp_path, ending):
         (("ball", "--noise", -1), "force_noise must be in"),
         (("ball", "--stiffness", 3), "--stiffness goes with a law of one's own"),
         (("hunt-crossley", "--stiffness", 3), "needs --stiffness, --damping, --exponent"),
-        (("ball", "--picture", "rig.bmp"), "--picture must end in"),
+        (("ball", "--picture", "rig.bmp"), "must end in .svg, .pdf or .png"),
         (("ball", "--picture", "rig.svg", "--probe", "ideal"), "an ideal probe has none"),
     ],
 )

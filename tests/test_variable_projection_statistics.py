@@ -6,7 +6,7 @@ from probing import NOISE, WELL_EXCITED, fed, felt, three_sines
 from scipy.stats import binom
 
 from palpate import HuntCrossley, VariableProjection
-from palpate.excitation import cramer_rao_bound
+from palpate.design.excitation import cramer_rao_bound
 
 SEEDS = 150
 # The RMSE of 150 normal errors scatters by 1/√300 = 6 % around the bound: the limit of 1.15 is 2.6

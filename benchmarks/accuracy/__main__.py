@@ -21,6 +21,7 @@ from benchmarks.accuracy import (
 )
 from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.table import Group
+from palpate.writing import check_outputs, write_text
 
 ROWS: dict[str, Callable[[Campaign], list[Group]]] = {
     "time": timing.timing,  # first, while the workers are idle
@@ -70,6 +71,7 @@ def accuracy(
     if unknown or seeds < 2:
         what = f"no row {unknown[0]!r}" if unknown else f"--seeds {seeds} is fewer than 2"
         sys.exit(f"{what}; rows are {', '.join(ROWS)}")
+    check_outputs([path for path in (markdown, json) if path is not None])
     console, groups = report.console(), list[Group]()
     with Campaign(seeds, workers) as campaign:
         for name in chosen:
@@ -81,9 +83,9 @@ def accuracy(
     facts = report.circumstances(seeds)
     console.print(report.words(facts))
     if markdown is not None:
-        report.write(markdown, report.markdown(groups, facts))
+        write_text(markdown, report.markdown(groups, facts))
     if json is not None:
-        report.write(json, report.as_json(groups, facts))
+        write_text(json, report.as_json(groups, facts))
 
 
 if __name__ == "__main__":

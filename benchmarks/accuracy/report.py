@@ -3,7 +3,6 @@
 import json
 import os
 import platform
-import tempfile
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -74,19 +73,6 @@ def words(facts: dict[str, Any]) -> str:
 def as_json(groups: list[Group], facts: dict[str, Any]) -> str:
     content = {**facts, "groups": [group.as_dict() for group in groups]}
     return json.dumps(content, ensure_ascii=False, indent=1, default=float) + "\n"
-
-
-def write(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
 
 
 def _markdown_group(group: Group) -> list[str]:

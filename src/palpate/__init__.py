@@ -1,87 +1,23 @@
 """Real-time identification of contact models, from penetration, velocity and force."""
 
-from palpate._core import Status
-from palpate.contact import Contact
-from palpate.errors import (
-    InvalidParameterError,
-    MissingChannelError,
-    MissingExtraError,
-    PalpateError,
-    RecordingError,
-)
-from palpate.estimate import Estimate
-from palpate.estimators import (
-    ESTIMATORS,
-    ContactEstimator,
-    DoubleStageRLS,
-    DriftTracking,
-    ExtendedKelvinVoigtRLS,
-    KelvinVoigtRLS,
-    PythonEstimator,
-    RecursiveLeastSquaresEstimator,
-    SingleStageRLS,
-    VariableProjection,
-)
-from palpate.force_laws import (
-    FORCE_LAWS,
-    ExtendedKelvinVoigt,
-    ForceLaw,
-    HuntCrossley,
-    KelvinVoigt,
-)
-from palpate.identification import Identification, compare, identify
-from palpate.least_squares import LeastSquares
-from palpate.preparation import Columns, choose_gate, prepare
-from palpate.recordings import Recording, open_recording, write_contact
-from palpate.settings import (
-    ChangeDetector,
-    ConstantForgetting,
-    ContactGate,
-    FadingForgetting,
-    Scale,
-    SelfPerturbation,
-)
-from palpate.trace import Trace
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "ESTIMATORS",
-    "FORCE_LAWS",
-    "ChangeDetector",
-    "Columns",
-    "ConstantForgetting",
-    "Contact",
-    "ContactEstimator",
-    "ContactGate",
-    "DoubleStageRLS",
-    "DriftTracking",
-    "Estimate",
-    "ExtendedKelvinVoigt",
-    "ExtendedKelvinVoigtRLS",
-    "FadingForgetting",
-    "ForceLaw",
-    "HuntCrossley",
-    "Identification",
-    "InvalidParameterError",
-    "KelvinVoigt",
-    "KelvinVoigtRLS",
-    "LeastSquares",
-    "MissingChannelError",
-    "MissingExtraError",
-    "PalpateError",
-    "PythonEstimator",
-    "Recording",
-    "RecordingError",
-    "RecursiveLeastSquaresEstimator",
-    "Scale",
-    "SelfPerturbation",
-    "SingleStageRLS",
-    "Status",
-    "Trace",
-    "VariableProjection",
-    "choose_gate",
-    "compare",
-    "identify",
-    "open_recording",
-    "prepare",
-    "write_contact",
-]
+if TYPE_CHECKING:
+    from palpate._public import *  # noqa: F403 - they are listed there
+    from palpate._public import __all__ as __all__
+else:
+    # Imported when the first of them is asked for: the command line answers --help, and an
+    # interrupt, without NumPy.
+    def __getattr__(name: str) -> object:
+        if find_spec(f"palpate.{name}"):  # a module, for one of the package's own
+            return import_module(f"palpate.{name}")
+        public = import_module("palpate._public")
+        globals().update({each: getattr(public, each) for each in (*public.__all__, "__all__")})
+        if name in globals():
+            return globals()[name]
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__getattr__("__all__")})

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.design.excitation import inverse_information, jacobian
 from palpate.design.motion import Motion
 from palpate.design.rounding import effective_noise, mean_rounding_error
-from palpate.excitation import inverse_information, jacobian
 from palpate.force_laws import HuntCrossley
 from palpate.validation import Floats
 
@@ -173,7 +173,8 @@ class Measurement:
 
     def _relative(self, information: Floats) -> Floats:
         errors: Floats = np.sqrt(np.diag(inverse_information(information)))[:3]
-        return errors / self.law.parameters
+        with np.errstate(over="ignore"):  # of a parameter next to nothing, nothing is known
+            return errors / self.law.parameters
 
     def _nothing(self) -> Floats:
         size = 3 + self.offset + self.surface

@@ -15,13 +15,13 @@ from palpate.figures.panels import (
     draw_loop,
     draw_parameter,
 )
-from palpate.figures.style import DARK, LIGHT, save, style
+from palpate.figures.style import DARK, LIGHT, check_figure, save, style
 from palpate.identification import Identification
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw", "draw_comparison", "save"]
+__all__ = ["check_figure", "draw", "draw_comparison", "save"]
 
 
 def draw(identification: Identification, *, dark: bool = False) -> "Figure":
@@ -56,7 +56,7 @@ def draw(identification: Identification, *, dark: bool = False) -> "Figure":
             draw_condition(bottom, identification, theme)
         else:
             draw_error(bottom, [identification], theme)
-        figure.suptitle(_title(identification), fontsize=11)
+        _write_title(figure, _title(identification))
     return figure
 
 
@@ -87,11 +87,21 @@ def draw_comparison(results: Mapping[str, Identification], *, dark: bool = False
         draw_force(figure.add_subplot(rows[0, :2]), shown, theme)
         draw_error(figure.add_subplot(rows[1, :2]), shown, theme)
         draw_loop(figure.add_subplot(rows[:, 2]), shown, theme)
-        figure.suptitle(Path(shown[0].contact.source).name or "comparison", fontsize=11)
+        _write_title(figure, _name(shown[0]) or "comparison")
     return figure
 
 
-def _title(result: Identification) -> str:
+def _write_title(figure: "Figure", words: str) -> None:
+    figure.suptitle(words, fontsize=11, parse_math=False)  # a file's name may hold a $
+
+
+def _name(result: Identification) -> str:
+    """Name of the recording's file; what no font has, such as a byte that is not UTF-8, is �."""
     name = Path(result.contact.source).name
+    return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in name)
+
+
+def _title(result: Identification) -> str:
+    name = _name(result)
     fit = f"{result.method}, final law fits to {result.fit_rmse_percent:.2g} %"
     return f"{name}: {fit}" if name else fit

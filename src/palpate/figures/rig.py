@@ -1,16 +1,18 @@
 """The laboratory's rig as it presses the material: MuJoCo's picture of it, or a drawing."""
 
+import io
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.errors import InvalidParameterError
 from palpate.figures.style import DARK, LIGHT, Theme, save, style
-from palpate.files import replacing
 from palpate.lab import Bench, TwinPantograph
 from palpate.lab.kinematics import Geometry
 from palpate.lab.picture import NoRendererError, photograph
+from palpate.writing import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,19 +36,25 @@ def save_rig(bench: Bench, path: str | Path, *, dark: bool = False) -> str:
     path = Path(path)
     if not isinstance(bench.probe, TwinPantograph):
         raise InvalidParameterError(f"an {bench.probe.name} has no rig to draw; use a robot")
-    if path.suffix == ".png":
+    if path.suffix.lower() == ".png":
         try:
             pixels = photograph(bench)
         except NoRendererError:
             pass
         else:
-            with style(LIGHT), replacing(path) as temporary:
-                from matplotlib.image import imsave
-
-                imsave(temporary, pixels)
+            write_bytes(path, _as_png(pixels))
             return "rendered"
     save(draw_rig(bench, dark=dark), path)
     return "drawn"
+
+
+def _as_png(pixels: NDArray[Any]) -> bytes:
+    with style(LIGHT):
+        from matplotlib.image import imsave
+
+        file = io.BytesIO()
+        imsave(file, pixels, format="png")
+        return file.getvalue()
 
 
 def draw_rig(bench: Bench, *, dark: bool = False) -> "Figure":

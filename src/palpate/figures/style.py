@@ -1,15 +1,25 @@
 """How figures look, and how they are written."""
 
 import io
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 from palpate.errors import MissingExtraError, RecordingError
-from palpate.files import replacing
+from palpate.writing import check_writable, write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+# Endings of figures. Without a date or random names, the same result gives the same file.
+_FORMATS: dict[str, dict[str, None] | None] = {
+    ".svg": {"Date": None},
+    ".pdf": {"CreationDate": None},
+    ".png": None,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,37 +93,63 @@ class style:  # noqa: N801 - reads as a statement
         self._context.__exit__(*error)
 
 
-def save(figure: "Figure", path: str | Path) -> None:
+def save(figure: "Figure", path: str | Path, inputs: Sequence[Path] = ()) -> None:
     """Write a figure whole or not at all; the ending of ``path`` chooses the format.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        For instance of :func:`palpate.figures.draw`.
+    path : str or Path
+        Ends in .svg, .pdf or .png.
+    inputs : sequence of Path
+        Files that must not be written over, such as the recording that is drawn.
 
     Raises
     ------
     RecordingError
-        The path cannot be written, or no format has its ending.
+        The path cannot be written, or has another ending.
     """
     path = Path(path)
-    if not path.suffix:
-        raise RecordingError(f"{path}: a figure's name must end in .svg, .pdf or .png")
-    try:
-        with replacing(path) as temporary:
-            _write(figure, temporary, path.suffix)
-    except ValueError:
-        raise RecordingError(f"{path}: cannot draw {path.suffix}; use .svg, .pdf or .png") from None
+    write_bytes(path, _as_bytes(figure, _format_of(path)), inputs)
+
+
+def check_figure(path: Path, inputs: Sequence[Path] = ()) -> None:
+    """Say now, before work is done, that a figure could not be drawn or written.
+
+    Raises
+    ------
+    MissingExtraError
+        matplotlib is not installed.
+    RecordingError
+        As :func:`save`, or the figure would replace one of the ``inputs``.
+    """
+    style(LIGHT)
+    _format_of(path)
+    check_writable(path, inputs)
 
 
 def as_svg(figure: "Figure") -> str:
     """Return a figure as SVG, the same as :func:`save` writes."""
-    drawn = io.BytesIO()
-    _write(figure, drawn, ".svg")
-    return drawn.getvalue().decode("utf-8")
+    return _as_bytes(figure, ".svg").decode("utf-8")
 
 
-def _write(figure: "Figure", target: Path | IO[bytes], ending: str) -> None:
+def _as_bytes(figure: "Figure", ending: str) -> bytes:
     import matplotlib
 
-    # Without a date or random names, the same result gives the same file.
-    undated = {"Date": None} if ending == ".svg" else None
-    with matplotlib.rc_context({"svg.hashsalt": "palpate"}):
+    drawn = io.BytesIO()
+    with matplotlib.rc_context({"svg.hashsalt": "palpate"}), warnings.catch_warnings():
+        # A name in a script that the font lacks is drawn as boxes, and axes to 1e308 overflow.
+        warnings.filterwarnings("ignore", "Glyph .* missing from")
+        warnings.filterwarnings("ignore", "overflow encountered", RuntimeWarning)
         figure.savefig(
-            target, format=ending[1:], facecolor=figure.get_facecolor(), metadata=undated
+            drawn, format=ending[1:], facecolor=figure.get_facecolor(), metadata=_FORMATS[ending]
         )
+    return drawn.getvalue()
+
+
+def _format_of(path: Path) -> str:
+    ending = path.suffix.lower()
+    if ending not in _FORMATS:
+        raise RecordingError(f"{path}: a figure's name must end in .svg, .pdf or .png")
+    return ending

@@ -60,5 +60,7 @@ PERFECT = Sensors(force_noise=0.0, force_resolution=0.0, force_bias=0.0)
 
 
 def rounded(values: Floats, step: float) -> Floats:
-    """To the nearest step; adding zero turns −0 into 0."""
-    return step * np.round(values / step) + 0.0 if step > 0.0 else values
+    """To the nearest step, where floats have room for it; adding zero turns −0 into 0."""
+    if step <= np.spacing(np.abs(values).max(initial=0.0)):
+        return values
+    return step * np.round(values / step) + 0.0

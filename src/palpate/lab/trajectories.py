@@ -225,6 +225,10 @@ class Followed:
         except InvalidParameterError as error:
             raise RecordingError(f"{recording.source}: {error}") from None
 
+    def __repr__(self) -> str:
+        samples, (start, stop) = self._spline.x.size, self._ends
+        return f"Followed({samples} samples from {start:g} s to {stop:g} s, pause={self.pause:g})"
+
     def at(self, time: Floats) -> Command:
         """Return the command at times [s], shape (k,)."""
         inside = np.clip(time, *self._ends)

@@ -14,8 +14,8 @@ from typing import Any
 
 import palpate
 from palpate import _core
-from palpate.files import write_text
 from palpate.paper.experiment import Experiment, Finding, Outcome, Table
+from palpate.writing import write_text
 
 # A pixel of a figure is a thousandth of its width; more digits make a heavy file that looks alike.
 DIGITS_DRAWN = 6

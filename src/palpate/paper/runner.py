@@ -16,7 +16,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from palpate.errors import PalpateError
-from palpate.files import make_folder, write_text
 from palpate.paper import outcomes as on_disk
 from palpate.paper.experiment import Experiment, Outcome, Table
 from palpate.paper.report.contents import Report, Section
@@ -31,6 +30,7 @@ from palpate.paper.workers import (
     portable,
     processes,
 )
+from palpate.writing import make_folder, write_text
 
 #: Told what has just been finished, and how many of how many tasks are.
 Progress = Callable[[str, int, int], None]

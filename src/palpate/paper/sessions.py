@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.files import replacing
 from palpate.lab import MATERIALS, TRAJECTORIES, Bench, Measurement
 from palpate.settings import ContactGate, Scale
 from palpate.validation import Floats
+from palpate.writing import write_bytes
 
 #: When the command leaves its pause, s; the paper's clock, in which contact is made at 2 s.
 START = 2.0
@@ -43,8 +43,7 @@ def session(material: str, trajectory: str, seed: int, seconds: float = 12.0) ->
         found: Measurement = pickle.loads(path.read_bytes())
         return found
     measurement = bench.run(seed, seconds=seconds)
-    with replacing(path) as temporary:
-        temporary.write_bytes(pickle.dumps(measurement))
+    write_bytes(path, pickle.dumps(measurement))
     return measurement
 
 

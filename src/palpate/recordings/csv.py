@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.errors import RecordingError
-from palpate.files import write_text
+from palpate.writing import write_text
 from palpate.recordings.recording import Recording, number_in_text, printable
 
 # The columns that palpate writes, and their units.

@@ -5,10 +5,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from palpate.files import write_text
 from palpate.paper.outcomes import plain
 from palpate.paper.report.contents import TITLE, Report, Section, circumstances, settings
 from palpate.paper.report.page import page
+from palpate.writing import write_text
 
 
 def write_report(report: Report, folder: Path) -> None:

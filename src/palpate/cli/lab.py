@@ -1,29 +1,16 @@
-"""The command ``palpate lab``: parse, call, print."""
+"""The command ``palpate lab``."""
 
 import sys
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TextIO
 
 from cyclopts import Parameter
 
+from palpate.cli.printing import Terminal
+
 if TYPE_CHECKING:
     from palpate.lab import Bench, Material, Measurement, Probe, Trajectory
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Law:
-    """Parameters of the material, where it is a law of one's own."""
-
-    stiffness: float | None = None
-    "K, N/mⁿ (K₁ of extended-kelvin-voigt, N/m)."
-    damping: float | None = None
-    "B, N·s/mⁿ⁺¹."
-    exponent: float | None = None
-    "n of hunt-crossley."
-    quadratic_stiffness: float | None = None
-    "K₂ of extended-kelvin-voigt, N/m²."
 
 
 @Parameter(name="*")
@@ -52,8 +39,8 @@ def lab(
     seconds: float = 10.0,
     seed: int = 0,
     picture: Path | None = None,
-    law: Law | None = None,
     instruments: Instruments | None = None,
+    **law: float,
 ) -> None:
     """Press a material of known truth, and write the recording.
 
@@ -76,14 +63,16 @@ def lab(
         Of noise, bias and encoder phases.
     picture
         Draw the rig as it presses the material to this file (.png, .svg or .pdf).
+    law
+        Parameters of a law of one's own by their names, SI: --stiffness, --damping, --exponent …
     """
     from palpate import lab as laboratory
-    from palpate.files import check_writable
     from palpate.recordings import write_contact
+    from palpate.writing import check_outputs, is_standard_output
 
     instruments = instruments or Instruments()
     bench = laboratory.Bench(
-        _material(material, law or Law()),
+        _material(material, law),
         _trajectory(trajectory),
         _probe(instruments),
         laboratory.Sensors(
@@ -92,37 +81,37 @@ def lab(
             force_bias=instruments.bias,
         ),
     )
-    for path in filter(None, (output, picture)):
-        check_writable(path)
     if picture is not None:
         _check_picture(picture, instruments)
+    inputs = [] if trajectory in laboratory.TRAJECTORIES else [Path(trajectory)]
+    check_outputs([output, picture] if picture else [output], inputs)
     measurement = _run(bench, seed, seconds)
     write_contact(measurement.contact, output, notes=_versions(bench))
-    _print(bench, measurement, output)
+    # A recording that goes on into a pipe is not mixed with words about it.
+    where = sys.stderr if is_standard_output(output) else sys.stdout
+    _print(measurement, output, where)
     if picture is not None:
         from palpate.figures.rig import save_rig
 
-        print(f"picture, {save_rig(bench, picture)}: {picture}")
+        print(f"picture, {save_rig(bench, picture)}: {picture}", file=where)
 
 
 def _check_picture(picture: Path, instruments: Instruments) -> None:
     """Say before the work what could not be drawn after it."""
     from palpate.errors import InvalidParameterError
-    from palpate.figures.style import LIGHT, style
+    from palpate.figures import check_figure
 
-    style(LIGHT)  # is matplotlib there?
-    if picture.suffix not in (".png", ".svg", ".pdf"):
-        raise InvalidParameterError(f"--picture must end in .png, .svg or .pdf, not {picture}")
+    check_figure(picture)
     if instruments.probe != "twin-pantograph":
         raise InvalidParameterError("--picture shows the robot; an ideal probe has none")
 
 
-def _material(name: str, law: Law) -> "Material":
+def _material(name: str, given: dict[str, float]) -> "Material":
     from palpate.errors import InvalidParameterError
     from palpate.force_laws import FORCE_LAWS
     from palpate.lab import MATERIALS, Homogeneous
 
-    given = {key: value for key, value in vars(law).items() if value is not None}
+    given = {key.replace("-", "_"): value for key, value in given.items()}
     if name in MATERIALS:
         if given:
             raise InvalidParameterError(
@@ -171,10 +160,9 @@ def _run(bench: "Bench", seed: int, seconds: float) -> "Measurement":
     """Run the bench, with a progress bar where a person looks on."""
     if not sys.stderr.isatty():
         return bench.run(seed, seconds=seconds)
-    from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with Progress(console=Terminal(stderr=True), transient=True) as bar:
         task = bar.add_task(f"pressing {bench.material.name}", total=seconds)
         return bench.run(
             seed, seconds=seconds, progress=lambda reached: bar.update(task, completed=reached)
@@ -190,12 +178,13 @@ def _versions(bench: "Bench") -> dict[str, str]:
     return {"made by": "palpate lab; " + ", ".join(f"{name} {version(name)}" for name in names)}
 
 
-def _print(bench: "Bench", measurement: "Measurement", output: Path) -> None:
+def _print(measurement: "Measurement", output: Path, where: TextIO) -> None:
     contact, truth = measurement.contact, measurement.truth
-    print(f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s")
-    print(f"truth: {contact.provenance['truth']}")
-    print(
+    lines = (
+        f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s",
+        f"truth: {contact.provenance['truth']}",
         f"deepest {1e3 * truth.penetration.max():.2f} mm, fastest "
-        f"{1e3 * abs(truth.velocity).max():.1f} mm/s, firmest {truth.force.max():.2f} N"
+        f"{1e3 * abs(truth.velocity).max():.1f} mm/s, firmest {truth.force.max():.2f} N",
+        f"recording: {output}",
     )
-    print(f"recording: {output}")
+    print(*lines, sep="\n", file=where)

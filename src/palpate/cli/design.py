@@ -1,10 +1,11 @@
-"""The command ``palpate design``: parse, call, print."""
+"""The command ``palpate design``."""
 
-import json
 from dataclasses import dataclass
 from typing import Annotated
 
 from cyclopts import Parameter
+
+from palpate.cli.printing import AsJson, print_json
 
 Several = Annotated[tuple[float, ...] | None, Parameter(consume_multiple=True, negative="")]
 
@@ -59,7 +60,7 @@ def design(
     plan: Plan | None = None,
     offset: bool = True,
     surface: bool = False,
-    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Tell what a planned motion would identify, how soon, and find a better motion.
 
@@ -74,9 +75,9 @@ def design(
     as_json
         Print one JSON object instead of a table; what is infinite is null.
     """
+    from palpate.cli.design_tables import command_line, print_design
     from palpate.design import PAPER_MOTION, Motion
     from palpate.design import design as run
-    from palpate.design.report import command_line, print_design
     from palpate.force_laws import HuntCrossley
 
     plan = plan or Plan()
@@ -97,7 +98,6 @@ def design(
         max_speed=plan.max_speed,
     )
     if as_json:
-        words = {**result.as_dict(), "command": command_line(result)}
-        print(json.dumps(words, ensure_ascii=False, allow_nan=False))
+        print_json({**result.as_dict(), "command": command_line(result)})
     else:
         print_design(result)

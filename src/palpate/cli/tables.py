@@ -1,22 +1,70 @@
-"""Results as a table that a person reads."""
+"""Identifications as a table that a person reads, or as one JSON object."""
 
-import json
 import math
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from palpate.contact import Contact
-from palpate.force_laws import ForceLaw, law_from
+from palpate.cli.printing import Terminal, print_json
 from palpate.identification import Identification
+from palpate.recordings.truth import truth_of
 
 
-def print_results(results: Sequence[Identification], console: Console | None = None) -> None:
-    """Print one contact's identifications side by side, and what to know about them."""
-    console = console or Console(highlight=False)
+def new_table() -> Table:
+    """Return a table without lines, as all of palpate's are."""
+    return Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+
+
+def print_identifications(
+    file: Path, results: Sequence[Identification], figure: Path | None, *, as_json: bool
+) -> None:
+    """Print what a file gave: its identifications side by side, and what to know about them."""
+    if as_json:
+        print_json(_as_dict(file, results))
+        return
+    console = Terminal()
+    _print_contact(results[0], console)
+    console.print(_table(results))
+    console.print(
+        Text(
+            "predicted, fit: RMSE% of force, a priori after 0.2 s and of the final law; "
+            "cond. 10: contact in which |v| < 0.1 K/B does not hold",
+            style="dim",
+        ),
+        soft_wrap=True,
+    )
+    for result in results:
+        for flag in result.flags:
+            console.print(Text(f"{result.method}: {flag}", style="yellow"), soft_wrap=True)
+    if figure is not None:
+        print(f"figure: {figure}")
+
+
+def _as_dict(file: Path, results: Sequence[Identification]) -> dict[str, Any]:
     first = results[0]
+    gate, scale, contact = first.gate, first.scale, first.contact
+    return {
+        "file": str(file),
+        "samples": len(contact),
+        "provenance": dict(contact.provenance),
+        "gate": {
+            "minimum_penetration": gate.minimum_penetration,
+            "make_force": gate.make_force,
+            "break_force": gate.break_force,
+        },
+        "scale": {
+            "penetration": scale.penetration,
+            "velocity": scale.velocity,
+            "force": scale.force,
+        },
+        "results": [result.as_dict() for result in results],
+    }
+
+
+def _print_contact(first: Identification, console: Terminal) -> None:
     contact, gate, scale = first.contact, first.gate, first.scale
     console.print(Text(f"{contact.source or 'contact'}", style="bold"))
     console.print(
@@ -27,7 +75,10 @@ def print_results(results: Sequence[Identification], console: Console | None = N
         ),
         soft_wrap=True,
     )
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+
+
+def _table(results: Sequence[Identification]) -> Table:
+    table = new_table()
     table.add_column("method", no_wrap=True)
     table.add_column("contact model (± standard error)", no_wrap=True)
     for heading in ("predicted", "fit", "cond. 10"):
@@ -40,32 +91,13 @@ def print_results(results: Sequence[Identification], console: Console | None = N
             _percent(result.fit_rmse_percent),
             _share(result.violated_fraction),
         )
-    if truth := truth_of(contact):
+    if truth := truth_of(results[0].contact.provenance):
         named = zip(truth.symbols, truth.parameters, truth.units, strict=True)
         words = "\n".join(
             f"{symbol} = {value:.4g} {unit}".rstrip() for symbol, value, unit in named
         )
         table.add_row("truth, by\nthe file", words, style="dim")
-    console.print(table)
-    console.print(
-        Text(
-            "predicted, fit: RMSE% of force, a priori after 0.2 s and of the final law; "
-            "cond. 10: contact in which |v| < 0.1 K/B does not hold",
-            style="dim",
-        ),
-        soft_wrap=True,
-    )
-    for result in results:
-        for flag in result.flags:
-            console.print(Text(f"{result.method}: {flag}", style="yellow"), soft_wrap=True)
-
-
-def truth_of(contact: Contact) -> ForceLaw | None:
-    """Return the law that a simulated recording says it was made with; None for any other."""
-    try:
-        return law_from(json.loads(contact.provenance["truth"]))
-    except (KeyError, ValueError, TypeError, AttributeError, OverflowError, RecursionError):
-        return None
+    return table
 
 
 def _in_two_lines(method: str) -> str:

@@ -4,18 +4,19 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from palpate.cli.printing import Terminal
+from palpate.cli.tables import new_table
 from palpate.design.outlook import Outlook
 from palpate.design.planned import Design
 from palpate.design.precision import HORIZON
 
 
-def print_design(design: Design, console: Console | None = None) -> None:
+def print_design(design: Design) -> None:
     """Print what the planned motion and a better one would identify, and how soon."""
-    console = console or Console(highlight=False)
+    console = Terminal()
     law = design.law
     console.print(
         Text(f"F = {law.stiffness:.4g} x^{law.exponent:.3g} (1 + {law.dissipation:.3g} v)", "bold")
@@ -86,7 +87,7 @@ def _sensor(design: Design) -> str:
 
 def _precision(design: Design) -> Table:
     """Standard errors after each duration, and the time to each target."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    table = new_table()
     table.add_column("")
     for _, name in _columns(design):
         for symbol in design.law.symbols:
@@ -106,7 +107,7 @@ def _precision(design: Design) -> Table:
 
 
 def _motions(design: Design) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    table = new_table()
     table.add_column("motion")
     for _, name in _columns(design):
         table.add_column(name, justify="right")

@@ -1,4 +1,4 @@
-"""The command ``palpate paper``: parse, call, print."""
+"""The command ``palpate paper``."""
 
 import sys
 from collections.abc import Iterator
@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
+
+from palpate.cli.printing import Terminal, complain
 
 if TYPE_CHECKING:
     from palpate.paper import Experiment
@@ -61,7 +63,7 @@ def paper(
     except KeyboardInterrupt:
         if (output / "report.html").is_file():
             words = "interrupted; the same command goes on from what is finished"
-            print(f"palpate: {words}: {output / 'report.html'}", file=sys.stderr)
+            complain(f"{words}: {output / 'report.html'}")
         raise
     _print(report, output)
 
@@ -94,7 +96,6 @@ def _say_what_was_taken_over(run: "PaperRun") -> None:
 @contextmanager
 def _progress() -> "Iterator[Progress]":
     """A bar where a person looks on; elsewhere a line for each figure."""
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
@@ -112,7 +113,7 @@ def _progress() -> "Iterator[Progress]":
         TimeElapsedColumn(),
         TextColumn("{task.description}", style="dim"),
     )
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=Terminal(stderr=True), transient=True) as bar:
         task = bar.add_task("pressing", total=None)
         yield lambda words, done, total: bar.update(
             task, description=words, completed=done, total=total
@@ -120,14 +121,13 @@ def _progress() -> "Iterator[Progress]":
 
 
 def _print(report: "Report", folder: Path) -> None:
-    from rich.console import Console
-    from rich.table import Table
     from rich.text import Text
 
+    from palpate.cli.tables import new_table
     from palpate.paper.report.verdicts import SIGNS
 
-    console = Console(highlight=False)
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    console = Terminal()
+    table = new_table()
     for heading in ("figure", "claim", "the paper's", "ours", "verdict"):
         table.add_column(heading)
     for each in report.judgements:

@@ -1,0 +1,87 @@
+"""The public names, gathered; ``import palpate`` offers them."""
+
+from palpate._core import Status
+from palpate.contact import Contact
+from palpate.errors import (
+    InvalidParameterError,
+    MissingChannelError,
+    MissingExtraError,
+    PalpateError,
+    RecordingError,
+)
+from palpate.estimate import Estimate
+from palpate.estimators import (
+    ESTIMATORS,
+    ContactEstimator,
+    DoubleStageRLS,
+    DriftTracking,
+    ExtendedKelvinVoigtRLS,
+    KelvinVoigtRLS,
+    PythonEstimator,
+    RecursiveLeastSquaresEstimator,
+    SingleStageRLS,
+    VariableProjection,
+)
+from palpate.force_laws import (
+    FORCE_LAWS,
+    ExtendedKelvinVoigt,
+    ForceLaw,
+    HuntCrossley,
+    KelvinVoigt,
+)
+from palpate.identification import Identification, compare, identify
+from palpate.least_squares import LeastSquares
+from palpate.preparation import Columns, choose_gate, prepare
+from palpate.recordings import Recording, open_recording, write_contact
+from palpate.settings import (
+    ChangeDetector,
+    ConstantForgetting,
+    ContactGate,
+    FadingForgetting,
+    Scale,
+    SelfPerturbation,
+)
+from palpate.trace import Trace
+
+__all__ = [
+    "ESTIMATORS",
+    "FORCE_LAWS",
+    "ChangeDetector",
+    "Columns",
+    "ConstantForgetting",
+    "Contact",
+    "ContactEstimator",
+    "ContactGate",
+    "DoubleStageRLS",
+    "DriftTracking",
+    "Estimate",
+    "ExtendedKelvinVoigt",
+    "ExtendedKelvinVoigtRLS",
+    "FadingForgetting",
+    "ForceLaw",
+    "HuntCrossley",
+    "Identification",
+    "InvalidParameterError",
+    "KelvinVoigt",
+    "KelvinVoigtRLS",
+    "LeastSquares",
+    "MissingChannelError",
+    "MissingExtraError",
+    "PalpateError",
+    "PythonEstimator",
+    "Recording",
+    "RecordingError",
+    "RecursiveLeastSquaresEstimator",
+    "Scale",
+    "SelfPerturbation",
+    "SingleStageRLS",
+    "Status",
+    "Trace",
+    "VariableProjection",
+    "choose_gate",
+    "compare",
+    "identify",
+    "open_recording",
+    "prepare",
+    "write_contact",
+]

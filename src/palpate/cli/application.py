@@ -1,0 +1,67 @@
+"""All commands together, and how each ends: its exit status, and what is said of an error."""
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from cyclopts import App, CycloptsError
+
+from palpate.cli.printing import (
+    Terminal,
+    abandon_output,
+    complain,
+    finish_output,
+    prepare_output,
+)
+from palpate.errors import PalpateError
+
+#: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
+COMMANDS = ("identify", "compare", "design", "lab", "paper")
+
+
+def application() -> App:
+    """Return the command line with every command."""
+    app = App(
+        name="palpate",
+        help="Identify what a probe touches: contact models from penetration, velocity and force.",
+        help_format="plaintext",
+        version=_version,
+        version_flags=["--version"],
+        console=Terminal(),
+    )
+    for name in COMMANDS:
+        app.command(getattr(import_module(f"palpate.cli.{name}"), name))
+    return app
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Run a command.
+
+    Raises
+    ------
+    SystemExit
+        2 after an error, which is one line on standard error; 141 where the reader of the output
+        is gone.
+    """
+    prepare_output()
+    try:
+        application()(
+            arguments, exit_on_error=False, print_error=False, result_action="return_value"
+        )
+        finish_output()
+    except (PalpateError, CycloptsError) as error:
+        complain(str(error))
+        sys.exit(2)
+    except BrokenPipeError:
+        abandon_output()
+        sys.exit(141)  # as of a program that SIGPIPE ended
+    except OSError as error:
+        abandon_output()
+        complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
+        sys.exit(2)
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("palpate")

@@ -1,0 +1,46 @@
+"""The command ``palpate compare``."""
+
+from pathlib import Path
+
+from palpate.cli.printing import AsJson
+from palpate.cli.reading import Reading
+
+
+def compare(
+    file: Path,
+    /,
+    *,
+    figure: Path | None = None,
+    dark: bool = False,
+    as_json: AsJson = False,
+    reading: Reading | None = None,
+) -> None:
+    """Identify a recording with every method, side by side.
+
+    Parameters
+    ----------
+    file
+        CSV with a header and, unless named otherwise, columns time_s, penetration_m, force_N and
+        optionally velocity_m_s and segment.
+    figure
+        Draw it to this file (.svg, .pdf or .png).
+    dark
+        Draw on a dark background.
+    as_json
+        Print one JSON object instead of a table.
+    """
+    from palpate.cli.tables import print_identifications
+    from palpate.identification import compare as run
+
+    reading = reading or Reading()
+    if figure is not None:
+        from palpate.figures import check_figure
+
+        check_figure(figure, inputs=[file])
+    contact = reading.contact(file)
+    results = run(contact, gate=reading.gate(contact))
+    if figure is not None:
+        from palpate import figures
+
+        figures.save(figures.draw_comparison(results, dark=dark), figure, inputs=[file])
+    print_identifications(file, list(results.values()), figure, as_json=as_json)

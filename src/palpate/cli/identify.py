@@ -1,0 +1,51 @@
+"""The command ``palpate identify``."""
+
+from pathlib import Path
+
+from palpate.cli.printing import AsJson
+from palpate.cli.reading import Reading
+
+
+def identify(
+    file: Path,
+    /,
+    *,
+    method: str = "variable-projection",
+    figure: Path | None = None,
+    dark: bool = False,
+    as_json: AsJson = False,
+    reading: Reading | None = None,
+) -> None:
+    """Identify the contact model of a recording.
+
+    Parameters
+    ----------
+    file
+        CSV with a header and, unless named otherwise, columns time_s, penetration_m, force_N and
+        optionally velocity_m_s and segment.
+    method
+        The estimator, such as single-stage; ``palpate compare`` shows them all.
+    figure
+        Draw it to this file (.svg, .pdf or .png).
+    dark
+        Draw on a dark background.
+    as_json
+        Print one JSON object instead of a table.
+    """
+    from palpate.cli.tables import print_identifications
+    from palpate.estimators import estimator_named
+    from palpate.identification import identify as run
+
+    reading = reading or Reading()
+    kind = estimator_named(method)
+    if figure is not None:
+        from palpate.figures import check_figure
+
+        check_figure(figure, inputs=[file])
+    contact = reading.contact(file)
+    result = run(contact, kind(**{"gate": reading.gate(contact)}))
+    if figure is not None:
+        from palpate import figures
+
+        figures.save(figures.draw(result, dark=dark), figure, inputs=[file])
+    print_identifications(file, [result], figure, as_json=as_json)

@@ -1,0 +1,89 @@
+"""What goes to standard output: one JSON object or text, in whatever its encoding can carry."""
+
+import codecs
+import io
+import json
+import os
+import sys
+from contextlib import suppress
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+from rich.console import Console
+
+AsJson = Annotated[bool, Parameter(name="--json", negative="")]
+
+# What the tables print beyond ASCII, for terminals that have no more than that.
+_PLAIN = {
+    "ⁿ": "^n", "⁺": "+", "¹": "1", "²": "^2", "³": "^3", "₁": "1", "₂": "2", "·": "*", "±": "+-",
+    "–": "-", "−": "-", "×": "x", "√": "sqrt", "≥": ">=", "≤": "<=", "…": "...", "“": '"',
+    "”": '"', "é": "e", "ó": "o", "σ": "sigma", "✓": "+", "✗": "-", "◐": "~",
+    "≈": "~", "→": "->", "λ": "lambda", "₀": "0", "⁻": "-",
+}  # fmt: skip
+
+
+class Terminal(Console):
+    """Where text is printed: standard output, or standard error."""
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        super().__init__(stderr=stderr, highlight=False)
+
+    def on_broken_pipe(self) -> None:
+        """Leave the exit status to who runs the command."""
+        raise BrokenPipeError
+
+
+def print_json(whole: dict[str, Any]) -> None:
+    """Print one JSON object on a line of its own; escaped where the output is not UTF-8."""
+    text = json.dumps(whole, ensure_ascii=False, allow_nan=False)
+    if not _carried(text):
+        text = json.dumps(whole, allow_nan=False)
+    print(text)
+
+
+def prepare_output() -> None:
+    """Let what the output's encoding lacks be printed in other signs, instead of failing."""
+    codecs.register_error("palpate.plain", _in_plain_signs)
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="palpate.plain")
+
+
+def finish_output() -> None:
+    """Write out what is waiting, so that what cannot be written is known before the end."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def abandon_output() -> None:
+    """Let go of what cannot be written: Python would try again on its way out, and complain."""
+    with suppress(OSError, ValueError, AttributeError):  # it may have no descriptor
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
+def complain(words: str) -> None:
+    """Print one line on standard error, whatever the words are made of."""
+    line = " ".join(words.split())
+    shown = "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in line)
+    if sys.stderr is not None:
+        with suppress(OSError):  # there is nobody left to tell
+            print(f"palpate: {shown}", file=sys.stderr)
+
+
+def _carried(text: str) -> bool:
+    encoding = getattr(sys.stdout, "encoding", None) or "ascii"
+    try:
+        text.encode("utf-8")  # a file's name may hold bytes that are not
+    except UnicodeEncodeError:
+        return False
+    return codecs.lookup(encoding).name == "utf-8"
+
+
+def _in_plain_signs(error: UnicodeError) -> tuple[str | bytes, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    signs = error.object[error.start : error.end]
+    if not all(sign in _PLAIN for sign in signs):
+        return codecs.backslashreplace_errors(error)
+    return "".join(_PLAIN[sign] for sign in signs), error.end

@@ -1,0 +1,218 @@
+"""The one place that writes files: whole or not at all, and never over what is read.
+
+A regular file is replaced in one step, when all of the new one is on disk, and keeps its mode and
+owner; symbolic links are followed. Anything else, such as a device or a named pipe, is written
+through to.
+"""
+
+import errno
+import os
+import stat
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from palpate.errors import RecordingError
+
+
+def write_bytes(path: Path, content: bytes, inputs: Sequence[Path] = ()) -> None:
+    """Write a file.
+
+    Parameters
+    ----------
+    path : Path
+        What to write to.
+    content : bytes
+        All of it.
+    inputs : sequence of Path
+        Files that must not be written over.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be written; a regular file that was there is as it was.
+    BrokenPipeError
+        What it leads to has no reader any more.
+    """
+    with _in_words(path):
+        _refuse_inputs(path, inputs)
+        status = _status(path)
+        descriptor = _own_descriptor(status)
+        if descriptor is not None:
+            _write_through(os.dup(descriptor), content)
+        elif status is None or stat.S_ISREG(status.st_mode):
+            _replace(Path(os.path.realpath(path)), content, status)
+        else:
+            _write_through(os.open(path, os.O_WRONLY), content)
+
+
+def write_text(path: Path, text: str, inputs: Sequence[Path] = ()) -> None:
+    """Write text as UTF-8, as :func:`write_bytes` does."""
+    # A file's name that is not UTF-8 reaches text as surrogates; JSON has the same escapes.
+    write_bytes(path, text.encode("utf-8", "backslashreplace"), inputs)
+
+
+def check_writable(path: Path, inputs: Sequence[Path] = ()) -> None:
+    """Say now, before work is done, that a file could not be written.
+
+    Raises
+    ------
+    RecordingError
+        The folder does not exist or cannot be written to, or ``path`` is a folder, protected, or
+        one of the ``inputs``.
+    """
+    with _in_words(path):
+        _refuse_inputs(path, inputs)
+        status = _status(path)
+        if _own_descriptor(status) is not None:
+            return
+        if status is not None and not os.access(path, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        if status is None or stat.S_ISREG(status.st_mode):
+            with _beside(Path(os.path.realpath(path))) as temporary:
+                temporary.touch(exist_ok=False)
+        elif stat.S_ISDIR(status.st_mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+
+
+def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
+    """Check several files at once: each as by :func:`check_writable`, and no two the same.
+
+    Raises
+    ------
+    RecordingError
+        One cannot be written, or two are one file.
+    """
+    for i, path in enumerate(outputs):
+        check_writable(path, inputs)
+        if any(_same_file(path, other) for other in outputs[:i]):
+            raise RecordingError(f"{path}: two outputs would be this file; name another for one")
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, with those above it, and say now whether a file can be written into it.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be made or written to.
+    """
+    with _in_words(path):
+        path.mkdir(parents=True, exist_ok=True)
+        with _beside(path / "any") as temporary:
+            temporary.touch(exist_ok=False)
+
+
+def is_standard_output(path: Path) -> bool:
+    """Whether a path leads to where this process prints, such as ``/dev/stdout``."""
+    try:
+        return _own_descriptor(path.stat()) == 1
+    except (OSError, ValueError):
+        return False
+
+
+def _replace(target: Path, content: bytes, former: os.stat_result | None) -> None:
+    if former is not None and not os.access(target, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    with _beside(target) as temporary:
+        with temporary.open("xb") as file:
+            file.write(content)
+            file.flush()
+            if former is not None:
+                _make_like(file.fileno(), former)
+            os.fsync(file.fileno())
+        temporary.replace(target)
+    _sync_folder(target.parent)
+
+
+@contextmanager
+def _beside(target: Path) -> Iterator[Path]:
+    """Name a new file in the same folder; it is gone afterwards, unless it was renamed."""
+    temporary = target.parent / f".palpate-{os.urandom(8).hex()}"
+    try:
+        yield temporary
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _make_like(descriptor: int, former: os.stat_result) -> None:
+    with suppress(OSError, AttributeError):  # only root gives files away; Windows has no owners
+        os.fchown(descriptor, former.st_uid, former.st_gid)
+    with suppress(AttributeError):
+        os.fchmod(descriptor, stat.S_IMODE(former.st_mode))
+
+
+def _sync_folder(folder: Path) -> None:
+    """Put the new name on disk too, where the system lets a folder be opened."""
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def _write_through(descriptor: int, content: bytes) -> None:
+    with os.fdopen(descriptor, "wb", buffering=0) as stream:
+        rest = memoryview(content)
+        while rest:
+            rest = rest[stream.write(rest) :]
+
+
+def _own_descriptor(status: os.stat_result | None) -> int | None:
+    """Standard output or error, where that is the file: opened again it would begin at its top."""
+    for descriptor, stream in ((1, sys.stdout), (2, sys.stderr)):
+        with suppress(OSError):
+            if status is not None and os.path.samestat(os.fstat(descriptor), status):
+                if stream is not None:
+                    stream.flush()
+                return descriptor
+    return None
+
+
+def _status(path: Path) -> os.stat_result | None:
+    """What a path leads to; None where that does not exist yet."""
+    try:
+        return path.stat()
+    except FileNotFoundError:
+        return None
+
+
+def _refuse_inputs(path: Path, inputs: Sequence[Path]) -> None:
+    if any(_same_file(path, each) for each in inputs):
+        raise RecordingError(f"{path}: this file is read; name another one to write to")
+
+
+def _same_file(one: Path, other: Path) -> bool:
+    """Whether two paths lead to one regular file, there or to be; hard links count."""
+    try:
+        if one.exists() and other.exists():
+            return one.is_file() and one.samefile(other)
+        return os.path.realpath(one) == os.path.realpath(other)
+    except (OSError, ValueError):  # of no file's name: who opens it says so
+        return False
+
+
+@contextmanager
+def _in_words(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (RecordingError, BrokenPipeError):
+        raise
+    except OSError as error:
+        raise RecordingError(f"{path}: {_words(path, error)}") from None
+    except ValueError as error:  # a name with a null byte, or of a lone surrogate
+        raise RecordingError(f"{path!r}: not a file's name: {error}") from None
+
+
+def _words(path: Path, error: OSError) -> str:
+    if error.errno == errno.EISDIR:
+        return "this is a folder; name a file in it"
+    if error.errno == errno.ENOENT:
+        folder = Path(os.path.realpath(path)).parent
+        return f"the folder {folder} does not exist; make it, or choose another"
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return f"{error.strerror}; make room, or choose another place"
+    reason = error.strerror or "cannot be written"
+    return f"{reason}; choose a place that can be written to"

@@ -1,0 +1,214 @@
+"""Writing files: whole or not at all, through what is no regular file, never over what is read."""
+
+import errno
+import os
+import stat
+import threading
+from pathlib import Path
+
+import pytest
+
+from palpate import RecordingError, writing
+from palpate.writing import check_outputs, check_writable, make_folder, write_bytes, write_text
+
+OLD, NEW = b"old", b"new" * 100_000
+FULL = Path("/dev/full")
+devices = pytest.mark.skipif(not FULL.exists(), reason="needs /dev/full")
+a_user = pytest.mark.skipif(os.geteuid() == 0, reason="root may write to anything")
+
+
+@pytest.fixture
+def old(tmp_path):
+    path = tmp_path / "old.csv"
+    path.write_bytes(OLD)
+    return path
+
+
+def test_a_new_file_has_the_mode_that_the_user_wants(tmp_path):
+    mask = os.umask(0o027)
+    try:
+        write_bytes(tmp_path / "new.csv", NEW)
+    finally:
+        os.umask(mask)
+    assert (tmp_path / "new.csv").read_bytes() == NEW
+    assert stat.S_IMODE((tmp_path / "new.csv").stat().st_mode) == 0o640
+
+
+def test_a_file_that_is_replaced_keeps_its_mode(old):
+    old.chmod(0o604)
+    write_bytes(old, NEW)
+    assert old.read_bytes() == NEW
+    assert stat.S_IMODE(old.stat().st_mode) == 0o604
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
+def test_a_file_that_is_replaced_keeps_its_owner(old):
+    os.chown(old, 12345, 54321)
+    write_bytes(old, NEW)
+    assert (old.stat().st_uid, old.stat().st_gid) == (12345, 54321)
+
+
+@a_user
+def test_a_protected_file_is_left_alone(old):
+    old.chmod(0o444)
+    for attempt in (lambda: check_writable(old), lambda: write_bytes(old, NEW)):
+        with pytest.raises(RecordingError, match="Permission denied"):
+            attempt()
+    assert old.read_bytes() == OLD
+
+
+def test_a_link_is_followed_and_stays(old):
+    link = old.with_name("link.csv")
+    link.symlink_to(old.name)
+    write_bytes(link, NEW)
+    assert link.is_symlink()
+    assert old.read_bytes() == NEW
+
+
+def test_what_a_link_leads_to_is_made_where_it_is_missing(tmp_path):
+    (tmp_path / "folder").mkdir()
+    link = tmp_path / "link.csv"
+    link.symlink_to("folder/target.csv")
+    check_writable(link)
+    write_bytes(link, NEW)
+    assert link.is_symlink()
+    assert (tmp_path / "folder" / "target.csv").read_bytes() == NEW
+
+
+def test_a_named_pipe_is_written_through_to(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    found = []
+    reader = threading.Thread(target=lambda: found.append(pipe.read_bytes()), daemon=True)
+    reader.start()
+    check_writable(pipe)
+    write_bytes(pipe, NEW)
+    reader.join(10.0)
+    assert found == [NEW]
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+@devices
+def test_a_device_is_written_through_to_and_says_when_it_is_full():
+    before = FULL.stat().st_ino
+    check_writable(FULL)
+    with pytest.raises(RecordingError, match="/dev/full: No space left on device; make room"):
+        write_bytes(FULL, NEW)
+    write_bytes(Path("/dev/null"), NEW)
+    assert FULL.is_char_device()
+    assert FULL.stat().st_ino == before
+
+
+def names_of(old: Path) -> dict[str, Path]:
+    """One file by several names."""
+    symbolic, hard = old.with_name("symbolic.csv"), old.with_name("hard.csv")
+    symbolic.symlink_to(old)
+    hard.hardlink_to(old)
+    (old.parent / "folder").mkdir()
+    return {
+        "its own": old,
+        "relative": old.parent / "folder" / ".." / old.name,
+        "a symbolic link": symbolic,
+        "a hard link": hard,
+    }
+
+
+def test_an_input_is_never_written_over_by_any_of_its_names(old):
+    for name in names_of(old).values():
+        for attempt in (lambda name=name: check_writable(name, [old]),
+                        lambda name=name: write_bytes(name, NEW, [old]),
+                        lambda name=name: write_text(name, "new", [old])):  # fmt: skip
+            with pytest.raises(RecordingError, match="this file is read"):
+                attempt()
+    assert old.read_bytes() == OLD
+
+
+def test_two_outputs_may_not_be_one_file(old):
+    for name in names_of(old).values():
+        with pytest.raises(RecordingError, match="two outputs would be this file"):
+            check_outputs([old, name])
+    new = old.with_name("new.csv")
+    with pytest.raises(RecordingError, match="two outputs would be this file"):
+        check_outputs([new, old.parent / "folder" / ".." / "new.csv"])
+    check_outputs([new, old])
+    assert not new.exists()
+
+
+def test_devices_take_any_number_of_outputs_and_are_read_too():
+    check_outputs([Path("/dev/null"), Path("/dev/null")], [Path("/dev/null")])
+
+
+def test_all_of_it_is_on_disk_before_it_takes_its_place(old, monkeypatch):
+    synced = []
+
+    def note(descriptor):
+        kind = stat.S_IFMT(os.fstat(descriptor).st_mode)
+        synced.append((kind, old.read_bytes()))
+
+    monkeypatch.setattr(os, "fsync", note)
+    write_bytes(old, NEW)
+    assert synced == [(stat.S_IFREG, OLD), (stat.S_IFDIR, NEW)]
+
+
+@pytest.mark.parametrize("end", [OSError(errno.ENOSPC, "No space left on device"),
+                                 KeyboardInterrupt()], ids=repr)  # fmt: skip
+def test_what_was_there_survives_a_write_that_fails(old, monkeypatch, end):
+    def fail(descriptor):
+        raise end
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises((RecordingError, KeyboardInterrupt)):
+        write_bytes(old, NEW)
+    assert old.read_bytes() == OLD
+    assert list(old.parent.iterdir()) == [old]
+
+
+REFUSED = {
+    "a folder": ("folder", "this is a folder; name a file in it"),
+    "in no folder": ("absent/x.csv", "the folder .*absent does not exist"),
+    "below a file": ("old.csv/x.csv", "Not a directory"),
+    "a link to itself": ("loop.csv", "symbolic link"),
+    "too long": (300 * "x", "File name too long"),
+    "of a null byte": ("a\0b", "not a file's name"),
+    "of a lone surrogate": ("a\ud800b", "not a file's name"),
+}
+
+
+@pytest.mark.parametrize("name, words", REFUSED.values(), ids=REFUSED)
+def test_a_name_that_cannot_be_written_is_refused_in_words_before_the_work(old, name, words):
+    (old.parent / "folder").mkdir()
+    (old.parent / "loop.csv").symlink_to("loop.csv")
+    before = sorted(old.parent.iterdir())
+    for attempt in (check_writable, lambda path: write_bytes(path, NEW)):
+        with pytest.raises(RecordingError, match=words):
+            attempt(old.parent / name)
+    assert sorted(old.parent.iterdir()) == before
+
+
+def test_a_name_as_long_as_the_system_takes_is_written(tmp_path):
+    path = tmp_path / (255 * "x")
+    check_writable(path)
+    write_bytes(path, NEW)
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_folder_is_made_with_those_above_it(tmp_path, old):
+    make_folder(tmp_path / "a" / "b")
+    make_folder(tmp_path / "a" / "b")
+    assert not list((tmp_path / "a" / "b").iterdir())
+    with pytest.raises(RecordingError, match=r"File exists|Not a directory"):
+        make_folder(old)
+
+
+def test_text_is_utf_8_whatever_it_quotes(tmp_path):
+    write_text(tmp_path / "note.txt", "μ\n\udcff")
+    assert (tmp_path / "note.txt").read_bytes() == "μ\n\\udcff".encode()
+
+
+def test_only_this_module_opens_files_to_write():
+    """Nothing else in the package may know how."""
+    package = Path(writing.__file__).parent
+    for path in set(package.rglob("*.py")) - {Path(writing.__file__)}:
+        code = path.read_text(encoding="utf-8")
+        for name in (".write_text(", ".write_bytes(", 'open("w', "mkstemp(", "NamedTemporaryFile("):
+            assert name not in code, path
