@@ -68,7 +68,7 @@ def test_quicker_forgetting_that_never_ends_stays_sound_at_rest(kind, factor):
 @pytest.mark.parametrize("name", KINDS)
 def test_one_sine_under_never_ending_forgetting_stays_sound_and_predicts(name):
     law = OWN_MATERIAL[name]
-    signals = exciting(law, seconds=100.0, noise=0.01, seed=1, terms=ONE_SINE)
+    signals = exciting(law, seconds=100.0, noise=0.01, seed=1, motion=ONE_SINE)
     estimator = KINDS[name](
         forgetting=ConstantForgetting(0.95), scale=palpate.Scale(15e-3, 0.05, 30)
     )

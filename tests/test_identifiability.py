@@ -24,7 +24,7 @@ from probing import (
 )
 from scipy.stats import binom
 
-from palpate import Estimate, HuntCrossley, VariableProjection, identify, read_contact
+from palpate import Estimate, HuntCrossley, VariableProjection, design, identify, read_contact
 
 DATA = Path(os.environ.get("PALPATE_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
@@ -52,7 +52,9 @@ def test_a_held_contact_tells_neither_exponent_nor_damping(name: str) -> None:
 @pytest.mark.parametrize("name", MATERIALS)
 def test_a_motion_below_the_noise_does_not_tell_the_exponent(name: str) -> None:
     # 1 µm of 10 mm moves the force of the stiffest by a tenth of the noise.
-    assert flagged(estimate_of(MATERIALS[name], sines(2.0, {11.0: 1e-6})), EXPONENT)
+    assert flagged(
+        estimate_of(MATERIALS[name], sines(2.0, design.Motion(10e-3, (1e-6,), (11.0,)))), EXPONENT
+    )
 
 
 @pytest.mark.parametrize("name", MATERIALS)
