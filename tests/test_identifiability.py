@@ -135,10 +135,9 @@ def test_white_noise_widens_nothing() -> None:
 
 def test_a_material_outside_the_model_class_widens_its_error_bars() -> None:
     motion = three_sines(20.0)
-    estimate = fed(
-        VariableProjection(), motion, relaxing(motion) + white(len(motion), 1)
-    ).estimate()
-    residual = relaxing(motion) - estimate.law.force(motion.x, motion.v) - estimate.offset
+    clean = relaxing(motion)
+    estimate = fed(VariableProjection(), motion, clean + white(len(motion), 1)).estimate()
+    residual = clean - estimate.law.force(motion.x, motion.v) - estimate.offset
     alike = estimate.law.force(motion.x, motion.v) + white(len(motion), 2, residual.std())
     same_but_white = fed(VariableProjection(), motion, alike).estimate()
     assert relative_error(same_but_white.law, estimate.law).max() < 0.2
