@@ -38,10 +38,10 @@ def console() -> Console:
 def print_group(group: Group, console: Console) -> None:
     table = Table(title=Text(group.title, style="bold"), title_justify="left")
     table.add_column("figure", no_wrap=True)
-    table.add_column("target", no_wrap=True)
+    table.add_column("limit", no_wrap=True)
     for heading in group.columns:
         table.add_column(heading, justify="right")
-    table.add_column("met")
+    table.add_column("within")
     for heading in group.beside:
         table.add_column(heading, justify="right", style="dim")
     for line in group.lines:
@@ -50,7 +50,7 @@ def print_group(group: Group, console: Console) -> None:
             for i, value in enumerate(line.ours)
         ]
         beside = [group.show(value) for value in line.beside]
-        table.add_row(line.figure, line.target, *ours, line.met, *beside)
+        table.add_row(line.figure, line.limit, *ours, line.within, *beside)
     console.print(table)
     for text in (group.definition, *group.notes):
         console.print(Text(text.replace("`", ""), style="dim"))
@@ -58,9 +58,16 @@ def print_group(group: Group, console: Console) -> None:
 
 
 def markdown(groups: list[Group], facts: dict[str, Any]) -> str:
-    """Everything as Markdown; a value that misses its target is bold."""
+    """Everything as Markdown; a value beyond its limit is bold."""
     parts = [part for group in groups for part in _markdown_group(group)]
     return "\n".join([*parts, words(facts), ""])
+
+
+def page(title: str, arguments: str, groups: list[Group], facts: dict[str, Any]) -> str:
+    """Return a page of its own, which says how it was made."""
+    command = f"python -m benchmarks.accuracy {arguments} --markdown docs/accuracy"
+    tables = markdown(groups, facts).replace("### ", "## ")
+    return f"<!-- Written by {command} -->\n\n# {title}\n\n{tables}"
 
 
 def words(facts: dict[str, Any]) -> str:
@@ -90,7 +97,7 @@ def write(path: Path, text: str) -> None:
 
 
 def _markdown_group(group: Group) -> list[str]:
-    headings = ["figure", "target", *group.columns, "met", *group.beside]
+    headings = ["figure", "limit", *group.columns, "within", *group.beside]
     marks = ["---", "---", *["--:"] * len(group.columns), "---", *["--:"] * len(group.beside)]
     rows = [_cells(group, line) for line in group.lines]
     table = [f"| {' | '.join(row)} |" for row in (headings, marks, *rows)]
@@ -103,7 +110,7 @@ def _cells(group: Group, line: Line) -> list[str]:
         group.show(value) if line.holds(i) else f"**{group.show(value)}**"
         for i, value in enumerate(line.ours)
     ]
-    cells = [line.figure, line.target, *ours, line.met, *map(group.show, line.beside)]
+    cells = [line.figure, line.limit, *ours, line.within, *map(group.show, line.beside)]
     return [cell.replace("|", "\\|") for cell in cells]
 
 
