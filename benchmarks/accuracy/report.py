@@ -38,10 +38,12 @@ def console() -> Console:
 def print_group(group: Group, console: Console) -> None:
     table = Table(title=Text(group.title, style="bold"), title_justify="left")
     table.add_column("figure", no_wrap=True)
-    table.add_column("limit", no_wrap=True)
+    if group.judged:
+        table.add_column("limit", no_wrap=True)
     for heading in group.columns:
         table.add_column(heading, justify="right")
-    table.add_column("within")
+    if group.judged:
+        table.add_column("within")
     for heading in group.beside:
         table.add_column(heading, justify="right", style="dim")
     for line in group.lines:
@@ -50,7 +52,8 @@ def print_group(group: Group, console: Console) -> None:
             for i, value in enumerate(line.ours)
         ]
         beside = [group.show(value) for value in line.beside]
-        table.add_row(line.figure, line.limit, *ours, line.within, *beside)
+        before, after = _around(group, line)
+        table.add_row(*before, *ours, *after, *beside)
     console.print(table)
     for text in (group.definition, *group.notes):
         console.print(Text(text.replace("`", ""), style="dim"))
@@ -97,8 +100,10 @@ def write(path: Path, text: str) -> None:
 
 
 def _markdown_group(group: Group) -> list[str]:
-    headings = ["figure", "limit", *group.columns, "within", *group.beside]
-    marks = ["---", "---", *["--:"] * len(group.columns), "---", *["--:"] * len(group.beside)]
+    limit, within = (["limit"], ["within"]) if group.judged else ([], [])
+    headings = ["figure", *limit, *group.columns, *within, *group.beside]
+    words = {"figure", "limit", "within"}
+    marks = ["---" if heading in words else "--:" for heading in headings]
     rows = [_cells(group, line) for line in group.lines]
     table = [f"| {' | '.join(row)} |" for row in (headings, marks, *rows)]
     notes = [part for note in group.notes for part in (note, "")]
@@ -110,8 +115,16 @@ def _cells(group: Group, line: Line) -> list[str]:
         group.show(value) if line.holds(i) else f"**{group.show(value)}**"
         for i, value in enumerate(line.ours)
     ]
-    cells = [line.figure, line.limit, *ours, line.within, *map(group.show, line.beside)]
+    before, after = _around(group, line)
+    cells = [*before, *ours, *after, *map(group.show, line.beside)]
     return [cell.replace("|", "\\|") for cell in cells]
+
+
+def _around(group: Group, line: Line) -> tuple[list[str], list[str]]:
+    """What stands before and after a line's own values; limits only where the group has any."""
+    if not group.judged:
+        return [line.figure], []
+    return [line.figure, line.limit], [line.within]
 
 
 def _cpu() -> str:

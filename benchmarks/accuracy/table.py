@@ -94,6 +94,11 @@ class Group:
     precision: str = ".2f"
     notes: list[str] = field(default_factory=list)
 
+    @property
+    def judged(self) -> bool:
+        """Whether any of its lines has a limit."""
+        return any(any(line.limits) for line in self.lines)
+
     def show(self, value: Value) -> str:
         """A value as the tables print it."""
         if isinstance(value, str):
