@@ -9,6 +9,7 @@ import re
 import runpy
 import shlex
 import sys
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -133,3 +134,11 @@ def test_an_example_runs(example, briefly, tmp_path, monkeypatch, capsys):
     assert out or sorted(file.name for file in tmp_path.iterdir()) == sorted(
         file.name for file in (ROOT / "examples" / "recordings").iterdir()
     )
+
+
+def test_every_extra_that_a_message_or_a_page_names_can_be_installed():
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        known = tomllib.load(file)["project"]["optional-dependencies"].keys()
+    for path in [*PAGES, *ROOT.glob("src/**/*.py"), *ROOT.glob(".ci/*")]:
+        for names in re.findall(r"(?:palpate|'\.)\[([a-z,]+)\]", path.read_text(encoding="utf-8")):
+            assert set(names.split(",")) <= known, f"{path}: {names}"
