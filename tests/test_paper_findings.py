@@ -80,7 +80,7 @@ def test_every_claim_has_a_finding_and_every_number_can_be_written_down(experime
 def test_it_is_drawn_and_tabulated(experiment, tmp_path):
     outcomes = [outcome_of(experiment.name)] * 2
     figure = experiment.draw(outcomes, dark=True)
-    # Laying out takes ten times as long as drawing; where the whole paper runs it is done.
+    # Laying out takes most of the time; where the whole paper runs it is done.
     figure.set_layout_engine("none")
     save(figure, tmp_path / "figure.png")
     for table in experiment.tables(outcomes):

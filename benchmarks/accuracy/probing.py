@@ -52,7 +52,7 @@ def sines(duration: float, motion: Motion = THREE_SINES, start: float = 0.0) -> 
 def approach_and_probe(duration: float, free: float = 3e-3) -> Sampled:
     """A second from ``free`` [m] above the surface to the mean depth, then the three sines.
 
-    The lab's own approach is a fast one, whose few samples tell little of the surface.
+    The lab's own approach begins 0.5 mm above it, less than is unknown of the surface here.
     """
     t = _clock(duration)
     ramp = np.clip(t, 0.0, 1.0)
