@@ -27,8 +27,8 @@ pytest.importorskip("matplotlib")
 EXPERIMENTS = (*FORGETTING, *COMPARISONS, *NEAR_TRUTH, *HYSTERESIS, *RICHNESS, *INTERMITTENT)
 # The others take seconds each: their motions are long.
 QUICK = ("fig07", "fig08", "fig16", "fig09")
-# Of the same class as fig08, on another material.
-ALIKE = ("fig16",)
+# Two of them stand for all in what costs a run or a drawing of its own.
+QUICKEST = ("fig07", "fig08")
 
 
 def marked(quick: tuple[str, ...]) -> list:
@@ -39,7 +39,7 @@ def marked(quick: tuple[str, ...]) -> list:
 
 
 NAMED = marked(QUICK)
-ONE_OF_A_KIND = marked(tuple(name for name in QUICK if name not in ALIKE))
+FEWER = marked(QUICKEST)
 _outcomes: dict[str, Outcome] = {}
 
 
@@ -57,7 +57,7 @@ def holds(name: str, key: str) -> bool | None:
     return outcome_of(name).findings[key].holds
 
 
-@pytest.mark.parametrize("experiment", ONE_OF_A_KIND)
+@pytest.mark.parametrize("experiment", FEWER)
 def test_the_same_seed_gives_the_same_outcome(experiment):
     again, first = experiment.run(SEED), outcome_of(experiment.name)
     assert repr(again) == repr(first)
@@ -76,7 +76,7 @@ def test_every_claim_has_a_finding_and_every_number_can_be_written_down(experime
         assert finding.ours is None or math.isfinite(finding.ours)
 
 
-@pytest.mark.parametrize("experiment", ONE_OF_A_KIND)
+@pytest.mark.parametrize("experiment", FEWER)
 def test_it_is_drawn_and_tabulated(experiment, tmp_path):
     outcomes = [outcome_of(experiment.name)] * 2
     figure = experiment.draw(outcomes, dark=True)

@@ -98,6 +98,8 @@ def test_an_interrupted_run_ends_at_once_and_is_resumed(tmp_path, whole_group):
     assert "Not finished" in page
     assert "b (2 of 4 seeds)" in page
     assert 'id="a"' in page  # what is finished can be read
+    if whole_group:  # what is left does not depend on who was interrupted
+        return
     taken = []
     run(tmp_path, Tiny("a"), Tiny("b"), seeds=1, begun=lambda run: taken.append(run.taken_over))
     # The same code made them, though not with the same patience.
