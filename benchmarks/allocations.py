@@ -7,7 +7,7 @@ from typing import Any
 
 from benchmarks.calls import KINDS
 from benchmarks.motion import Samples, contact_samples
-from benchmarks.report import Row, Section, Target
+from benchmarks.report import Limit, Row, Section
 
 CALLS = 100_000
 
@@ -52,8 +52,8 @@ def count_allocations() -> Section:
             passing = max(passing, _passing_bytes(update, samples) - own[0])
             kept = max(kept, _kept_blocks(update, samples) - own[1])
         name = f"{kind.__name__}.update"
-        rows.append(Row(f"{name}: passing", passing, "bytes", target=Target(0)))
-        rows.append(Row(f"{name}: kept", kept, "blocks", target=Target(0)))
+        rows.append(Row(f"{name}: passing", passing, "bytes", limit=Limit(0)))
+        rows.append(Row(f"{name}: kept", kept, "blocks", limit=Limit(0)))
     notes = [
         f"{CALLS} calls in contact and {CALLS} in the free. Passing: tracemalloc's peak during "
         "the calls above its start. Kept: sys.getallocatedblocks() after less before.",

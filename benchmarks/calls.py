@@ -6,7 +6,7 @@ from typing import Any
 
 from benchmarks.motion import PERIOD, Samples, contact_samples
 from benchmarks.native_programs import BuildError, native_programs
-from benchmarks.report import Row, Section, Target
+from benchmarks.report import Limit, Row, Section
 from benchmarks.timing import Case, Clock, Effort
 from palpate import (
     ContactEstimator,
@@ -124,9 +124,9 @@ def measure_calls(clock: Clock, effort: Effort) -> Section:
         elif name in (ESTIMATE, LAW):
             rows.append(Row(name, 1e9 * seconds, "ns", seconds / best[UPDATE], UPDATE))
         else:
-            target = Target(2.5) if judged else None
+            limit = Limit(2.5) if judged else None
             reference = f"{PYTHON} (net {net:.2f})"
-            rows.append(Row(name, 1e9 * seconds, "ns", ratio, reference, target))
+            rows.append(Row(name, 1e9 * seconds, "ns", ratio, reference, limit))
     if COMPILED in best:
         ratio = best[UPDATE] / best[COMPILED]
         rows.append(Row(UPDATE, 1e9 * best[UPDATE], "ns", ratio, COMPILED))

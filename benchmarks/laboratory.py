@@ -13,8 +13,9 @@ from cyclopts import App
 
 from benchmarks.accuracy import report
 from benchmarks.accuracy.campaign import Campaign
+from benchmarks.accuracy.probing import truth
 from benchmarks.accuracy.table import Group, Line
-from palpate import HuntCrossley, identify, lab
+from palpate import identify, lab
 from palpate.validation import Floats
 from palpate.writing import check_writable, write_text
 
@@ -81,14 +82,12 @@ def _group(campaign: Campaign, title: str, counts: float) -> Group:
 
 def errors(name: str, counts: float, seed: int) -> Floats:
     """Relative errors of K, B and n, and the same in standard errors; shape (2, 3)."""
-    material = lab.MATERIALS[name]
-    assert isinstance(material, lab.Homogeneous)
-    assert isinstance(material.law, HuntCrossley)
-    bench = lab.Bench(material, lab.THREE_SINES, lab.TwinPantograph(counts_per_turn=counts))
+    robot = lab.TwinPantograph(counts_per_turn=counts)
+    bench = lab.Bench(lab.MATERIALS[name], lab.THREE_SINES, robot)
     result = identify(bench.run(seed).contact)
-    truth = material.law.parameters
-    apart = result.law.parameters - truth
-    return np.array([apart / truth, apart / result.estimate.standard_errors])
+    true = truth(name).parameters
+    errors = result.law.parameters - true
+    return np.array([errors / true, errors / result.estimate.standard_errors])
 
 
 if __name__ == "__main__":

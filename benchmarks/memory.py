@@ -12,7 +12,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from benchmarks.motion import contact_arrays
-from benchmarks.report import Row, Section, Target
+from benchmarks.report import Limit, Row, Section
 from benchmarks.timing import Effort
 from palpate import SingleStageRLS
 
@@ -58,9 +58,9 @@ def measure_memory(effort: Effort) -> Section:
         name = f"{minutes} min at 1 kHz"
         rows.append(Row(f"{name}: inputs", sizes["inputs"] / megabyte, "MB"))
         rows.append(Row(f"{name}: trace returned", sizes["trace"] / megabyte, "MB"))
-        rows.append(Row(f"{name}: extra at the peak", extras[-1], "MB", target=Target(8.0)))
+        rows.append(Row(f"{name}: extra at the peak", extras[-1], "MB", limit=Limit(8.0)))
     growth = extras[1] - extras[0]
-    rows.append(Row("extra of the longer beyond the shorter", growth, "MB", target=Target(1.0)))
+    rows.append(Row("extra of the longer beyond the shorter", growth, "MB", limit=Limit(1.0)))
     notes = ["Peak resident memory of a process of its own, SingleStageRLS.replay."]
     return Section("Memory of a long replay", rows, notes)
 

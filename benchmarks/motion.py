@@ -1,15 +1,13 @@
-"""The contact that everything is timed on: a rubber ball under the paper's three sines."""
+"""The contact that everything is timed on: the lab's rubber ball under the paper's three sines."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate import HuntCrossley
+from palpate import lab
 
 Floats = NDArray[np.float64]
 Samples = list[tuple[float, float, float]]
 
-BALL = HuntCrossley(stiffness=2000.0, damping=2000.0, exponent=1.0)
-SINES = ((1.0e-3, 4.0), (1.8e-3, 11.0), (1.8e-3, 15.0))  # m, rad/s
 PERIOD = 5000  # samples
 BLOCK = 65_536
 
@@ -24,9 +22,9 @@ def contact_arrays(samples: int) -> tuple[Floats, Floats, Floats]:
     for start in range(0, samples, BLOCK):
         part = slice(start, min(start + BLOCK, samples))
         t = 1e-3 * np.arange(part.start, part.stop)
-        x[part] = 10e-3 + sum(a * np.sin(w * t) for a, w in SINES)
-        v[part] = sum(a * w * np.cos(w * t) for a, w in SINES)
-        force[part] = BALL.force(x[part], v[part]) + 0.05 * random.standard_normal(t.size)
+        x[part], v[part] = lab.THREE_SINES.motion.at(t)
+        clean = lab.BALL.law.force(x[part], v[part])
+        force[part] = clean + 0.05 * random.standard_normal(t.size)
     return x, v, force
 
 

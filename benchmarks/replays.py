@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.calls import KINDS, seconds_per_call
 from benchmarks.motion import Floats, Samples, contact_samples
 from benchmarks.native_programs import BuildError, native_programs
-from benchmarks.report import Row, Section, Target
+from benchmarks.report import Limit, Row, Section
 from benchmarks.timing import Case, Clock, Effort
 from palpate import ContactEstimator
 
@@ -110,18 +110,18 @@ def _rows(best: dict[str, float], native: NativeReplay | None) -> list[Row]:
     for kind in KINDS:
         name = kind.__name__
         update, replay = best[f"{name}.update"], best[f"{name}.replay"]
-        references: list[tuple[str, float, Target | None]] = [
-            ("update() in a Python loop over ready-made numbers", update, Target(1.0)),
-            ("update() in a Python loop over the arrays", best[f"{name}.arrays"], Target(1.0)),
+        references: list[tuple[str, float, Limit | None]] = [
+            ("update() in a Python loop over ready-made numbers", update, Limit(1.0)),
+            ("update() in a Python loop over the arrays", best[f"{name}.arrays"], Limit(1.0)),
         ]
         if native is not None:
             references += [
-                ("C++, into memory it has", min(native.again[name]), Target(1.5)),
+                ("C++, into memory it has", min(native.again[name]), Limit(1.5)),
                 ("C++, into new memory", min(native.anew[name]), None),
             ]
-        for reference, seconds, target in references:
+        for reference, seconds, limit in references:
             words = f"{reference}: {1e9 * seconds:.3g} ns"
-            rows.append(Row(f"{name}.replay", 1e9 * replay, "ns", replay / seconds, words, target))
+            rows.append(Row(f"{name}.replay", 1e9 * replay, "ns", replay / seconds, words, limit))
     return rows
 
 

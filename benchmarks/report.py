@@ -1,4 +1,4 @@
-"""Rows, sections and targets, and how they are printed and written."""
+"""Rows, sections and limits, and how they are printed and written."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -7,22 +7,22 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-HEADINGS = ("measured", "ratio", "to", "target", "met")
+HEADINGS = ("measured", "ratio", "to", "limit", "within")
 
 
 @dataclass(frozen=True)
-class Target:
+class Limit:
     """A bound on a row's ratio, or on its value where it has no ratio."""
 
-    limit: float
+    bound: float
     at_least: bool = False
 
-    def met_by(self, value: float) -> bool:
+    def kept_by(self, value: float) -> bool:
         """Say whether a value keeps it."""
-        return value >= self.limit if self.at_least else value <= self.limit
+        return value >= self.bound if self.at_least else value <= self.bound
 
     def __str__(self) -> str:
-        return f"{'≥' if self.at_least else '≤'} {self.limit:g}"
+        return f"{'≥' if self.at_least else '≤'} {self.bound:g}"
 
 
 @dataclass(frozen=True)
@@ -34,14 +34,14 @@ class Row:
     unit: str
     ratio: float | None = None
     reference: str = ""
-    target: Target | None = None
+    limit: Limit | None = None
 
     @property
-    def met(self) -> bool | None:
-        """Whether the target is met; None without one."""
-        if self.target is None:
+    def within(self) -> bool | None:
+        """Whether the limit is kept; None without one."""
+        if self.limit is None:
             return None
-        return self.target.met_by(self.value if self.ratio is None else self.ratio)
+        return self.limit.kept_by(self.value if self.ratio is None else self.ratio)
 
     def cells(self) -> list[str]:
         """The row as words, under ``HEADINGS``."""
@@ -50,8 +50,8 @@ class Row:
             f"{_significant(self.value)} {self.unit}".strip(),
             "" if self.ratio is None else f"{self.ratio:.{2 if self.ratio < 100.0 else 0}f}",
             self.reference,
-            "" if self.target is None else str(self.target),
-            {None: "", True: "yes", False: "NO"}[self.met],
+            "" if self.limit is None else str(self.limit),
+            {None: "", True: "yes", False: "NO"}[self.within],
         ]
 
 
@@ -73,7 +73,7 @@ def print_sections(sections: Sequence[Section], machine: dict[str, str], console
             right = heading in ("measured", "ratio")
             table.add_column(heading, justify="right" if right else "left")
         for row in section.rows:
-            style = "bold red" if row.met is False else None
+            style = "bold red" if row.within is False else None
             table.add_row(*row.cells(), style=style)
         console.print(table)
         for note in section.notes:
@@ -85,11 +85,11 @@ def print_sections(sections: Sequence[Section], machine: dict[str, str], console
 
 
 def verdict(sections: Sequence[Section]) -> str:
-    """Return how many targets are met, and which are not."""
-    judged = [row for section in sections for row in section.rows if row.met is not None]
-    missed = [row.name for row in judged if not row.met]
-    text = f"{len(judged) - len(missed)} of {len(judged)} targets met"
-    return f"{text}; not met: {'; '.join(missed)}" if missed else text
+    """Return how many limits are kept, and which are not."""
+    judged = [row for section in sections for row in section.rows if row.within is not None]
+    missed = [row.name for row in judged if not row.within]
+    text = f"{len(judged) - len(missed)} of {len(judged)} within their limits"
+    return f"{text}; beyond: {'; '.join(missed)}" if missed else text
 
 
 def as_markdown(sections: Sequence[Section], machine: dict[str, str]) -> str:
@@ -112,7 +112,7 @@ def as_dict(sections: Sequence[Section], machine: dict[str, str]) -> dict[str, A
         "sections": [
             {
                 "title": section.title,
-                "rows": [{**asdict(row), "met": row.met} for row in section.rows],
+                "rows": [{**asdict(row), "within": row.within} for row in section.rows],
                 "notes": list(section.notes),
             }
             for section in sections

@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.motion import Samples, contact_samples
 from benchmarks.peers import BESIDES, ENGINE, NOTES, ONLINE, OURS, SINGLE_STAGE, Peer
-from benchmarks.report import Row, Section, Target
+from benchmarks.report import Limit, Row, Section
 from benchmarks.timing import Clock, Effort
 
 SAMPLES = 20_000
@@ -48,8 +48,8 @@ def _speeds(best: dict[str, float]) -> list[Row]:
         if name == SINGLE_STAGE:
             rows.append(Row(name, 1e9 * seconds, "ns"))
             continue
-        target = Target(50.0, at_least=True) if name in ONLINE else None
-        rows.append(Row(name, 1e9 * seconds, "ns", seconds / ours, SINGLE_STAGE, target))
+        limit = Limit(50.0, at_least=True) if name in ONLINE else None
+        rows.append(Row(name, 1e9 * seconds, "ns", seconds / ours, SINGLE_STAGE, limit))
     fastest = min((name for name in best if name in ONLINE), key=best.__getitem__)
     seconds = best[fastest]
     rows.append(Row(fastest, 1e9 * seconds, "ns", seconds / best[ENGINE], ENGINE))
@@ -64,5 +64,5 @@ def _differences(peers: dict[str, Peer], samples: Samples) -> list[Row]:
             difference = float(np.max(np.abs(peer(samples) / ours - 1.0)))
             reference = f"of {ENGINE}"
             label = f"{name}: difference of θ, relative"
-            rows.append(Row(label, difference, "", None, reference, Target(1e-9)))
+            rows.append(Row(label, difference, "", None, reference, Limit(1e-9)))
     return rows

@@ -1,4 +1,4 @@
-"""``python -m benchmarks.speed``: every figure of speed and memory, each beside its target.
+"""``python -m benchmarks.speed``: every figure of speed and memory, each beside its limit.
 
 All are ratios to something measured in the same run, or bounds that any machine of the last years
 keeps. Needs the ``develop`` extra.

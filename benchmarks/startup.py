@@ -6,7 +6,7 @@ from pathlib import Path
 from statistics import median
 from time import perf_counter
 
-from benchmarks.report import Row, Section, Target
+from benchmarks.report import Limit, Row, Section
 from benchmarks.timing import Case, Clock, Effort
 
 
@@ -37,8 +37,8 @@ def measure_startup(clock: Clock, effort: Effort) -> Section:
     rows = [
         Row("bare Python", times["bare Python"], "ms"),
         Row("import numpy", times["import numpy"], "ms"),
-        Row("import palpate, beyond NumPy", more, "ms", target=Target(120.0)),
-        Row("palpate --help", times["palpate --help"], "ms", target=Target(400.0)),
+        Row("import palpate, beyond NumPy", more, "ms", limit=Limit(120.0)),
+        Row("palpate --help", times["palpate --help"], "ms", limit=Limit(400.0)),
     ]
     notes = [f"Whole processes, with warm disk caches; medians of {effort.start_rounds} rounds."]
     return Section("Starting", rows, notes)

@@ -1,11 +1,13 @@
-"""What the tests share: the paper's motions, materials, and the table of all estimators."""
+"""What the tests share: the laboratory's materials under its motions, and all estimators."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 import palpate
+from palpate import lab
+from palpate.design import Motion
 
 Floats = NDArray[np.float64]
 
@@ -16,14 +18,14 @@ KINDS = {
     if issubclass(kind, palpate.RecursiveLeastSquaresEstimator)
 }
 
-# The lab's default materials (methods, section 10), and one of each other law of the same order.
+# The laboratory's truths, and one of each other law with forces of the same order.
 MATERIALS = {
-    "ball": palpate.HuntCrossley(2000.0, 2000.0, 1.0),
-    "sponge": palpate.HuntCrossley(300.0, 300.0, 1.0),
-    "pvc": palpate.HuntCrossley(1e5, 2e5, 2.0),
+    **{name: lab.MATERIALS[name].law for name in ("ball", "sponge", "pvc")},
     "linear": palpate.KelvinVoigt(1500.0, 8.0),
     "quadratic": palpate.ExtendedKelvinVoigt(500.0, 4e4, 5.0),
 }
+THREE_SINES = lab.THREE_SINES.motion
+ONE_SINE = lab.ONE_SINE.motion
 
 # For each method a material that its own law describes exactly.
 OWN_MATERIAL = {
@@ -64,19 +66,6 @@ class Signals:
         return self.penetration, self.velocity, self.force
 
 
-def motion(
-    time: Floats, terms: tuple[tuple[float, float], ...], depth: float = 10e-3
-) -> tuple[Floats, Floats]:
-    """Penetration and its exact derivative for amplitudes [m] and frequencies [rad/s]."""
-    penetration = depth + sum(a * np.sin(w * time) for a, w in terms)
-    velocity = sum(a * w * np.cos(w * time) for a, w in terms)
-    return penetration, velocity
-
-
-THREE_SINES = ((1.0e-3, 4.0), (1.8e-3, 11.0), (1.8e-3, 15.0))  # methods, section 10
-ONE_SINE = ((1.8e-3, 11.0),)
-
-
 Law = palpate.KelvinVoigt | palpate.ExtendedKelvinVoigt | palpate.HuntCrossley
 
 
@@ -87,8 +76,7 @@ def exciting(
     time: Floats | None = None,
     noise: float = 0.0,
     seed: int = 0,
-    terms: tuple[tuple[float, float], ...] = THREE_SINES,
-    depth: float = 10e-3,
+    motion: Motion = THREE_SINES,
 ) -> Signals:
     """A material under the paper's three sines, at 1 kHz unless the times are given.
 
@@ -96,7 +84,7 @@ def exciting(
     """
     if time is None:
         time = np.arange(round(seconds * 1e3)) * 1e-3
-    penetration, velocity = motion(time, terms, depth)
+    penetration, velocity = motion.at(time)
     force = law.force(penetration, velocity)
     force = force + noise * np.random.default_rng(seed).standard_normal(time.size)
     return Signals(time, penetration, velocity, force)
@@ -104,7 +92,8 @@ def exciting(
 
 def tapping(law: Law, *, seconds: float = 2.0, noise: float = 0.0, seed: int = 0) -> Signals:
     """The three sines about a depth so small that contact is lost and made again."""
-    return exciting(law, seconds=seconds, noise=noise, seed=seed, depth=1.5e-3)
+    shallow = replace(THREE_SINES, depth=1.5e-3)
+    return exciting(law, seconds=seconds, noise=noise, seed=seed, motion=shallow)
 
 
 def knowledge(estimator) -> tuple:

@@ -13,6 +13,28 @@ hypothesis.settings.register_profile("palpate", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("palpate")
 
 
+def pytest_addoption(parser):
+    parser.addoption(
+        "--slow-sample",
+        action="store_true",
+        help="of each slow test only its first case; with -m slow",
+    )
+
+
+def pytest_collection_modifyitems(config, items):
+    if not config.getoption("--slow-sample"):
+        return
+    seen, left_out = set(), []
+    for item in items:
+        if item.get_closest_marker("slow"):
+            test = item.nodeid.partition("[")[0]
+            if test in seen:
+                left_out.append(item)
+            seen.add(test)
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if item not in set(left_out)]
+
+
 @pytest.fixture(scope="session", params=KINDS.values(), ids=KINDS)
 def kind(request):
     """Each estimator's class."""

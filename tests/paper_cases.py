@@ -7,15 +7,22 @@ from dataclasses import dataclass
 from palpate.figures.style import DARK, LIGHT, style
 from palpate.paper import Claim, Experiment, Finding, Outcome, Table
 
+# One for all tests, whose presses then stay in memory.
+SEED = 3
+
 
 @dataclass(frozen=True)
 class Tiny(Experiment):
-    """Squares its seed. Fails where the seed is ``fails_at``; draws no figure if ``undrawable``."""
+    """Squares its seed; from ``slow_from`` on it takes ``seconds``.
+
+    Fails where the seed is ``fails_at``; draws no figure if ``undrawable``.
+    """
 
     name: str = "tiny"
     fails_at: int = -1
     undrawable: bool = False
     seconds: float = 0.0
+    slow_from: int = 0
     title = "A tiny <experiment>"
     caption = "A line & nothing else"
     claims = (
@@ -24,7 +31,7 @@ class Tiny(Experiment):
     )
 
     def run(self, seed: int) -> Outcome:
-        time.sleep(self.seconds)
+        time.sleep(self.seconds if seed >= self.slow_from else 0.0)
         if seed == self.fails_at:
             raise ArithmeticError("no such square")
         findings = {

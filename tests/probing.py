@@ -1,24 +1,22 @@
-"""Simulated probing for the tests of variable projection: materials, motions, sensors."""
+"""Simulated probing for the tests of variable projection: the laboratory's, without its robot."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from cases import THREE_SINES, Floats
 from scipy.optimize import least_squares
 
-from palpate import ContactEstimator, HuntCrossley
+from palpate import ContactEstimator, HuntCrossley, design, lab
 
-SAMPLE_TIME = 1e-3
-NOISE = 0.05  # N, the noise band of the paper's sensor
+SAMPLE_TIME = lab.Sensors().sample_time
+NOISE = lab.Sensors().force_noise  # N
 
-BALL = HuntCrossley(2000.0, 2000.0, 1.0)
-SPONGE = HuntCrossley(300.0, 3000.0, 1.0)
-PVC = HuntCrossley(1e5, 2e5, 2.0)
-INCLUSION = HuntCrossley(3e5, 3e5, 2.0)
+BALL, SPONGE, PVC, INCLUSION = (
+    lab.MATERIALS[name].law for name in ("ball", "sponge", "pvc", "inclusion")
+)
 WELL_EXCITED = {"ball": BALL, "pvc": PVC, "sponge": SPONGE}
 MATERIALS = {**WELL_EXCITED, "inclusion": INCLUSION}
-
-Floats = NDArray[np.float64]
+STROKES = replace(lab.TAPPING, rate=0.7, pause=0.0)
 
 
 @dataclass(frozen=True)
@@ -39,32 +37,28 @@ class Motion:
         return SAMPLE_TIME * np.arange(len(self))
 
 
-def sines(seconds: float, amplitudes: dict[float, float], middle: float = 10e-3) -> Motion:
-    """A sum of sines, {rad/s: m}, around a middle depth."""
-    t = SAMPLE_TIME * np.arange(round(seconds / SAMPLE_TIME))
-    x = middle + sum(a * np.sin(w * t) for w, a in amplitudes.items())
-    v = sum(a * w * np.cos(w * t) for w, a in amplitudes.items())
-    return Motion(np.asarray(x), np.asarray(v))
+def clock(seconds: float) -> Floats:
+    return SAMPLE_TIME * np.arange(round(seconds / SAMPLE_TIME))
+
+
+def sines(seconds: float, motion: design.Motion) -> Motion:
+    """A planned motion, in the material from its first sample on."""
+    return Motion(*motion.at(clock(seconds)))
 
 
 def three_sines(seconds: float) -> Motion:
     """The paper's motion."""
-    return sines(seconds, {4.0: 1e-3, 11.0: 1.8e-3, 15.0: 1.8e-3})
-
-
-def tapping(seconds: float, surface: float = 0.0, deepest: float = 12e-3) -> Motion:
-    """Strokes of two depths between the free, 3 mm above the surface, and the material."""
-    t = SAMPLE_TIME * np.arange(round(seconds / SAMPLE_TIME))
-    w = 2.0 * np.pi * 0.7
-    middle, swing = 0.5 * (deepest - 3e-3), 0.5 * (deepest + 3e-3)
-    envelope = 1.0 - 0.25 * np.sin(0.37 * w * t) ** 2
-    x = middle - swing * envelope * np.cos(w * t)
-    return Motion(surface + x, np.gradient(x, SAMPLE_TIME))
+    return sines(seconds, THREE_SINES)
 
 
 def held(seconds: float, depth: float = 10e-3) -> Motion:
-    count = round(seconds / SAMPLE_TIME)
-    return Motion(np.full(count, depth), np.zeros(count))
+    return sines(seconds, design.Motion(depth))
+
+
+def tapping(seconds: float, surface: float = 0.0) -> Motion:
+    """Strokes of three depths from 3 mm above the surface."""
+    command = STROKES.at(clock(seconds))
+    return Motion(surface + command.penetration, command.velocity)
 
 
 def joined(*motions: Motion) -> Motion:
@@ -92,15 +86,10 @@ def felt(law: HuntCrossley, motion: Motion, seed: int, offset: float = 0.0) -> F
     return law.force(motion.x, motion.v) + offset + white(len(motion), seed)
 
 
-def relaxing(motion: Motion, stiffness: float = 300.0) -> Floats:
-    """A sponge with a Maxwell branch (half its stiffness, 1 s), which no law here contains."""
-    law = HuntCrossley(stiffness, stiffness, 1.0)
-    branch = np.empty(len(motion))
-    stretched = 0.5 * stiffness * motion.x[0]
-    for k, v in enumerate(motion.v):
-        branch[k] = stretched
-        stretched += SAMPLE_TIME * (0.5 * stiffness * v - stretched)
-    return law.force(motion.x, motion.v) + branch
+def relaxing(motion: Motion) -> Floats:
+    """Force [N], without noise, of the lab's relaxing sponge, which no law here contains."""
+    place = np.zeros(len(motion))
+    return lab.RELAXING_SPONGE.force(motion.time, place, motion.x, motion.v)
 
 
 def switched(before: HuntCrossley, after: HuntCrossley, motion: Motion, at: int) -> Floats:

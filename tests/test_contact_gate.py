@@ -112,9 +112,9 @@ def test_a_prediction_is_the_force_of_the_present_law(kind, noisy):
 
 @pytest.mark.parametrize("name", ["single-stage", "double-stage"])
 def test_condition_ten_is_judged_at_the_speed_of_the_last_sample_taken(name):
-    from palpate import ESTIMATORS, HuntCrossley
+    from palpate import ESTIMATORS
 
-    law = HuntCrossley(2000.0, 2000.0, 1.0)  # B/K = 1: the limit is 0.1 m/s
+    law = MATERIALS["ball"]  # B/K = 1: the limit is 0.1 m/s
     estimator = ESTIMATORS[name](initial=law, initial_covariance=1e-20)  # sure of it
     for velocity, margin in [(0.0, 1.0), (0.05, 0.5), (-0.05, 0.5), (0.1, 0.0), (0.2, -1.0)]:
         estimator.update(10e-3, velocity, law.force(10e-3, velocity))

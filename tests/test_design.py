@@ -5,14 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from palpate import HuntCrossley, InvalidParameterError, KelvinVoigt
+from palpate import HuntCrossley, InvalidParameterError, KelvinVoigt, lab
 from palpate.design import PAPER_MOTION, Motion, design, effective_noise
 from palpate.design.excitation import cramer_rao_bound, jacobian
 from palpate.design.rounding import mean_rounding_error
 
-BALL = HuntCrossley(2000.0, 2000.0, 1.0)
-SPONGE = HuntCrossley(300.0, 3000.0, 1.0)
-PHANTOM = HuntCrossley(1e5, 2e5, 2.0)
+BALL, SPONGE, PHANTOM = lab.BALL.law, lab.SPONGE.law, lab.PVC.law
 MATERIALS = [BALL, SPONGE, PHANTOM]
 
 

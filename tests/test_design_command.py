@@ -5,12 +5,12 @@ import sys
 
 import pytest
 
-from palpate import HuntCrossley, cli
+from palpate import cli, lab
 from palpate.design import Motion, design
 
 # Cyclopts wonders that main() reads sys.argv, as it should, inside a test.
 pytestmark = pytest.mark.filterwarnings("ignore:Cyclopts application invoked without tokens")
-BALL = HuntCrossley(2000.0, 2000.0, 1.0)
+BALL = lab.BALL.law
 GUESS = ["--stiffness", "2000", "--damping", "2000", "--exponent", "1"]
 
 

@@ -12,7 +12,8 @@ from palpate import figures, metrics
 from palpate.preparation import preparing, suggestions, velocity
 from palpate.recordings import csv, opening, recording
 
-NAMES = [name for name in palpate.__all__ if name not in ("ESTIMATORS", "FORCE_LAWS")]  # data has a comment
+# The registries are data: a comment says what they are.
+NAMES = [name for name in palpate.__all__ if name not in ("ESTIMATORS", "FORCE_LAWS")]
 OWN = [getattr(palpate, name) for name in NAMES]
 CLASSES = [thing for thing in OWN if inspect.isclass(thing)]
 FUNCTIONS = [thing for thing in OWN if not inspect.isclass(thing)]

@@ -154,7 +154,7 @@ def test_dissipation_and_exponent_drift_only_where_asked() -> None:
     motion = three_sines(20.0)
     t = motion.time
     moving = 10e-3 ** (1.0 + 0.01 * t)  # n from 1.0 to 1.2 at the same force at 10 mm
-    law = HuntCrossley(2000.0, 2000.0, 1.0)
+    law = BALL
     scaled = law.stiffness * 10e-3 / moving * motion.x ** (1.0 + 0.01 * t)
     force = scaled * (1.0 + motion.v) + white(len(motion), 10)
     fixed = fed(DriftTracking(stiffness_drift=0.0), motion, force).estimate().law.exponent

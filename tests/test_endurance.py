@@ -36,7 +36,8 @@ def assert_alive(estimator) -> None:
 
 
 HOLDS = [
-    pytest.param(0.0, 10, id="ten million without noise"),
+    pytest.param(0.0, 1, id="one million without noise"),
+    pytest.param(0.0, 10, id="ten million without noise", marks=pytest.mark.slow),
     pytest.param(NOISE, 1, id="one million with noise"),
     pytest.param(NOISE, 10, id="ten million with noise", marks=pytest.mark.slow),
 ]
@@ -54,7 +55,7 @@ def test_millions_of_samples_held_at_constant_penetration_stay_sound(kind, noise
         assert_alive(estimator)
     assert estimator.estimate().samples == chunks * CHUNK
     if noise == 0.0:  # nothing but the guard can have saved it: 709 / 0.01 samples overflow
-        assert estimator.estimate().guarded > 9 * CHUNK
+        assert estimator.estimate().guarded > 0.9 * chunks * CHUNK
 
 
 @pytest.mark.parametrize("factor", [0.95, 0.9])
@@ -68,7 +69,7 @@ def test_quicker_forgetting_that_never_ends_stays_sound_at_rest(kind, factor):
 @pytest.mark.parametrize("name", KINDS)
 def test_one_sine_under_never_ending_forgetting_stays_sound_and_predicts(name):
     law = OWN_MATERIAL[name]
-    signals = exciting(law, seconds=100.0, noise=0.01, seed=1, terms=ONE_SINE)
+    signals = exciting(law, seconds=100.0, noise=0.01, seed=1, motion=ONE_SINE)
     estimator = KINDS[name](
         forgetting=ConstantForgetting(0.95), scale=palpate.Scale(15e-3, 0.05, 30)
     )

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from scipy.optimize import approx_fprime, least_squares
 
-from palpate import ExtendedKelvinVoigt, HuntCrossley, InvalidParameterError, KelvinVoigt
+from palpate import ExtendedKelvinVoigt, HuntCrossley, InvalidParameterError, KelvinVoigt, lab
 from palpate.design.excitation import cramer_rao_bound, fisher_information, sensitivity
 from palpate.design.motion import PAPER_MOTION
 
 LAWS = [
     KelvinVoigt(900.0, 12.0),
     ExtendedKelvinVoigt(500.0, 4e4, 9.0),
-    HuntCrossley(2000.0, 2000.0, 1.0),
-    HuntCrossley(1e5, 2e5, 2.0),
+    lab.BALL.law,
+    lab.PVC.law,
     HuntCrossley(300.0, 3000.0, 1.3),
 ]
 SOFT = HuntCrossley(300.0, 900.0, 1.3)

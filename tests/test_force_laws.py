@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from cases import MATERIALS
 
-from palpate import ExtendedKelvinVoigt, HuntCrossley, InvalidParameterError, KelvinVoigt
+from palpate import HuntCrossley, InvalidParameterError
 
-KV = KelvinVoigt(1500.0, 8.0)
-EKV = ExtendedKelvinVoigt(500.0, 4e4, 5.0)
-HC = HuntCrossley(1e5, 2e5, 2.0)
+KV, EKV, HC = MATERIALS["linear"], MATERIALS["quadratic"], MATERIALS["pvc"]
 LAWS = {"kelvin-voigt": KV, "extended-kelvin-voigt": EKV, "hunt-crossley": HC}
 
 

@@ -24,7 +24,7 @@ from probing import (
 )
 from scipy.stats import binom
 
-from palpate import Estimate, HuntCrossley, VariableProjection, identify, prepare
+from palpate import Estimate, HuntCrossley, VariableProjection, design, identify, prepare
 
 DATA = Path(os.environ.get("PALPATE_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
@@ -52,7 +52,9 @@ def test_a_held_contact_tells_neither_exponent_nor_damping(name: str) -> None:
 @pytest.mark.parametrize("name", MATERIALS)
 def test_a_motion_below_the_noise_does_not_tell_the_exponent(name: str) -> None:
     # 1 µm of 10 mm moves the force of the stiffest by a tenth of the noise.
-    assert flagged(estimate_of(MATERIALS[name], sines(2.0, {11.0: 1e-6})), EXPONENT)
+    assert flagged(
+        estimate_of(MATERIALS[name], sines(2.0, design.Motion(10e-3, (1e-6,), (11.0,)))), EXPONENT
+    )
 
 
 @pytest.mark.parametrize("name", MATERIALS)
@@ -133,10 +135,9 @@ def test_white_noise_widens_nothing() -> None:
 
 def test_a_material_outside_the_model_class_widens_its_error_bars() -> None:
     motion = three_sines(20.0)
-    estimate = fed(
-        VariableProjection(), motion, relaxing(motion) + white(len(motion), 1)
-    ).estimate()
-    residual = relaxing(motion) - estimate.law.force(motion.x, motion.v) - estimate.offset
+    clean = relaxing(motion)
+    estimate = fed(VariableProjection(), motion, clean + white(len(motion), 1)).estimate()
+    residual = clean - estimate.law.force(motion.x, motion.v) - estimate.offset
     alike = estimate.law.force(motion.x, motion.v) + white(len(motion), 2, residual.std())
     same_but_white = fed(VariableProjection(), motion, alike).estimate()
     assert relative_error(same_but_white.law, estimate.law).max() < 0.2

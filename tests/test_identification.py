@@ -260,5 +260,5 @@ def test_what_is_no_recording_and_what_is_no_estimator_are_refused_by_name():
     for wrong in ("spring", SingleStageRLS, 3):
         with pytest.raises(InvalidParameterError, match=r"^estimator must be a Con") as caught:
             identify(CONTACT, wrong)
-        assert all(name in str(caught.value) for name in METHODS)
+        assert all(name in str(caught.value) for name in ESTIMATORS)
         assert repr(wrong) in str(caught.value)

@@ -45,13 +45,14 @@ def test_the_command_makes_the_file_that_the_library_makes(run, tmp_path):
 @pytest.mark.parametrize(
     "material, trajectory",
     [(name, "three-sines") for name in lab.MATERIALS]
-    + [("pvc", name) for name in lab.TRAJECTORIES],
+    + [("pvc", name) for name in lab.TRAJECTORIES if name != "three-sines"],
 )
 def test_every_material_and_every_trajectory_is_there(run, tmp_path, material, trajectory):
     file = tmp_path / "any.csv"
-    assert run("lab", material, "--trajectory", trajectory, "-o", file, *QUICK)[0] == 0
+    # A second after the pause: all are in contact by then.
+    assert run("lab", material, "--trajectory", trajectory, "-o", file, "--seconds", 3)[0] == 0
     contact = palpate.prepare(file)
-    assert len(contact) == 4000
+    assert len(contact) == 3000
     assert contact.force.max() > 0.5
 
 

@@ -43,7 +43,7 @@ def test_a_homogeneous_material_is_its_law():
 
 
 def test_a_held_relaxing_material_relaxes_to_its_law_with_its_time_constant():
-    material = lab.Relaxing(HuntCrossley(300.0, 300.0, 1.0), 150.0, 0.5)
+    material = lab.Relaxing(lab.RELAXING_SPONGE.law, 150.0, 0.5)
     depth = np.full_like(TIME, 0.01)
     force = material.force(TIME[1:], HERE[1:], depth[1:], HERE[1:])
     # It is touched at its first sample, where nothing has stretched the branch yet.
@@ -59,7 +59,7 @@ def test_a_held_relaxing_material_relaxes_to_its_law_with_its_time_constant():
 
 
 def test_a_relaxing_material_lags_behind_the_leaving_probe_and_never_pulls():
-    material = lab.Relaxing(HuntCrossley(300.0, 300.0, 1.0), 3000.0, 0.1)
+    material = lab.Relaxing(lab.RELAXING_SPONGE.law, 3000.0, 0.1)
     force = material.force(TIME, HERE, DEPTH - 5e-3, SPEED)
     inside = DEPTH > 5e-3
     assert force.min() == 0.0
@@ -68,7 +68,7 @@ def test_a_relaxing_material_lags_behind_the_leaving_probe_and_never_pulls():
 
 
 def test_the_place_decides_between_zones_and_the_time_between_episodes():
-    laws = (HuntCrossley(1e5, 2e5, 2.0), HuntCrossley(3e5, 3e5, 2.0))
+    laws = lab.PVC.law, lab.INCLUSION.law
     parts = tuple(lab.Homogeneous(law) for law in laws)
     soft, hard = (law.force(DEPTH, SPEED) for law in laws)
     place = 0.01 * np.sin(TIME)

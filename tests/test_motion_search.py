@@ -4,12 +4,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from palpate import HuntCrossley
+from palpate import HuntCrossley, lab
 from palpate.design import Motion, design
 
-BALL = HuntCrossley(2000.0, 2000.0, 1.0)
-SPONGE = HuntCrossley(300.0, 3000.0, 1.0)
-PHANTOM = HuntCrossley(1e5, 2e5, 2.0)
+BALL, SPONGE, PHANTOM = lab.BALL.law, lab.SPONGE.law, lab.PVC.law
 MATERIALS = [BALL, SPONGE, PHANTOM]
 materials = st.builds(HuntCrossley, st.floats(1e2, 1e6), st.floats(1e2, 1e6), st.floats(0.8, 2.5))
 motions = st.integers(1, 3).flatmap(

@@ -160,36 +160,17 @@ def test_arrays_that_do_not_fit_together_are_refused():
 
 
 @pytest.mark.parametrize("name", ["penetration", "velocity", "force"])
-def test_what_a_mask_hides_is_not_known_and_said_so(name):
+def test_an_array_of_which_a_mask_hides_some_is_refused(name):
     masked = np.ma.masked_array(getattr(SIGNALS, name), np.arange(600) % 100 == 3)
-    columns = {"penetration": "penetration_m", "velocity": "velocity_m_s", "force": "force_N"}
-    for contact, words in (
-        (prepare(**{**vars(SIGNALS), name: masked}), "an array; 6 masked samples are NaN"),
-        (
-            prepare(recorded(**{columns[name]: masked})),
-            f"column '{columns[name]}'; 6 masked samples are NaN",
-        ),
-    ):
-        assert np.isnan(getattr(contact, name)).sum() == 6
-        assert contact.provenance[name] == words
-    assert not np.isnan(masked.data).any()  # what was given stays as it was
+    with pytest.raises(InvalidParameterError, match=rf"{name} must not be masked, as 6 values are"):
+        prepare(**{**ARRAYS, name: masked})
+    with pytest.raises(InvalidParameterError, match="channel 'a' must not be masked"):
+        Recording({"a": masked})
 
 
 def test_a_mask_that_hides_nothing_is_not_worth_a_word():
     contact = prepare(**{**ARRAYS, "force": np.ma.masked_array(SIGNALS.force)})
     assert list(contact.provenance) == ["velocity"]
-
-
-def test_a_masked_time_is_refused():
-    masked = np.ma.masked_array(SIGNALS.time, np.arange(600) == 3)
-    with pytest.raises(InvalidParameterError, match="sample 3 is nan s"):
-        prepare(**{**ARRAYS, "time": masked})
-
-
-def test_masked_labels_are_a_segment_of_their_own():
-    labels = np.ma.masked_array(np.zeros(600), np.arange(600) >= 400)
-    for contact in (prepare(**ARRAYS, segment=labels), prepare(recorded(segment=labels))):
-        assert [part.start for part in contact.segments()] == [0, 400]
 
 
 def test_a_unit_that_is_not_si_is_refused_by_column():

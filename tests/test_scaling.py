@@ -4,10 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from cases import KINDS, Signals, exciting
+from cases import KINDS, THREE_SINES, Signals, exciting
 
 import palpate
 from palpate import ContactGate, FadingForgetting, Scale, SelfPerturbation
+from palpate.design import Motion
 
 
 def converted_law(law, length: float, force: float):
@@ -133,8 +134,8 @@ def test_variable_projection_answers_the_same_in_any_unit_of_depth(unit, exponen
 
 def test_a_light_touch_is_identified_in_the_default_units():
     law = palpate.HuntCrossley(5e3, 5e3, 1.3)
-    terms = ((0.1e-3, 4.0), (0.18e-3, 11.0), (0.18e-3, 15.0))
-    signals = exciting(law, seconds=4.0, noise=1e-4, seed=6, terms=terms, depth=1e-3)
+    motion = Motion(1e-3, (0.1e-3, 0.18e-3, 0.18e-3), THREE_SINES.frequencies)
+    signals = exciting(law, seconds=4.0, noise=1e-4, seed=6, motion=motion)
     estimator = palpate.VariableProjection()
     for sample in signals.rows:
         estimator.update(*sample)

@@ -166,7 +166,8 @@ def test_scaling_the_units_scales_the_answer() -> None:
     assert there.law.stiffness == pytest.approx(here.law.stiffness * 1e-9 * 1e4**n, rel=1e-8)
     assert there.law.dissipation == pytest.approx(here.law.dissipation * 1e4, rel=1e-8)
     assert there.offset == pytest.approx(1e-9 * here.offset, rel=1e-8)
-    assert there.standard_errors[2] == pytest.approx(here.standard_errors[2], rel=1e-8)
+    # The noise is a small difference of large sums, which costs some digits more.
+    assert there.standard_errors[2] == pytest.approx(here.standard_errors[2], rel=1e-7)
     assert there.flags == here.flags
 
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from cases import THREE_SINES, motion
+from cases import THREE_SINES
 from scipy.signal import savgol_filter
 
 from palpate import InvalidParameterError
@@ -16,7 +16,7 @@ from palpate.preparation.velocity import velocity_of, window_samples
 )
 def test_on_an_even_clock_it_is_the_classic_filter(rate, samples):
     time = np.arange(400) / rate
-    x, _ = motion(time, THREE_SINES)
+    x, _ = THREE_SINES.at(time)
     x = x + 1e-5 * np.random.default_rng(0).standard_normal(time.size)
     expected = savgol_filter(x, samples, polyorder=2, deriv=1, delta=1.0 / rate, mode="interp")
     velocity = velocity_of(time, x)
@@ -52,7 +52,7 @@ def test_near_the_ends_the_window_stays_whole():
 
 def test_samples_that_are_not_known_are_left_out():
     time = uneven(60)
-    x, _ = motion(time, THREE_SINES)
+    x, _ = THREE_SINES.at(time)
     holes = [0, 17, 18, 40, 59]
     x[holes] = [math.nan, math.nan, math.inf, -math.inf, math.nan]
     known = np.isfinite(x)

@@ -1,7 +1,8 @@
-"""``python -m benchmarks.accuracy``: run the rows, print the tables."""
+"""``python -m benchmarks.accuracy``: run the parts, print the tables."""
 
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from cyclopts import App
@@ -21,22 +22,31 @@ from benchmarks.accuracy import (
 )
 from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.table import Group
-from palpate.writing import check_outputs, write_text
+from palpate.writing import check_writable, make_folder, write_text
 
-ROWS: dict[str, Callable[[Campaign], list[Group]]] = {
-    "time": timing.timing,  # first, while the workers are idle
-    "ideal": efficiency.ideal,
-    "offset": efficiency.unknown_offset,
-    "chain": efficiency.sensor_chain,
-    "starts": starts.starts,
-    "convergence": convergence.three_sines,
-    "one-sine": convergence.one_sine,
-    "changes": changes.changes,
-    "contact-point": contact_point.contact_point,
-    "coverage": coverage.coverage,
-    "recordings": recordings.recordings,
-    "holding": holding.holding,
-    "drift": drift.drift,
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Tables that are run, and written to one page, together."""
+
+    title: str
+    run: Callable[[Campaign], list[Group]]
+
+
+PARTS = {
+    "time": Part("What a sample costs", timing.timing),  # first, while the workers are idle
+    "ideal": Part("Beside the bound: no force offset", efficiency.ideal),
+    "offset": Part("Beside the bound: an unknown offset", efficiency.unknown_offset),
+    "chain": Part("Beside the bound: the paper's sensors", efficiency.sensor_chain),
+    "starts": Part("Starting values", starts.starts),
+    "convergence": Part("How soon: three sines", convergence.three_sines),
+    "one-sine": Part("How soon: one sine", convergence.one_sine),
+    "changes": Part("A material that changes", changes.changes),
+    "contact-point": Part("A surface that is unknown", contact_point.contact_point),
+    "coverage": Part("Whether the error bars are true", coverage.coverage),
+    "recordings": Part("Recordings, beside offline least squares", recordings.recordings),
+    "holding": Part("A contact that is held", holding.holding),
+    "drift": Part("A material that drifts", drift.drift),
 }
 
 app = App(name="python -m benchmarks.accuracy", help_format="plaintext")
@@ -51,39 +61,41 @@ def accuracy(
     markdown: Path | None = None,
     json: Path | None = None,
 ) -> None:
-    """Measure how accurate identification is, against bounds and targets.
+    """Measure how accurate identification is, beside what bounds it.
 
     Parameters
     ----------
     seeds
         Seeds of the noise, 2 or more.
     only
-        Rows to run, by name; all unless given.
+        Parts to run, by name; all unless given.
     workers
         Worker processes; one a core unless given.
     markdown
-        Write the tables to this file too.
+        Write a page for each part into this folder too.
     json
         Write the numbers to this file.
     """
-    chosen = only if only else list(ROWS)
-    unknown = [name for name in chosen if name not in ROWS]
+    chosen = only if only else list(PARTS)
+    unknown = [name for name in chosen if name not in PARTS]
     if unknown or seeds < 2:
-        what = f"no row {unknown[0]!r}" if unknown else f"--seeds {seeds} is fewer than 2"
-        sys.exit(f"{what}; rows are {', '.join(ROWS)}")
-    check_outputs([path for path in (markdown, json) if path is not None])
-    console, groups = report.console(), list[Group]()
+        what = f"no part {unknown[0]!r}" if unknown else f"--seeds {seeds} is fewer than 2"
+        sys.exit(f"{what}; parts are {', '.join(PARTS)}")
+    if markdown is not None:
+        make_folder(markdown)
+    if json is not None:
+        check_writable(json)
+    console, groups, facts = report.console(), list[Group](), report.circumstances(seeds)
     with Campaign(seeds, workers) as campaign:
         for name in chosen:
-            found = ROWS[name](campaign)
+            found = PARTS[name].run(campaign)
             for group in found:
                 report.print_group(group, console)
             groups += found
-    groups.sort(key=lambda group: int("".join(filter(str.isdigit, group.title.split(".")[0]))))
-    facts = report.circumstances(seeds)
+            if markdown is not None:
+                page = report.page(PARTS[name].title, f"--only {name}", found, facts)
+                write_text(markdown / f"{name}.md", page)
     console.print(report.words(facts))
-    if markdown is not None:
-        write_text(markdown, report.markdown(groups, facts))
     if json is not None:
         write_text(json, report.as_json(groups, facts))
 

@@ -1,4 +1,4 @@
-"""Row 8: a contact point that is unknown by up to 2 mm."""
+"""A contact point that is unknown by up to 2 mm."""
 
 from functools import partial
 
@@ -17,7 +17,7 @@ UNKNOWN = 2e-3  # m
 def contact_point(campaign: Campaign) -> list[Group]:
     lines, notes = [], [f"{campaign.seeds} seeds."]
     for material, law in MATERIALS.items():
-        runs = campaign.map(f"8 {material}", partial(_run, material), range(campaign.seeds))
+        runs = campaign.map(material, partial(_run, material), range(campaign.seeds))
         errors = np.array([error for error, _ in runs])
         lost = sum(bool(flags) for _, flags in runs)
         if lost:
@@ -35,7 +35,7 @@ def contact_point(campaign: Campaign) -> list[Group]:
             lines.append(Line(figure, (float(late), float(worst)), limits, beside))
     return [
         Group(
-            "8. Unknown contact point",
+            "Unknown contact point",
             "True x and v but for a shift of up to ±2 mm, 0.05 N of noise; a second of approach "
             "from 3 mm above the surface, then three sines to 20 s; `VariableProjection("
             'surface="estimate")`. The bound has offset and surface as nuisances.',

@@ -1,4 +1,4 @@
-"""Rows 5 and 6: how long until K, B and n are within 5 % and stay there."""
+"""How long until K, B and n are within 5 % and stay there."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -21,6 +21,7 @@ from benchmarks.accuracy.probing import (
 )
 from benchmarks.accuracy.table import Group, Limit, Line
 from palpate import VariableProjection
+from palpate.design import Motion
 from palpate.design.excitation import sensitivity
 
 DURATION = 20.0  # s
@@ -71,7 +72,7 @@ def three_sines(campaign: Campaign) -> list[Group]:
     ]
     return [
         Group(
-            "5. Time into ±5 %, three sines",
+            "Time into ±5 %, three sines",
             METHOD.format(duration=DURATION),
             SYMBOLS,
             lines,
@@ -90,7 +91,7 @@ def one_sine(campaign: Campaign) -> list[Group]:
     ]
     return [
         Group(
-            "6. Time into ±5 %, one sine",
+            "Time into ±5 %, one sine",
             f"x₀ + 1.8 sin 11t mm. {METHOD.format(duration=DURATION)}",
             SYMBOLS,
             lines,
@@ -104,25 +105,23 @@ def one_sine(campaign: Campaign) -> list[Group]:
 def _line(
     campaign: Campaign,
     material: str,
-    parts: tuple[tuple[float, float], ...],
+    motion: Motion,
     variant: Variant,
     limits: tuple[Limit, ...],
 ) -> Line:
-    label = f"{'6' if parts is ONE_SINE else '5'} {material}, {variant.words}"
-    function = partial(_times, material, parts, variant)
+    label = f"{material}, {variant.words}"
+    function = partial(_times, material, motion, variant)
     times = np.array(campaign.map(label, function, range(campaign.seeds)))
-    bound = _bound(material, parts, variant)
+    bound = _bound(material, motion, variant)
     beside = (*np.median(times, axis=0).tolist(), *bound)
-    return Line(label[2:], tuple(times.max(axis=0).tolist()), limits, beside)
+    return Line(label, tuple(times.max(axis=0).tolist()), limits, beside)
 
 
-def _times(
-    material: str, parts: tuple[tuple[float, float], ...], variant: Variant, seed: int
-) -> Floats:
+def _times(material: str, motion: Motion, variant: Variant, seed: int) -> Floats:
     """Seconds until K, B and n stay within 5 %; the whole duration where they do not."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
-    motion = sines(DURATION, parts)
-    x, v = motion.penetration, motion.velocity
+    probe = sines(DURATION, motion)
+    x, v = probe.penetration, probe.velocity
     offset = rng.normal(0.0, UNKNOWN if variant.offset is None else variant.offset)
     f = law.force(x, v) + offset + noise(rng, len(x))
     trace = VariableProjection(**variant.settings).replay(x, v, f)
@@ -136,12 +135,10 @@ def last_outside(outside: NDArray[np.bool_]) -> Floats:
     return np.asarray(samples * SAMPLE_TIME, dtype=np.float64)
 
 
-def _bound(
-    material: str, parts: tuple[tuple[float, float], ...], variant: Variant
-) -> tuple[float, ...]:
+def _bound(material: str, motion: Motion, variant: Variant) -> tuple[float, ...]:
     """Seconds until twice the bound stays below 5 %."""
-    law, motion = MATERIALS[material], sines(DURATION, parts)
-    columns = sensitivity(law, motion.penetration, motion.velocity) * law.parameters
+    law, probe = MATERIALS[material], sines(DURATION, motion)
+    columns = sensitivity(law, probe.penetration, probe.velocity) * law.parameters
     if variant.offset != 0.0:
         columns = np.hstack([columns, np.ones((len(columns), 1))])
     information = np.cumsum(columns[:, :, None] * columns[:, None, :], axis=0) / NOISE**2

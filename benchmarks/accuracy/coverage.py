@@ -1,4 +1,4 @@
-"""Row 9: how often the 95 % interval holds the truth."""
+"""How often the 95 % interval holds the truth."""
 
 from functools import partial
 
@@ -13,13 +13,13 @@ from benchmarks.accuracy.trials import OFFSET_LEFT, TIMES, Trial, run
 def coverage(campaign: Campaign) -> list[Group]:
     ideal = "True x and v, white noise of 0.05 N, an unknown offset; `VariableProjection()`."
     chain = (
-        "The sensor chain of row 3 with {}: an encoder's steps and a surface up to half a step "
+        "The paper's sensor chain with {}: an encoder's steps and a surface up to half a step "
         "away are not in the model, so nothing promises 95 % here."
     )
     return [
         _group(
             campaign,
-            "9a. Coverage of the 95 % interval",
+            "Coverage of the 95 % interval",
             ideal,
             [Trial(name, "offset", single_stage=False) for name in MATERIALS],
             (Limit(97.0, 93.0),),
@@ -28,15 +28,19 @@ def coverage(campaign: Campaign) -> list[Group]:
         *(
             _group(
                 campaign,
-                f"9{letter}. Coverage under the paper's sensor chain",
+                f"Coverage under the paper's sensor chain, {known}",
                 chain.format(settings),
                 [Trial(name, "chain", deviation, single_stage=False) for name in MATERIALS],
                 (),
                 campaign.seeds,
             )
-            for letter, settings, deviation in (
-                ("b", "`VariableProjection()`", None),
-                ("c", "`offset_deviation` set to what the pause leaves", OFFSET_LEFT),
+            for known, settings, deviation in (
+                ("offset unknown", "`VariableProjection()`", None),
+                (
+                    "offset known from the pause",
+                    "`offset_deviation` set to what the pause leaves",
+                    OFFSET_LEFT,
+                ),
             )
         ),
     ]
@@ -52,7 +56,7 @@ def _group(
 ) -> Group:
     lines = []
     for trial in trials:
-        outcomes = campaign.map(f"{title[:3]} {trial.material}", partial(run, trial), range(seeds))
+        outcomes = campaign.map(f"coverage, {trial.material}", partial(run, trial), range(seeds))
         share = 100.0 * np.mean([outcome.covered for outcome in outcomes], axis=0)
         lines += [
             Line(f"{trial.material}, {time:g} s", tuple(share[i]), limits)

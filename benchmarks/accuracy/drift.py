@@ -1,4 +1,4 @@
-"""Row 12: a material whose force scale drifts."""
+"""A material whose force scale drifts."""
 
 from collections.abc import Callable
 from functools import partial
@@ -24,13 +24,13 @@ def drift(campaign: Campaign) -> list[Group]:
     lines = []
     for material in MATERIALS:
         runs = np.array(
-            campaign.map(f"12 {material}", partial(_errors, material), range(campaign.seeds))
+            campaign.map(f"drift, {material}", partial(_errors, material), range(campaign.seeds))
         )
         ours, *others = np.sqrt(np.mean(runs**2, axis=0)).tolist()
         lines.append(Line(material, (ours,), (Limit(0.2),), (float(runs[:, 0].max()), *others)))
     return [
         Group(
-            "12. Drift",
+            "Drift",
             "The whole force drifts by ±30 % at 0.1 Hz for 40 s of three sines, 0.05 N of noise. "
             "Relative rms error of the force scale K x_rⁿ at x_r = 10 mm, %, from 2 s on; "
             "`DriftTracking()` beside `VariableProjection(offset=False)` without and with constant "

@@ -1,4 +1,4 @@
-"""Rows 1 to 3: root mean square error over the Cramér–Rao bound."""
+"""Root mean square error over the Cramér–Rao bound."""
 
 from collections.abc import Callable
 from functools import partial
@@ -15,7 +15,7 @@ def ideal(campaign: Campaign) -> list[Group]:
     return [
         _group(
             campaign,
-            "1. RMSE over the Cramér–Rao bound, no offset",
+            "RMSE over the Cramér–Rao bound, no offset",
             "True x and v, white noise of 0.05 N, three sines; `VariableProjection(offset=False)` "
             "beside `SingleStageRLS()`.",
             [Trial(name) for name in MATERIALS],
@@ -29,7 +29,7 @@ def unknown_offset(campaign: Campaign) -> list[Group]:
     return [
         _group(
             campaign,
-            "2. RMSE over the Cramér–Rao bound, unknown offset",
+            "RMSE over the Cramér–Rao bound, unknown offset",
             "The same with a force offset drawn from N(0, (0.1 N)²) for each seed; "
             "`VariableProjection()`. The bound has the offset as a nuisance.",
             [Trial(name, "offset") for name in MATERIALS],
@@ -40,14 +40,18 @@ def unknown_offset(campaign: Campaign) -> list[Group]:
 
 
 def sensor_chain(campaign: Campaign) -> list[Group]:
-    variants = {
-        "`VariableProjection()`": None,
-        f"`offset_deviation={OFFSET_LEFT:.4f}`, what the pause leaves": OFFSET_LEFT,
-    }
+    variants = (
+        ("offset unknown", "`VariableProjection()`", None),
+        (
+            "offset known from the pause",
+            f"`offset_deviation={OFFSET_LEFT:.4f}`, what the pause leaves",
+            OFFSET_LEFT,
+        ),
+    )
     return [
         _group(
             campaign,
-            f"3{letter}. RMSE over the Cramér–Rao bound, the paper's sensor chain",
+            f"RMSE over the Cramér–Rao bound, the paper's sensor chain, {known}",
             f"{settings}. Force in steps of 1/8 N after 0.05 N of noise, a bias measured in a 2 s "
             "pause and removed, a 20 µm encoder whose steps lie anywhere to the surface, velocity "
             "by a Savitzky–Golay filter of 15 ms. The bound has white noise of 0.05 N and the "
@@ -57,7 +61,7 @@ def sensor_chain(campaign: Campaign) -> list[Group]:
             lambda time: Limit(1.3 if time <= 5.0 else 1.5),
             seeds=campaign.seeds,
         )
-        for letter, (settings, deviation) in zip("ab", variants.items(), strict=True)
+        for known, settings, deviation in variants
     ]
 
 
@@ -71,7 +75,9 @@ def _group(
 ) -> Group:
     lines = []
     for trial in trials:
-        outcomes = campaign.map(f"{title[:2]} {trial.material}", partial(run, trial), range(seeds))
+        outcomes = campaign.map(
+            f"{trial.sensor}, {trial.material}", partial(run, trial), range(seeds)
+        )
         bound = bounds(trial)
         ours = rms([outcome.errors for outcome in outcomes]) / bound
         single = rms([outcome.single_stage for outcome in outcomes]) / bound

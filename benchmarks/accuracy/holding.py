@@ -1,4 +1,4 @@
-"""Row 11: a hundred seconds at one penetration, then moving again."""
+"""A hundred seconds at one penetration, then moving again."""
 
 from collections import Counter
 from functools import partial
@@ -18,7 +18,9 @@ LOOK = 100  # samples between looks at the estimate
 def holding(campaign: Campaign) -> list[Group]:
     lines, notes = [], [f"{campaign.seeds} seeds."]
     for material in MATERIALS:
-        runs = campaign.map(f"11 {material}", partial(_moves, material), range(campaign.seeds))
+        runs = campaign.map(
+            f"holding, {material}", partial(_moves, material), range(campaign.seeds)
+        )
         hold = np.max([run[0] for run in runs], axis=0)
         after = np.max([run[1] for run in runs], axis=0)
         lines.append(Line(material, tuple(hold.tolist()), (Limit(1.0),), tuple(after.tolist())))
@@ -27,7 +29,7 @@ def holding(campaign: Campaign) -> list[Group]:
         notes.append(f"{material}, flags of a contact that is held from the start: {held}.")
     return [
         Group(
-            "11. Held for 100 s",
+            "Held for 100 s",
             "Three sines for 10 s, 100 s held at 10.5 mm, three sines for 10 s; 0.05 N of noise, "
             "`VariableProjection()`. Largest move of a parameter from where it stood when the hold "
             "began, %, looked at every 0.1 s; beside it the same after the hold.",

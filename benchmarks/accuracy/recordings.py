@@ -1,4 +1,4 @@
-"""Row 10: the final law on recordings, against offline least squares of the same samples."""
+"""The final law on recordings, against offline least squares of the same samples."""
 
 import json
 import os
@@ -40,11 +40,15 @@ def recordings(campaign: Campaign) -> list[Group]:
     folder = _folder()
     files = sorted(folder.glob("*.csv")) if folder else []
     if not files:
-        return [_group("a", "", [], ["Skipped: no recordings in PALPATE_DATA or ../shared/data."])]
+        return [
+            _group(
+                "whole files", "", [], ["Skipped: no recordings in PALPATE_DATA or ../shared/data."]
+            )
+        ]
     groups = []
-    for letter, noted in (("a", False), ("b", True)):
+    for part, noted in (("whole files", False), ("noted windows", True)):
         items = [(file, noted) for file in files]
-        fits = campaign.map(f"10{letter}", _compared, items)
+        fits = campaign.map(f"recordings, {part}", _compared, items)
         lines, notes = [], []
         for file, fit in zip(files, fits, strict=True):
             if isinstance(fit, str):
@@ -56,7 +60,7 @@ def recordings(campaign: Campaign) -> list[Group]:
             if noted
             else "The whole file, with the gate that `identify` chooses."
         )
-        groups.append(_group(letter, what, lines, notes))
+        groups.append(_group(part, what, lines, notes))
     return groups
 
 
@@ -67,12 +71,12 @@ def _folder() -> Path | None:
     return folder if folder.is_dir() else None
 
 
-def _group(letter: str, what: str, lines: list[Line], notes: list[str]) -> Group:
+def _group(part: str, what: str, lines: list[Line], notes: list[str]) -> Group:
     return Group(
-        f"10{letter}. Recordings, against SciPy",
+        f"Recordings, against SciPy, {part}",
         f"{what} RMSE% of `identify(contact)`'s final law over that of "
         "`scipy.optimize.least_squares` on the same samples: K, B, n and an offset, n from "
-        f"{EXPONENTS[0]} to {EXPONENTS[1]}, best of {len(STARTS)} starts. The target holds where "
+        f"{EXPONENTS[0]} to {EXPONENTS[1]}, best of {len(STARTS)} starts. The limit holds where "
         "no flag doubts the exponent.",
         ("ratio",),
         lines,

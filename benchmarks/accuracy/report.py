@@ -37,10 +37,12 @@ def console() -> Console:
 def print_group(group: Group, console: Console) -> None:
     table = Table(title=Text(group.title, style="bold"), title_justify="left")
     table.add_column("figure", no_wrap=True)
-    table.add_column("target", no_wrap=True)
+    if group.judged:
+        table.add_column("limit", no_wrap=True)
     for heading in group.columns:
         table.add_column(heading, justify="right")
-    table.add_column("met")
+    if group.judged:
+        table.add_column("within")
     for heading in group.beside:
         table.add_column(heading, justify="right", style="dim")
     for line in group.lines:
@@ -49,7 +51,8 @@ def print_group(group: Group, console: Console) -> None:
             for i, value in enumerate(line.ours)
         ]
         beside = [group.show(value) for value in line.beside]
-        table.add_row(line.figure, line.target, *ours, line.met, *beside)
+        before, after = _around(group, line)
+        table.add_row(*before, *ours, *after, *beside)
     console.print(table)
     for text in (group.definition, *group.notes):
         console.print(Text(text.replace("`", ""), style="dim"))
@@ -57,9 +60,16 @@ def print_group(group: Group, console: Console) -> None:
 
 
 def markdown(groups: list[Group], facts: dict[str, Any]) -> str:
-    """Everything as Markdown; a value that misses its target is bold."""
+    """Everything as Markdown; a value beyond its limit is bold."""
     parts = [part for group in groups for part in _markdown_group(group)]
     return "\n".join([*parts, words(facts), ""])
+
+
+def page(title: str, arguments: str, groups: list[Group], facts: dict[str, Any]) -> str:
+    """Return a page of its own, which says how it was made."""
+    command = f"python -m benchmarks.accuracy {arguments} --markdown docs/accuracy"
+    tables = markdown(groups, facts).replace("### ", "## ")
+    return f"<!-- Written by {command} -->\n\n# {title}\n\n{tables}"
 
 
 def words(facts: dict[str, Any]) -> str:
@@ -76,8 +86,10 @@ def as_json(groups: list[Group], facts: dict[str, Any]) -> str:
 
 
 def _markdown_group(group: Group) -> list[str]:
-    headings = ["figure", "target", *group.columns, "met", *group.beside]
-    marks = ["---", "---", *["--:"] * len(group.columns), "---", *["--:"] * len(group.beside)]
+    limit, within = (["limit"], ["within"]) if group.judged else ([], [])
+    headings = ["figure", *limit, *group.columns, *within, *group.beside]
+    words = {"figure", "limit", "within"}
+    marks = ["---" if heading in words else "--:" for heading in headings]
     rows = [_cells(group, line) for line in group.lines]
     table = [f"| {' | '.join(row)} |" for row in (headings, marks, *rows)]
     notes = [part for note in group.notes for part in (note, "")]
@@ -89,8 +101,16 @@ def _cells(group: Group, line: Line) -> list[str]:
         group.show(value) if line.holds(i) else f"**{group.show(value)}**"
         for i, value in enumerate(line.ours)
     ]
-    cells = [line.figure, line.target, *ours, line.met, *map(group.show, line.beside)]
+    before, after = _around(group, line)
+    cells = [*before, *ours, *after, *map(group.show, line.beside)]
     return [cell.replace("|", "\\|") for cell in cells]
+
+
+def _around(group: Group, line: Line) -> tuple[list[str], list[str]]:
+    """What stands before and after a line's own values; limits only where the group has any."""
+    if not group.judged:
+        return [line.figure], []
+    return [line.figure, line.limit], [line.within]
 
 
 def _cpu() -> str:

@@ -1,4 +1,4 @@
-"""Row 4: starts from which the final law is not within 5 % of the truth."""
+"""Starts from which the final law is not within 5 % of the truth."""
 
 from functools import partial
 
@@ -25,17 +25,17 @@ def starts(campaign: Campaign) -> list[Group]:
     noises = max(1, campaign.seeds // 20)
     lines = []
     for name in MATERIALS:
-        missed = sum(campaign.map(f"4 {name}", partial(_ours, name), range(campaign.seeds)))
+        missed = sum(campaign.map(f"starts, {name}", partial(_ours, name), range(campaign.seeds)))
         figure = f"variable projection, {name} (takes no start)"
         lines.append(Line(figure, (100.0 * missed / campaign.seeds,), (Limit(0.0),)))
     cases = [(start, seed) for start in STARTS for seed in range(noises)]
     for method in PAPER:
-        missed = sum(campaign.map(f"4 {method}", partial(_paper, method), cases))
+        missed = sum(campaign.map(f"starts, {method}", partial(_paper, method), cases))
         figure = f"{method}, ball, {len(STARTS)} starts × {noises} seeds"
         lines.append(Line(figure, (100.0 * missed / len(cases),)))
     return [
         Group(
-            "4. Starts that do not converge",
+            "Starts that do not converge",
             "K, B and n not all within 5 % of the truth after 20 s of three sines, true x and v, "
             "0.05 N of noise. Starts of the paper's methods: 21 K from 0.1 to 1e5, log-spaced, by "
             "6 n from 0.5 to 3, B = 0, the default covariance. Variable projection has no starting "

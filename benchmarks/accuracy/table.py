@@ -1,4 +1,4 @@
-"""What a row of the benchmark gives: figures beside their targets."""
+"""What a part of the benchmark gives: figures beside the limits that we hold ourselves to."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -8,13 +8,13 @@ Value = float | str
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """What a figure must be: at most ``highest``, at least ``lowest``."""
+    """What a figure should be: at most ``highest``, at least ``lowest``."""
 
     highest: float
     lowest: float | None = None
 
     def holds(self, value: Value) -> bool:
-        """Whether a value meets it; words never do."""
+        """Whether a value keeps to it; words never do."""
         if isinstance(value, str):
             return False
         return value <= self.highest and (self.lowest is None or value >= self.lowest)
@@ -36,7 +36,7 @@ class Line:
     ours : tuple
         Values, one a column of the group.
     limits : tuple of Limit or None
-        Their targets; fewer than values: the last one holds for the rest. Empty: none.
+        What they should keep to; fewer than values: the last holds for the rest. Empty: none.
     beside : tuple
         What else is worth seeing: bounds, other methods.
     """
@@ -46,24 +46,24 @@ class Line:
     limits: tuple[Limit | None, ...] = ()
     beside: tuple[Value, ...] = ()
 
-    def limit(self, column: int) -> Limit | None:
-        """Target of a column."""
+    def limit_of(self, column: int) -> Limit | None:
+        """What a column should keep to."""
         return self.limits[min(column, len(self.limits) - 1)] if self.limits else None
 
     def holds(self, column: int) -> bool:
-        """Whether a column meets its target, or has none."""
-        limit = self.limit(column)
+        """Whether a column keeps to its limit, or has none."""
+        limit = self.limit_of(column)
         return limit is None or limit.holds(self.ours[column])
 
     @property
-    def target(self) -> str:
-        """The targets in words; one where all are the same."""
+    def limit(self) -> str:
+        """The limits in words; one where all are the same."""
         words = [str(limit) if limit else "–" for limit in self.limits]
         return " / ".join(words if len(set(words)) > 1 else words[:1])
 
     @property
-    def met(self) -> str:
-        """Whether all targets are met, in a word."""
+    def within(self) -> str:
+        """Whether all are kept, in a word."""
         if not any(self.limits):
             return "–"
         return "yes" if all(self.holds(i) for i in range(len(self.ours))) else "no"
@@ -94,6 +94,11 @@ class Group:
     precision: str = ".2f"
     notes: list[str] = field(default_factory=list)
 
+    @property
+    def judged(self) -> bool:
+        """Whether any of its lines has a limit."""
+        return any(any(line.limits) for line in self.lines)
+
     def show(self, value: Value) -> str:
         """A value as the tables print it."""
         if isinstance(value, str):
@@ -104,5 +109,5 @@ class Group:
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain numbers and words."""
-        lines = [{**asdict(line), "met": line.met} for line in self.lines]
+        lines = [{**asdict(line), "within": line.within} for line in self.lines]
         return {**asdict(self), "lines": lines}

@@ -1,4 +1,4 @@
-"""Row 13: what an update and an estimate cost, against the single-stage update of the same run."""
+"""What an update and an estimate cost, against the single-stage update of the same run."""
 
 import time
 from collections.abc import Callable
@@ -54,7 +54,7 @@ def _group(best: dict[str, list[float]]) -> Group:
     first = best["default"][2]
     lines.insert(1, Line("update, first 2 s", (first / early,), (Limit(2.5),), (first, early)))
     return Group(
-        "13. Time",
+        "Calls from Python, over a single-stage update",
         "A call from Python of `VariableProjection` over `SingleStageRLS.update()`, the least of "
         f"{REPEATS} interleaved repeats of 10 000 updates (2000 for the first 2 s, when the global "
         "search is due more often) and 2000 estimates on the ball; loops in a function, bound "

@@ -2,15 +2,14 @@
 
 from collections.abc import Sequence
 import enum
-import types
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy
 import numpy.typing
 from numpy.typing import NDArray
 
 
-defaults: dict = ...
+defaults: dict[str, dict[str, Any]]
 
 def kelvin_voigt_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
 
@@ -300,7 +299,23 @@ class DoubleStageRLS:
 class VariableProjection:
     def __init__(self, arg0: float, arg1: Sequence[float], arg2: bool, arg3: float, arg4: Sequence[float] | None, arg5: Sequence[float], arg6: Sequence[float] | None, arg7: Sequence[float], arg8: Sequence[float], arg9: float, /) -> None: ...
 
-    update: types.MethodDescriptorType = ...
+    def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
+        """
+        Take one sample, and say with a :class:`Status` what was done with it.
+
+        Never raises on data and never allocates; the sample is taken whole or not at all.
+
+        Parameters
+        ----------
+        penetration : float
+            m, positive inside the material.
+        velocity : float
+            m/s, positive while penetrating.
+        force : float
+            N, compression positive.
+        dt : float, optional
+            Time since the previous sample, s; ``sample_time`` unless given.
+        """
 
     def predict(self, penetration: float, velocity: float) -> float:
         """
@@ -326,7 +341,23 @@ class VariableProjection:
 class DriftTracking:
     def __init__(self, arg0: float, arg1: Sequence[float], arg2: bool, arg3: float, arg4: Sequence[float], arg5: Sequence[float] | None, arg6: Sequence[float], arg7: Sequence[float], arg8: float, /) -> None: ...
 
-    update: types.MethodDescriptorType = ...
+    def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
+        """
+        Take one sample, and say with a :class:`Status` what was done with it.
+
+        Never raises on data and never allocates; the sample is taken whole or not at all.
+
+        Parameters
+        ----------
+        penetration : float
+            m, positive inside the material.
+        velocity : float
+            m/s, positive while penetrating.
+        force : float
+            N, compression positive.
+        dt : float, optional
+            Time since the previous sample, s; ``sample_time`` unless given.
+        """
 
     def predict(self, penetration: float, velocity: float) -> float:
         """

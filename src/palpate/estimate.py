@@ -105,7 +105,7 @@ class Estimate:
         return cls(value, type(law))
 
     @property
-    def law(self) -> Any:
+    def law(self) -> Any:  # of the estimator's law_type
         """The contact model, SI."""
         return self._law_type(*self._value.parameters.tolist())
 

@@ -38,9 +38,14 @@ class ForceLaw:
         for name, value in self.as_dict().items():
             object.__setattr__(self, name, number(name, value))
 
+    @classmethod
+    def names(cls) -> list[str]:
+        """Return the names of the parameters, in their order."""
+        return [field.name for field in fields(cls)]  # type: ignore[arg-type]  # every subclass is a dataclass
+
     def as_dict(self) -> dict[str, float]:
         """Return the parameters by name, SI."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]  # every subclass is a dataclass
+        return {name: getattr(self, name) for name in self.names()}
 
     @property
     def parameters(self) -> Floats:
@@ -52,7 +57,7 @@ class ForceLaw:
     @overload
     def force(self, penetration: ArrayLike, velocity: ArrayLike) -> Floats: ...
     def force(self, penetration: ArrayLike, velocity: ArrayLike) -> float | Floats:
-        """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays; 0 out of contact."""
+        """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays."""
         raise NotImplementedError
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
@@ -85,7 +90,7 @@ def register(law: Law) -> Law:
     missing += [name for name in needed if getattr(law, name) is getattr(ForceLaw, name)]
     if missing:
         raise InvalidParameterError(f"{law.__name__} lacks {', '.join(missing)}")
-    if not len(fields(law)) == len(law.units) == len(law.symbols):
+    if not len(law.names()) == len(law.units) == len(law.symbols):
         raise InvalidParameterError(f"{law.__name__} must have a unit and a symbol a parameter")
     if FORCE_LAWS.setdefault(law.kind, law) is not law:
         raise InvalidParameterError(f"kind must be new: {law.kind!r} is {FORCE_LAWS[law.kind]}")
@@ -107,9 +112,8 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
             f"kind must be one of {', '.join(FORCE_LAWS)}, not {shown(kind)}"
         )
     law = FORCE_LAWS[kind]
-    names = [field.name for field in fields(law)]  # type: ignore[arg-type]  # a dataclass, by register()
-    if set(given) != set(names):
-        raise InvalidParameterError(f"{kind} needs {', '.join(names)}, and no others")
+    if set(given) != set(law.names()):
+        raise InvalidParameterError(f"{kind} needs {', '.join(law.names())}, and no others")
     return law(**given)
 
 
@@ -124,7 +128,7 @@ class _CompiledLaw(ForceLaw):
     @overload
     def force(self, penetration: ArrayLike, velocity: ArrayLike) -> Floats: ...
     def force(self, penetration: ArrayLike, velocity: ArrayLike) -> float | Floats:
-        """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays; 0 out of contact."""
+        """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays."""
         try:
             given = np.asarray(penetration), np.asarray(velocity)
             if any(array.dtype.kind not in "fiub" for array in given):

@@ -13,11 +13,9 @@ from palpate.estimate import Estimate
 from palpate.estimators import (
     ESTIMATORS,
     ContactEstimator,
-    SingleStageRLS,
     VariableProjection,
     estimator_named,
 )
-from palpate.force_laws import ForceLaw
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate, suggest_scale
@@ -61,7 +59,7 @@ class Identification:
         return self.estimator.estimate()
 
     @property
-    def law(self) -> ForceLaw:
+    def law(self) -> Any:
         """The contact model, SI."""
         return self.estimate.law
 
@@ -96,7 +94,7 @@ class Identification:
 
     @property
     def violated_fraction(self) -> float:
-        """Fraction of contact at which condition 10 did not hold; NaN for laws it does not concern."""
+        """Fraction of contact without condition 10; NaN for laws that it does not concern."""
         return violated_fraction(self.trace) if self.law.has_condition_10 else math.nan
 
     @property
@@ -275,9 +273,9 @@ def _flags(result: Identification) -> list[str]:
     law, estimate, status = result.law, result.estimate, result.trace.status
     if estimate.samples < 10 * len(law.symbols):
         flags.append(f"only {estimate.samples} samples in contact")
-    if law.damping < 0.0:
+    if law.as_dict().get("damping", 0.0) < 0.0:
         flags.append("negative damping: this law gives energy back, which no passive material does")
-    if isinstance(result.estimator, SingleStageRLS) and result.violated_fraction > 0.0:
+    if result.estimator.needs_condition_10 and result.violated_fraction > 0.0:
         flags.append(f"condition 10 violated in {result.violated_fraction:.1%} of the contact")
     if math.isnan(result.prediction_rmse_percent):
         flags.append("less than 0.2 s of contact: no prediction error")

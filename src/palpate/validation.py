@@ -75,13 +75,19 @@ def instance(name: str, value: Any, kinds: type | tuple[type, ...]) -> None:
         raise InvalidParameterError(f"{name} must be a {words}, not {shown(value)}")
 
 
+def unmasked(name: str, values: Any) -> None:
+    """Refuse an array of which a mask hides some, since NumPy would pass over the mask."""
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        count = int(np.count_nonzero(np.ma.getmaskarray(values)))
+        raise InvalidParameterError(
+            f"{name} must not be masked, as {count} values are; fill them, with NaN for samples "
+            "that are to be refused"
+        )
+
+
 def signal(name: str, values: ArrayLike) -> Floats:
     """``values`` as a contiguous one-dimensional float array (a copy only where it must be)."""
-    if np.ma.is_masked(values):
-        raise InvalidParameterError(
-            f"{name} must not be masked: {int(np.ma.count_masked(values))} values are; fill them, "
-            "with NaN for samples that are to be refused"
-        )
+    unmasked(name, values)
     try:
         array = np.asarray(values)
         if array.dtype.kind not in "fiub":

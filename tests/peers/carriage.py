@@ -3,14 +3,14 @@
 from typing import Protocol
 
 import numpy as np
-from cases import THREE_SINES, Floats, motion
+from cases import THREE_SINES, Floats
 
 from palpate import Contact
 
 SAMPLE_TIME = 1e-3  # s
 SECONDS = 6.0
 FREE = 2e-3  # m above the surface, where it starts
-DEPTH = 10e-3  # m, about which the sines swing
+DEPTH = THREE_SINES.depth
 
 # Heavy enough for the contact, some 20 N, to push it aside by hundredths of a millimetre only. How
 # far does not matter: what is identified from is where the engine says that the probe was.
@@ -57,7 +57,7 @@ def probed(probe: Probe) -> Contact:
 def planned_motion() -> tuple[Floats, Floats, Floats, Floats]:
     """Time, position, speed and acceleration: down from the free in a second, then the sines."""
     time = SAMPLE_TIME * np.arange(round(SECONDS / SAMPLE_TIME) + 1)
-    sines, _ = motion(time - 1.0, THREE_SINES, depth=0.0)
+    sines = THREE_SINES.at(time - 1.0)[0] - DEPTH
     position = -FREE + (FREE + DEPTH) * _rise(time) + _rise(time - 1.0) * sines
     speed = np.gradient(position, time)
     return time, position, speed, np.gradient(speed, time)

@@ -1,7 +1,7 @@
 """The command ``palpate lab``."""
 
 import sys
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
@@ -123,7 +123,7 @@ def _material(name: str, given: dict[str, float]) -> "Material":
         raise InvalidParameterError(
             f"MATERIAL must be one of {', '.join([*MATERIALS, *FORCE_LAWS])}, not {name!r}"
         )
-    wanted = [field.name for field in fields(FORCE_LAWS[name])]
+    wanted = FORCE_LAWS[name].names()
     if set(given) != set(wanted):
         options = ", ".join(f"--{field.replace('_', '-')}" for field in wanted)
         raise InvalidParameterError(f"{name} needs {options}, and no others")

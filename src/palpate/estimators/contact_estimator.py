@@ -26,6 +26,8 @@ class ContactEstimator:
     method: ClassVar[str]
     #: The force law that it identifies.
     law_type: ClassVar[type[ForceLaw]]
+    #: Whether its answer is biased where condition 10 of the paper does not hold.
+    needs_condition_10: ClassVar[bool] = False
 
     if TYPE_CHECKING:  # the compiled class, or a method of one's own, brings these
         _settings: dict[str, Any]

@@ -11,7 +11,6 @@ from palpate.force_laws import HuntCrossley
 from palpate.settings import SAMPLE_TIME, ChangeDetector, ContactGate, Scale
 from palpate.validation import number_in
 
-
 _DEFAULTS = _core.defaults["DriftTracking"]
 
 

@@ -129,6 +129,7 @@ class SingleStageRLS(RecursiveLeastSquaresEstimator, _core.SingleStageRLS):
     __slots__ = ("_settings",)
     method = "single-stage"
     law_type = HuntCrossley
+    needs_condition_10 = True
     default_initial = HuntCrossley(*_core.defaults["SingleStageRLS"]["initial"])
     default_covariance = _core.defaults["SingleStageRLS"]["initial_covariance"]
 

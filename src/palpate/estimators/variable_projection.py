@@ -152,7 +152,8 @@ def _checked_surfaces(
     low, high = pair_in("surface_range", surface_range, -widest, widest)
     if not high > low:
         raise InvalidParameterError(
-            f"surface_range must be (lowest, highest) in m, not {shown(surface_range)}: it holds nothing"
+            f"surface_range must be (lowest, highest) in m, not {shown(surface_range)}: it holds "
+            "nothing"
         )
     return low, high
 
@@ -165,4 +166,3 @@ def _checked_range(exponent_range: tuple[float, float]) -> tuple[float, float]:
             f"exponent_range must be 0.2 to 5 wide, not {shown(exponent_range)}: it holds {reason}"
         )
     return low, high
-

@@ -12,7 +12,6 @@ from palpate.contact import Contact, first_wrong_time
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.velocity import velocity_of
 from palpate.recordings import Recording, open_recording
-from palpate.recordings.recording import unmasked
 from palpate.validation import instance, signals
 
 _SI = {"time": "s", "penetration": "m", "velocity": "m/s", "force": "N"}
@@ -68,7 +67,7 @@ def prepare(
     """Make a contact of a recording, a file, a pandas or polars frame, or of arrays.
 
     Where there is no velocity it is worked out from the penetration, a segment at a time, by
-    :func:`palpate.preparation.velocity.velocity_of`. Masked numbers become NaN: not known.
+    :func:`palpate.preparation.velocity.velocity_of`.
 
     Parameters
     ----------
@@ -110,7 +109,7 @@ def prepare(
     arrays["segment"] = segment
     given = {name: values for name, values in arrays.items() if values is not None}
     if recording is None:
-        channels = _of_arrays(given, dict(provenance or {}))
+        channels = _of_arrays(given)
     elif given:
         raise InvalidParameterError(
             f"{next(iter(given))} must not be given beside a recording; name its column in columns"
@@ -162,17 +161,13 @@ class _Channels:
     notes: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
 
-def _of_arrays(given: dict[str, ArrayLike], provenance: dict[str, str]) -> _Channels:
+def _of_arrays(given: dict[str, ArrayLike]) -> _Channels:
     missing = [name for name in ("time", "penetration", "force") if name not in given]
     if missing:
         raise InvalidParameterError(
             f"{missing[0]} must be given, as an array, or a recording in place of all arrays"
         )
-    made = {}
-    for name, values in given.items():
-        if masked := _masked(values):
-            made[name] = f"{provenance.get(name, 'an array')}; {masked}"
-    return _Channels({name: _known(values) for name, values in given.items()}, made)
+    return _Channels(given, {})
 
 
 def _of_recording(recording: Recording, columns: Columns) -> _Channels:
@@ -190,12 +185,11 @@ def _of_recording(recording: Recording, columns: Columns) -> _Channels:
             raise RecordingError(
                 f"{recording.place(name)}: the {channel} is in {unit}; convert it to {_SI[channel]}"
             )
-        masked = _masked(recording.channel(name))
-        made[channel] = f"column {name!r}" + (f"; {masked}" if masked else "")
+        made[channel] = f"column {name!r}"
         values[channel] = numbers
     made.pop("time")
     if segment is not None:
-        values["segment"] = _known(recording.channel(segment))
+        values["segment"] = recording.channel(segment)
     _check_time(recording, columns.time, values)
     return _Channels(values, made, recording.source, recording.notes)
 
@@ -246,17 +240,4 @@ def _array(column: Any) -> NDArray[Any]:
     values: NDArray[Any] = np.asanyarray(column)
     if values.dtype == object and hasattr(column, "isna"):  # what pandas calls NA is no number
         return np.where(column.isna(), np.nan, values)
-    return values
-
-
-def _masked(values: ArrayLike) -> str:
-    """How many samples a mask hides, in words; nothing where it hides none."""
-    count = np.count_nonzero(np.ma.getmaskarray(values)) if np.ma.isMaskedArray(values) else 0
-    return f"{count} masked samples are NaN" if count else ""
-
-
-def _known(values: ArrayLike) -> ArrayLike:
-    """The values, with NaN where a mask hides them."""
-    if isinstance(values, np.ma.MaskedArray) and values.dtype.kind in "fiub":
-        return unmasked(values)
     return values

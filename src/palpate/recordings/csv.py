@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.errors import RecordingError
-from palpate.writing import write_text
 from palpate.recordings.recording import Recording, number_in_text, printable
+from palpate.writing import write_text
 
 # The columns that palpate writes, and their units.
 UNITS = {"time_s": "s", "penetration_m": "m", "velocity_m_s": "m/s", "force_N": "N"}

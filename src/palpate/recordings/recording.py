@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
-from palpate.validation import Floats
+from palpate.validation import Floats, unmasked
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,7 +20,7 @@ class Recording:
     Parameters
     ----------
     channels : mapping
-        An array of numbers or of text for each name. Masked numbers are not known.
+        An array of numbers or of text for each name; NaN where a number is not known.
     units : mapping
         The unit of each channel, where it is known: ``"s"``, ``"m"``, ``"m/s"``, ``"N"``.
     source : str
@@ -33,7 +33,7 @@ class Recording:
     Raises
     ------
     InvalidParameterError
-        A channel is no array.
+        A channel is no array, or a mask hides some of it.
     """
 
     channels: Mapping[str, NDArray[Any]]
@@ -46,7 +46,8 @@ class Recording:
         channels = {}
         for name, values in self.channels.items():
             try:
-                channels[name] = np.asanyarray(values)
+                unmasked(f"channel {name!r}", values)
+                channels[name] = np.asarray(values)
             except (TypeError, ValueError):
                 raise InvalidParameterError(
                     f"channel {name!r} must be an array, not {type(values).__name__}"
@@ -66,7 +67,7 @@ class Recording:
         return self.channels[name]
 
     def numbers(self, name: str) -> Floats:
-        """Return a channel as numbers; NaN where it is masked.
+        """Return a channel as numbers.
 
         Raises
         ------
@@ -82,7 +83,7 @@ class Recording:
                 f"{values.shape}"
             )
         if values.dtype.kind in "fiub":
-            return unmasked(values)
+            return np.ascontiguousarray(values, dtype=np.float64)
         if values.dtype.kind in "OUS":
             return np.array([self._number(name, k, value) for k, value in enumerate(values)])
         raise RecordingError(
@@ -100,20 +101,12 @@ class Recording:
         return f"{words}, row {self.rows[sample]}"
 
     def _number(self, name: str, sample: int, value: Any) -> float:
-        if value is np.ma.masked:
-            return np.nan
         try:
             return number_in_text(value) if isinstance(value, str) else float(value)
         except (TypeError, ValueError, OverflowError):
             blank = isinstance(value, str) and not value.strip()
             found = "the value is missing" if blank else f"{_shown(value)} is not a number"
             raise RecordingError(f"{self.place(name, sample)}: {found}") from None
-
-
-def unmasked(values: NDArray[Any]) -> Floats:
-    """Return numbers as floats; NaN where they are masked."""
-    known: Floats = np.ma.filled(values.astype(np.float64, copy=False), np.nan)
-    return known
 
 
 def number_in_text(text: str) -> float:

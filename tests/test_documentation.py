@@ -1,0 +1,144 @@
+"""What README and docs show runs, and prints what they say that it prints.
+
+The snippets of a page run in their order, in one folder, as a reader would run them. Directly below
+``<!-- not run: REASON -->`` one is only compiled.
+"""
+
+import json
+import re
+import runpy
+import shlex
+import sys
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from palpate import lab
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+EXAMPLES = sorted(ROOT.glob("examples/*.py"))
+FENCED = re.compile(r"^(?P<above>[^\n]*)\n```(?P<language>\w+)\n(?P<text>.*?)^```$", re.M | re.S)
+NOT_RUN = re.compile(r"<!-- not run: .+ -->")
+COMMAND = re.compile(r"(?:^|/)palpate ((?:identify|compare|design|lab) [^#&\n]+)", re.M)
+
+
+@dataclass(frozen=True)
+class Snippet:
+    """A fenced block of a page, and the line that it begins at."""
+
+    page: Path
+    line: int
+    language: str
+    text: str
+    runs: bool
+
+    def compiled(self):
+        """Python whose tracebacks name the page and its lines."""
+        return compile("\n" * (self.line - 1) + self.text, self.page.name, "exec")
+
+    @property
+    def commands(self) -> list[list[str]]:
+        """The complete ``palpate`` commands of a shell block; in a synopsis FILE stands for one."""
+        found = map(shlex.split, COMMAND.findall(self.text))
+        return [words for words in found if not any("[" in w or w.isupper() for w in words)]
+
+
+def snippets_of(page: Path) -> list[Snippet]:
+    text = page.read_text(encoding="utf-8")
+    return [
+        Snippet(
+            page,
+            text.count("\n", 0, match.start("text")) + 1,
+            match["language"],
+            match["text"],
+            not NOT_RUN.fullmatch(match["above"].strip()),
+        )
+        for match in FENCED.finditer("\n" + text)
+    ]
+
+
+SNIPPETS = {page: snippets_of(page) for page in PAGES}
+
+
+@pytest.fixture
+def at_home(tmp_path, monkeypatch):
+    """An empty folder with the examples, as a checkout's root has them."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def briefly(monkeypatch):
+    """The laboratory presses for four seconds at most, which is enough to show that it does."""
+    press = lab.Bench.run
+
+    def short(bench, seed=0, *, seconds=10.0, progress=None):
+        return press(bench, seed, seconds=min(seconds, 4.0), progress=progress)
+
+    monkeypatch.setattr(lab.Bench, "run", short)
+
+
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if SNIPPETS[p]], ids=lambda page: str(page.relative_to(ROOT))
+)
+def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys):
+    pytest.importorskip("mujoco")
+    pytest.importorskip("matplotlib")
+    names = {"__name__": "snippet"}
+    for snippet in SNIPPETS[page]:
+        if snippet.language == "python":
+            code = snippet.compiled()
+            if snippet.runs:
+                exec(code, names)
+        elif snippet.language == "sh" and snippet.runs:
+            for words in snippet.commands:
+                status, _, err = run(*words)
+                assert (status, err) == (0, ""), f"{page.name}:{snippet.line}: {words}"
+    assert capsys.readouterr().err == ""
+
+
+def test_the_readme_and_the_docs_have_snippets_to_run():
+    languages = {snippet.language for found in SNIPPETS.values() for snippet in found}
+    assert {"python", "sh"} <= languages
+    assert ["identify", "examples/recordings/ball.csv", "--figure", "ball.svg"] in [
+        words for snippet in SNIPPETS[ROOT / "README.md"] for words in snippet.commands
+    ]
+
+
+def test_the_design_that_is_shown_is_the_design_that_is_printed(run):
+    command, shown = SNIPPETS[ROOT / "docs" / "designing.md"][:2]
+    [words] = command.commands
+    assert run(*words)[1].split() == shown.text.split()
+
+
+def test_the_json_that_is_shown_has_the_keys_that_are_printed(run):
+    [shown] = [s for s in SNIPPETS[ROOT / "docs" / "identifying.md"] if s.language == "json"]
+    recording = ROOT / "examples" / "recordings" / "ball.csv"
+    printed = json.loads(run("identify", recording, "--json")[1])
+    [result] = printed["results"]
+    keys = [*printed, *result, *result["law"], *result["standard_errors"]]
+    assert sorted(re.findall(r'"([a-z_]+)":', shown.text)) == sorted(keys)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.name)
+def test_an_example_runs(example, briefly, tmp_path, monkeypatch, capsys):
+    pytest.importorskip("mujoco")
+    folder = [str(tmp_path)] if example.name == "make_recordings.py" else []
+    monkeypatch.setattr(sys, "argv", [example.name, *folder])
+    runpy.run_path(str(example), run_name="__main__")
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert out or sorted(file.name for file in tmp_path.iterdir()) == sorted(
+        file.name for file in (ROOT / "examples" / "recordings").iterdir()
+    )
+
+
+def test_every_extra_that_a_message_or_a_page_names_can_be_installed():
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        known = tomllib.load(file)["project"]["optional-dependencies"].keys()
+    for path in [*PAGES, *ROOT.glob("src/**/*.py"), *ROOT.glob(".ci/*")]:
+        for names in re.findall(r"(?:palpate|'\.)\[([a-z,]+)\]", path.read_text(encoding="utf-8")):
+            assert set(names.split(",")) <= known, f"{path}: {names}"

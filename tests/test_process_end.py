@@ -1,0 +1,74 @@
+"""A process that has used everything ends without a word: no compiled object is left over."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+USE = """
+import copy, pickle, sys
+import palpate
+from cases import KINDS, MATERIALS, exciting
+
+signals = exciting(MATERIALS["ball"], seconds=0.2, noise=0.02)
+kept = sys.kept_to_the_end = []
+
+class Unit(palpate.Scale):
+    "Settings that know whose they are."
+
+for kind in (*KINDS.values(), palpate.VariableProjection, palpate.DriftTracking):
+    unit = Unit(1e-2, 2e-2, 1.0)
+    estimator = kind(scale=unit, gate=palpate.ContactGate(1e-3), sample_time=1e-3,
+                     change_detector=palpate.ChangeDetector())
+    object.__setattr__(unit, "owner", estimator)  # a cycle through the settings
+    kept += [estimator.replay(*signals.arrays), estimator.estimate(), estimator.estimate().law]
+
+    class Own(kind):
+        "A class that holds an instance of itself, which holds itself."
+
+    Own.default = Own()
+    Own.default.itself = Own.default
+
+    plain = kind()
+    for sample in signals.rows:
+        kept.append(plain.update(*sample))
+    kept += [plain, plain.copy(), plain.replace(), copy.deepcopy(plain)]
+    kept += [pickle.loads(pickle.dumps(plain)), plain.estimate().flags]
+    for wrong in ({"gate": 3}, {"no such setting": 1}, {"sample_time": float("nan")}):
+        try:
+            kind(**wrong)
+        except (TypeError, ValueError) as error:
+            kept.append(error)  # with its frames
+    for arguments in (("a", 1.0, 2.0), (1.0,)):
+        try:
+            plain.update(*arguments)
+        except TypeError as error:
+            kept.append(error)
+
+engine = palpate.LeastSquares(2)
+engine.update([1.0, 2.0], 3.0)
+kept += [engine, pickle.loads(pickle.dumps(engine))]
+contact = palpate.Contact(signals.time, penetration=signals.penetration,
+                          velocity=signals.velocity, force=signals.force)
+kept += [palpate.identify(contact), palpate.compare(contact)]
+"""
+
+LEAK = """
+import ctypes, palpate
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(palpate.VariableProjection()))
+"""
+
+
+def said_at_the_end(program: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=Path(__file__).parent, capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    return done.stderr
+
+
+def test_a_process_that_used_everything_leaves_no_compiled_object_behind():
+    assert said_at_the_end(USE) == ""
+
+
+def test_an_object_that_is_left_behind_would_be_seen():
+    assert "nanobind: leaked 1 instances" in said_at_the_end(LEAK)
