@@ -43,20 +43,8 @@ def test_compare_prints_every_method(run, good):
     assert "…" not in out  # a narrow terminal folds a name, and cuts nothing off
 
 
-PARAMETERS = {
-    "variable-projection": ["stiffness", "damping", "exponent"],
-    "kelvin-voigt": ["stiffness", "damping"],
-    "extended-kelvin-voigt": ["stiffness", "quadratic_stiffness", "damping"],
-    "single-stage": ["stiffness", "damping", "exponent"],
-    "double-stage": ["stiffness", "damping", "exponent"],
-}
-KIND = {
-    "variable-projection": "hunt-crossley",
-    "kelvin-voigt": "kelvin-voigt",
-    "extended-kelvin-voigt": "extended-kelvin-voigt",
-    "single-stage": "hunt-crossley",
-    "double-stage": "hunt-crossley",
-}
+PARAMETERS = {name: kind.law_type.names() for name, kind in palpate.ESTIMATORS.items()}
+KIND = {name: kind.law_type.kind for name, kind in palpate.ESTIMATORS.items()}
 MEASURES = ("prediction_rmse_percent", "fit_rmse_percent", "violated_fraction")
 
 

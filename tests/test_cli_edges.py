@@ -75,7 +75,7 @@ def test_json_is_the_same_object_in_any_encoding(printing, tmp_path, encoding):
     assert printing(stream, "identify", file, "--json") == (0, "")
     whole = json.loads(stream.buffer.getvalue().decode(encoding))
     assert whole["file"] == str(file)
-    assert whole["made"]["who"] == "Ærøskøbing"
+    assert whole["provenance"]["who"] == "Ærøskøbing"
 
 
 @pytest.mark.parametrize("arguments", [("identify", "FILE"), ("compare", "FILE", "--json"),

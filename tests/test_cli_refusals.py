@@ -82,7 +82,10 @@ def test_a_name_of_two_lines_stays_one_line(refused, tmp_path):
 
 
 BAD_ARGUMENTS = {
-    "an unknown method": (("--method", "spring"), ["--method", "single-stage", "'spring'"]),
+    "an unknown method": (
+        ("--method", "spring"),
+        ["method must be one of", "single-stage", "'spring'"],
+    ),
     "an unknown option": (("--colour", "red"), ["--colour"]),
     "text for a number": (("--start", "soon"), ["--start", "soon"]),
     "a window without samples": (("--start", "5"), ["no sample between 5 s", "0.599 s"]),

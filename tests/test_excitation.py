@@ -133,5 +133,5 @@ def test_wrong_arguments_are_named():
         sensitivity(SOFT, x, v[1:])
     with pytest.raises(InvalidParameterError, match="name must be one of stiffness, damping"):
         cramer_rao_bound(SOFT, x, v, 0.1)["offset"]
-    with pytest.raises(InvalidParameterError, match="law must be a KelvinVoigt or"):
+    with pytest.raises(InvalidParameterError, match="law must be a ForceLaw"):
         sensitivity("ball", x, v)

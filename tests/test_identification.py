@@ -257,8 +257,8 @@ def test_an_estimator_may_be_given_by_its_name(kind):
 def test_what_is_no_recording_and_what_is_no_estimator_are_refused_by_name():
     with pytest.raises(InvalidParameterError, match=r"^recording must be a Recording"):
         identify([1.0, 2.0])
-    for wrong in ("spring", SingleStageRLS, 3):
-        with pytest.raises(InvalidParameterError, match=r"^estimator must be a Con") as caught:
+    for wrong, words in (("spring", "method"), (SingleStageRLS, "estimator"), (3, "estimator")):
+        with pytest.raises(InvalidParameterError, match=rf"^{words} must be ") as caught:
             identify(CONTACT, wrong)
         assert all(name in str(caught.value) for name in ESTIMATORS)
         assert repr(wrong) in str(caught.value)

@@ -81,7 +81,7 @@ def test_the_place_decides_between_zones_and_the_time_between_episodes():
 @pytest.mark.parametrize(
     "make, words",
     [
-        (lambda: lab.Homogeneous("ball"), "law must be a KelvinVoigt or"),
+        (lambda: lab.Homogeneous("ball"), "law must be a ForceLaw"),
         (lambda: lab.Homogeneous(KelvinVoigt(-1.0, 1.0)), "stiffness must be in"),
         (lambda: lab.Homogeneous(HuntCrossley(1.0, -1.0, 1.0)), "damping must be in"),
         (lambda: lab.Homogeneous(HuntCrossley(1.0, 1.0, -2.0)), "exponent must be in"),

@@ -181,7 +181,7 @@ def test_settings_cannot_be_changed_behind_an_estimator(kind):
 
 def test_a_state_of_another_kind_is_refused():
     state = palpate.KelvinVoigtRLS()._state()
-    with pytest.raises(ValueError, match="another version"):
+    with pytest.raises(ValueError, match="state must be of this version and class"):
         palpate.SingleStageRLS()._restore(state)
 
 

@@ -3,6 +3,7 @@
 Needs the extra ``figures``.
 """
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,10 +45,11 @@ def draw(identification: Identification, *, dark: bool = False) -> "Figure":
     names = list(law.as_dict())
     with style(theme) as new_figure:
         figure = new_figure(figsize=(11.0, 8.5), layout="constrained")
-        rows = figure.add_gridspec(3, 6, height_ratios=(1.25, 1.0, 0.8))
-        draw_force(figure.add_subplot(rows[0, :4]), [identification], theme)
-        draw_loop(figure.add_subplot(rows[0, 4:]), [identification], theme)
-        span = 6 // len(names)
+        columns = math.lcm(6, len(names))  # thirds for the top, a panel a parameter below
+        rows = figure.add_gridspec(3, columns, height_ratios=(1.25, 1.0, 0.8))
+        draw_force(figure.add_subplot(rows[0, : columns * 2 // 3]), [identification], theme)
+        draw_loop(figure.add_subplot(rows[0, columns * 2 // 3 :]), [identification], theme)
+        span = columns // len(names)
         for i, name in enumerate(names):
             axes = figure.add_subplot(rows[1, i * span : (i + 1) * span])
             draw_parameter(axes, identification, i, name, theme)

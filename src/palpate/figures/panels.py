@@ -43,10 +43,10 @@ def draw_force(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
     keep = _shown(contact)
     measured = _broken(contact.force, contact, keep)
     axes.plot(time[keep], measured, color=theme.measured, linewidth=2.4, label="measured")
-    for result, colour in zip(shown, theme.lines, strict=False):
+    for result, look in zip(shown, theme.looks(len(shown)), strict=True):
         inside = np.where(result.trace.taken, result.trace.predicted_force, np.nan)
         predicted = _broken(inside, contact, keep)
-        axes.plot(time[keep], predicted, color=colour, linewidth=1.0, label=_label(result, shown))
+        axes.plot(time[keep], predicted, **look, linewidth=1.0, label=_label(result, shown))
     known = contact.force[np.isfinite(contact.force)]
     low, high = float(known.min()), float(known.max())
     span = (high - low) or abs(high)
@@ -65,13 +65,11 @@ def draw_error(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
     time, label = _clock(contact)
     keep = _shown(contact)
     largest = _largest(np.abs(contact.force))
-    for result, colour in zip(shown, theme.lines, strict=False):
+    for result, look in zip(shown, theme.looks(len(shown)), strict=True):
         error = np.where(result.trace.taken, contact.force - result.trace.predicted_force, np.nan)
         rmse = result.prediction_rmse_percent
         text = f"{_label(result, shown)}: {rmse:.2g} %" if np.isfinite(rmse) else result.method
-        axes.plot(
-            time[keep], _broken(error, contact, keep), color=colour, linewidth=0.9, label=text
-        )
+        axes.plot(time[keep], _broken(error, contact, keep), **look, linewidth=0.9, label=text)
     # The first error of each start is as large as the force; the scale shows what comes after.
     errors = [np.abs(r.contact.force - r.trace.predicted_force)[r.trace.taken] for r in shown]
     limit = min(1.3 * max(float(np.nanpercentile(e, 99.0)) for e in errors if e.size), largest)
@@ -96,12 +94,10 @@ def draw_loop(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
         linewidth=2.0,
         label="measured",
     )
-    for result, colour in zip(shown, theme.lines, strict=False):
+    for result, look in zip(shown, theme.looks(len(shown)), strict=True):
         inside = np.where(result.trace.taken, result.fitted_force, np.nan)
         label = result.method if len(shown) > 1 else "final law"
-        axes.plot(
-            depth[keep], _broken(inside, contact, keep), color=colour, linewidth=0.9, label=label
-        )
+        axes.plot(depth[keep], _broken(inside, contact, keep), **look, linewidth=0.9, label=label)
     largest = _largest(depth)
     axes.set_xlim(-0.1 * largest, 1.05 * largest)
     axes.set(xlabel=f"penetration [{prefix}m]", ylabel="force [N]", title="Force–penetration loop")

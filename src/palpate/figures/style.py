@@ -1,6 +1,7 @@
 """How figures look, and how they are written."""
 
 import io
+import itertools
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,20 +33,26 @@ class Theme:
     measured: str
     lines: tuple[str, ...]
 
+    def looks(self, count: int) -> list[dict[str, Any]]:
+        """Return so many looks of a line: a colour each, and then the same colours dashed."""
+        styles = itertools.product(("-", "--", ":", "-."), self.lines)
+        looks = ({"color": colour, "linestyle": style} for style, colour in styles)
+        return list(itertools.islice(itertools.cycle(looks), count))
+
 
 LIGHT = Theme(
     "#ffffff",
     "#1a1a1a",
     "#dddddd",
     "#8c8c8c",
-    ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#a6761d"),
+    ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#a6761d", "#332288"),
 )
 DARK = Theme(
     "#16181c",
     "#e8e8e8",
     "#3a3d44",
     "#9a9a9a",
-    ("#56b4e9", "#e69f00", "#2fc99a", "#e39ac3", "#c9b458"),
+    ("#56b4e9", "#e69f00", "#2fc99a", "#e39ac3", "#c9b458", "#a89bff"),
 )
 
 

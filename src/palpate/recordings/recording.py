@@ -45,8 +45,8 @@ class Recording:
     def __post_init__(self) -> None:
         channels = {}
         for name, values in self.channels.items():
+            unmasked(f"channel {name!r}", values)
             try:
-                unmasked(f"channel {name!r}", values)
                 channels[name] = np.asarray(values)
             except (TypeError, ValueError):
                 raise InvalidParameterError(
