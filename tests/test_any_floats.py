@@ -61,7 +61,7 @@ def assert_sound(estimator) -> None:
     assert 0 <= estimate.guarded <= estimate.samples
 
 
-@settings(max_examples=400)
+@settings(max_examples=150)
 @given(given_settings=settings_of_estimators, given_samples=samples)
 def test_any_floats_leave_the_estimate_sound(kind, given_settings, given_samples):
     estimator = kind(**given_settings)

@@ -1,6 +1,7 @@
 """Identify a whole contact, with one estimator or with all of them side by side."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,15 +17,14 @@ from palpate.estimators import (
     VariableProjection,
     estimator_named,
 )
+from palpate.flags import flags_of
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate, suggest_scale
+from palpate.refusals import check_approach, nothing_taken
 from palpate.settings import ContactGate, Scale
 from palpate.trace import Trace
 from palpate.validation import Floats, shown
-
-# Samples above the surface that a search for it needs: the force in the free to a quarter of σ.
-FEWEST_ABOVE = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,12 +66,12 @@ class Identification:
     @property
     def gate(self) -> ContactGate:
         """The gate that chose the samples."""
-        return self.estimator.settings["gate"] or ContactGate()
+        return self.estimator.settings.get("gate") or ContactGate()
 
     @property
     def scale(self) -> Scale:
         """The units of the arithmetic."""
-        return self.estimator.settings["scale"] or Scale()
+        return self.estimator.settings.get("scale") or Scale()
 
     @property
     def prediction_rmse_percent(self) -> float:
@@ -155,19 +155,14 @@ def identify(
     """
     contact = source if isinstance(source, Contact) else prepare(source)
     given = _estimator(estimator)
-    chosen: dict[str, Any] = {}
-    if given.settings["gate"] is None:
-        chosen["gate"] = choose_gate(contact)
-    if given.settings["scale"] is None:
-        chosen["scale"] = suggest_scale(contact)
-    fresh = given.replace(**chosen)
+    fresh = given.replace(**_chosen(contact, given.settings))
     trace = _replay_segments(contact, fresh)
-    if not trace.taken.any():
-        raise RecordingError(_nothing_taken(contact, fresh))
-    if fresh.settings.get("surface") == "estimate":
-        _check_approach(contact, trace, fresh.estimate().surface)
     bare = Identification(contact, fresh, trace)
-    return Identification(contact, fresh, trace, tuple(_flags(bare)))
+    if not trace.taken.any():
+        raise RecordingError(nothing_taken(contact, bare.gate))
+    if fresh.settings.get("surface") == "estimate":
+        check_approach(contact, trace, bare.estimate.surface)
+    return Identification(contact, fresh, trace, tuple(flags_of(bare)))
 
 
 def compare(
@@ -188,7 +183,24 @@ def compare(
         An :class:`Identification` for each name in ``ESTIMATORS``.
     """
     contact = source if isinstance(source, Contact) else prepare(source)
-    return {name: identify(contact, kind(**{"gate": gate})) for name, kind in ESTIMATORS.items()}
+    chosen = choose_gate(contact) if gate is None else gate
+    results = {}
+    for name, kind in ESTIMATORS.items():
+        estimator = kind()
+        if "gate" in estimator.settings:
+            estimator = estimator.replace(gate=chosen)
+        results[name] = identify(contact, estimator)
+    return results
+
+
+def _chosen(contact: Contact, settings: dict[str, Any]) -> dict[str, Any]:
+    """What an estimator leaves open and the data can choose."""
+    choices: dict[str, Callable[[Contact], object]] = {"gate": choose_gate, "scale": suggest_scale}
+    return {
+        name: choose(contact)
+        for name, choose in choices.items()
+        if name in settings and settings[name] is None
+    }
 
 
 def _estimator(given: ContactEstimator | str | None) -> ContactEstimator:
@@ -217,78 +229,6 @@ def _replay_segments(contact: Contact, estimator: ContactEstimator) -> Trace:
     if len(traces) == 1:
         return traces[0]
     return Trace.joined(traces, len(estimator.law_type.symbols))
-
-
-def _nothing_taken(contact: Contact, estimator: ContactEstimator) -> str:
-    gate = estimator.settings["gate"]
-    where = f"{contact.source}: " if contact.source else ""
-    if not len(contact):
-        return f"{where}there are no samples"
-    inside = (contact.penetration > gate.minimum_penetration) & (contact.force > gate.make_force)
-    if inside.any() and not np.isfinite(contact.velocity[inside]).any():
-        return (
-            f"{where}no sample of the contact has a velocity: {_not_finite(contact)}; without that "
-            "channel it is worked out from the penetration"
-        )
-    return (
-        f"{where}the probe never touches: no sample has penetration above "
-        f"{gate.minimum_penetration:.3g} m and force above {gate.make_force:.3g} N "
-        f"(the largest are {_largest(contact.penetration)} m and {_largest(contact.force)} N); "
-        "check the units and signs, or lower the gate"
-    )
-
-
-def _not_finite(contact: Contact) -> str:
-    """Which channels are not finite, where they come from, and how often, in words."""
-    penetration, force = ~np.isfinite(contact.penetration), ~np.isfinite(contact.force)
-    velocity = ~np.isfinite(contact.velocity) & ~penetration  # beyond what follows from the depth
-    words = []
-    for name, wrong in {"penetration": penetration, "velocity": velocity, "force": force}.items():
-        if wrong.any():
-            origin = f" ({contact.provenance[name]})" if name in contact.provenance else ""
-            words.append(f"{name}{origin} is NaN or infinite in {wrong.sum()}")
-    return f"{', '.join(words)} of {len(contact)} samples"
-
-
-def _largest(values: Floats) -> str:
-    known = values[~np.isnan(values)]
-    return f"{known.max():.3g}" if known.size else "no"
-
-
-def _check_approach(contact: Contact, trace: Trace, surface: float) -> None:
-    """A surface is where the force begins: without samples before it, it is a guess from below."""
-    above = int(np.count_nonzero(contact.penetration[trace.taken] < surface))
-    if above < FEWEST_ABOVE:
-        where = f"{contact.source}: " if contact.source else ""
-        raise RecordingError(
-            f"{where}the search for the surface needs the free approach: {above} of "
-            f"{len(contact)} samples lie above the best surface, {surface:.3g} m, and at least "
-            f"{FEWEST_ABOVE} have to; record from before the touch, or give the penetration from "
-            "a known surface and leave surface out"
-        )
-
-
-def _flags(result: Identification) -> list[str]:
-    flags = list(result.estimate.flags)
-    law, estimate, status = result.law, result.estimate, result.trace.status
-    if estimate.samples < 10 * len(law.symbols):
-        flags.append(f"only {estimate.samples} samples in contact")
-    if law.as_dict().get("damping", 0.0) < 0.0:
-        flags.append("negative damping: this law gives energy back, which no passive material does")
-    if result.estimator.needs_condition_10 and result.violated_fraction > 0.0:
-        flags.append(f"condition 10 violated in {result.violated_fraction:.1%} of the contact")
-    if math.isnan(result.prediction_rmse_percent):
-        flags.append("less than 0.2 s of contact: no prediction error")
-    if estimate.guarded:
-        flags.append(f"covariance guard acted on {estimate.guarded} samples")
-    for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
-        count = int(np.count_nonzero(status == refusal))
-        if count:
-            words = refusal.name.lower().replace("_", " ")
-            if refusal == Status.NOT_FINITE:
-                words += f": {_not_finite(result.contact)}"
-            flags.append(f"{count} samples refused: {words}")
-    return flags
 
 
 def _defined(value: float) -> float | None:

@@ -72,5 +72,8 @@ class LeastSquares(_core.LeastSquares):
 
 def _restored(order: int, initial: Any, initial_covariance: Any, state: bytes) -> LeastSquares:
     engine = LeastSquares(order, initial=initial, initial_covariance=initial_covariance)
-    engine._restore(state)
+    try:
+        engine._restore(state)
+    except (TypeError, ValueError) as error:
+        raise InvalidParameterError(f"LeastSquares: {error}") from None
     return engine
