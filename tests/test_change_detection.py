@@ -148,6 +148,51 @@ def test_a_kelvin_voigt_estimator_notices_too() -> None:
         assert estimator.estimate().law.stiffness == pytest.approx(2200.0, rel=2e-3)
 
 
+def correlated(count: int, seed: int, pole: float = 0.98) -> Floats:
+    """AR(1) noise as strong as the sensor's."""
+    noise, level = white(count, seed), 0.0
+    for k in range(count):
+        level = pole * level + (1.0 - pole**2) ** 0.5 * noise[k]
+        noise[k] = level
+    return noise
+
+
+@pytest.mark.parametrize("material", [BALL, SPONGE])
+def test_correlated_noise_is_no_change(material: HuntCrossley) -> None:
+    motion = three_sines(30.0)
+    force = material.force(motion.x, motion.v) + correlated(len(motion), 7)
+    estimator = VariableProjection(change_detector=ChangeDetector())
+    assert fed(estimator, motion, force).estimate().restarts == 0
+
+
+@pytest.mark.parametrize("material", [BALL, PVC])
+def test_a_change_of_the_damping_alone_is_found(material: HuntCrossley) -> None:
+    motion = three_sines(9.0)
+    harder = HuntCrossley(material.stiffness, 1.1 * material.damping, material.exponent)
+    clean = switched(material, harder, motion, 6000)
+    for seed in range(3):
+        estimator = VariableProjection(change_detector=ChangeDetector())
+        force = clean + white(len(motion), seed)
+        found = alarms(estimator.replay(motion.x, motion.v, force).status)
+        assert len(found) > 0
+        assert found[0] >= 6000
+
+
+def test_what_was_not_identifiable_stays_flagged_after_a_restart() -> None:
+    # Depth and speed hardly vary, and the force jumps: nothing more is known of the exponent.
+    motion = three_sines(4.0)
+    still = Motion(10e-3 + 1e-3 * (motion.x - 10e-3), 1e-3 * motion.v)
+    force = switched(PVC, INCLUSION, still, 2000) + white(len(still), 3)
+    estimator = VariableProjection(change_detector=ChangeDetector())
+    before = fed(estimator, still[:1999], force[:1999]).estimate().flags
+    assert any("exponent" in flag for flag in before)
+    for start in range(1999, 3700, 100):
+        part = slice(start, start + 100)
+        estimate = fed(estimator, still[part], force[part]).estimate()
+        assert set(before) <= set(estimate.flags)
+    assert estimate.restarts == 1
+
+
 def test_without_a_detector_nothing_restarts() -> None:
     motion, force = recording("onto the inclusion", 1)
     estimator = VariableProjection()

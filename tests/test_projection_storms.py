@@ -45,7 +45,7 @@ ranges = st.builds(
 ) | st.just((0.3, 3.6))
 detectors = st.none() | st.builds(
     ChangeDetector,
-    drift=st.floats(1.0, 199.0),
+    drift=st.floats(1.0, 24.0),
     threshold=st.floats(1e-3, 1e12),
     noise=noises,
     adaptation=st.floats(0.0, 1.0),
@@ -203,7 +203,7 @@ def test_a_wrong_setting_is_named_with_its_value_and_range(wrong: dict, message:
 @pytest.mark.parametrize(
     "wrong, message",
     [
-        ({"drift": 0.5}, r"drift must be in \[1, 199\], not 0.5"),
+        ({"drift": 0.5}, r"drift must be in \[1, 24\], not 0.5"),
         ({"threshold": 0.0}, r"threshold must be in \(0, 1e\+12\], not 0.0"),
         ({"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
         ({"adaptation": 1.5}, r"adaptation must be in \[0, 1\], not 1.5"),

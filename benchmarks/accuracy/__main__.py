@@ -8,6 +8,7 @@ from pathlib import Path
 from cyclopts import App
 
 from benchmarks.accuracy import (
+    alarms,
     approaches,
     changes,
     contact_point,
@@ -44,6 +45,7 @@ PARTS = {
     "convergence": Part("How soon: three sines", convergence.three_sines),
     "one-sine": Part("How soon: one sine", convergence.one_sine),
     "changes": Part("A material that changes", changes.changes),
+    "alarms": Part("The change detector", alarms.alarms),
     "contact-point": Part("A surface that is unknown", contact_point.contact_point),
     "coverage": Part("Whether the error bars are true", coverage.coverage),
     "recordings": Part("Recordings, beside offline least squares", recordings.recordings),

@@ -176,7 +176,7 @@ class RecursiveEstimator {
     if (!taken(status)) return {status, predicted};
 
     if constexpr (Detector::active) {
-      if (watch({inner, dt}, error, forgetting)) status = Status::restarted;
+      if (watch({inner, dt}, sample.force - error, error, forgetting)) status = Status::restarted;
     }
     commit(sample, status, forgetting);
     return {status, predicted};
@@ -197,8 +197,10 @@ class RecursiveEstimator {
   }
 
   // True when a change is detected. The method then starts again with the samples after it.
-  bool watch(const TakenSample& taken, double error, Forgetting& forgetting) noexcept {
-    if (changes_.observe(taken, error)) {
+  bool watch(const TakenSample& taken, double predicted, double error,
+             Forgetting& forgetting) noexcept {
+    if (gate_.phase() != ContactGate::Phase::contact) changes_.interrupt();
+    if (changes_.observe(taken, predicted, error)) {
       method_.reinitialise();
       relearn(changes_.post_change_samples(), forgetting);
       changes_.rearm();

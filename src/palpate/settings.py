@@ -134,17 +134,18 @@ class SelfPerturbation:
 class ChangeDetector:
     """Notices that another material is touched, and reinitialises the estimate.
 
-    z = min(e²/s², 200);  g ← max(0, g + z − drift);  alarm at g > threshold   (Page's CUSUM)
+    z = min(e²/s², 25);  g ← max(0, g + z − drift);  alarm at g > threshold   (Page's CUSUM)
 
-    e is the a-priori force error; s² follows e² slowly, so that a material outside the model class
-    raises the bar instead of alarms for ever. On an alarm the estimate restarts with the samples
+    e is the a-priori force error, whitened by its own correlation; s² follows e² slowly, so that a
+    material outside the model class raises the bar instead of alarms for ever. Changes too small to
+    show in single errors, as of the damping alone, are found from blocks of them. On an alarm the estimate restarts with the samples
     since g was last zero, and the old value as a weak prior: variable projection keeps
     n ~ N(n̂, 0.3²); a recursive least squares keeps θ̂ with its initial covariance.
 
     Parameters
     ----------
     drift : float
-        What z may be on average without adding up, > 1. White noise has 1.
+        What z may be on average without adding up, 1 to 24. White noise has 1.
     threshold : float
         Of g, > 0. The larger, the later and the fewer false alarms.
     noise : float, optional
@@ -152,7 +153,8 @@ class ChangeDetector:
     adaptation : float
         Fraction of the way from s² to e² a sample, in [0, 1].
     warm_up : int
-        Samples without alarms at the start and after each change, 10 to 1e6.
+        Samples without alarms at the start, 10 to 1e6, and up to 300 of them after each change.
+        The later half of them tells the noise and its correlation.
     transition : int
         Samples over which a velocity filter smears a change, 0 to 100: the length of a centred
         filter. Once twice as many have come after an alarm, a second reset leaves the latest of
@@ -167,7 +169,7 @@ class ChangeDetector:
     transition: int = _DETECTOR["transition"]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "drift", number_in("drift", self.drift, 1.0, 199.0))
+        object.__setattr__(self, "drift", number_in("drift", self.drift, 1.0, 24.0))
         threshold = number_in("threshold", self.threshold, 0.0, 1e12, open_low=True)
         object.__setattr__(self, "threshold", threshold)
         if self.noise is not None:

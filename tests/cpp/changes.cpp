@@ -35,6 +35,7 @@ TEST("a restart relearns its samples with their own time steps") {
     typename Estimator::Settings nominal;
     nominal.scale = {10e-3, 50e-3, 10.0};
     nominal.sample_time = 1e-2;
+    nominal.changes.warm_up = 100;
     if (Estimator::Method::forgets) nominal.forgetting = {0.98, 2.0};
     typename Estimator::Settings told = nominal;
     told.sample_time = 1e-3;

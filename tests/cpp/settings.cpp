@@ -52,7 +52,7 @@ TEST("every estimator names the setting that is out of its range, and the range"
 TEST("a detector's settings are checked where there is one") {
   using Estimator = WithChangeDetector<SingleStageRLS>;
   CHECK(fault<Estimator>([](auto& s) { s.changes.drift = 0.5; }) ==
-        "changes.drift must be in [1, 199]");
+        "changes.drift must be in [1, 24]");
   CHECK(fault<Estimator>([](auto& s) { s.changes.warm_up = 9; }) ==
         "changes.warm_up must be in [10, 1000000] samples");
   CHECK(fault<Estimator>([](auto& s) { s.changes.transition = 101; }) ==

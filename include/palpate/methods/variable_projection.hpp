@@ -76,7 +76,10 @@ class VariableProjectionMethod {
   // With the old answer as a weak prior: another material of the same kind has an exponent within
   // 0.3 or so, and at the speed of the scale a damping force within a tenth of the elastic one.
   void reinitialise() noexcept {
-    solver_.restart(solver_.solve(), 0.3, 0.1);
+    const Solution now = solver_.solve();
+    open_flags_ = flags(now, inflation_);
+    open_until_ = std::max(open_until_, solver_.weight());
+    solver_.restart(now, 0.3, 0.1);
     forget_residuals();
   }
 
@@ -158,7 +161,7 @@ class VariableProjectionMethod {
     samples_since_solve_ = 0;
   }
 
-  static std::uint8_t flags(const Solution& p, double inflation) noexcept {
+  std::uint8_t flags(const Solution& p, double inflation) const noexcept {
     // Twice this and a sphere (1.5) is not distinct from a cone (2) or a spring (1).
     constexpr double largest_exponent_error = 0.2;
     // Of the elastic force: B v is unknown to a quarter of K at the speed of the scale.
@@ -173,6 +176,10 @@ class VariableProjectionMethod {
       found |= damping_not_identifiable;
     }
     if (!p.surface_found) found |= surface_at_edge;
+    // What the samples before a restart left open, few after it do not settle: the prior that is
+    // made of the old answer would hide it. Nine tenths, as with forgetting a weight only nears its
+    // limit.
+    if (solver_.weight() < 0.9 * open_until_) found |= open_flags_;
     return found;
   }
 
@@ -206,7 +213,9 @@ class VariableProjectionMethod {
   Solution last_solution_{};
   std::uint64_t samples_since_solve_ = 1;
   detail::LatterResiduals residuals_;
-  double inflation_ = 1.0;  // theirs, at the last solution
+  double inflation_ = 1.0;       // theirs, at the last solution
+  std::uint8_t open_flags_ = 0;  // of before a restart …
+  double open_until_ = 0.0;      // … until the samples weigh as much as those did
 };
 
 }  // namespace palpate

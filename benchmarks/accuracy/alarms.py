@@ -1,0 +1,154 @@
+"""The change detector: alarms where nothing changes, and how late it finds small changes."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from scipy.signal import butter, lfilter
+
+from benchmarks.accuracy.campaign import Campaign
+from benchmarks.accuracy.probing import BALL, NOISE, PVC, SPONGE, Floats, sines
+from benchmarks.accuracy.table import Group, Limit, Line
+from palpate import ChangeDetector, ContactGate, HuntCrossley, Status, VariableProjection
+
+GEL = HuntCrossley(5e4, 1.5e5, 2.2)
+MATERIALS = {"ball": BALL, "PVC": PVC, "sponge": SPONGE, "gel": GEL}
+MOTIONS = ("three sines", "six sines at random", "taps")
+WATCHED = 480.0  # s
+RATE = 1e3  # samples a second
+CORRELATED = {f"AR(1) {pole:g}": pole for pole in (0.5, 0.9, 0.95, 0.98)}
+FILTERED = {f"low-pass {cut:g} Hz": cut for cut in (50.0, 100.0)}
+SENSORS, MAXWELL = "sensor chain", "Maxwell branch of K/4, 1 s"
+UNCHANGED = {
+    **dict.fromkeys(("white", *CORRELATED, *FILTERED, SENSORS), Limit(1.0)),
+    MAXWELL: Limit(10.0),
+}
+# What changes, and by how much: stiffness, damping.
+CHANGES = {"K + 5 %": (1.05, 1.0), "B + 50 %": (1.0, 1.5), "B + 10 %": (1.0, 1.1)}
+BARS = {"K + 5 %": 10.0, "B + 50 %": 200.0, "B + 10 %": 1500.0}  # ms, of the 95th percentile
+LOOKED = 3.0  # s after a change
+
+
+def alarms(campaign: Campaign) -> list[Group]:
+    return [_false(campaign), _delays(campaign)]
+
+
+def _false(campaign: Campaign) -> Group:
+    repeats = max(1, campaign.seeds // 200)
+    cases = [
+        (material, motion, seed)
+        for material in MATERIALS
+        for motion in range(len(MOTIONS))
+        for seed in range(repeats)
+    ]
+    lines = []
+    for name, limit in UNCHANGED.items():
+        counts = campaign.map(f"alarms, {name}", partial(_restarts, name), cases)
+        hours = len(cases) * WATCHED / 3600.0
+        lines.append(Line(name, (sum(counts) / hours,), (limit,), (sum(counts), max(counts))))
+    return Group(
+        "False alarms by what the error is like",
+        f"Nothing changes: four materials by three motions, {WATCHED:g} s each, "
+        f"{len(cases) * WATCHED / 3600.0:.1f} h a line; 0.05 N of noise (rms), contact above "
+        "0.25 N and down to 0.15 N. Sensor chain: force in steps of 1/8 N, penetration of 20 µm, "
+        "velocity by a centred filter of 15 ms. "
+        "`VariableProjection(change_detector=ChangeDetector())`.",
+        ("an hour",),
+        lines,
+        ("alarms", "most in one run"),
+        precision=".3g",
+    )
+
+
+def _restarts(name: str, case: tuple[str, int, int]) -> int:
+    material, motion, seed = case
+    rng = np.random.default_rng([list(MATERIALS).index(material), motion, seed])
+    x, v = _motion(motion, rng)
+    law = MATERIALS[material]
+    f = law.force(x, v)
+    if name == MAXWELL:
+        elastic = 0.25 * law.stiffness * np.maximum(x, 0.0) ** law.exponent
+        relaxing = lfilter([1.0, -1.0], [1.0, -(1.0 - 1.0 / RATE)], elastic - elastic[0])
+        f = np.where(x > 0.0, np.maximum(f + relaxing, 0.0), 0.0)
+    f = f + _noise(name, rng, len(x))
+    if name == SENSORS:
+        f, x = np.round(8.0 * f) / 8.0, np.round(5e4 * x) / 5e4
+        ages = np.arange(7, -8, -1) / RATE
+        v = np.convolve(x, ages / (ages @ ages), mode="same")
+        x, v, f = x[7:-7], v[7:-7], f[7:-7]
+    estimator = VariableProjection(
+        change_detector=ChangeDetector(), gate=ContactGate(make_force=0.25, break_force=0.15)
+    )
+    for sample in zip(x.tolist(), v.tolist(), f.tolist(), strict=True):
+        estimator.update(*sample)
+    return estimator.estimate().restarts
+
+
+def _motion(motion: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    if motion == 0:
+        sampled = sines(WATCHED)
+        return sampled.penetration, sampled.velocity
+    t = np.arange(0.0, WATCHED, 1.0 / RATE)
+    if motion == 1:
+        mean, amplitudes = 8e-3, np.full(6, 1.1e-3)
+        rates, phases = rng.uniform(2.0, 20.0, 6), rng.uniform(0.0, 6.3, 6)
+    else:
+        mean, amplitudes = -3e-3, np.array([12e-3, 1.5e-3])
+        rates, phases = np.array([8.2, 1.7]), np.zeros(2)
+    angles = np.outer(t, rates) + phases
+    return mean + np.sin(angles) @ amplitudes, np.cos(angles) @ (amplitudes * rates)
+
+
+def _noise(name: str, rng: np.random.Generator, count: int) -> Floats:
+    noise = rng.normal(0.0, NOISE, count)
+    if name in CORRELATED:
+        pole = CORRELATED[name]
+        noise = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], noise)
+    if name in FILTERED:
+        noise = lfilter(*butter(2, FILTERED[name], fs=RATE), noise)
+        noise *= NOISE / noise.std()
+    return np.asarray(noise)
+
+
+def _delays(campaign: Campaign) -> Group:
+    lines = []
+    for change, bar in BARS.items():
+        for material in ("ball", "PVC", "sponge"):
+            delays = np.array(
+                campaign.map(
+                    f"{change}, {material}",
+                    partial(_delay, change, material),
+                    range(campaign.seeds),
+                )
+            )
+            median, late = np.percentile(delays, [50.0, 95.0])
+            missed = 100.0 * float(np.mean(delays >= 1e3 * LOOKED))
+            limits = () if material == "sponge" else (Limit(bar), Limit(3.0))
+            lines.append(
+                Line(f"{change}, {material}", (float(late), missed), limits, (float(median),))
+            )
+    return Group(
+        "Milliseconds until a small change is found",
+        f"Change at a random time from 5 to 10 s; three sines, 0.05 N of white noise, "
+        f"{campaign.seeds} seeds; {LOOKED:g} s are looked at, and what is missed counts as that. "
+        "`VariableProjection(change_detector=ChangeDetector())`.",
+        ("95th percentile", "missed, %"),
+        lines,
+        ("median",),
+        precision=".3g",
+    )
+
+
+def _delay(change: str, material: str, seed: int) -> float:
+    rng = np.random.default_rng(seed)
+    at = int(rng.integers(5000, 10_000))
+    stop = at + round(LOOKED * RATE)
+    motion = sines(10.0 + LOOKED)
+    x, v = motion.penetration[:stop], motion.velocity[:stop]
+    before, (stiffer, harder) = MATERIALS[material], CHANGES[change]
+    after = replace(before, stiffness=stiffer * before.stiffness, damping=harder * before.damping)
+    f = np.where(np.arange(stop) < at, before.force(x, v), after.force(x, v))
+    f = f + rng.normal(0.0, NOISE, stop)
+    status = VariableProjection(change_detector=ChangeDetector()).replay(x, v, f).status
+    found = np.flatnonzero(status[at:] == Status.RESTARTED)
+    return float(found[0]) if found.size else 1e3 * LOOKED
