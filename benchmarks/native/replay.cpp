@@ -1,5 +1,5 @@
 // replay FILE PASSES: replays a contact with every estimator, with the settings that Python gives
-// them unless told otherwise, and prints the best pass in seconds per sample, into memory used
+// them by default, and prints the best pass in seconds per sample, into memory used
 // before and into new memory, and the last law.
 //
 // FILE holds doubles: all penetrations, all velocities, all forces.

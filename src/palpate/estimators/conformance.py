@@ -34,7 +34,7 @@ from palpate.validation import Floats
 Kind = type[ContactEstimator]
 Signals = tuple[Floats, Floats, Floats]
 
-# One value beside the default for each setting that estimators share; others stay as they are.
+# One value beside the default for each setting that several estimators have; others stay.
 _OTHER: dict[str, Any] = {
     "gate": ContactGate(3e-4, 0.2, 0.1),
     "scale": Scale(5e-3, 50e-3, 10.0),
@@ -213,7 +213,7 @@ def reset_is_a_fresh_start(kind: Kind, settings: dict[str, Any]) -> None:
 
 
 def saved_and_restored_is_never_stopped(kind: Kind, settings: dict[str, Any]) -> None:
-    """A copy, a deep copy and a pickle go on as if nothing had been; and apart from the first."""
+    """A copy, a deep copy and a pickle go on as if nothing had been, each on its own."""
     copies: tuple[Callable[[ContactEstimator], ContactEstimator], ...] = (
         lambda estimator: estimator.copy(),
         copy.deepcopy,

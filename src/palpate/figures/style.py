@@ -25,7 +25,7 @@ _FORMATS: dict[str, dict[str, None] | None] = {
 
 @dataclass(frozen=True, slots=True)
 class Theme:
-    """Colours of Okabe & Ito, told apart by colour-blind readers too, for one background."""
+    """Colours of Okabe & Ito, distinct for colour-blind readers too, for one background."""
 
     background: str
     ink: str

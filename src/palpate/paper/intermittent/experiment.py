@@ -11,7 +11,15 @@ from palpate.estimators import SingleStageRLS, VariableProjection
 from palpate.estimators.contact_estimator import ContactEstimator
 from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
-from palpate.lab import INCLUSION, PALPATION, PVC, Bench, Homogeneous, IdealProbe, Zones
+from palpate.lab import (
+    INCLUSION,
+    PALPATION,
+    PVC,
+    Bench,
+    Homogeneous,
+    IdealProbe,
+    SpaceVaryingMaterial,
+)
 from palpate.paper.curves import median_and_range, plain
 from palpate.paper.experiment import Outcome, Table
 from palpate.paper.intermittent.claims import INTERMITTENT_CLAIMS
@@ -41,7 +49,9 @@ METHODS: dict[str, ContactEstimator] = {
     "variable projection": VariableProjection(change_detector=ChangeDetector()),
 }
 #: A hard zone that is only a tenth stiffer.
-TENTH = Zones((PVC, Homogeneous(HuntCrossley(1.1e5, 2.2e5, 2.0))), (0.0,), "a tenth stiffer")
+TENTH = SpaceVaryingMaterial(
+    (PVC, Homogeneous(HuntCrossley(1.1e5, 2.2e5, 2.0))), (0.0,), "a tenth stiffer"
+)
 
 
 class Intermittent(JudgedExperiment):
@@ -87,7 +97,11 @@ class Intermittent(JudgedExperiment):
         """Return force errors by zone, and how soon they are back after a change."""
         return (
             _table("Soft and hard zones", "methods", outcomes),
-            _table("Zones that differ by a tenth, ideal probe", "a tenth stiffer", outcomes),
+            _table(
+                "Zones that differ by a tenth, ideal probe",
+                "a tenth stiffer",
+                outcomes,
+            ),
         )
 
 
