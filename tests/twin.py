@@ -1,6 +1,7 @@
 """A slow NumPy twin of the estimators, written from the equations of the methods page.
 
-It follows the page's sections 3 to 6 line by line and has nothing of the compiled recursion: no guard (it is for exciting signals only), no running noise variance (all rows are kept), no
+It follows the page's sections 3 to 6 line by line and has nothing of the compiled recursion: no
+guard (it is for exciting signals only), no running noise variance (all rows are kept), no
 increments of λ (time since contact is), no analytic Jacobian.
 """
 

@@ -176,7 +176,7 @@ class RecursiveEstimator {
     if (!taken(status)) return {status, predicted};
 
     if constexpr (Detector::active) {
-      if (watch({inner, dt}, error, forgetting)) status = Status::restarted;
+      if (watch(inner, dt, error, forgetting)) status = Status::restarted;
     }
     commit(sample, status, forgetting);
     return {status, predicted};
@@ -197,8 +197,8 @@ class RecursiveEstimator {
   }
 
   // True when a change is detected. The method then starts again with the samples after it.
-  bool watch(const TakenSample& taken, double error, Forgetting& forgetting) noexcept {
-    if (changes_.observe(taken, error)) {
+  bool watch(const Sample& inner, double dt, double error, Forgetting& forgetting) noexcept {
+    if (changes_.observe(inner, dt, error)) {
       method_.reinitialise();
       relearn(changes_.post_change_samples(), forgetting);
       changes_.rearm();
@@ -213,8 +213,8 @@ class RecursiveEstimator {
   }
 
   // Learns this many of the latest samples again, with their own time steps, as if contact had been
-  // made with the first of them.
-  void relearn(std::size_t samples, Forgetting& forgetting) noexcept {
+  // made with the first of them. Rare, and kept out of the way of what happens every millisecond.
+  [[gnu::cold, gnu::noinline]] void relearn(std::size_t samples, Forgetting& forgetting) noexcept {
     forgetting.rearm();
     for (std::size_t age = samples; age-- > 0;) {
       const TakenSample& past = changes_.recent(age);

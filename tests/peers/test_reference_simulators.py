@@ -109,7 +109,7 @@ def test_the_double_stage_stays_where_it_is_started_at_what_was_set(name) -> Non
 
 @hunt_crossley
 def test_drift_tracking_returns_what_was_set(name) -> None:
-    # With a sensor's noise given: a Kalman filter that finds no noise at all trusts its start in the
+    # The sensor's noise is given: a Kalman filter that finds none at all trusts its start in the
     # first 0.1 s of light touch, and is then off by 0.5 % in K and 7 % in B
     # (docs/reference-simulators.md).
     law = HUNT_CROSSLEY[name].law
