@@ -123,8 +123,10 @@ class PaperRun:
         if task.seed is None:
             self._keep(task.experiment, result)
         else:
-            on_disk.write(self.folder, task.experiment.name, task.seed, result)
+            # Known before it is written: an interrupt may come while the disk takes its time, and
+            # the page then counts every outcome that is there.
             self.outcomes[task.experiment.name, task.seed] = on_disk.from_text(result)
+            on_disk.write(self.folder, task.experiment.name, task.seed, result)
         return True
 
     def _keep(self, experiment: Experiment, drawing: Drawing) -> None:
