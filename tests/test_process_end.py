@@ -81,7 +81,8 @@ for module in pkgutil.walk_packages(palpate.__path__, "palpate."):
     if not module.name.endswith("__main__"):
         importlib.import_module(module.name)
 gc.collect()
-print([o for o in gc.get_objects() if isinstance(o, (palpate.ContactEstimator, palpate.LeastSquares))])
+held = palpate.ContactEstimator, palpate.LeastSquares
+print([each for each in gc.get_objects() if isinstance(each, held)])
 """
 
 
