@@ -71,6 +71,23 @@ TEST("Lagrange weights give a polynomial of degree five and its derivatives exac
   }
 }
 
+TEST("what fades while a contact is held ends at zero, with no subnormal number on the way") {
+  detail::PowerSums sums(0.3, 3.6);
+  for (int k = 0; k < 100000; ++k) {
+    const double speed = k < 1000 ? 0.5 * std::cos(0.01 * k) : 0.0;
+    sums.add({1.0 + 0.1 * std::sin(0.01 * k), speed, 20.0}, 0.99);
+    if (k % 100) continue;
+    for (std::size_t power = 0; power < detail::power_count; ++power) {
+      for (const double sum : sums.column(static_cast<detail::Power>(power))) {
+        // Nor would the product of two be one.
+        CHECK(sum == 0.0 || std::abs(sum) > 1e-150);
+      }
+    }
+  }
+  CHECK(sums.column(detail::ppww)[0] == 0.0);
+  CHECK(sums.column(detail::pp)[0] > 0.0);
+}
+
 TEST("clean probing gives the material, without a start") {
   for (const HuntCrossley law : {HuntCrossley{2000.0, 2000.0, 1.0}, HuntCrossley{1e5, 2e5, 2.0},
                                  HuntCrossley{300.0, 3000.0, 1.0}, HuntCrossley{50.0, 10.0, 0.6}}) {

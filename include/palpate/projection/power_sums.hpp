@@ -106,15 +106,25 @@ class PowerSums {
   }
 
   void scale(double factor) noexcept {
-    weight_ *= factor;
-    force_ *= factor;
-    force_squared_ *= factor;
-    touching_ *= factor;
-    depth_ *= factor;
-    depth_squared_ *= factor;
+    for (double* sum : {&weight_, &force_, &force_squared_, &touching_, &depth_, &depth_squared_}) {
+      *sum = faded(*sum * factor);
+    }
     for (auto& column : sums_) {
       for (double& sum : column) sum *= factor;
+      // From node to node a column grows or shrinks, so that an end of it fades first. Looking at
+      // two numbers of 34 costs 8 ns a sample of 420; looking at each cost 33.
+      if (faded(column.front()) != 0.0 && faded(column.back()) != 0.0) continue;
+      for (double& sum : column) sum = faded(sum);
     }
+  }
+
+  // What fades without new energy, as Σ p²w² while the probe is held, would end in subnormal
+  // numbers, on which processors are slow: an update took 578 ns while the probe was held, not 307.
+  // Below 1e-150, where a product of two would be subnormal and a column counts as not there
+  // (linear_solve.hpp), it is zero.
+  static constexpr double faded(double sum) noexcept {
+    constexpr double smallest = 1e-150;
+    return sum < smallest && sum > -smallest ? 0.0 : sum;
   }
 
   void add_powers(double depth, double w, double f) noexcept {
