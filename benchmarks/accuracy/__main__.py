@@ -8,6 +8,7 @@ from pathlib import Path
 from cyclopts import App
 
 from benchmarks.accuracy import (
+    approaches,
     changes,
     contact_point,
     convergence,
@@ -39,6 +40,7 @@ PARTS = {
     "offset": Part("Beside the bound: an unknown offset", efficiency.unknown_offset),
     "chain": Part("Beside the bound: the paper's sensors", efficiency.sensor_chain),
     "starts": Part("Starting values", starts.starts),
+    "approaches": Part("A probe that only goes in", approaches.approaches),
     "convergence": Part("How soon: three sines", convergence.three_sines),
     "one-sine": Part("How soon: one sine", convergence.one_sine),
     "changes": Part("A material that changes", changes.changes),

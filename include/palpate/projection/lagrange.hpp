@@ -1,4 +1,4 @@
-// Eight-point Lagrange interpolation on an even grid: value, first and second derivative.
+// Ten-point Lagrange interpolation on an even grid: value, first and second derivative.
 #pragma once
 
 #include <array>
@@ -9,9 +9,10 @@
 
 namespace palpate::detail {
 
-// Even, so that the point lies in the middle interval. Eight leave 1e-8 of K with an unknown
-// offset, where six leave 3e-6 without one and more with (sums at steps of 0.1, rescaled).
-inline constexpr std::size_t lagrange_points = 8;
+// Even, so that the point lies in the middle interval. At steps of 0.1 and 0.005 N of noise eight
+// leave up to 0.01 standard errors where the depth varies by a factor of 3 and 1 where it varies by
+// 30; ten leave 0.002 and 0.07.
+inline constexpr std::size_t lagrange_points = 10;
 
 struct LagrangeWeights {
   static constexpr std::size_t points = lagrange_points;
@@ -20,7 +21,11 @@ struct LagrangeWeights {
   Vector<points> second;  // per grid step squared
 };
 
-// [k][i]: the coefficient of tᵏ in the basis polynomial of point i = 0, 1, 2 ….
+// Polynomials are written about the middle of the points, where they are evaluated: about the first
+// one, terms of 1e5 would cancel and leave 3e-11 of a sum.
+inline constexpr double lagrange_middle = 0.5 * static_cast<double>(lagrange_points - 1);
+
+// [k][i]: the coefficient of (t − middle)ᵏ in the basis polynomial of point i = 0, 1, 2 ….
 constexpr Matrix<lagrange_points> lagrange_basis() noexcept {
   Matrix<lagrange_points> basis{};
   for (std::size_t i = 0; i < lagrange_points; ++i) {
@@ -32,7 +37,7 @@ constexpr Matrix<lagrange_points> lagrange_basis() noexcept {
       Vector<lagrange_points> product{};
       for (std::size_t k = 0; k <= degree; ++k) {
         product[k + 1] += polynomial[k];
-        product[k] -= static_cast<double>(j) * polynomial[k];
+        product[k] -= (static_cast<double>(j) - lagrange_middle) * polynomial[k];
       }
       polynomial = product;
       ++degree;
@@ -48,13 +53,14 @@ inline constexpr Matrix<lagrange_points> lagrange_coefficients = lagrange_basis(
 // Weights at t, in grid steps from the first of the points; best about the middle.
 constexpr LagrangeWeights lagrange_weights(double t) noexcept {
   // Horner's scheme for the polynomials and their derivatives at once, all points abreast.
+  const double u = t - lagrange_middle;
   LagrangeWeights weights{lagrange_coefficients[lagrange_points - 1], {}, {}};
   for (std::size_t k = lagrange_points - 1; k-- > 0;) {
     const Vector<lagrange_points>& c = lagrange_coefficients[k];
     for (std::size_t i = 0; i < lagrange_points; ++i) {
-      weights.second[i] = weights.second[i] * t + 2.0 * weights.first[i];
-      weights.first[i] = weights.first[i] * t + weights.value[i];
-      weights.value[i] = weights.value[i] * t + c[i];
+      weights.second[i] = weights.second[i] * u + 2.0 * weights.first[i];
+      weights.first[i] = weights.first[i] * u + weights.value[i];
+      weights.value[i] = weights.value[i] * u + c[i];
     }
   }
   return weights;

@@ -42,7 +42,8 @@ inline LinearSolution solve_linear(const ProjectionProblem& problem, const Power
   a12 -= damping_weight * prior;
   a22 += damping_weight;
   const double determinant = a11 * a22 - a12 * a12;
-  const bool damped = determinant > smallest_fraction * (a11 * a22) && a22 > smallest_sum;
+  const bool damped =
+      determinant > smallest_fraction * (a11 * a22) && a11 > smallest_sum && a22 > smallest_sum;
   LinearSolution r{};
   r.damped = damped;
   r.k = damped ? (a22 * b1 - a12 * b2) / determinant : a11 > smallest_sum ? b1 / a11 : 0.0;

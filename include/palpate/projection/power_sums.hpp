@@ -18,8 +18,8 @@ enum Power : std::size_t { pp, ppw, ppww, p1, pw, pf, pwf, power_count };
 
 class PowerSums {
  public:
-  // Steps of 0.1 over the default range, from 0.3 to 3.6: narrow enough for eight-point
-  // interpolation to leave 1e-8.
+  // Steps of 0.1 over the default range, from 0.3 to 3.6: narrow enough for ten-point
+  // interpolation to leave 1e-9.
   static constexpr std::size_t nodes = 34;
   using Values = Vector<power_count>;
 
@@ -64,19 +64,20 @@ class PowerSums {
 
   void clear() noexcept { *this = PowerSums(lowest_, highest()); }
 
-  // Interpolates the sums, never a function of them, between the eight nodes around an exponent.
+  // Interpolates the sums, never a function of them, between the ten nodes around an exponent.
   Local at(double n) const noexcept {
     const double position = (n - lowest_) / step_;
-    const double centred = std::floor(position) - 3.0;
+    const double centred = std::floor(position) - 4.0;
     const std::size_t first =
         centred <= 0.0 ? 0 : std::min(static_cast<std::size_t>(centred), nodes - lagrange_points);
     const double t = position - static_cast<double>(first);
     const LagrangeWeights weights = lagrange_weights(t);
     // From node to node Σ p² grows by the square of what Σ p does. Where that is much, as where the
     // unit is many times the depth, a polynomial would follow it badly.
-    const double growth = sums_[pp][first + 4] / sums_[pp][first + 3];
-    const bool even = growth > 0.9 && growth < 1.1;  // twice in seven steps: interpolated to 1e-9
-    const bool known = growth > 1e-70 && growth < 1e70;  // its fourth power is finite
+    const double growth = sums_[pp][first + 5] / sums_[pp][first + 4];
+    const bool even =
+        growth > 0.9 && growth < 1.1;  // 2.4 times in nine steps: interpolated to 1e-9
+    const bool known = growth > 1e-60 && growth < 1e60;  // its fifth power is finite
     if (even || !known) return interpolated(first, weights, weights);
     const double rate = 0.5 * std::log(growth);
     return interpolated(first, rescaled(weights, t, rate), rescaled(weights, t, 2.0 * rate));
@@ -85,7 +86,8 @@ class PowerSums {
  private:
   static constexpr double combine(const Vector<lagrange_points>& w, const double* sums) noexcept {
     return (w[0] * sums[0] + w[1] * sums[1]) + (w[2] * sums[2] + w[3] * sums[3]) +
-           (w[4] * sums[4] + w[5] * sums[5]) + (w[6] * sums[6] + w[7] * sums[7]);
+           (w[4] * sums[4] + w[5] * sums[5]) + (w[6] * sums[6] + w[7] * sums[7]) +
+           (w[8] * sums[8] + w[9] * sums[9]);
   }
 
   // `single` are the weights for sums of p, `square` those for sums of p².

@@ -54,19 +54,34 @@ class ProjectionSolver {
   void clear() noexcept { sums_.clear(); }
 
   // The global minimum over the whole range of exponents.
-  ProjectionSolution solve() const noexcept { return solve_from(search_grid(problem())); }
+  ProjectionSolution solve() const noexcept {
+    const Valleys valleys = search_grid(problem());
+    const SearchStart& first = valleys.start[0];
+    const ProjectionPoint point = refine(problem(), first);
+    if (valleys.count > 1) {
+      const SearchStart& second = valleys.start[1];
+      const ProjectionPoint other = refine(problem(), second);
+      if (cost(other, second) < cost(point, first)) return answer(other, second);
+    }
+    return answer(point, first);
+  }
 
   // The same from an answer of a little while ago, in whose basin the minimum still is.
   ProjectionSolution solve_near(const ProjectionSolution& earlier) const noexcept {
     const double variance = earlier.prior_variance;
-    return solve_from({earlier.n, variance, problem().offset_fraction(variance)});
+    const SearchStart start{earlier.n, variance, problem().offset_fraction(variance)};
+    return answer(refine(problem(), start), start);
   }
 
  private:
   ProjectionProblem problem() const noexcept { return {sums_, settings_}; }
 
-  ProjectionSolution solve_from(const SearchStart& start) const noexcept {
-    const ProjectionPoint point = refine(problem(), start);
+  // J with the priors.
+  double cost(const ProjectionPoint& point, const SearchStart& start) const noexcept {
+    return point.linear.cost + problem().exponent_penalty(point.n, start.variance);
+  }
+
+  ProjectionSolution answer(const ProjectionPoint& point, const SearchStart& start) const noexcept {
     ProjectionSolution r{};
     r.k = point.linear.k;
     r.c = point.linear.c;
@@ -74,7 +89,7 @@ class ProjectionSolver {
     r.n = point.n;
     r.prior_variance = start.variance;
     r.noise_variance = noise_variance(point, start);
-    r.cost = point.linear.cost + problem().exponent_penalty(point.n, start.variance);
+    r.cost = cost(point, start);
     r.at_edge = at_edge(point.n);
     r.surface_found = true;
     const InverseRoot<4> inverse =

@@ -39,7 +39,7 @@ class SurfaceSolver {
   using Settings = SurfaceSettings;
 
   // Steps of a hundredth of the unit over the default range: 0.1 mm at 10 mm, fine enough for J*
-  // to be a polynomial of degree seven around its minimum.
+  // to be a polynomial of degree nine around its minimum.
   static constexpr std::size_t candidates = 41;
 
   explicit SurfaceSolver(const Settings& settings) noexcept
@@ -101,7 +101,7 @@ class SurfaceSolver {
            static_cast<double>(candidates - 1);
   }
 
-  // At the minimum of J*, interpolated through the eight candidates around the best; ln k, c/k, n
+  // At the minimum of J*, interpolated through the ten candidates around the best; ln k, c/k, n
   // and F₀ are interpolated too. A parabola through three would put the surface 2 µm too high,
   // which is more than the error bar of a stiff material.
   ProjectionSolution between(const std::array<ProjectionSolution, candidates>& found,
