@@ -38,7 +38,7 @@ def _nothing(penetration: float, velocity: float, force: float) -> None:
 
 
 def count_allocations() -> Section:
-    """Count for every estimator, in contact and in the free; the larger counts."""
+    """Count for every estimator, in contact and out of it; the larger counts."""
     contact = contact_samples(CALLS)
     free = [(-penetration, velocity, 0.0) for penetration, velocity, _ in contact]
     rows = []
@@ -55,7 +55,7 @@ def count_allocations() -> Section:
         rows.append(Row(f"{name}: passing", passing, "bytes", limit=Limit(0)))
         rows.append(Row(f"{name}: kept", kept, "blocks", limit=Limit(0)))
     notes = [
-        f"{CALLS} calls in contact and {CALLS} in the free. Passing: tracemalloc's peak during "
+        f"{CALLS} calls in contact and {CALLS} out of it. Passing: tracemalloc's peak during "
         "the calls above its start. Kept: sys.getallocatedblocks() after less before.",
     ]
     return Section("Allocations of update()", rows, notes)

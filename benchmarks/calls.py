@@ -24,7 +24,7 @@ KINDS: tuple[type[ContactEstimator], ...] = (
 )
 LOOP, PYTHON, COMPILED = "empty loop", "empty Python method", "empty compiled method"
 UPDATE, WITH_DT = "SingleStageRLS.update", "SingleStageRLS.update, dt given"
-FREE, ESTIMATE = "SingleStageRLS.update, in the free", "SingleStageRLS.estimate"
+OUT, ESTIMATE = "SingleStageRLS.update, out of contact", "SingleStageRLS.estimate"
 LAW = "SingleStageRLS.estimate().law"
 
 
@@ -66,7 +66,7 @@ def _from_the_start(estimator: ContactEstimator, samples: Samples) -> float:
     return seconds_per_call(estimator.update, samples)
 
 
-def _in_the_free(estimator: ContactEstimator, samples: Samples) -> float:
+def _out_of_contact(estimator: ContactEstimator, samples: Samples) -> float:
     estimator.reset()
     estimator.update(*samples[0])
     free = [(-penetration, velocity, 0.0) for penetration, velocity, _ in samples]
@@ -98,7 +98,7 @@ def _cases(samples: Samples, notes: list[str]) -> dict[str, Case]:
         estimator = kind()
         cases[f"{kind.__name__}.update"] = lambda e=estimator: _from_the_start(e, samples)  # type: ignore[misc]  # a default binds the loop's variable
     cases[WITH_DT] = lambda: _with_steps(single, samples)
-    cases[FREE] = lambda: _in_the_free(single, samples)
+    cases[OUT] = lambda: _out_of_contact(single, samples)
     cases[ESTIMATE] = lambda: _without_arguments(learned.estimate, len(samples))
     cases[LAW] = lambda: _without_arguments(lambda: learned.estimate().law, len(samples) // 10)
     return cases

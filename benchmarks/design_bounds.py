@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.accuracy.probing import BALL, PVC, SPONGE
 from palpate import VariableProjection
 from palpate.design import Design, design
-from palpate.design.outlook import Outlook
+from palpate.design.predicted_precision import PredictedPrecision
 from palpate.validation import Floats
 
 # The laboratory's, moved off the nodes of the method's own grid of exponents, 0.3 + 0.1 j.
@@ -24,12 +24,12 @@ SENSORS = ((0.05, 0.0), (0.05, 0.125), (0.01, 0.125))  # N
 DURATIONS = (1.0, 5.0, 20.0)  # s
 
 
-def ratios(plan: Design, outlook: Outlook, duration: float, seeds: int) -> Floats:
+def ratios(plan: Design, predicted: PredictedPrecision, duration: float, seeds: int) -> Floats:
     """RMSE over what is expected of K, B and n, with a force offset of up to 0.1 N in each run.
 
     The offset is positive, so that no sample has a force that is not and is gated out.
     """
-    _, x, v = outlook.motion.sampled(duration, plan.sample_time)
+    _, x, v = predicted.motion.sampled(duration, plan.sample_time)
     clean, errors = plan.law.force(x, v), []
     for seed in range(seeds):
         draw = np.random.default_rng(seed)
@@ -40,7 +40,7 @@ def ratios(plan: Design, outlook: Outlook, duration: float, seeds: int) -> Float
         estimator.replay(x, v, force)
         errors.append(estimator.estimate().parameters / plan.law.parameters - 1.0)
     rmse = np.sqrt(np.mean(np.square(errors), axis=0))
-    found: Floats = np.divide(rmse, outlook.expected_errors[outlook.durations.index(duration)])
+    found: Floats = np.divide(rmse, predicted.expected_errors[predicted.durations.index(duration)])
     return found
 
 

@@ -21,6 +21,7 @@ class NativePrograms:
     """What was built."""
 
     replay: Path
+    sizes: Path
     empty_method: Any
     compiler: str
 
@@ -47,7 +48,7 @@ def native_programs() -> NativePrograms:
     if not modules:
         raise BuildError("the build made no empty_method module")
     compiler = (BUILD / "compiler.txt").read_text().strip()
-    return NativePrograms(BUILD / "replay", _loaded(modules[0]), compiler)
+    return NativePrograms(BUILD / "replay", BUILD / "sizes", _loaded(modules[0]), compiler)
 
 
 def _output(command: list[str]) -> str:

@@ -47,8 +47,8 @@ def describe(estimator: SingleStageRLS) -> str:
             law.symbols, law.parameters, estimate.standard_errors, strict=True
         )
     ]
-    doubt = "" if estimate.valid else "  (too fast for eq. 10)"
-    return ", ".join(parts) + doubt
+    limit = "" if estimate.valid else "  (too fast for eq. 10)"
+    return ", ".join(parts) + limit
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Fixtures that every test module shares; the table itself is in ``cases.py``."""
+"""Fixtures of every test module; the table itself is in ``cases.py``."""
 
 import sys
 

@@ -76,10 +76,10 @@ def test_any_floats_leave_the_estimate_sound(kind, given_settings, given_samples
 def test_replay_is_update_on_any_floats(kind, given_settings, given_samples):
     looped = kind(**given_settings)
     steps = looped.settings["sample_time"]
-    told = [(x, v, f, steps if dt is None else dt) for x, v, f, dt in given_samples]
-    status = [looped.update(*sample) for sample in told]
+    given_steps = [(x, v, f, steps if dt is None else dt) for x, v, f, dt in given_samples]
+    status = [looped.update(*sample) for sample in given_steps]
     replayed = looped.replace()
-    columns = np.array(told, dtype=np.float64).reshape(-1, 4).T
+    columns = np.array(given_steps, dtype=np.float64).reshape(-1, 4).T
     trace = replayed.replay(*columns)
     assert trace.status.tolist() == status
     assert knowledge(replayed) == knowledge(looped)

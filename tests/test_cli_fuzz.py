@@ -44,7 +44,7 @@ def typed(chance: random.Random) -> list[str]:
         words.append(chance.choice(options))
         words += chance.choices(WORDS, k=chance.choice([0, 1, 1, 1, 2]))
     place = chance.randrange(len(words))
-    # Without --only the paper would run for minutes; and lab writes where it is told to.
+    # Without --only the paper would run for minutes; and lab writes where it is asked to.
     if chance.random() < 0.4 and name != "paper" and words[place] != "lab.csv":
         words[place] = chance.choice(WORDS)
     return words

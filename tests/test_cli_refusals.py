@@ -52,7 +52,7 @@ def test_a_bad_file_is_one_line_whatever_was_asked_for(refused, tmp_path, monkey
 
 
 NEVER = {
-    "always in the free": [["0", "-0.01", "0.0"], ["0.1", "-0.01", "0.0"], ["0.2", "-0.02", "0.1"]],
+    "never in contact": [["0", "-0.01", "0.0"], ["0.1", "-0.01", "0.0"], ["0.2", "-0.02", "0.1"]],
     "pulling all along": [["0", "0.01", "-1"], ["0.1", "0.01", "-1"], ["0.2", "0.01", "-1"]],
     "of nothing known": [["0", "nan", "nan"], ["0.1", "nan", "nan"]],
     "of absurd values": [["0", "1e300", "1e300"], ["1", "2e300", "-1e308"], ["2", "3e300", "1e308"],

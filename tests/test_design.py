@@ -34,8 +34,8 @@ def test_the_papers_motion_has_the_papers_top_speed():
     _, x, v = PAPER_MOTION.sampled(20.0, 1e-3)
     assert np.abs(v).max() == pytest.approx(50.8e-3)
     assert PAPER_MOTION.top_speed == pytest.approx(50.8e-3)
-    assert PAPER_MOTION.shallowest <= x.min()
-    assert x.max() <= PAPER_MOTION.deepest
+    assert PAPER_MOTION.least_penetration <= x.min()
+    assert x.max() <= PAPER_MOTION.peak_penetration
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_long_times_follow_the_samples_too():
     time = result.planned.times[1, 0]
     assert 50.0 < time < 100.0
     reached = bound_of(SPONGE, PAPER_MOTION, time, offset=True, surface=True)
-    # Counting one sample in several shifts the sums by less than a sample's share of a period.
+    # Counting one sample in several shifts the sums by less than a sample's part of a period.
     assert reached[0] == pytest.approx(0.01, rel=1e-3)
 
 

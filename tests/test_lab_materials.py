@@ -71,10 +71,10 @@ def test_the_place_decides_between_zones_and_the_time_between_episodes():
     laws = lab.PVC.law, lab.INCLUSION.law
     parts = tuple(lab.Homogeneous(law) for law in laws)
     soft, hard = (law.force(DEPTH, SPEED) for law in laws)
-    place = 0.01 * np.sin(TIME)
-    zones = lab.Zones(parts, (0.002,)).force(TIME, place, DEPTH, SPEED)
-    np.testing.assert_array_equal(zones, np.where(place < 0.002, soft, hard))
-    episodes = lab.Episodes(parts, (1.5,)).force(TIME, HERE, DEPTH, SPEED)
+    lateral_position = 0.01 * np.sin(TIME)
+    zones = lab.SpaceVaryingMaterial(parts, (0.002,)).force(TIME, lateral_position, DEPTH, SPEED)
+    np.testing.assert_array_equal(zones, np.where(lateral_position < 0.002, soft, hard))
+    episodes = lab.TimeVaryingMaterial(parts, (1.5,)).force(TIME, HERE, DEPTH, SPEED)
     np.testing.assert_array_equal(episodes, np.where(TIME < 1.5, soft, hard))
 
 
@@ -88,9 +88,15 @@ def test_the_place_decides_between_zones_and_the_time_between_episodes():
         (lambda: lab.Relaxing(KelvinVoigt(1.0, 1.0), 1.0, 1.0), "law must be a HuntCrossley"),
         (lambda: lab.Relaxing(HuntCrossley(1.0, 1.0, 1.0), -1.0, 1.0), "branch_stiffness must be"),
         (lambda: lab.Relaxing(HuntCrossley(1.0, 1.0, 1.0), 1.0, 0.0), "relaxation_time must be"),
-        (lambda: lab.Zones((lab.BALL, lab.PVC), ()), "borders must be one fewer"),
-        (lambda: lab.Zones((lab.BALL, lab.PVC, lab.PVC), (1.0, 0.0)), "borders must increase"),
-        (lambda: lab.Episodes((lab.BALL, 3), (1.0,)), "materials must be a Material, not 3"),
+        (lambda: lab.SpaceVaryingMaterial((lab.BALL, lab.PVC), ()), "borders must be one fewer"),
+        (
+            lambda: lab.SpaceVaryingMaterial((lab.BALL, lab.PVC, lab.PVC), (1.0, 0.0)),
+            "borders must increase",
+        ),
+        (
+            lambda: lab.TimeVaryingMaterial((lab.BALL, 3), (1.0,)),
+            "materials must be a Material, not 3",
+        ),
     ],
 )
 def test_nonsense_is_refused_by_name(make, words):

@@ -28,8 +28,8 @@ def ball() -> lab.Measurement:
 
 def test_forward_kinematics_undoes_inverse_kinematics():
     geometry = Geometry()
-    place, depth = geometry.tip(geometry.motor_angles(PLACE, DEPTH))
-    np.testing.assert_allclose(place, PLACE, atol=1e-15)
+    lateral_position, depth = geometry.tip(geometry.motor_angles(PLACE, DEPTH))
+    np.testing.assert_allclose(lateral_position, PLACE, atol=1e-15)
     np.testing.assert_allclose(depth, DEPTH, atol=1e-15)
 
 

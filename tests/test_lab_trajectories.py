@@ -9,7 +9,7 @@ from palpate.design.motion import PAPER_MOTION
 TIME = np.arange(0.0, 40.0, 1e-3)
 MOVES = {
     **lab.TRAJECTORIES,
-    "followed": lab.Followed(TIME[::500], 1e-3 * np.sin(TIME[::500]), pause=0.0),
+    "followed": lab.SplineTrajectory(TIME[::500], 1e-3 * np.sin(TIME[::500]), pause=0.0),
 }
 
 
@@ -21,8 +21,8 @@ def test_the_commanded_speeds_are_the_slopes_of_the_commanded_places(name):
     # Central differences: h² x‴/6 is below 1e-8 of these motions, and rounding below 1e-11.
     slope = (ahead.penetration - behind.penetration) / (2.0 * h)
     np.testing.assert_allclose(now.velocity, slope, atol=2e-6)
-    slope = (ahead.place - behind.place) / (2.0 * h)
-    np.testing.assert_allclose(now.place_velocity, slope, atol=2e-6)
+    slope = (ahead.lateral_position - behind.lateral_position) / (2.0 * h)
+    np.testing.assert_allclose(now.lateral_velocity, slope, atol=2e-6)
 
 
 @pytest.mark.parametrize("name", lab.TRAJECTORIES)
@@ -33,7 +33,7 @@ def test_nothing_moves_in_the_pause_and_the_probe_is_above_the_surface(name):
     assert (command.penetration == command.penetration[0]).all()
     assert command.penetration[0] < 0.0
     assert (command.velocity == 0.0).all()
-    assert np.ptp(command.place) == 0.0
+    assert np.ptp(command.lateral_position) == 0.0
 
 
 def test_the_three_sines_are_those_of_the_paper_once_the_approach_is_over():
@@ -73,7 +73,7 @@ def test_near_the_surface_the_probe_leaves_it_at_speed_now_and_then():
 
 def test_palpation_changes_sides_every_five_seconds_in_contact():
     command = lab.PALPATION.at(TIME)
-    changes = TIME[1:][np.diff(command.place >= 0.0)]
+    changes = TIME[1:][np.diff(command.lateral_position >= 0.0)]
     np.testing.assert_allclose(changes, 2.0 + 5.0 * np.arange(1, 8), atol=2e-3)
     assert command.penetration[TIME > 2.5].min() > 4e-3
 
@@ -87,7 +87,7 @@ def test_tapping_leaves_the_material_after_every_stroke():
 def test_a_motion_of_ones_own_goes_through_its_samples_and_rests_before_and_after():
     time = np.array([1.0, 1.5, 2.0, 2.5, 3.0])
     depth = np.array([0.0, 1e-3, 3e-3, 2e-3, 0.0])
-    followed = lab.Followed(time, depth)
+    followed = lab.SplineTrajectory(time, depth)
     np.testing.assert_allclose(followed.at(time).penetration, depth, atol=1e-18)
     outside = followed.at(np.array([0.0, 4.0]))
     assert (outside.penetration == 0.0).all()
@@ -100,7 +100,7 @@ def test_a_motion_is_read_from_a_file_with_its_pause(tmp_path):
     file = tmp_path / "motion.csv"
     rows = "".join(f"{t!r},{x!r}\n" for t, x in zip(time.tolist(), depth.tolist(), strict=True))
     file.write_text("time_s,penetration_m\n" + rows)
-    followed = lab.Followed.read(file)
+    followed = lab.SplineTrajectory.read(file)
     assert followed.pause == pytest.approx(2.0, abs=0.011)
     np.testing.assert_allclose(followed.at(time).penetration, depth, atol=1e-15)
 
@@ -109,21 +109,21 @@ def test_a_motion_without_its_column_is_refused_by_file_and_column(tmp_path):
     file = tmp_path / "motion.csv"
     file.write_text("time_s,depth\n0,1\n")
     with pytest.raises(RecordingError, match=r"motion\.csv: no column 'penetration_m'"):
-        lab.Followed.read(file)
+        lab.SplineTrajectory.read(file)
 
 
 def test_a_motion_too_short_is_refused_by_its_file(tmp_path):
     file = tmp_path / "short.csv"
     file.write_text("time_s,penetration_m\n0,0\n1,0.001\n")
     with pytest.raises(RecordingError, match=r"short\.csv: .* at least four finite samples"):
-        lab.Followed.read(file)
+        lab.SplineTrajectory.read(file)
 
 
 @pytest.mark.parametrize(
     "make, words",
     [
-        (lambda: lab.Followed([0.0, 1.0], [0.0, 1.0]), "at least four"),
-        (lambda: lab.Followed([0.0, 1.0, 1.0, 2.0], [0.0] * 4), "time must increase"),
+        (lambda: lab.SplineTrajectory([0.0, 1.0], [0.0, 1.0]), "at least four"),
+        (lambda: lab.SplineTrajectory([0.0, 1.0, 1.0, 2.0], [0.0] * 4), "time must increase"),
         (lambda: lab.Probing(clearance=-1.0), "clearance must be in"),
         (lambda: lab.Probing(approach=0.0), "approach must be in"),
         (lambda: lab.Palpation(shift=6.0), "shift must be in"),

@@ -69,7 +69,7 @@ def test_noise_variance_is_the_residual_sum_over_its_degrees_of_freedom(order):
     engine = taught(order)
     residual = outputs - rows @ engine.parameters
     expected = residual @ residual / (len(rows) - order)
-    # The start's share, |θ|²/1e6, is taken out of a sum of about 3.
+    # The start's part, |θ|²/1e6, is taken out of a sum of about 3.
     assert engine.noise_variance == pytest.approx(expected, rel=1e-8)
 
 

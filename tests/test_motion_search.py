@@ -40,9 +40,9 @@ def test_the_better_motion_keeps_to_its_limits_and_is_never_worse(
         return
     found = result.better.motion
     assert result.limits.allow(found)
-    assert found.deepest <= (motion.deepest if max_depth is None else max_depth)
+    assert found.peak_penetration <= (motion.peak_penetration if max_depth is None else max_depth)
     assert found.top_speed <= (motion.top_speed if max_speed is None else max_speed)
-    assert found.shallowest > 0.0
+    assert found.least_penetration > 0.0
     assert not result.better.leaves_contact
     if result.limits.allow(motion):
         assert result.better.worst < result.planned.worst
@@ -53,7 +53,7 @@ def test_the_papers_motion_can_be_bettered_three_times_at_its_own_depth_and_spee
     result = design(law, noise=0.05)
     assert result.better.worst < result.planned.worst / 2.5
     assert "wider range of depths" in result.reason
-    assert "tells the damping" in result.reason
+    assert "identifies the damping" in result.reason
 
 
 @pytest.mark.parametrize("law", MATERIALS, ids=repr)
@@ -63,7 +63,7 @@ def test_the_better_motion_cannot_be_bettered(law):
         law,
         first.better.motion,
         noise=0.05,
-        max_depth=first.limits.deepest,
+        max_depth=first.limits.peak_penetration,
         max_speed=first.limits.speed,
     )
     assert again.better is None
@@ -81,9 +81,9 @@ def test_a_sensor_of_coarse_steps_gets_a_motion_that_does_not_repeat_them(law):
 def test_the_better_motion_stays_where_the_force_is_clear_of_the_noise():
     law = HuntCrossley(1e5, 2e5, 2.0)
     found = design(law, noise=0.05).better.motion
-    assert law.force(found.shallowest, 0.0) >= 0.5
+    assert law.force(found.least_penetration, 0.0) >= 0.5
     weak = design(law, noise=1.0).better.motion
-    assert law.force(weak.shallowest, 0.0) >= 0.099 * law.force(weak.deepest, 0.0)
+    assert law.force(weak.least_penetration, 0.0) >= 0.099 * law.force(weak.peak_penetration, 0.0)
 
 
 def test_a_motion_out_of_its_limits_is_replaced_by_one_within():
@@ -91,7 +91,7 @@ def test_a_motion_out_of_its_limits_is_replaced_by_one_within():
     assert result.better.motion.top_speed <= 0.01
     assert "it keeps to the limits" in result.reason
     deeper = design(BALL, noise=0.05, max_depth=0.03)
-    assert deeper.better.motion.deepest > 0.029
+    assert deeper.better.motion.peak_penetration > 0.029
     assert "it goes deeper" in deeper.reason
 
 

@@ -30,7 +30,7 @@ def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path):
     assert out.splitlines()[-1] == f"page: {folder / 'report.html'}"
     assert err.splitlines()[-1].endswith("6 of 6 tasks")
     status, out, err = run("-o", folder, "--seeds", 2, "--only", "b")
-    assert err == "2 of 2 outcomes taken over from an earlier run by the same code\n"
+    assert err == "2 of 2 outcomes reused from an earlier run by the same code\n"
     assert "2 claims" in out
 
 

@@ -24,16 +24,16 @@ def made(folder):
 
 
 def test_a_run_writes_everything_and_a_second_takes_it_over(tmp_path):
-    folder, told, taken = tmp_path / "new" / "report", [], []
-    report = run(folder, Tiny("a"), Tiny("b"), progress=lambda *step: told.append(step))
+    folder, steps, taken = tmp_path / "new" / "report", [], []
+    report = run(folder, Tiny("a"), Tiny("b"), progress=lambda *step: steps.append(step))
     assert [section.experiment.name for section in report.sections] == ["a", "b"]
     assert [outcome.seed for outcome in report.sections[0].outcomes] == [0, 1]
-    assert [step[1:] for step in told] == [(done, 6) for done in range(1, 7)]
+    assert [step[1:] for step in steps] == [(done, 6) for done in range(1, 7)]
     files = {path.name for path in folder.iterdir()}
     assert files == {"a.svg", "a-dark.svg", "b.svg", "b-dark.svg", "claims.md", "outcomes",
                      "report.html", "report.json"}  # fmt: skip
     before = made(folder)
-    again = run(folder, Tiny("a"), Tiny("b"), begun=lambda run: taken.append(run.taken_over))
+    again = run(folder, Tiny("a"), Tiny("b"), begun=lambda run: taken.append(run.reused))
     assert taken == [4]
     assert made(folder) == before
     assert again.summary == report.summary
@@ -101,7 +101,7 @@ def test_an_interrupted_run_ends_at_once_and_is_resumed(tmp_path, whole_group):
     if whole_group:  # what is left does not depend on who was interrupted
         return
     taken = []
-    run(tmp_path, Tiny("a"), Tiny("b"), seeds=1, begun=lambda run: taken.append(run.taken_over))
+    run(tmp_path, Tiny("a"), Tiny("b"), seeds=1, begun=lambda run: taken.append(run.reused))
     # The same code made them, though not with the same patience.
     assert taken == [2]
     outcomes = [name for name in before if "-seed" in name]

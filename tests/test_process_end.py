@@ -72,3 +72,22 @@ def test_a_process_that_used_everything_leaves_no_compiled_object_behind():
 
 def test_an_object_that_is_left_behind_would_be_seen():
     assert "nanobind: leaked 1 instances" in said_at_the_end(LEAK)
+
+
+IMPORTS = """
+import gc, importlib, pkgutil
+import palpate
+for module in pkgutil.walk_packages(palpate.__path__, "palpate."):
+    if not module.name.endswith("__main__"):
+        importlib.import_module(module.name)
+gc.collect()
+held = palpate.ContactEstimator, palpate.LeastSquares
+print([each for each in gc.get_objects() if isinstance(each, held)])
+"""
+
+
+def test_no_module_holds_a_compiled_object():
+    """It would outlive the compiled module wherever something else keeps the holder to the end."""
+    command = [sys.executable, "-c", IMPORTS]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.strip(), done.stderr) == (0, "[]", "")

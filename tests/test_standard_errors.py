@@ -13,8 +13,8 @@ RUNS, SAMPLES = 1000, 100
 FEWEST, MOST = stats.binom.ppf([0.0005, 0.9995], RUNS, 0.95)
 SCALE = Scale(15e-3, 50e-3, 30.0)
 
-# The log form needs noise of equal share to be least squares, no damping to be linear, and little
-# noise: K is e^θ₁, and the delta method takes that for a straight line.
+# The log form needs noise in proportion to the force to be least squares, no damping to be linear,
+# and little noise: K is e^θ₁, and the delta method takes that for a straight line.
 CASES = {
     "kelvin-voigt": (palpate.KelvinVoigtRLS, MATERIALS["linear"], "additive"),
     "extended-kelvin-voigt": (palpate.ExtendedKelvinVoigtRLS, MATERIALS["quadratic"], "additive"),

@@ -83,13 +83,13 @@ def test_the_gate_is_ten_times_the_noise():
     assert gate.break_force == 0.8 * gate.make_force
 
 
-@pytest.mark.parametrize("noise, share", [(0.0, 0.01), (30.0, 0.10)], ids=["clean", "noisy"])
-def test_the_gate_stays_between_one_and_ten_percent_of_the_largest_values(noise, share):
+@pytest.mark.parametrize("noise, fraction", [(0.0, 0.01), (30.0, 0.10)], ids=["clean", "noisy"])
+def test_the_gate_stays_between_one_and_ten_percent_of_the_largest_values(noise, fraction):
     signals = exciting(MATERIALS["ball"], seconds=5.0, noise=noise, seed=5)
     gate = suggest_gate(contact_of(signals))
     touching = signals.force[signals.force > 0.0]
     # Clean in penetration, whatever the force.
-    assert gate.make_force == pytest.approx(share * np.percentile(touching, 99.0), rel=1e-12)
+    assert gate.make_force == pytest.approx(fraction * np.percentile(touching, 99.0), rel=1e-12)
     depth = signals.penetration[signals.force > 0.0]
     assert gate.minimum_penetration == pytest.approx(0.01 * np.percentile(depth, 99.0), rel=1e-12)
 

@@ -134,7 +134,7 @@ def test_the_given_noise_sets_the_error_bars_and_an_unknown_one_is_found() -> No
     given = fed(VariableProjection(noise=NOISE), motion, force).estimate()
     twice = fed(VariableProjection(noise=2.0 * NOISE), motion, force).estimate()
     found = fed(VariableProjection(), motion, force).estimate()
-    # The prior's share in the information is below 1e-3.
+    # The prior's part of the information is below 1e-3.
     assert twice.standard_errors == pytest.approx(2.0 * given.standard_errors, rel=1e-3)
     # The residual's deviation over 5000 samples is known to 1 %; four times that.
     assert found.standard_errors == pytest.approx(given.standard_errors, rel=0.04)

@@ -1,7 +1,7 @@
 """A slow NumPy twin of the estimators, written from the equations of the methods page.
 
-It follows the page's sections 3 to 6 line by line and shares nothing with the compiled recursion:
-no guard (it is for exciting signals only), no running noise variance (all rows are kept), no
+It follows the page's sections 3 to 6 line by line and has nothing of the compiled recursion: no
+guard (it is for exciting signals only), no running noise variance (all rows are kept), no
 increments of λ (time since contact is), no analytic Jacobian.
 """
 
@@ -203,11 +203,11 @@ class Twin:
         perturbation = 0.0
         if self.perturbation:
             error = force - predicted
-            share = float(np.rint(self.perturbation.sensitivity * error**2))
-            if share > 0.0:
+            size = float(np.rint(self.perturbation.sensitivity * error**2))
+            if size > 0.0:
                 self.since = 0.0
                 self.perturbed += 1
-            perturbation = self.perturbation.gain * share
+            perturbation = self.perturbation.gain * size
         self.method.learn(*inner, self.factor(), perturbation)
         return predicted, "UPDATED"
 

@@ -57,9 +57,9 @@ def _group(
     lines = []
     for trial in trials:
         outcomes = campaign.map(f"coverage, {trial.material}", partial(run, trial), range(seeds))
-        share = 100.0 * np.mean([outcome.covered for outcome in outcomes], axis=0)
+        fraction = 100.0 * np.mean([outcome.covered for outcome in outcomes], axis=0)
         lines += [
-            Line(f"{trial.material}, {time:g} s", tuple(share[i]), limits)
+            Line(f"{trial.material}, {time:g} s", tuple(fraction[i]), limits)
             for i, time in enumerate(TIMES)
             if time >= 1.0
         ]

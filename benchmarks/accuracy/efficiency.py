@@ -56,7 +56,7 @@ def sensor_chain(campaign: Campaign) -> list[Group]:
             "pause and removed, a 20 µm encoder whose steps lie anywhere to the surface, velocity "
             "by a Savitzky–Golay filter of 15 ms. The bound has white noise of 0.05 N and the "
             "offset as a nuisance; quantisation of the force alone gives 1.23 times it, and what "
-            "is told of the offset is not in it, so that ratios below 1 are no wonder.",
+            "is known of the offset is not in it, so that ratios below 1 are no wonder.",
             [Trial(name, "chain", deviation) for name in MATERIALS],
             lambda time: Limit(1.3 if time <= 5.0 else 1.5),
             seeds=campaign.seeds,

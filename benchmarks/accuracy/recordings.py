@@ -77,7 +77,7 @@ def _group(part: str, what: str, lines: list[Line], notes: list[str]) -> Group:
         f"{what} RMSE% of `identify(contact)`'s final law over that of "
         "`scipy.optimize.least_squares` on the same samples: K, B, n and an offset, n from "
         f"{EXPONENTS[0]} to {EXPONENTS[1]}, best of {len(STARTS)} starts. The limit holds where "
-        "no flag doubts the exponent.",
+        "no flag concerns the exponent.",
         ("ratio",),
         lines,
         ("RMSE %", "SciPy RMSE %", "n ± standard error", "flags"),

@@ -26,7 +26,7 @@ OFFSET_LEFT = FORCE_STEP / math.pi * math.exp(
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A material, a sensor and what the estimator is told.
+    """A material, a sensor and what the estimator knows.
 
     ``sensor`` is "true" (true x and v, white noise), "offset" (the same and a constant force) or
     "chain" (the paper's rig).

@@ -1,6 +1,6 @@
-// replay FILE PASSES: replays a contact with every estimator, with the settings that Python gives
-// them unless told otherwise, and prints the best pass in seconds per sample, into memory used
-// before and into new memory, and the last law.
+// replay FILE PASSES: replays a contact with every estimator, with its default settings, and prints
+// the best pass in seconds per sample, into memory used before and into new memory, and the last
+// law.
 //
 // FILE holds doubles: all penetrations, all velocities, all forces.
 #include <algorithm>
@@ -14,8 +14,6 @@
 #include "palpate/palpate.hpp"
 
 namespace {
-
-using palpate::Matrix;
 
 std::vector<double> read_doubles(const char* path) {
   std::ifstream file(path, std::ios::binary | std::ios::ate);
@@ -49,10 +47,9 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 // The best pass into the same memory again and again, and into new memory each time.
 template <class Estimator>
-void run(const char* name, const typename Estimator::Settings& settings, const palpate::Signals& in,
-         int passes) {
+void run(const char* name, const palpate::Signals& in, int passes) {
   double again = 1e9, anew = 1e9;
-  Estimator estimator(settings);
+  Estimator estimator;
   const Trace kept(in.count, Estimator::Law::size);
   for (int i = 0; i <= passes; ++i) {
     estimator.reset();
@@ -83,17 +80,9 @@ int main(int argc, char** argv) {
   const palpate::Signals in{data.data(), data.data() + count, data.data() + 2 * count, nullptr,
                             count};
 
-  const palpate::Forgetting::Settings fading{0.99, 5.0};
-  const Matrix<2> p2 = palpate::diagonal<2>({1e8, 1e8});
-  const Matrix<3> p3 = palpate::diagonal<3>({1e10, 1e10, 1e10});
-  const Matrix<3> log_p3 = palpate::diagonal<3>({1e3, 1e3, 1e3});
-  run<palpate::KelvinVoigtRLS>("KelvinVoigtRLS", {{{0.1, 0.0}, p2}, fading, {}, {}, {}}, in,
-                               passes);
-  run<palpate::ExtendedKelvinVoigtRLS>("ExtendedKelvinVoigtRLS",
-                                       {{{0.1, 0.0, 0.0}, p3}, fading, {}, {}, {}}, in, passes);
-  run<palpate::SingleStageRLS>("SingleStageRLS", {{{0.1, 0.0, 1.0}, log_p3}, fading, {}, {}, {}},
-                               in, passes);
-  run<palpate::DoubleStageRLS>("DoubleStageRLS", {{{0.1, 0.0, 1.0}, p2, 1e3}, fading, {}, {}, {}},
-                               in, passes);
+  run<palpate::KelvinVoigtRLS>("KelvinVoigtRLS", in, passes);
+  run<palpate::ExtendedKelvinVoigtRLS>("ExtendedKelvinVoigtRLS", in, passes);
+  run<palpate::SingleStageRLS>("SingleStageRLS", in, passes);
+  run<palpate::DoubleStageRLS>("DoubleStageRLS", in, passes);
   return 0;
 }

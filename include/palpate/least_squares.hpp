@@ -4,9 +4,10 @@
 //
 // π is the self-perturbation. While the signal excites every direction these are the equations, bit
 // for bit. Where they would wind P up or make it indefinite, the guard takes the sample with λ = 1
-// and π = 0; where one sample tells so much more than P that P has no digits for both, it counts
-// for as much as P can hold; and where even that cannot be represented, P stays and only θ moves,
-// which contracts the error in the norm of P⁻¹ and so is stable for every φ. See docs/numerics.md.
+// and π = 0; where one sample holds so much more information than P that P has no digits for both,
+// it counts for as much as P can hold; and where even that cannot be represented, P stays and only
+// θ moves, which contracts the error in the norm of P⁻¹ and so is stable for every φ. See
+// docs/numerics.md.
 #pragma once
 
 #include <algorithm>

@@ -176,7 +176,8 @@ class RecursiveEstimator {
     if (!taken(status)) return {status, predicted};
 
     if constexpr (Detector::active) {
-      if (watch({inner, dt}, sample.force - error, error, forgetting)) status = Status::restarted;
+      const double expected = sample.force - error;
+      if (watch(inner, dt, expected, error, forgetting)) status = Status::restarted;
     }
     commit(sample, status, forgetting);
     return {status, predicted};
@@ -197,10 +198,10 @@ class RecursiveEstimator {
   }
 
   // True when a change is detected. The method then starts again with the samples after it.
-  bool watch(const TakenSample& taken, double predicted, double error,
+  bool watch(const Sample& inner, double dt, double predicted, double error,
              Forgetting& forgetting) noexcept {
     if (gate_.phase() != ContactGate::Phase::contact) changes_.interrupt();
-    if (changes_.observe(taken, predicted, error)) {
+    if (changes_.observe(inner, dt, predicted, error)) {
       method_.reinitialise();
       relearn(changes_.post_change_samples(), forgetting);
       changes_.rearm();
@@ -215,8 +216,8 @@ class RecursiveEstimator {
   }
 
   // Learns this many of the latest samples again, with their own time steps, as if contact had been
-  // made with the first of them.
-  void relearn(std::size_t samples, Forgetting& forgetting) noexcept {
+  // made with the first of them. Rare, and kept out of the way of what happens every millisecond.
+  [[gnu::cold, gnu::noinline]] void relearn(std::size_t samples, Forgetting& forgetting) noexcept {
     forgetting.rearm();
     for (std::size_t age = samples; age-- > 0;) {
       const TakenSample& past = changes_.recent(age);

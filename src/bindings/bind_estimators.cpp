@@ -1,4 +1,4 @@
-// The recursive least squares estimators, and the defaults of the settings that all share.
+// The recursive least squares estimators, and the defaults of the settings that all have.
 #include <vector>
 
 #include "bind_face.hpp"

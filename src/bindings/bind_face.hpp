@@ -23,7 +23,7 @@ using Triple = std::array<double, 3>;
 // drift, threshold, noise, adaptation, warm-up, transition
 using Detector = std::array<double, 6>;
 
-// What the settings of every estimator share; an absent detector is none.
+// What the settings of every estimator have in common; an absent detector is none.
 struct Loop {
   Pair forgetting;
   Pair perturbation;

@@ -36,8 +36,7 @@ class Handle {
   // Calls `act` with the estimator, whichever kind it is.
   template <class Act>
   decltype(auto) with(Act&& act) {
-    if (Usual* usual = std::get_if<Usual>(&estimator_)) [[likely]]
-      return act(*usual);
+    if (Usual* usual = std::get_if<Usual>(&estimator_)) return act(*usual);
     return with_other<Others...>(act);
   }
 

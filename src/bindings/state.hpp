@@ -27,7 +27,7 @@ inline std::uint64_t checksum_of(std::string_view bytes) {
   return hash;
 }
 
-// `name` tells apart what shares a size.
+// `name` distinguishes what has the same size.
 template <class Core>
 std::string heading_of(const std::string& name) {
   return "palpate-state 1;" PALPATE_VERSION ";" + name + ";" + std::to_string(sizeof(Core)) + ";";

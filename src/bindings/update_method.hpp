@@ -93,8 +93,8 @@ PyObject* update_method(PyObject* self, PyObject* const* args, Py_ssize_t positi
   Handle& handle = *nb::inst_ptr<Handle>(self);
   handle.wait_until_free();
   return member_of(handle.with([&](auto& core) {
-    return default_step ? core.update(numbers[0], numbers[1], numbers[2])
-                        : core.update(numbers[0], numbers[1], numbers[2], numbers[3]);
+    const double dt = default_step ? core.settings().sample_time : numbers[3];
+    return core.update(numbers[0], numbers[1], numbers[2], dt);
   }));
 }
 

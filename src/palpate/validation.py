@@ -30,6 +30,8 @@ def number(name: str, value: Any) -> float:
         if isinstance(value, np.ndarray) and value.ndim:
             raise TypeError
         result = float(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        raise InvalidParameterError(f"{name} must not be so large: {shown(value)}") from None
     except Exception:  # an object's own __float__ may raise anything
         raise InvalidParameterError(f"{name} must be a number, not {shown(value)}") from None
     if not math.isfinite(result):

@@ -37,10 +37,10 @@ TEST("a restart relearns its samples with their own time steps") {
     nominal.sample_time = 1e-2;
     nominal.changes.warm_up = 100;
     if (Estimator::Method::forgets) nominal.forgetting = {0.98, 2.0};
-    typename Estimator::Settings told = nominal;
-    told.sample_time = 1e-3;
+    typename Estimator::Settings given = nominal;
+    given.sample_time = 1e-3;
     const Estimator by_nominal = pressed<Estimator>(nominal, false);
-    const Estimator by_step = pressed<Estimator>(told, true);
+    const Estimator by_step = pressed<Estimator>(given, true);
     CHECK(by_nominal.estimate().restarts == 1);
     const auto expected = by_nominal.estimate(), found = by_step.estimate();
     CHECK(found.restarts == 1);

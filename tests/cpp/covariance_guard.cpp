@@ -116,7 +116,7 @@ TEST("while the motion excites every direction the guard never acts") {
 }
 
 TEST("however large the initial covariance, the estimate comes out the same") {
-  // From 1e12 on one sample tells more than a covariance of doubles can hold beside the others.
+  // From 1e12 on one sample holds more than a covariance of doubles can hold beside the others.
   for_each_estimator([]<class Estimator>() {
     if constexpr (!std::is_same_v<Estimator, DoubleStageRLS>) {
       const auto law = ball<typename Estimator::Law>;

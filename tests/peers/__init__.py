@@ -1,1 +1,1 @@
-"""Independent witnesses: probing simulated by engines that nobody here wrote."""
+"""Independent reference simulators: probing simulated by engines that nobody here wrote."""

@@ -27,7 +27,7 @@ class Probe(Protocol):
         """Simulate until ``time`` [s] under a constant push [N] into the material."""
 
     def position(self) -> float:
-        """How far the tip is below the surface, m; negative in the free."""
+        """How far the tip is below the surface, m; negative out of contact."""
 
     def penetration(self) -> float:
         """The same by the engine's own contact geometry, where it sees a contact."""

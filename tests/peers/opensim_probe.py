@@ -23,7 +23,7 @@ RIGID = 1e18  # Pa
 
 
 class OpenSimProbe:
-    """A probe on an elastic half-space; its tip is of another material, rigid unless told."""
+    """A probe on an elastic half-space; its tip is of another material, rigid unless given."""
 
     engine = "OpenSim"
 

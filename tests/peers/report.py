@@ -1,4 +1,4 @@
-"""Prints what every witness was set to and what every estimator returned, as Markdown.
+"""Prints what every reference simulator was set to and what every estimator returned, as Markdown.
 
 From the folder of the tests: ``python -m peers.report``.
 """
@@ -21,27 +21,34 @@ from palpate import (
     VariableProjection,
     identify,
 )
-from peers.witnesses import HUNT_CROSSLEY, KELVIN_VOIGT, NOISE, Witness, sensed, shown_by
+from peers.reference_simulators import (
+    HUNT_CROSSLEY,
+    KELVIN_VOIGT,
+    NOISE,
+    ReferenceSimulator,
+    sensed,
+    shown_by,
+)
 
 
 def main() -> None:
-    print("| witness | set | motion in contact | largest force | force beside its law |")
+    print("| simulator | set | motion in contact | largest force | force beside its law |")
     print("|---|---|---|--:|--:|")
-    for name, witness in {**HUNT_CROSSLEY, **KELVIN_VOIGT}.items():
-        print(_row(name, _numbers(witness.law), *_shown(name, witness)))
-    print("\n| witness | estimator | returned | error of each |\n|---|---|---|---|")
-    for name, witness in {**HUNT_CROSSLEY, **KELVIN_VOIGT}.items():
-        for words, estimator, seed in _estimators(witness.law):
+    for name, simulator in {**HUNT_CROSSLEY, **KELVIN_VOIGT}.items():
+        print(_row(name, _numbers(simulator.law), *_shown(name, simulator)))
+    print("\n| simulator | estimator | returned | error of each |\n|---|---|---|---|")
+    for name, simulator in {**HUNT_CROSSLEY, **KELVIN_VOIGT}.items():
+        for words, estimator, seed in _estimators(simulator.law):
             print(_row(name, words, *_returned(name, estimator, seed)))
     packages = ", ".join(f"{p} {version(p)}" for p in ("drake", "opensim", "palpate", "numpy"))
     print(f"\n{packages}, CPython {platform.python_version()}, {date.today().isoformat()}")
 
 
-def _shown(name: str, witness: Witness) -> list[str]:
+def _shown(name: str, simulator: ReferenceSimulator) -> list[str]:
     contact = shown_by(name)
     touching = contact.force > 0.0
     speed, depth = np.abs(contact.velocity[touching]), contact.penetration[touching]
-    beside = witness.law.force(depth, contact.velocity[touching]) - contact.force[touching]
+    beside = simulator.law.force(depth, contact.velocity[touching]) - contact.force[touching]
     largest = contact.force.max()
     motion = f"to {1e3 * depth.max():.1f} mm, {1e3 * speed.max():.0f} mm/s"
     return [motion, f"{largest:.1f} N", f"{np.abs(beside).max() / largest:.0e}"]

@@ -6,7 +6,7 @@ import pytest
 from palpate import Contact, HuntCrossley, KelvinVoigtRLS, identify
 from peers.carriage import SAMPLE_TIME, probed
 from peers.drake_probe import DISSIPATION, KELVIN_VOIGT, RELAXATION, STIFFNESS, DrakeProbe
-from peers.witnesses import shown_by
+from peers.reference_simulators import shown_by
 
 pytestmark = pytest.mark.peers
 

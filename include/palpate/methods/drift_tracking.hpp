@@ -143,7 +143,7 @@ class DriftTrackingMethod {
     for (auto& row : covariance_) {
       for (double& entry : row) entry *= 100.0;
     }
-    // Without an offset its place in the state stays empty: 1e-30 is no variance, and definite.
+    // Without an offset its entry of the state stays empty: 1e-30 is no variance, and definite.
     if (!settings_.projection.offset) covariance_[3][3] = 1e-30;
     if (!detail::is_positive_definite(covariance_)) return;
     const Vector<4> state{

@@ -66,11 +66,11 @@ class PowerSums {
 
   // Interpolates the sums, never a function of them, between the ten nodes around an exponent.
   Local at(double n) const noexcept {
-    const double place = (n - lowest_) / step_;
-    const double centred = std::floor(place) - 4.0;
+    const double position = (n - lowest_) / step_;
+    const double centred = std::floor(position) - 4.0;
     const std::size_t first =
         centred <= 0.0 ? 0 : std::min(static_cast<std::size_t>(centred), nodes - lagrange_points);
-    const double t = place - static_cast<double>(first);
+    const double t = position - static_cast<double>(first);
     const LagrangeWeights weights = lagrange_weights(t);
     // From node to node Σ p² grows by the square of what Σ p does. Where that is much, as where the
     // unit is many times the depth, a polynomial would follow it badly.

@@ -1,4 +1,4 @@
-// Variable projection where the place of the surface is unknown too: a bank of candidates, each
+// Variable projection where the position of the surface is unknown too: a bank of candidates, each
 // with the same samples, the free approach included. J*(d), minimised over everything else, is
 // smooth near its minimum; its curvature there is the standard error of the surface.
 #pragma once

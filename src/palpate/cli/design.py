@@ -48,7 +48,7 @@ class Plan:
     frequencies: Several = None
     "Frequency of each sine, rad/s (not Hz); 4 11 15 unless given."
     max_depth: float | None = None
-    "Deepest point of the better motion, m; that of the planned motion unless given."
+    "Peak penetration of the better motion, m; that of the planned motion unless given."
     max_speed: float | None = None
     "Highest speed of the better motion, m/s; that of the planned motion unless given."
 
@@ -71,7 +71,7 @@ def design(
     offset
         A force offset is unknown too.
     surface
-        The place of the surface is unknown too.
+        The position of the surface is unknown too.
     as_json
         Print one JSON object instead of a table; what is infinite is null.
     """

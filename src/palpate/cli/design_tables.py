@@ -9,9 +9,9 @@ from rich.text import Text
 
 from palpate.cli.printing import Terminal
 from palpate.cli.tables import new_table
-from palpate.design.outlook import Outlook
 from palpate.design.planned import Design
 from palpate.design.precision import HORIZON
+from palpate.design.predicted_precision import PredictedPrecision
 
 
 def print_design(design: Design) -> None:
@@ -26,8 +26,8 @@ def print_design(design: Design) -> None:
     console.print()
     console.print(_motions(design))
     console.print()
-    for outlook, name in _columns(design):
-        for note in outlook.notes:
+    for predicted, name in _columns(design):
+        for note in predicted.notes:
             console.print(Text(f"{name}: {note}", "yellow"), soft_wrap=True)
     if design.better is None:
         console.print(Text(f"no better motion: {design.reason}"), soft_wrap=True)
@@ -59,7 +59,7 @@ def command_line(design: Design) -> str | None:
         "depth": (motion.depth,),
         "amplitudes": motion.amplitudes,
         "frequencies": motion.frequencies,
-        "max-depth": (limits.deepest,),
+        "max-depth": (limits.peak_penetration,),
         "max-speed": (limits.speed,),
     }
     words = [
@@ -71,7 +71,7 @@ def command_line(design: Design) -> str | None:
     return " ".join(["palpate design", *words, *flags])
 
 
-def _columns(design: Design) -> list[tuple[Outlook, str]]:
+def _columns(design: Design) -> list[tuple[PredictedPrecision, str]]:
     better = [] if design.better is None else [(design.better, "better")]
     return [(design.planned, "planned"), *better]
 
@@ -93,15 +93,15 @@ def _precision(design: Design) -> Table:
         for symbol in design.law.symbols:
             table.add_column(f"{name} {symbol}", justify="right")
     for row, duration in enumerate(design.planned.durations):
-        errors = [e for outlook, _ in _columns(design) for e in outlook.relative_errors[row]]
+        errors = [e for predicted, _ in _columns(design) for e in predicted.relative_errors[row]]
         table.add_row(f"± after {duration:g} s", *(_percent(float(e)) for e in errors))
     if design.resolution and not all(
         np.array_equal(o.expected_errors, o.relative_errors) for o, _ in _columns(design)
     ):
-        errors = [e for outlook, _ in _columns(design) for e in outlook.expected_errors[-1]]
+        errors = [e for predicted, _ in _columns(design) for e in predicted.expected_errors[-1]]
         table.add_row("  with rounding", *(_percent(float(e)) for e in errors))
     for row, target in enumerate(design.planned.targets):
-        times = [t for outlook, _ in _columns(design) for t in outlook.times[row]]
+        times = [t for predicted, _ in _columns(design) for t in predicted.times[row]]
         table.add_row(f"within {target:.0%} after", *(_seconds(float(t)) for t in times))
     return table
 
@@ -111,10 +111,12 @@ def _motions(design: Design) -> Table:
     table.add_column("motion")
     for _, name in _columns(design):
         table.add_column(name, justify="right")
-    rows: dict[str, Callable[[Outlook], str]] = {
+    rows: dict[str, Callable[[PredictedPrecision], str]] = {
         "mean depth": lambda o: f"{1e3 * o.motion.depth:.4g} mm",
         "sines": _sines,
-        "depths reached": lambda o: f"{1e3 * o.shallowest:.3g} to {1e3 * o.deepest:.3g} mm",
+        "depths reached": lambda o: (
+            f"{1e3 * o.least_penetration:.3g} to {1e3 * o.peak_penetration:.3g} mm"
+        ),
         "peak force": lambda o: f"{o.peak_force:.3g} N",
         "peak speed": lambda o: f"{1e3 * o.peak_speed:.3g} mm/s",
         f"over 0.1 K/B = {1e3 * design.speed_limit:.3g} mm/s (eq. 10)": lambda o: (
@@ -122,12 +124,12 @@ def _motions(design: Design) -> Table:
         ),
     }
     for label, word in rows.items():
-        table.add_row(label, *(word(outlook) for outlook, _ in _columns(design)))
+        table.add_row(label, *(word(predicted) for predicted, _ in _columns(design)))
     return table
 
 
-def _sines(outlook: Outlook) -> str:
-    motion = outlook.motion
+def _sines(predicted: PredictedPrecision) -> str:
+    motion = predicted.motion
     lines = [
         f"{1e3 * a:.4g} mm at {w:.4g} rad/s"
         for a, w in zip(motion.amplitudes, motion.frequencies, strict=True)

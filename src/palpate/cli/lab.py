@@ -49,8 +49,8 @@ def lab(
     Parameters
     ----------
     material
-        ball, sponge, pvc, inclusion, relaxing-sponge, soft-and-hard (by place) or soft-then-hard
-        (by time); or hunt-crossley, kelvin-voigt or extended-kelvin-voigt with parameters of one's
+        ball, sponge, pvc, inclusion, relaxing-sponge, soft-and-hard (by lateral position) or
+        soft-then-hard (by time); or a force law, such as hunt-crossley, with parameters of one's
         own.
     output
         CSV to write; the truth stands in the notes above its header.
@@ -132,12 +132,12 @@ def _material(name: str, given: dict[str, float]) -> "Material":
 
 def _trajectory(name: str) -> "Trajectory":
     from palpate.errors import InvalidParameterError
-    from palpate.lab import TRAJECTORIES, Followed
+    from palpate.lab import TRAJECTORIES, SplineTrajectory
 
     if name in TRAJECTORIES:
         return TRAJECTORIES[name]
     if Path(name).suffix:
-        return Followed.read(name)
+        return SplineTrajectory.read(name)
     raise InvalidParameterError(
         f"--trajectory must be one of {', '.join(TRAJECTORIES)}, or a CSV file, not {name!r}"
     )
@@ -183,8 +183,8 @@ def _print(measurement: "Measurement", output: Path, where: TextIO) -> None:
     lines = (
         f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s",
         f"truth: {contact.provenance['truth']}",
-        f"deepest {1e3 * truth.penetration.max():.2f} mm, fastest "
-        f"{1e3 * abs(truth.velocity).max():.1f} mm/s, firmest {truth.force.max():.2f} N",
+        f"peak penetration {1e3 * truth.penetration.max():.2f} mm, fastest "
+        f"{1e3 * abs(truth.velocity).max():.1f} mm/s, peak force {truth.force.max():.2f} N",
         f"recording: {output}",
     )
     print(*lines, sep="\n", file=where)

@@ -88,8 +88,8 @@ def _chosen(only: tuple[str, ...]) -> "list[Experiment]":
 
 def _say_what_was_taken_over(run: "PaperRun") -> None:
     total = len(run.experiments) * run.seeds
-    if run.taken_over:
-        words = f"{run.taken_over} of {total} outcomes taken over from an earlier run"
+    if run.reused:
+        words = f"{run.reused} of {total} outcomes reused from an earlier run"
         print(f"{words} by the same code", file=sys.stderr)
 
 

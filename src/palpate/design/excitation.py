@@ -25,7 +25,7 @@ class CramerRaoBound:
     names : tuple of str
         The law's parameters, then ``offset`` and ``surface`` where they are unknown too.
     standard_errors : numpy.ndarray, shape (q,)
-        Lower bounds, SI; infinite where the motion does not tell.
+        Lower bounds, SI; infinite where the motion does not identify it.
     covariance : numpy.ndarray, shape (q, q)
         The inverse of the information; infinite where that is singular.
     """
@@ -99,7 +99,7 @@ def fisher_information(
     noise : float
         σ of the force, N, in [1e-30, 1e30].
     offset, surface : bool
-        Whether a force offset [N] and the place of the surface [m] are unknown too.
+        Whether a force offset [N] and the position of the surface [m] are unknown too.
 
     Returns
     -------

@@ -57,12 +57,12 @@ class Motion:
         object.__setattr__(self, "frequencies", frequencies)
 
     @property
-    def deepest(self) -> float:
+    def peak_penetration(self) -> float:
         """x₀ + Σ aᵢ, m: it never goes deeper, however long it runs."""
         return self.depth + math.fsum(self.amplitudes)
 
     @property
-    def shallowest(self) -> float:
+    def least_penetration(self) -> float:
         """x₀ − Σ aᵢ, m: it never comes higher, however long it runs."""
         return self.depth - math.fsum(self.amplitudes)
 

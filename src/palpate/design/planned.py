@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from palpate.design.motion import PAPER_MOTION, Motion
-from palpate.design.outlook import Outlook, foresee
 from palpate.design.precision import HORIZON, Measurement
+from palpate.design.predicted_precision import PredictedPrecision, predict_precision
 from palpate.design.rounding import effective_noise
 from palpate.design.search import Limits, find_better, limits_around
 from palpate.errors import InvalidParameterError
@@ -16,7 +16,7 @@ from palpate.validation import instance, number_in
 
 __all__ = ["DURATIONS", "PAPER_MOTION", "Design", "Motion", "design", "effective_noise"]
 
-#: When the precision is told, s.
+#: When the precision is predicted, s.
 DURATIONS = (0.5, 1.0, 5.0, 20.0)
 
 
@@ -33,15 +33,15 @@ class Design:
     sample_time : float
         s.
     offset, surface : bool
-        Whether a force offset and the place of the surface are unknown too.
+        Whether a force offset and the position of the surface are unknown too.
     speed_limit : float
         0.1 K/B, m/s (eq. 10). Faster, the single-stage method is biased; variable projection is
         not.
     limits : Limits
         What the better motion has to keep to.
-    planned : Outlook
+    planned : PredictedPrecision
         What the planned motion would tell.
-    better : Outlook or None
+    better : PredictedPrecision or None
         The same of the motion within the limits whose worst expected error after the longest
         duration is the least found; None where the planned motion is as good.
     reason : str
@@ -57,8 +57,8 @@ class Design:
     surface: bool
     speed_limit: float
     limits: Limits
-    planned: Outlook
-    better: Outlook | None
+    planned: PredictedPrecision
+    better: PredictedPrecision | None
     reason: str
 
     def as_dict(self) -> dict[str, Any]:
@@ -98,7 +98,7 @@ def design(
 
         s(θᵢ) ≥ σ √[(JᵀJ)⁻¹]ᵢᵢ,   J = ∂F/∂(K, B, n[, F₀][, d]) at every sample in contact,
 
-    with F₀ an offset and d the place of the surface, where they are unknown too.
+    with F₀ an offset and d the position of the surface, where they are unknown too.
     :class:`VariableProjection` comes close to it. Penetration and velocity are taken as exact,
     noise as white, the law as true: on a real rig it takes longer.
 
@@ -118,14 +118,14 @@ def design(
     offset : bool
         A force offset is unknown too, as in :class:`VariableProjection`.
     surface : bool
-        The place of the surface is unknown too. Only samples in contact count: those of the free
+        The position of the surface is unknown too. Only samples in contact count: those of the free
         approach, which would help, do not.
     durations : sequence of float
         s, each in [sample_time, 1000] and of at most 1e7 samples.
     max_depth, max_speed : float, optional
-        Limits of the better motion: deepest point, m, in (0, 10], and speed, m/s, in (0, 1000].
+        Limits of the better motion: peak penetration, m, in (0, 10], and speed, m/s, in (0, 1000].
         What the planned motion itself reaches, unless given. It also stays below K/B, where the law
-        begins to pull, and deeper than a tenth of the deepest point and than where K xⁿ is ten
+        begins to pull, and deeper than a tenth of the peak penetration and than where K xⁿ is ten
         times the noise, but for at most a tenth of the largest (or than the planned motion does,
         where that comes higher and stays in contact).
 
@@ -141,9 +141,9 @@ def design(
         law, float(noise), float(resolution), step, bool(offset), bool(surface)
     )
     limits = limits_around(motion, measurement, max_depth, max_speed)
-    planned = foresee(motion, measurement, spans)
+    planned = predict_precision(motion, measurement, spans)
     found = find_better(motion, measurement, limits, spans[-1])
-    better = None if found is None else foresee(found, measurement, spans)
+    better = None if found is None else predict_precision(found, measurement, spans)
     return Design(
         law=law,
         noise=measurement.noise,
@@ -195,38 +195,38 @@ def _checked_durations(durations: Sequence[float], step: float) -> tuple[float, 
     )
 
 
-def _why(planned: Outlook, better: Outlook | None, limits: Limits) -> str:
+def _why(planned: PredictedPrecision, better: PredictedPrecision | None, limits: Limits) -> str:
     """In words, what makes the difference."""
     if better is None:
         if limits.speed == 0.0:
             return "the planned probe is held; a highest speed is needed to look for a motion"
         if math.isinf(planned.worst):
-            return "no motion within the limits was found that tells the three parameters"
+            return "no motion within the limits was found that identifies the three parameters"
         return "no motion within the limits was found that is better by 2 %"
     reasons = []
     if not limits.allow(planned.motion):
         price = ", and is less precise for it" if better.worst > planned.worst else ""
         reasons.append(f"it keeps to the limits, which the planned motion does not{price}")
-    if better.motion.deepest > 1.02 * planned.motion.deepest:
+    if better.motion.peak_penetration > 1.02 * planned.motion.peak_penetration:
         reasons.append("it goes deeper, where the force stands further out of the noise")
     if _span(better) > 1.02 * _span(planned):
         reasons.append(
             "its stroke covers a wider range of depths, from "
-            f"{1e3 * better.shallowest:.3g} to {1e3 * better.deepest:.3g} mm, which tells the "
-            "exponent, and with it the stiffness"
+            f"{1e3 * better.least_penetration:.3g} to {1e3 * better.peak_penetration:.3g} mm, "
+            "which identifies the exponent, and with it the stiffness"
         )
     if better.rms_speed > 1.02 * planned.rms_speed:
         reasons.append(
             f"it is faster, {1e3 * better.rms_speed:.3g} mm/s rms for "
-            f"{1e3 * planned.rms_speed:.3g}, which tells the damping"
+            f"{1e3 * planned.rms_speed:.3g}, which identifies the damping"
         )
     if len(better.motion.amplitudes) < len(planned.motion.amplitudes):
-        reasons.append("fewer sines share the stroke and the speed")
+        reasons.append("the stroke and the speed are divided among fewer sines")
     return "; ".join(reasons) or "it divides depth and speed better between the three"
 
 
-def _span(outlook: Outlook) -> float:
-    """Range of the logarithm of the depth, which is what the exponent is told from."""
-    if outlook.shallowest <= 0.0:
+def _span(predicted: PredictedPrecision) -> float:
+    """Range of the logarithm of the depth, from which the exponent is identified."""
+    if predicted.least_penetration <= 0.0:
         return math.inf
-    return math.log(outlook.deepest / outlook.shallowest)
+    return math.log(predicted.peak_penetration / predicted.least_penetration)

@@ -1,4 +1,4 @@
-"""How precisely a planned motion tells the parameters of a guessed law, and after how long."""
+"""How precisely a planned motion identifies the parameters of a guessed law, and after how long."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -39,7 +39,7 @@ class Measurement:
     sample_time : float
         s.
     offset, surface : bool
-        Whether a force offset and the place of the surface are estimated along.
+        Whether a force offset and the position of the surface are estimated along.
     """
 
     law: HuntCrossley
@@ -79,7 +79,7 @@ class Measurement:
 
             E δθ² = (σ² + Δ²/12 − Σ βₖ²/2) C + Σ βₖ²/2 [(CJᵀ cos 2πkF/Δ)² + (CJᵀ sin 2πkF/Δ)²].
 
-        Where the steps fall hangs on the guess: this is the mean over 0.9, 1 and 1.1 times the
+        Where the steps fall depends on the guess: this is the mean over 0.9, 1 and 1.1 times the
         forces in the waves, and no less than the bound, :meth:`relative_errors`, below which only
         luck gets. Where noise blurs the steps it is the bound. ``quick`` counts one sample for
         several.

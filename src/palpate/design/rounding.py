@@ -6,9 +6,9 @@ import numpy as np
 
 from palpate.validation import Floats, number_in
 
-# Harmonics of the rounding error that are told from white noise: at least 87 % of its power.
+# Harmonics of the rounding error that are distinct from white noise: at least 87 % of its power.
 _MOST = 4
-# Smaller ones than this share of the noise are left in it.
+# Smaller ones than this fraction of the noise are left in it.
 _LEAST = 1e-3
 
 

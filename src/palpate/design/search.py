@@ -9,15 +9,15 @@ import numpy as np
 from palpate.design.motion import Motion
 from palpate.design.precision import Measurement
 
-# The probe stays deeper than this share of the deepest point, and where K xⁿ is so many times the
-# noise but at most this share of its largest: what is less, gates leave out.
+# The probe stays deeper than this fraction of the peak penetration, and where K xⁿ is so many times
+# the noise but at most this fraction of its largest: what is less, gates leave out.
 MARGIN = 0.1
 CLEAR = 10.0
 # What gains less is not worth a change.
 LEAST_GAIN = 0.02
 # A quadratic velocity filter of 15 samples takes 5.57 (ω Δt)² off a sine's speed: here 0.5 %.
 FASTEST_PHASE = 0.03
-# Four digits are enough to type, and move a depth by less than this share of it.
+# Four digits are enough to type, and move a depth by less than this fraction of it.
 _DIGITS = 4
 _SLACK = 1e-3
 
@@ -28,24 +28,24 @@ class Limits:
 
     Parameters
     ----------
-    deepest, shallowest : float
-        m, 0 < shallowest < deepest.
+    peak_penetration, least_penetration : float
+        m, 0 < least_penetration < peak_penetration.
     speed : float
         m/s.
     frequency : float
         rad/s.
     """
 
-    deepest: float
-    shallowest: float
+    peak_penetration: float
+    least_penetration: float
     speed: float
     frequency: float
 
     def allow(self, motion: Motion) -> bool:
         """Whether the motion keeps to them."""
         return (
-            motion.deepest <= self.deepest * (1.0 + 1e-12)
-            and motion.shallowest >= self.shallowest * (1.0 - 1e-12)
+            motion.peak_penetration <= self.peak_penetration * (1.0 + 1e-12)
+            and motion.least_penetration >= self.least_penetration * (1.0 - 1e-12)
             and motion.top_speed <= self.speed * (1.0 + 1e-12)
             and max(motion.frequencies, default=0.0) <= self.frequency * (1.0 + 1e-12)
         )
@@ -59,15 +59,19 @@ def limits_around(
     The speed also stays below K/B, beyond which the law pulls at a probe on its way out, and the
     frequency so low that a velocity filter of 15 samples costs the damping 0.5 %.
     """
-    deepest = motion.deepest if max_depth is None else max_depth
+    peak_penetration = motion.peak_penetration if max_depth is None else max_depth
     law = measurement.law
-    clear = min(CLEAR * measurement.effective_noise / law.stiffness, MARGIN * deepest**law.exponent)
-    shallowest = max(MARGIN * deepest, clear ** (1.0 / law.exponent))
-    if 0.0 < motion.shallowest < shallowest:
-        shallowest = motion.shallowest
+    clear = min(
+        CLEAR * measurement.effective_noise / law.stiffness, MARGIN * peak_penetration**law.exponent
+    )
+    least_penetration = max(MARGIN * peak_penetration, clear ** (1.0 / law.exponent))
+    if 0.0 < motion.least_penetration < least_penetration:
+        least_penetration = motion.least_penetration
     speed = motion.top_speed if max_speed is None else max_speed
     frequency = max([FASTEST_PHASE / measurement.sample_time, *motion.frequencies])
-    return Limits(deepest, shallowest, min(speed, law.stiffness / law.damping), frequency)
+    return Limits(
+        peak_penetration, least_penetration, min(speed, law.stiffness / law.damping), frequency
+    )
 
 
 def find_better(
@@ -75,15 +79,18 @@ def find_better(
 ) -> Motion | None:
     """Return a motion within the limits whose worst error of (K, B, n) is less, or None.
 
-    The worst expected error after the duration is compared over strokes from the deepest point up
-    to 24 heights, then over 9 around the best of them, all at the highest speed: of the planned
+    The worst expected error after the duration is compared over strokes from the peak penetration
+    up to 24 heights, then over 9 around the best of them, all at the highest speed: of the planned
     sines in their proportions, of a single sine, and of one with a small second one, which does
     not repeat. Where the planned motion is within the limits, nothing is returned that gains less
     than 2 %.
     """
     if limits.speed == 0.0:
         return None
-    top, bottom = limits.deepest * (1.0 - _SLACK), limits.shallowest + limits.deepest * _SLACK
+    top, bottom = (
+        limits.peak_penetration * (1.0 - _SLACK),
+        limits.least_penetration + limits.peak_penetration * _SLACK,
+    )
     heights = np.linspace(bottom, bottom + 0.95 * (top - bottom), 24)
     step = float(heights[1] - heights[0])
 
@@ -103,7 +110,7 @@ def find_better(
                 best, least, best_shape = candidate, error, shape
     if math.isinf(least):
         return None
-    centre = best.shallowest
+    centre = best.least_penetration
     for height in np.linspace(max(bottom, centre - step), min(heights[-1], centre + step), 9):
         candidate = _stroke(best_shape, top, float(height), limits)
         if (error := worst(candidate)) < least:

@@ -15,10 +15,10 @@ from palpate.validation import Floats, signal, signals
 
 
 class ContactEstimator:
-    """What every estimator shares: samples one at a time, or arrays by the same recursion.
+    """What estimators have in common: samples one at a time, or arrays by the same recursion.
 
     Its subclasses are the methods. Settings are the constructor's keyword arguments; what was
-    learned is apart, and :meth:`replace` forgets it.
+    learned is kept separately, and :meth:`replace` forgets it.
     """
 
     __slots__ = ()
@@ -90,7 +90,7 @@ class ContactEstimator:
 class CompiledEstimator(ContactEstimator):
     """An estimator whose recursion is compiled; ``update`` never allocates.
 
-    Threads may share one: each call is taken whole, and waits while another thread replays.
+    Threads may use one together: each call is taken whole, and waits while another thread replays.
     """
 
     __slots__ = ()

@@ -51,9 +51,9 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
     exponent_range : tuple of float
         Where the exponent is looked for: (lowest, highest), within [0.1, 10], 0.2 to 5 apart.
     surface : "estimate", optional
-        Search for the place of the surface too, within ``surface_range``, from samples that include
-        the free approach; the gate then does not apply. None: the penetration is measured from the
-        surface.
+        Search for the position of the surface too, within ``surface_range``, from samples that
+        include the free approach; the gate then does not apply. None: the penetration is measured
+        from the surface.
     surface_range : tuple of float, optional
         Where the surface is looked for, m, in the coordinate of the penetration: (lowest, highest).
         Forty-one candidates. None: ± a fifth of the unit of penetration, ±2 mm without a ``scale``.

@@ -50,7 +50,8 @@ def draw_force(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
     known = contact.force[np.isfinite(contact.force)]
     low, high = float(known.min()), float(known.max())
     span = (high - low) or abs(high)
-    axes.set_ylim(low - 0.1 * span, high + 0.25 * span)
+    rows = -(-(1 + len(shown)) // 3)  # of the legend, above the data
+    axes.set_ylim(low - 0.1 * span, high + max(0.25, 0.13 * rows) * span)
     axes.set(xlabel=label, ylabel="force [N]", title="Force, and what was predicted of it")
     axes.legend(loc="upper right", ncols=min(3, 1 + len(shown)))
 

@@ -64,7 +64,9 @@ def draw_rig(bench: Bench, *, dark: bool = False) -> "Figure":
     with style(theme) as new_figure:
         figure = new_figure(figsize=(7.6, 5.8), layout="constrained")
         axes = figure.add_subplot()
-        _draw_linkage(axes, float(command.place[0]), float(command.penetration[0]), theme)
+        _draw_linkage(
+            axes, float(command.lateral_position[0]), float(command.penetration[0]), theme
+        )
         axes.axhspan(0.0, 40.0, color=theme.lines[1], alpha=0.25, linewidth=0.0)
         axes.text(-165.0, 34.0, bench.material.name, va="top")
         axes.set(xlabel="along the surface [mm]", ylabel="into the material [mm]")
@@ -74,8 +76,8 @@ def draw_rig(bench: Bench, *, dark: bool = False) -> "Figure":
     return figure
 
 
-def _draw_linkage(axes: "Axes", place: float, penetration: float, theme: Theme) -> None:
-    geometry, x, y = Geometry(), np.array([place]), np.array([penetration])
+def _draw_linkage(axes: "Axes", lateral_position: float, penetration: float, theme: Theme) -> None:
+    geometry, x, y = Geometry(), np.array([lateral_position]), np.array([penetration])
     angles = geometry.motor_angles(x, y)
     elbows, wrists = 1e3 * geometry.elbows(angles)[0], 1e3 * geometry.wrists(x, y)[0]
     motors = 1e3 * geometry.motors
@@ -84,7 +86,7 @@ def _draw_linkage(axes: "Axes", place: float, penetration: float, theme: Theme) 
         axes.plot(*links.T, color=theme.lines[0], linewidth=5.0, solid_capstyle="round")
     axes.plot(*wrists.T, color=theme.ink, linewidth=7.0, solid_capstyle="round")
     middle = wrists.mean(axis=0)
-    tip = np.array([1e3 * place, 1e3 * penetration])
+    tip = np.array([1e3 * lateral_position, 1e3 * penetration])
     axes.plot(*np.array([middle, tip]).T, color=theme.lines[1], linewidth=4.0)
     axes.plot(*motors.T, "o", color=theme.ink, markersize=17.0)
     axes.plot(*np.vstack([elbows, wrists]).T, "o", color=theme.background, markersize=4.0)

@@ -25,7 +25,7 @@ _FORMATS: dict[str, dict[str, None] | None] = {
 
 @dataclass(frozen=True, slots=True)
 class Theme:
-    """Colours of Okabe & Ito, told apart by colour-blind readers too, for one background."""
+    """Colours of Okabe & Ito, distinct for colour-blind readers too, for one background."""
 
     background: str
     ink: str
@@ -34,10 +34,12 @@ class Theme:
     lines: tuple[str, ...]
 
     def looks(self, count: int) -> list[dict[str, Any]]:
-        """Return so many looks of a line: a colour each, and then the same colours dashed."""
-        styles = itertools.product(("-", "--", ":", "-."), self.lines)
-        looks = ({"color": colour, "linestyle": style} for style, colour in styles)
-        return list(itertools.islice(itertools.cycle(looks), count))
+        """Return so many looks of a line: a colour each, then the same dashed; the first on top."""
+        styles = itertools.cycle(itertools.product(("-", "--", ":", "-."), self.lines))
+        return [
+            {"color": colour, "linestyle": style, "zorder": 2.4 - 0.4 * i / count}
+            for i, (style, colour) in enumerate(itertools.islice(styles, count))
+        ]
 
 
 LIGHT = Theme(

@@ -15,14 +15,14 @@ from palpate.lab.materials import (
     SOFT_AND_HARD,
     SOFT_THEN_HARD,
     SPONGE,
-    Episodes,
     Homogeneous,
     Material,
     Relaxing,
+    SpaceVaryingMaterial,
+    TimeVaryingMaterial,
     Touch,
-    Zones,
 )
-from palpate.lab.probes import Course, IdealProbe, Probe
+from palpate.lab.probes import IdealProbe, Probe, SimulatedMotion
 from palpate.lab.robot import TwinPantograph
 from palpate.lab.sensors import PERFECT, Sensors
 from palpate.lab.trajectories import (
@@ -34,9 +34,9 @@ from palpate.lab.trajectories import (
     TRAJECTORIES,
     TWO_SINES,
     Command,
-    Followed,
     Palpation,
     Probing,
+    SplineTrajectory,
     Tapping,
     Trajectory,
 )
@@ -60,9 +60,6 @@ __all__ = [
     "TWO_SINES",
     "Bench",
     "Command",
-    "Course",
-    "Episodes",
-    "Followed",
     "Homogeneous",
     "IdealProbe",
     "Material",
@@ -72,9 +69,12 @@ __all__ = [
     "Probing",
     "Relaxing",
     "Sensors",
+    "SimulatedMotion",
+    "SpaceVaryingMaterial",
+    "SplineTrajectory",
     "Tapping",
+    "TimeVaryingMaterial",
     "Touch",
     "Trajectory",
     "TwinPantograph",
-    "Zones",
 ]

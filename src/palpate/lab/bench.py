@@ -7,7 +7,7 @@ import numpy as np
 
 from palpate.contact import Contact
 from palpate.lab.materials import Material
-from palpate.lab.probes import Course, Probe, Progress
+from palpate.lab.probes import Probe, Progress, SimulatedMotion
 from palpate.lab.sensors import Sensors, rounded
 from palpate.lab.trajectories import Command, Trajectory
 from palpate.preparation import prepare
@@ -86,26 +86,26 @@ class Bench:
         step = self.sensors.sample_time
         time: Floats = step * np.arange(max(round(length / step), 1), dtype=np.float64)
         random = np.random.default_rng(seed)
-        course = self.probe.follow(self.trajectory, self.material, time, random, progress)
+        motion = self.probe.follow(self.trajectory, self.material, time, random, progress)
         return Measurement(
-            self._recorded(time, course, random, seed),
+            self._recorded(time, motion, random, seed),
             Contact(
                 time,
-                penetration=course.penetration,
-                velocity=course.velocity,
-                force=course.force,
+                penetration=motion.penetration,
+                velocity=motion.velocity,
+                force=motion.force,
                 source="truth",
             ),
             self.trajectory.at(time),
         )
 
     def _recorded(
-        self, time: Floats, course: Course, random: np.random.Generator, seed: int
+        self, time: Floats, motion: SimulatedMotion, random: np.random.Generator, seed: int
     ) -> Contact:
-        force = self.sensors.force(course.force, random)
+        force = self.sensors.force(motion.force, random)
         resting = time < self.trajectory.pause
         tare = float(force[resting].mean()) if resting.any() else 0.0
-        penetration = rounded(course.recorded_penetration, self.sensors.penetration_resolution)
+        penetration = rounded(motion.recorded_penetration, self.sensors.penetration_resolution)
         return prepare(
             time=time,
             penetration=penetration,

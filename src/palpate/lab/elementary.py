@@ -2,7 +2,7 @@
 
 NumPy's own differ in the last digit from one kind of processor to the next. A robot amplifies
 that: between two counts of its encoders position control sees nothing, and the poking device,
-pushed from behind, sways apart from 1e-16 m to a micrometre within half a second. With these the
+pushed from behind, diverges from 1e-16 m to a micrometre within half a second. With these the
 same seed gives the same file on them all.
 """
 

@@ -50,46 +50,50 @@ class Geometry:
         height = np.full(4, -self.poker - self.reach)
         return np.column_stack([middle + side, height])
 
-    def wrists(self, place: Floats, penetration: Floats) -> Floats:
+    def wrists(self, lateral_position: Floats, penetration: Floats) -> Floats:
         """Places of the two wrists for a tip that points straight into the material; (k, 2, 2)."""
         side = np.array([-0.5, 0.5]) * self.handle
-        x = np.asarray(place)[..., None] + side
+        x = np.asarray(lateral_position)[..., None] + side
         y = np.broadcast_to(np.asarray(penetration)[..., None] - self.poker, x.shape)
         return np.stack([x, y], axis=-1)
 
-    def motor_angles(self, place: Floats, penetration: Floats) -> Floats:
+    def motor_angles(self, lateral_position: Floats, penetration: Floats) -> Floats:
         """Inverse kinematics: angles of the four motors from the x axis, rad; shape (k, 4)."""
-        reach = self.wrists(place, penetration)[..., PANTOGRAPH, :] - self.motors
+        reach = self.wrists(lateral_position, penetration)[..., PANTOGRAPH, :] - self.motors
         distance = _length(reach)
         cosine = (self.proximal**2 + distance**2 - self.distal**2) / (2 * self.proximal * distance)
         # Beyond the links' length they stretch as far as they can.
-        bend = arccos(np.clip(cosine, -1.0, 1.0))
-        angles: Floats = arctan2(reach[..., 1], reach[..., 0]) + ELBOW * bend
+        turn = arccos(np.clip(cosine, -1.0, 1.0))
+        angles: Floats = arctan2(reach[..., 1], reach[..., 0]) + ELBOW * turn
         return angles
 
     def motor_speeds(
-        self, place: Floats, penetration: Floats, place_velocity: Floats, velocity: Floats
+        self,
+        lateral_position: Floats,
+        penetration: Floats,
+        lateral_velocity: Floats,
+        velocity: Floats,
     ) -> Floats:
         """Speeds of the four motors, rad/s; shape (k, 4).
 
         A distal link keeps its length: (wrist − elbow) · (wrist velocity − elbow velocity) = 0.
         """
-        angles = self.motor_angles(place, penetration)
-        wrists = self.wrists(place, penetration)[..., PANTOGRAPH, :]
+        angles = self.motor_angles(lateral_position, penetration)
+        wrists = self.wrists(lateral_position, penetration)[..., PANTOGRAPH, :]
         along = wrists - self.elbows(angles)
         turning = np.stack([-sin(angles), cos(angles)], axis=-1) * self.proximal
-        moving = np.stack([place_velocity, velocity], axis=-1)[..., None, :]
+        moving = np.stack([lateral_velocity, velocity], axis=-1)[..., None, :]
         speeds: Floats = (along * moving).sum(axis=-1) / (along * turning).sum(axis=-1)
         return speeds
 
     def elbows(self, angles: Floats) -> Floats:
         """Places of the four elbows; shape (k, 4, 2)."""
         out = np.stack([cos(angles), sin(angles)], axis=-1)
-        places: Floats = self.motors + self.proximal * out
-        return places
+        positions: Floats = self.motors + self.proximal * out
+        return positions
 
     def tip(self, angles: Floats) -> tuple[Floats, Floats]:
-        """Forward kinematics: place and penetration of the tip, m; each of shape (k,).
+        """Forward kinematics: lateral position and penetration of the tip, m; each of shape (k,).
 
         A wrist is where the circles about its two elbows meet, deeper than both.
         """
@@ -111,10 +115,10 @@ def _length(vectors: Floats) -> Floats:
 def _meeting(left: Floats, right: Floats, radius: float) -> Floats:
     """The deeper of the two points at a distance from both."""
     first, second = (left, right)
-    apart = second - first
-    distance = _length(apart)[..., None]
+    between = second - first
+    distance = _length(between)[..., None]
     height = np.sqrt(np.maximum(radius**2 - 0.25 * distance**2, 0.0))
-    across = np.stack([-apart[..., 1], apart[..., 0]], axis=-1) / distance
+    across = np.stack([-between[..., 1], between[..., 0]], axis=-1) / distance
     across = across * np.where(across[..., 1:] >= 0.0, 1.0, -1.0)
     point: Floats = 0.5 * (first + second) + height * across
     return point

@@ -12,7 +12,7 @@ from palpate.errors import InvalidParameterError
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.validation import Floats, instance, number, number_in
 
-#: Force [N] at a time [s], place along the surface [m], penetration [m] and velocity [m/s]; to be
+#: Force [N] at a time [s], lateral position [m], penetration [m] and velocity [m/s]; to be
 #: called in the order of time, for a material may remember.
 Touch = Callable[[float, float, float, float], float]
 
@@ -28,7 +28,9 @@ class Material(Protocol):
     def touch(self) -> Touch:
         """Return the force of a material that nobody has touched yet."""
 
-    def force(self, time: Floats, place: Floats, penetration: Floats, velocity: Floats) -> Floats:
+    def force(
+        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+    ) -> Floats:
         """Force [N] along a whole motion, shapes (k,)."""
 
     def describe(self) -> dict[str, Any]:
@@ -56,11 +58,15 @@ class Homogeneous:
         _check_real(self.law)
 
     def touch(self) -> Touch:
-        """Return the law as a function of time, place, penetration and velocity."""
+        """Return the law as a function of time, lateral position, penetration and velocity."""
         law = self.law
-        return lambda time, place, penetration, velocity: law.force(penetration, velocity)
+        return lambda time, lateral_position, penetration, velocity: law.force(
+            penetration, velocity
+        )
 
-    def force(self, time: Floats, place: Floats, penetration: Floats, velocity: Floats) -> Floats:
+    def force(
+        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+    ) -> Floats:
         """Force [N] along a whole motion, shapes (k,)."""
         return self.law.force(penetration, velocity)
 
@@ -105,15 +111,19 @@ class Relaxing:
         branch = _MaxwellBranch(self.branch_stiffness, self.relaxation_time)
         law = self.law
 
-        def force(time: float, place: float, penetration: float, velocity: float) -> float:
+        def force(
+            time: float, lateral_position: float, penetration: float, velocity: float
+        ) -> float:
             relaxing = branch.force(time, penetration)
             return max(law.force(penetration, velocity) + relaxing, 0.0)
 
         return force
 
-    def force(self, time: Floats, place: Floats, penetration: Floats, velocity: Floats) -> Floats:
+    def force(
+        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+    ) -> Floats:
         """Force [N] along a whole motion, shapes (k,)."""
-        return _felt_along(self.touch(), time, place, penetration, velocity)
+        return _felt_along(self.touch(), time, lateral_position, penetration, velocity)
 
     def describe(self) -> dict[str, Any]:
         """Return the law's parameters and the branch's, SI."""
@@ -148,22 +158,22 @@ class _MaxwellBranch:
 
 
 @dataclass(frozen=True, slots=True)
-class Zones:
-    """Materials side by side: which of them is touched depends on the place.
+class SpaceVaryingMaterial:
+    """Materials side by side: which of them is touched depends on the lateral position.
 
     Parameters
     ----------
     materials : tuple of Material, shape (m,)
-        From small places to large.
+        From small lateral positions to large.
     borders : tuple of float, shape (m − 1,)
-        Places between them, m, increasing.
+        Lateral positions between them, m, increasing.
     name : str
         What a person calls the whole.
     """
 
     materials: tuple[Material, ...]
     borders: tuple[float, ...]
-    name: str = "zones"
+    name: str = "space-varying material"
 
     def __post_init__(self) -> None:
         _check_sequence("borders", self.materials, self.borders)
@@ -172,18 +182,20 @@ class Zones:
         """Return the force, as a function of what is done where."""
         return _selected(self.materials, self.borders, by_time=False)
 
-    def force(self, time: Floats, place: Floats, penetration: Floats, velocity: Floats) -> Floats:
+    def force(
+        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+    ) -> Floats:
         """Force [N] along a whole motion, shapes (k,)."""
-        return _felt_along(self.touch(), time, place, penetration, velocity)
+        return _felt_along(self.touch(), time, lateral_position, penetration, velocity)
 
     def describe(self) -> dict[str, Any]:
         """Return every zone's truth, and the borders [m]."""
         zones = [material.describe() for material in self.materials]
-        return {"kind": "zones", "borders": list(self.borders), "zones": zones}
+        return {"kind": "space-varying", "borders": list(self.borders), "zones": zones}
 
 
 @dataclass(frozen=True, slots=True)
-class Episodes:
+class TimeVaryingMaterial:
     """Materials one after the other: which of them is touched depends on the time.
 
     Parameters
@@ -191,14 +203,14 @@ class Episodes:
     materials : tuple of Material, shape (m,)
         In the order of time.
     times : tuple of float, shape (m − 1,)
-        When the next one takes over, s, increasing.
+        When the next one begins, s, increasing.
     name : str
         What a person calls the whole.
     """
 
     materials: tuple[Material, ...]
     times: tuple[float, ...]
-    name: str = "episodes"
+    name: str = "time-varying material"
 
     def __post_init__(self) -> None:
         _check_sequence("times", self.materials, self.times)
@@ -207,23 +219,25 @@ class Episodes:
         """Return the force, as a function of what is done when."""
         return _selected(self.materials, self.times, by_time=True)
 
-    def force(self, time: Floats, place: Floats, penetration: Floats, velocity: Floats) -> Floats:
+    def force(
+        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+    ) -> Floats:
         """Force [N] along a whole motion, shapes (k,)."""
-        return _felt_along(self.touch(), time, place, penetration, velocity)
+        return _felt_along(self.touch(), time, lateral_position, penetration, velocity)
 
     def describe(self) -> dict[str, Any]:
         """Return every episode's truth, and the times [s]."""
         episodes = [material.describe() for material in self.materials]
-        return {"kind": "episodes", "times": list(self.times), "episodes": episodes}
+        return {"kind": "time-varying", "times": list(self.times), "episodes": episodes}
 
 
 def _selected(materials: tuple[Material, ...], edges: tuple[float, ...], *, by_time: bool) -> Touch:
     touches = [material.touch() for material in materials]
 
-    def force(time: float, place: float, penetration: float, velocity: float) -> float:
-        where = time if by_time else place
+    def force(time: float, lateral_position: float, penetration: float, velocity: float) -> float:
+        where = time if by_time else lateral_position
         index = sum(where >= edge for edge in edges)
-        return touches[index](time, place, penetration, velocity)
+        return touches[index](time, lateral_position, penetration, velocity)
 
     return force
 
@@ -248,9 +262,9 @@ def _check_sequence(name: str, materials: tuple[Material, ...], edges: tuple[flo
 
 
 def _felt_along(
-    touch: Touch, time: Floats, place: Floats, penetration: Floats, velocity: Floats
+    touch: Touch, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
 ) -> Floats:
-    columns = (array.tolist() for array in (time, place, penetration, velocity))
+    columns = (array.tolist() for array in (time, lateral_position, penetration, velocity))
     return np.array([touch(*sample) for sample in zip(*columns, strict=True)], dtype=np.float64)
 
 
@@ -261,8 +275,8 @@ SPONGE = Homogeneous(HuntCrossley(300.0, 3000.0, 1.0), "sponge")
 PVC = Homogeneous(HuntCrossley(1e5, 2e5, 2.0), "PVC phantom")
 INCLUSION = Homogeneous(HuntCrossley(3e5, 3e5, 2.0), "PVC phantom with a hard inclusion")
 RELAXING_SPONGE = Relaxing(HuntCrossley(300.0, 300.0, 1.0), 150.0, 1.0, "relaxing sponge")
-SOFT_AND_HARD = Zones((PVC, INCLUSION), (0.0,), "PVC phantom with a hard zone")
-SOFT_THEN_HARD = Episodes((PVC, INCLUSION), (7.0,), "PVC phantom that hardens at 7 s")
+SOFT_AND_HARD = SpaceVaryingMaterial((PVC, INCLUSION), (0.0,), "PVC phantom with a hard zone")
+SOFT_THEN_HARD = TimeVaryingMaterial((PVC, INCLUSION), (7.0,), "PVC phantom that hardens at 7 s")
 
 #: The laboratory's materials by the name that the command line knows them by.
 MATERIALS: Mapping[str, Material] = {

@@ -44,10 +44,10 @@ def photograph(bench: Bench, at: float = 3.0, size: tuple[int, int] = (1200, 760
     step = bench.sensors.sample_time
     time = step * np.arange(max(round(at / step), 1), dtype=np.float64)
     run = Simulation(robot, bench.trajectory.at(time), step, np.random.default_rng(0))
-    run.course(time, bench.material.touch())
+    run.simulate(time, bench.material.touch())
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a screen that is missing, which the error tells
+            warnings.simplefilter("ignore")  # of a screen that is missing, which the error says
             return _rendered(run, *size)
     except Exception as error:  # each graphics library fails in its own way
         raise NoRendererError(f"MuJoCo cannot render here: {error}") from None

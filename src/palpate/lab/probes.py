@@ -1,4 +1,4 @@
-"""What carries the tip, and what it says of its course."""
+"""What carries the tip, and what it records of its motion."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ from palpate.lab.materials import Material
 from palpate.lab.trajectories import Trajectory
 from palpate.validation import Floats
 
-#: Told now and then how far a run is, in seconds of its own clock.
+#: Called now and then with how far a run is, in seconds of its own clock.
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
+class SimulatedMotion:
     """What the probe did, and what it felt: the truth, before any force sensor.
 
     Attributes
     ----------
-    penetration, velocity, place, force : numpy.ndarray, shape (k,)
+    penetration, velocity, lateral_position, force : numpy.ndarray, shape (k,)
         Of the probe's tip: m, m/s, m and N.
     recorded_penetration : numpy.ndarray, shape (k,)
         m, as worked out from the probe's own sensors.
@@ -28,7 +28,7 @@ class Course:
 
     penetration: Floats
     velocity: Floats
-    place: Floats
+    lateral_position: Floats
     force: Floats
     recorded_penetration: Floats
 
@@ -48,7 +48,7 @@ class Probe(Protocol):
         time: Floats,
         random: np.random.Generator,
         progress: Progress | None = None,
-    ) -> Course:
+    ) -> SimulatedMotion:
         """Press ``material`` along ``trajectory``; times are s, evenly spaced, from 0 on."""
 
 
@@ -65,8 +65,10 @@ class IdealProbe:
         time: Floats,
         random: np.random.Generator,
         progress: Progress | None = None,
-    ) -> Course:
+    ) -> SimulatedMotion:
         """Press ``material`` exactly along ``trajectory``."""
         command = trajectory.at(time)
         x, v = command.penetration, command.velocity
-        return Course(x, v, command.place, material.force(time, command.place, x, v), x)
+        return SimulatedMotion(
+            x, v, command.lateral_position, material.force(time, command.lateral_position, x, v), x
+        )

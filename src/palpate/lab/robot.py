@@ -9,7 +9,7 @@ import numpy as np
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.lab.kinematics import Geometry
 from palpate.lab.materials import Material, Touch
-from palpate.lab.probes import Course, Progress
+from palpate.lab.probes import Progress, SimulatedMotion
 from palpate.lab.rig import rig_xml
 from palpate.lab.trajectories import Command, Trajectory
 from palpate.validation import Floats, number_in
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 # Beyond these a simulation has broken down: its motors can move the tip at some 3 m/s and press
 # with some 300 N.
-FASTEST, FIRMEST = 20.0, 1e4  # m/s, N
+TOP_SPEED, PEAK_FORCE = 20.0, 1e4  # m/s, N
 
 
 def require_mujoco() -> Any:
@@ -92,7 +92,7 @@ class TwinPantograph:
         time: Floats,
         random: np.random.Generator,
         progress: Progress | None = None,
-    ) -> Course:
+    ) -> SimulatedMotion:
         """Press ``material`` along ``trajectory`` under position control."""
         step = float(time[1] - time[0]) if time.size > 1 else 1e-3
         if step > 1e-2:
@@ -100,7 +100,7 @@ class TwinPantograph:
                 f"sample_time must be at most 0.01 s for a robot under control, not {step:g} s"
             )
         command = trajectory.at(time)
-        return Simulation(self, command, step, random).course(time, material.touch(), progress)
+        return Simulation(self, command, step, random).simulate(time, material.touch(), progress)
 
 
 class _Encoders:
@@ -131,9 +131,12 @@ class Simulation:
     ) -> None:
         self._mujoco = require_mujoco()
         self._settings, self._geometry = settings, Geometry()
-        self._goal = self._geometry.motor_angles(command.place, command.penetration)
+        self._goal = self._geometry.motor_angles(command.lateral_position, command.penetration)
         self._speed = self._geometry.motor_speeds(
-            command.place, command.penetration, command.place_velocity, command.velocity
+            command.lateral_position,
+            command.penetration,
+            command.lateral_velocity,
+            command.velocity,
         )
         self._home = self._goal[0]
         self._encoders = _Encoders(settings.counts_per_turn, self._home, random)
@@ -150,7 +153,9 @@ class Simulation:
         self._filtered = np.zeros(4)
         self._counted = self._encoders.read(self._home)
 
-    def course(self, time: Floats, touch: Touch, progress: Progress | None = None) -> Course:
+    def simulate(
+        self, time: Floats, touch: Touch, progress: Progress | None = None
+    ) -> SimulatedMotion:
         """Follow the command over times [s], as many as the command has."""
         samples = np.empty((time.size, 4))
         counted = np.empty((time.size, 4))
@@ -161,7 +166,7 @@ class Simulation:
             self._control(counted[k], self._goal[k], self._speed[k])
             samples[k] = self._sample(now, touch)
         recorded = self._geometry.tip(counted)[1]
-        return Course(samples[:, 0], samples[:, 1], samples[:, 2], samples[:, 3], recorded)
+        return SimulatedMotion(samples[:, 0], samples[:, 1], samples[:, 2], samples[:, 3], recorded)
 
     def _sample(self, now: float, touch: Touch) -> tuple[float, float, float, float]:
         """Advance by a sample time; what the tip did and felt at its beginning."""
@@ -189,13 +194,13 @@ class Simulation:
         """Advance by a substep; what the tip did and felt at its beginning."""
         mujoco, model, data = self._mujoco, self.model, self.data
         mujoco.mj_step1(model, data)
-        place, depth, _ = data.site_xpos[self._tip].tolist()
+        lateral_position, depth, _ = data.site_xpos[self._tip].tolist()
         # MuJoCo moves by x(t + h) = x(t) + h v(t + h): its velocity is that of half a step ago.
         lagging = float(self._tip_velocity[1])
         velocity = 1.5 * lagging - 0.5 * self._before
         self._before = lagging
-        force = touch(now, place, depth, velocity)
-        if not (abs(velocity) < FASTEST and abs(force) < FIRMEST):
+        force = touch(now, lateral_position, depth, velocity)
+        if not (abs(velocity) < TOP_SPEED and abs(force) < PEAK_FORCE):
             raise InvalidParameterError(
                 f"material is too stiff or too damped for the twin pantograph at steps of "
                 f"{model.opt.timestep:g} s: the simulation breaks down at t = {now:.3f} s; take a "
@@ -213,4 +218,4 @@ class Simulation:
             data.qfrc_applied,
         )
         mujoco.mj_step2(model, data)
-        return depth, velocity, place, force
+        return depth, velocity, lateral_position, force

@@ -20,7 +20,7 @@ class Sensors:
     force_resolution : float
         Step that the force is rounded to, N, in [0, 1e6]; 0 for none.
     force_bias : float
-        Standard deviation of the bias, drawn anew by each seed, N, in [0, 1e6]; 0 for none.
+        Standard deviation of the bias, drawn by each seed, N, in [0, 1e6]; 0 for none.
     penetration_resolution : float
         Step that an ideal probe's penetration is rounded to, m, in [0, 1]; 0 for none. A robot's
         comes from its encoders.

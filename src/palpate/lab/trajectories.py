@@ -35,14 +35,14 @@ class Command:
     ----------
     penetration, velocity : numpy.ndarray, shape (k,)
         m below the surface, and m/s.
-    place, place_velocity : numpy.ndarray, shape (k,)
+    lateral_position, lateral_velocity : numpy.ndarray, shape (k,)
         m along the surface, and m/s.
     """
 
     penetration: Floats
     velocity: Floats
-    place: Floats
-    place_velocity: Floats
+    lateral_position: Floats
+    lateral_velocity: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ class Palpation:
     dwell : float
         s from contact to the middle of the first change, and between changes, in (0, 1e4].
     distance : float
-        m between the two places, which lie evenly about place 0, in (0, 1].
+        m between the two lateral positions, which lie evenly about 0, in (0, 1].
     shift : float
         s that a change takes, in (0, dwell].
     """
@@ -132,8 +132,8 @@ class Palpation:
         inward = self.probing.at(time)
         return replace(
             inward,
-            place=sign * self.distance * (blend - 0.5),
-            place_velocity=sign * self.distance * rate / self.shift,
+            lateral_position=sign * self.distance * (blend - 0.5),
+            lateral_velocity=sign * self.distance * rate / self.shift,
         )
 
 
@@ -182,7 +182,7 @@ class Tapping:
         )
 
 
-class Followed:
+class SplineTrajectory:
     """A motion of one's own, by a cubic spline through its samples; at rest before and after.
 
     Parameters
@@ -212,7 +212,7 @@ class Followed:
         self._spline = CubicSpline(t, x, bc_type="clamped")
 
     @classmethod
-    def read(cls, path: str | Path) -> "Followed":
+    def read(cls, path: str | Path) -> "SplineTrajectory":
         """Return the motion in a CSV file's columns time_s and penetration_m."""
         from palpate.recordings import open_recording
 
@@ -227,7 +227,8 @@ class Followed:
 
     def __repr__(self) -> str:
         samples, (start, stop) = self._spline.x.size, self._ends
-        return f"Followed({samples} samples from {start:g} s to {stop:g} s, pause={self.pause:g})"
+        span = f"{samples} samples from {start:g} s to {stop:g} s"
+        return f"SplineTrajectory({span}, pause={self.pause:g})"
 
     def at(self, time: Floats) -> Command:
         """Return the command at times [s], shape (k,)."""

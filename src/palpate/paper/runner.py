@@ -68,7 +68,7 @@ class PaperRun:
     outcomes: dict[tuple[str, int], Outcome] = field(default_factory=dict)
     tables: dict[str, tuple[Table, ...]] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
-    taken_over: int = 0
+    reused: int = 0
 
     def take_over(self) -> None:
         """Read the outcomes that an earlier run by the same code has left."""
@@ -81,12 +81,12 @@ class PaperRun:
             tables = on_disk.read_tables(self.folder, experiment, self.seeds)
             if tables is not None and self._complete(experiment):
                 self.tables[experiment.name] = tables
-        self.taken_over = len(self.outcomes)
+        self.reused = len(self.outcomes)
 
     def work(self, pool: ProcessPoolExecutor, workers: int, progress: Progress) -> None:
         """Do all that is missing; a failure is noted, and the rest goes on."""
         total = len(self.experiments) * (self.seeds + 1)
-        done = self.taken_over + len(self.tables)
+        done = self.reused + len(self.tables)
         waiting = deque(self._at_hand())
         pending: dict[Future[Any], _Task] = {}
         while waiting or pending:
@@ -123,8 +123,10 @@ class PaperRun:
         if task.seed is None:
             self._keep(task.experiment, result)
         else:
-            on_disk.write(self.folder, task.experiment.name, task.seed, result)
+            # Known before it is written: an interrupt may come while the disk takes its time, and
+            # the page then counts every outcome that is there.
             self.outcomes[task.experiment.name, task.seed] = on_disk.from_text(result)
+            on_disk.write(self.folder, task.experiment.name, task.seed, result)
         return True
 
     def _keep(self, experiment: Experiment, drawing: Drawing) -> None:

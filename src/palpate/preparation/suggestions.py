@@ -10,7 +10,7 @@ from palpate.settings import ContactGate, Scale
 from palpate.validation import Floats, number_in
 
 LARGEST = 1e100  # m, m/s or N; beyond it no estimator takes a sample
-MOST_DOUBTFUL = 0.03  # of the contact within 3 σ of the gate; deep probing has under 0.5 %
+MOST_UNDECIDED = 0.03  # of the contact within 3 σ of the gate; deep probing has under 0.5 %
 NOISE_FACTOR = 10.0  # F ≥ 10 σ keeps the bias of the logarithm, σ²/2F², under 0.5 %
 
 
@@ -55,17 +55,17 @@ def suggest_gate(contact: Contact) -> ContactGate:
 
     A force near its threshold is taken where noise made it large, which biases: probing near the
     surface costs a soft material 10 % of K. Where that is more than 3 % of the contact the depth
-    decides instead, if one tells: contact is then what is deeper than where the force falls short
-    of its threshold.
+    decides instead, where it separates them: contact is then what is deeper than where the force
+    falls short of its threshold.
     """
     touching = _touching(contact)
     if not touching.any():
         return ContactGate()
     make = _threshold(contact.force, touching)
     least = _threshold(contact.penetration, touching)
-    doubtful = np.abs(contact.force - make) < 3.0 * noise_of(contact.force)
+    undecided = np.abs(contact.force - make) < 3.0 * noise_of(contact.force)
     inside = touching & (contact.penetration > least)
-    if np.count_nonzero(inside & doubtful) > MOST_DOUBTFUL * np.count_nonzero(inside):
+    if np.count_nonzero(inside & undecided) > MOST_UNDECIDED * np.count_nonzero(inside):
         depth = _decisive_depth(contact, touching, make, least)
         if depth is not None:
             return ContactGate(minimum_penetration=depth, make_force=make, break_force=0.0)

@@ -68,7 +68,7 @@ def _local_slope(t: Floats, x: Floats, width: int) -> Floats:
     square = square - skew * linear
     energy = (square**2).sum(axis=1)
     slope = (linear * depth).sum(axis=1) / variance[:, 0]
-    bend = (square * depth).sum(axis=1) / np.where(energy > 0.0, energy, 1.0)
-    # At the sample itself, s = 0, the slope of bend·(s² − skew·s) is −bend·skew.
-    result: Floats = (slope - bend * skew[:, 0]) / unit[:, 0]
+    curvature = (square * depth).sum(axis=1) / np.where(energy > 0.0, energy, 1.0)
+    # At the sample itself, s = 0, the slope of curvature·(s² − skew·s) is −curvature·skew.
+    result: Floats = (slope - curvature * skew[:, 0]) / unit[:, 0]
     return result

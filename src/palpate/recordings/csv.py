@@ -33,8 +33,8 @@ def read_csv(path: Path) -> Recording:
     """Read a CSV file: every column of its header, as numbers where all of it are.
 
     Text in UTF-8 with commas, semicolons or tabs between values. Lines that begin with ``#`` before
-    the header are notes; those like ``# name: words`` are kept. Columns of the same name are told
-    apart by their place: ``force_N (column 3)``.
+    the header are notes; those like ``# name: words`` are kept. Columns of the same name are
+    distinguished by their position: ``force_N (column 3)``.
 
     Parameters
     ----------

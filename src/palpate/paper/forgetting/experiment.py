@@ -77,8 +77,8 @@ class Held:
         return Command(
             command.penetration,
             np.where(moving, command.velocity, 0.0),
-            command.place,
-            np.where(moving, command.place_velocity, 0.0),
+            command.lateral_position,
+            np.where(moving, command.lateral_velocity, 0.0),
         )
 
 

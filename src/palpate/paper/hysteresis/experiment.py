@@ -1,12 +1,12 @@
 """Fig. 10: the loop of force over penetration, and the force that a linear model pulls with."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from palpate.contact import Contact
-from palpate.estimators import KelvinVoigtRLS, SingleStageRLS, VariableProjection
+from palpate.estimators import ContactEstimator, KelvinVoigtRLS, SingleStageRLS, VariableProjection
 from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import BALL, Bench, Homogeneous, IdealProbe, Probing
@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 SINES = 2.5
 #: What is drawn of the loop, s.
 DRAWN = (2.5, 12.0)
-METHODS = {
-    "Kelvin–Voigt": KelvinVoigtRLS(),
-    "single stage": SingleStageRLS(),
-    "variable projection": VariableProjection(),
+# Made when they are wanted: what a module holds may outlive the compiled module at the end.
+METHODS: dict[str, Callable[[], ContactEstimator]] = {
+    "Kelvin–Voigt": KelvinVoigtRLS,
+    "single stage": SingleStageRLS,
+    "variable projection": VariableProjection,
 }
 LAW: HuntCrossley = BALL.law  # type: ignore[assignment]  # the ball is one
 DAMPED = HuntCrossley(LAW.stiffness, 3.0 * LAW.damping, LAW.exponent)
@@ -69,7 +70,7 @@ class Hysteresis(JudgedExperiment):
             "force": plain(np.where(inside, contact.force, np.nan)[keep]),
         }
         for name, estimator in METHODS.items():
-            result = identified(contact, estimator)
+            result = identified(contact, estimator())
             force = result.law.force(contact.penetration, contact.velocity)
             numbers["methods"][name] = _summary(result, contact, force, inside)
             curves[f"predicted/{name}"] = plain(np.where(inside, force, np.nan)[keep])

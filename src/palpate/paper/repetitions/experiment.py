@@ -1,7 +1,8 @@
 """Figs. 5, 11 and 14: three repetitions on one material, from the first set of starts."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,10 +31,11 @@ REPETITIONS = 3
 AGREEMENT = 5.0
 PARAMETERS = ("stiffness", "damping", "exponent")
 FIGURES = {"fig05": "ball", "fig11": "sponge", "fig14": "pvc"}
-METHODS: Mapping[str, ContactEstimator] = {
-    "single-stage": SingleStageRLS(gate=GATE, scale=SI),
-    "variable-projection": VariableProjection(gate=GATE),
-    "double-stage": DoubleStageRLS(gate=GATE, scale=SI),
+# Made when they are wanted: what a module holds may outlive the compiled module at the end.
+METHODS: Mapping[str, Callable[[], ContactEstimator]] = {
+    "single-stage": partial(SingleStageRLS, gate=GATE, scale=SI),
+    "variable-projection": partial(VariableProjection, gate=GATE),
+    "double-stage": partial(DoubleStageRLS, gate=GATE, scale=SI),
 }
 
 
@@ -77,7 +79,7 @@ class Repetitions(Experiment):
             contact = pressed(self.material, "three-sines", REPETITIONS * seed + repetition)
             for method in ("single-stage", "variable-projection"):
                 if repetition == 0 or method == "single-stage":
-                    result = identify(contact, METHODS[method])
+                    result = identify(contact, METHODS[method]())
                     curves.update(_courses(result, f"{method} {repetition}"))
         numbers: dict[str, Any] = {
             "final": finals[self.material],
@@ -146,7 +148,7 @@ def _finals(material: str, seed: int) -> dict[str, dict[str, list[list[float]]]]
     found: dict[str, dict[str, list[list[float]]]] = {}
     for method, estimator in METHODS.items():
         results = [
-            identify(pressed(material, "three-sines", REPETITIONS * seed + i), estimator)
+            identify(pressed(material, "three-sines", REPETITIONS * seed + i), estimator())
             for i in range(REPETITIONS)
         ]
         found[method] = {

@@ -15,7 +15,14 @@ from palpate import (
     VariableProjection,
     identify,
 )
-from peers.witnesses import HUNT_CROSSLEY, KELVIN_VOIGT, NOISE, WITNESSES, sensed, shown_by
+from peers.reference_simulators import (
+    HUNT_CROSSLEY,
+    KELVIN_VOIGT,
+    NOISE,
+    REFERENCE_SIMULATORS,
+    sensed,
+    shown_by,
+)
 
 pytestmark = pytest.mark.peers
 
@@ -31,10 +38,10 @@ def relative_error(returned, law) -> np.ndarray:
     return returned.parameters / law.parameters - 1.0
 
 
-@pytest.mark.parametrize("name", WITNESSES)
+@pytest.mark.parametrize("name", REFERENCE_SIMULATORS)
 def test_an_engine_shows_the_force_of_the_law_that_it_documents(name) -> None:
     # With the penetration and velocity of the same row: wrong by a step it is wrong by 5e-3.
-    law, contact = WITNESSES[name].law, shown_by(name)
+    law, contact = REFERENCE_SIMULATORS[name].law, shown_by(name)
     touching = contact.force > 0.0
     expected = law.force(contact.penetration, contact.velocity)
     assert touching.sum() > 5000
@@ -102,8 +109,9 @@ def test_the_double_stage_stays_where_it_is_started_at_what_was_set(name) -> Non
 
 @hunt_crossley
 def test_drift_tracking_returns_what_was_set(name) -> None:
-    # Told of a sensor: a Kalman filter that finds no noise at all trusts its start in the first
-    # 0.1 s of light touch, and is then off by 0.5 % in K and 7 % in B (docs/witnesses.md).
+    # The sensor's noise is given: a Kalman filter that finds none at all trusts its start in the
+    # first 0.1 s of light touch, and is then off by 0.5 % in K and 7 % in B
+    # (docs/reference-simulators.md).
     law = HUNT_CROSSLEY[name].law
     result = identify(shown_by(name), DriftTracking(noise=NOISE))
     assert not result.flags
@@ -137,7 +145,7 @@ def test_through_a_noisy_sensor_kelvin_voigt_is_within_its_error_bars(name) -> N
         assert (estimate.standard_errors < 0.01 * law.parameters).all()
 
 
-@pytest.mark.parametrize("name", WITNESSES)
+@pytest.mark.parametrize("name", REFERENCE_SIMULATORS)
 def test_a_law_that_was_not_set_does_not_fit(name) -> None:
     fits = [
         identify(shown_by(name), estimator).fit_rmse_percent

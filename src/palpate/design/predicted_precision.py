@@ -15,7 +15,7 @@ TARGETS = (0.05, 0.01)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outlook:
+class PredictedPrecision:
     """What one motion would tell of a guessed material.
 
     Attributes
@@ -35,12 +35,12 @@ class Outlook:
     times : numpy.ndarray, shape (targets, 3)
         Seconds after which (K, B, n) can be known to each target; infinite where that takes more
         than 1000 s.
-    shallowest, deepest : float
+    least_penetration, peak_penetration : float
         Least and largest penetration within the longest duration, m.
     peak_speed, rms_speed : float
         m/s, in contact, within the longest duration.
     violated_fraction : float
-        Share of the contact at or above the speed limit of eq. 10; NaN without contact.
+        Fraction of the contact at or above the speed limit of eq. 10; NaN without contact.
     peak_force : float
         N.
     notes : tuple of str
@@ -53,8 +53,8 @@ class Outlook:
     expected_errors: Floats
     targets: tuple[float, ...]
     times: Floats
-    shallowest: float
-    deepest: float
+    least_penetration: float
+    peak_penetration: float
     peak_speed: float
     rms_speed: float
     violated_fraction: float
@@ -64,7 +64,7 @@ class Outlook:
     @property
     def leaves_contact(self) -> bool:
         """Whether the probe comes up to the surface or above it within the longest duration."""
-        return self.shallowest <= 0.0
+        return self.least_penetration <= 0.0
 
     @property
     def worst(self) -> float:
@@ -91,8 +91,8 @@ class Outlook:
                 {"relative_error": target, **_named(row)}
                 for target, row in zip(self.targets, self.times, strict=True)
             ],
-            "shallowest": self.shallowest,
-            "deepest": self.deepest,
+            "least_penetration": self.least_penetration,
+            "peak_penetration": self.peak_penetration,
             "leaves_contact": self.leaves_contact,
             "peak_speed": self.peak_speed,
             "rms_speed": self.rms_speed,
@@ -102,8 +102,10 @@ class Outlook:
         }
 
 
-def foresee(motion: Motion, measurement: Measurement, durations: tuple[float, ...]) -> Outlook:
-    """Tell what a motion would identify after each of the durations, which increase."""
+def predict_precision(
+    motion: Motion, measurement: Measurement, durations: tuple[float, ...]
+) -> PredictedPrecision:
+    """Say what a motion would identify after each of the durations, which increase."""
     law, step = measurement.law, measurement.sample_time
     _, x, v = motion.sampled(durations[-1], step)
     touching = x > 0.0
@@ -113,15 +115,15 @@ def foresee(motion: Motion, measurement: Measurement, durations: tuple[float, ..
     expected = np.array([measurement.expected_errors(motion, d) for d in durations])
     outward = float(v[touching].min(initial=0.0))
     notes = _notes(motion, measurement, float(x.min()), outward)
-    return Outlook(
+    return PredictedPrecision(
         motion=motion,
         durations=durations,
         relative_errors=errors,
         expected_errors=expected,
         targets=TARGETS,
         times=measurement.times_to(motion, TARGETS),
-        shallowest=float(x.min()),
-        deepest=float(x.max()),
+        least_penetration=float(x.min()),
+        peak_penetration=float(x.max()),
         peak_speed=float(speed.max()) if met else 0.0,
         rms_speed=float(np.sqrt(np.mean(speed**2))) if met else 0.0,
         violated_fraction=float(np.mean(speed >= measurement.speed_limit)) if met else math.nan,
@@ -131,16 +133,16 @@ def foresee(motion: Motion, measurement: Measurement, durations: tuple[float, ..
 
 
 def _notes(
-    motion: Motion, measurement: Measurement, shallowest: float, outward: float
+    motion: Motion, measurement: Measurement, least_penetration: float, outward: float
 ) -> list[str]:
     notes = []
     law = measurement.law
     if motion.top_speed == 0.0:
-        notes.append("the probe is held: nothing can be told of the law")
-    if shallowest <= 0.0:
+        notes.append("the probe is held: nothing of the law is identifiable")
+    if least_penetration <= 0.0:
         notes.append(
-            f"the probe leaves contact: it comes up to {1e3 * shallowest:.3g} mm; a larger depth "
-            "or smaller amplitudes keep it in"
+            f"the probe leaves contact: it comes up to {1e3 * least_penetration:.3g} mm; a "
+            "larger depth or smaller amplitudes keep it in"
         )
     if outward < -law.stiffness / law.damping:
         notes.append(

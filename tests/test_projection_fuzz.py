@@ -97,7 +97,7 @@ def check_sound(estimator: ContactEstimator) -> None:
     assert math.isfinite(estimator.predict(10e-3, -0.02))
 
 
-def storm(estimator: ContactEstimator, data: list[tuple[float, ...]]) -> None:
+def fuzz(estimator: ContactEstimator, data: list[tuple[float, ...]]) -> None:
     for sample in data:
         before = estimator._state()
         if estimator.update(*sample) in REFUSALS:
@@ -110,7 +110,7 @@ def storm(estimator: ContactEstimator, data: list[tuple[float, ...]]) -> None:
 def test_any_floats_under_any_settings_leave_variable_projection_sound(
     estimator: VariableProjection, data: list[tuple[float, ...]]
 ) -> None:
-    storm(estimator, data)
+    fuzz(estimator, data)
 
 
 @settings(max_examples=60, deadline=None)
@@ -118,7 +118,7 @@ def test_any_floats_under_any_settings_leave_variable_projection_sound(
 def test_any_floats_under_any_settings_leave_the_surface_search_sound(
     estimator: VariableProjection, data: list[tuple[float, ...]]
 ) -> None:
-    storm(estimator, data)
+    fuzz(estimator, data)
 
 
 @settings(max_examples=120, deadline=None)
@@ -126,7 +126,7 @@ def test_any_floats_under_any_settings_leave_the_surface_search_sound(
 def test_any_floats_under_any_settings_leave_drift_tracking_sound(
     estimator: DriftTracking, data: list[tuple[float, ...]]
 ) -> None:
-    storm(estimator, data)
+    fuzz(estimator, data)
 
 
 def tracking() -> DriftTracking:
@@ -141,7 +141,7 @@ TRACKING = tracking()
 @given(data=samples)
 def test_any_floats_leave_a_filter_that_tracks_sound(data: list[tuple[float, ...]]) -> None:
     assert not TRACKING.estimate().flags
-    storm(TRACKING.copy(), data)
+    fuzz(TRACKING.copy(), data)
 
 
 @settings(max_examples=50, deadline=None)

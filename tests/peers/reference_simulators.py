@@ -1,4 +1,4 @@
-"""Every witness: which engine, what was set in it, and what it then showed."""
+"""Every reference simulator: which engine, what was set in it, and what it then showed."""
 
 import dataclasses
 from collections.abc import Callable
@@ -17,7 +17,7 @@ NOISE = 0.05  # N, the noise band of the paper's sensor
 
 
 @dataclass(frozen=True)
-class Witness:
+class ReferenceSimulator:
     """An engine, and the law that its documentation says was set in it."""
 
     make: Callable[[], Probe]
@@ -26,19 +26,23 @@ class Witness:
 
 HUNT_CROSSLEY = {
     **{
-        f"drake-{stepping}": Witness(partial(DrakeProbe, stepping), drake_probe.HUNT_CROSSLEY)
+        f"drake-{stepping}": ReferenceSimulator(
+            partial(DrakeProbe, stepping), drake_probe.HUNT_CROSSLEY
+        )
         for stepping in ("continuous", "tamsi", "lagged", "similar")
     },
-    "opensim": Witness(OpenSimProbe, opensim_probe.HUNT_CROSSLEY),
+    "opensim": ReferenceSimulator(OpenSimProbe, opensim_probe.HUNT_CROSSLEY),
 }
-KELVIN_VOIGT = {"drake-sap": Witness(partial(DrakeProbe, "sap"), drake_probe.KELVIN_VOIGT)}
-WITNESSES = {**HUNT_CROSSLEY, **KELVIN_VOIGT}
+KELVIN_VOIGT = {
+    "drake-sap": ReferenceSimulator(partial(DrakeProbe, "sap"), drake_probe.KELVIN_VOIGT)
+}
+REFERENCE_SIMULATORS = {**HUNT_CROSSLEY, **KELVIN_VOIGT}
 
 
 @cache
 def shown_by(name: str) -> Contact:
-    """What this witness showed; simulated once."""
-    return probed(WITNESSES[name].make())
+    """What this simulator showed; simulated once."""
+    return probed(REFERENCE_SIMULATORS[name].make())
 
 
 def sensed(contact: Contact, seed: int) -> Contact:
