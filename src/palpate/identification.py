@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from palpate._core import Status
 from palpate.contact import Contact
+from palpate.diagnosis import Data, Diagnosis, diagnose_parts
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.estimate import Estimate
 from palpate.estimators import (
@@ -24,10 +26,10 @@ from palpate.preparation.suggestions import choose_gate, suggest_scale
 from palpate.refusals import check_approach, nothing_taken
 from palpate.settings import ContactGate, Scale
 from palpate.trace import Trace
-from palpate.validation import Floats, shown
+from palpate.validation import Floats, number_in, shown
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)  # no slots: the diagnosis is kept in the instance
 class Identification:
     """What a whole contact gave.
 
@@ -41,12 +43,28 @@ class Identification:
         Every sample, on the contact's clock.
     flags : tuple of str
         What a reader should know before trusting the numbers.
+    data : Data, optional
+        The contact with the checks of its channels, where several methods share them.
+    depth : float, optional
+        The working depth of the diagnosis, m; the median penetration taken unless given.
     """
 
     contact: Contact
     estimator: ContactEstimator
     trace: Trace
     flags: tuple[str, ...] = ()
+    data: Data | None = field(default=None, repr=False)
+    depth: float | None = None
+
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """What may be wrong, and how far to trust it; worked out when it is first asked for."""
+        data = self.data or Data(self.contact)
+        return diagnose_parts(data, self.trace, self.estimate, depth=self.depth)
+
+    def at_depth(self, depth: float) -> "Identification":
+        """Return the same with another working depth, m, for its diagnosis."""
+        return replace(self, depth=number_in("depth", depth, 0.0, 1e100, open_low=True))
 
     @property
     def method(self) -> str:
@@ -116,6 +134,7 @@ class Identification:
             beside["surface_standard_error"] = estimate.surface_standard_error
         return {
             "method": self.method,
+            **self.diagnosis.as_dict(),
             "law": {"kind": law.kind, **law.as_dict()},
             "standard_errors": dict(zip(law.as_dict(), errors, strict=True)),
             **beside,
@@ -154,15 +173,40 @@ def identify(
         The source is none of these, or there is no such estimator.
     """
     contact = source if isinstance(source, Contact) else prepare(source)
-    given = _estimator(estimator)
+    return _identified(Data(contact), estimator)
+
+
+def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identification:
+    contact, given = data.contact, _estimator(estimator)
     fresh = given.replace(**_chosen(contact, given.settings))
     trace = _replay_segments(contact, fresh)
-    bare = Identification(contact, fresh, trace)
+    bare = Identification(contact, fresh, trace, data=data)
     if not trace.taken.any():
-        raise RecordingError(nothing_taken(contact, bare.gate))
+        raise RecordingError(_why_nothing(data, bare.gate))
     if fresh.settings.get("surface") == "estimate":
         check_approach(contact, trace, bare.estimate.surface)
-    return Identification(contact, fresh, trace, tuple(flags_of(bare)))
+    return Identification(contact, fresh, trace, tuple(flags_of(bare)), data)
+
+
+def diagnose(
+    source: Contact | Recorded,
+    estimator: ContactEstimator | str | None = None,
+    *,
+    depth: float | None = None,
+) -> Diagnosis:
+    """Say what may be wrong with the identification of a contact, and how far to trust it.
+
+    Parameters
+    ----------
+    source : Contact, Recording, path or frame
+        As for :func:`identify`.
+    estimator : ContactEstimator or str, optional
+        As for :func:`identify`.
+    depth : float, optional
+        The working depth, m; the median penetration of the samples taken unless given.
+    """
+    result = identify(source, estimator)
+    return (result if depth is None else result.at_depth(depth)).diagnosis
 
 
 def compare(
@@ -184,13 +228,23 @@ def compare(
     """
     contact = source if isinstance(source, Contact) else prepare(source)
     chosen = choose_gate(contact) if gate is None else gate
+    data = Data(contact)  # checked once for all methods
     results = {}
     for name, kind in ESTIMATORS.items():
         estimator = kind()
         if "gate" in estimator.settings:
             estimator = estimator.replace(gate=chosen)
-        results[name] = identify(contact, estimator)
+        results[name] = _identified(data, estimator)
     return results
+
+
+def _why_nothing(data: Data, gate: ContactGate) -> str:
+    """Why no sample was taken: by what the checks of the data found, if anything."""
+    for finding in data.findings:
+        if finding.severity == "do-not-trust":
+            where = f"{data.contact.source}: " if data.contact.source else ""
+            return f"{where}{finding.sentence} ({finding.remedy})"
+    return nothing_taken(data.contact, gate)
 
 
 def _chosen(contact: Contact, settings: dict[str, Any]) -> dict[str, Any]:

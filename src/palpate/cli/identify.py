@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
 from palpate.cli.reading import Reading
 
@@ -14,8 +15,9 @@ def identify(
     figure: Path | None = None,
     dark: bool = False,
     as_json: AsJson = False,
+    judging: Judging | None = None,
     reading: Reading | None = None,
-) -> None:
+) -> int:
     """Identify the contact model of a recording.
 
     Parameters
@@ -36,16 +38,18 @@ def identify(
     from palpate.estimators import estimator_named
     from palpate.identification import identify as run
 
-    reading = reading or Reading()
-    kind = estimator_named(method)
+    reading, judging = reading or Reading(), judging or Judging()
+    depth, kind = judging.depth, estimator_named(method)
     if figure is not None:
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=[file])
     contact = reading.contact(file)
-    result = run(contact, kind(**{"gate": reading.gate(contact)}))
+    result = run(contact, kind(**reading.settings(contact)))
+    result = result if depth is None else result.at_depth(depth)
     if figure is not None:
         from palpate import figures
 
         figures.save(figures.draw(result, dark=dark), figure, inputs=[file])
     print_identifications(file, [result], figure, as_json=as_json)
+    return judging.status([result.diagnosis.verdict])

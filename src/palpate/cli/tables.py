@@ -9,8 +9,12 @@ from rich.table import Table
 from rich.text import Text
 
 from palpate.cli.printing import Terminal, print_json
+from palpate.cli.verdicts import print_verdict
 from palpate.identification import Identification
 from palpate.recordings.truth import truth_of
+
+#: Of the JSON; a field that goes, or means another thing, makes it the next.
+SCHEMA_VERSION = 1
 
 
 def new_table() -> Table:
@@ -23,10 +27,12 @@ def print_identifications(
 ) -> None:
     """Print what a file gave: its identifications side by side, and what to know about them."""
     if as_json:
-        print_json(_as_dict(file, results))
+        print_json(as_dict(file, results))
         return
     console = Terminal()
     _print_contact(results[0], console)
+    for result in results:
+        print_verdict(result, console, named=len(results) > 1)
     console.print(_table(results))
     console.print(
         Text(
@@ -43,10 +49,12 @@ def print_identifications(
         print(f"figure: {figure}")
 
 
-def _as_dict(file: Path, results: Sequence[Identification]) -> dict[str, Any]:
+def as_dict(file: Path, results: Sequence[Identification]) -> dict[str, Any]:
+    """Return what a file gave as plain numbers and words."""
     first = results[0]
     gate, scale, contact = first.gate, first.scale, first.contact
     return {
+        "schema_version": SCHEMA_VERSION,
         "file": str(file),
         "samples": len(contact),
         "provenance": dict(contact.provenance),
