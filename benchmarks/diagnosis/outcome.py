@@ -50,10 +50,14 @@ def outcome(fault: Fault, seed: int) -> Outcome:
     try:
         result = identify(made.contact)
     except RecordingError as error:
-        return Outcome(
-            "refused", (), lie=False, parameters_lie=False, flagged=True, sentence=str(error)
-        )
+        return refused(error)
     return judged(made, result, fault)
+
+
+def refused(error: RecordingError) -> Outcome:
+    """What becomes of a recording that cannot be identified: no number, no lie."""
+    words = str(error)
+    return Outcome("refused", (), lie=False, parameters_lie=False, flagged=True, sentence=words)
 
 
 def judged(made: Probing, result: Identification, fault: Fault) -> Outcome:

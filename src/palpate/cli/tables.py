@@ -9,8 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from palpate.cli.printing import Terminal, print_json
-from palpate.cli.verdicts import print_verdict
+from palpate.cli.verdicts import print_ranking, print_verdict
 from palpate.identification import Identification
+from palpate.ranking import rank
 from palpate.recordings.truth import truth_of
 
 #: Of the JSON; a field that goes, or means another thing, makes it the next.
@@ -31,8 +32,10 @@ def print_identifications(
         return
     console = Terminal()
     _print_contact(results[0], console)
-    for result in results:
-        print_verdict(result, console, named=len(results) > 1)
+    if len(results) > 1:
+        results = print_ranking(results, console)
+    else:
+        print_verdict(results[0], console)
     console.print(_table(results))
     console.print(
         Text(
@@ -69,6 +72,17 @@ def as_dict(file: Path, results: Sequence[Identification]) -> dict[str, Any]:
             "force": scale.force,
         },
         "results": [result.as_dict() for result in results],
+        **({"ranking": _ranking(results)} if len(results) > 1 else {}),
+    }
+
+
+def _ranking(results: Sequence[Identification]) -> dict[str, Any]:
+    ranking = rank({result.method: result for result in results})
+    return {
+        "recommended": ranking.recommended,
+        "order": list(ranking.order),
+        "failing": list(ranking.failing),
+        "exclusions": list(ranking.exclusions),
     }
 
 

@@ -1,6 +1,7 @@
 """A diagnosis as a person reads it."""
 
 import math
+from collections.abc import Sequence
 
 from rich.console import Console
 from rich.table import Table
@@ -9,6 +10,7 @@ from rich.text import Text
 from palpate.cli.printing import Terminal
 from palpate.diagnosis import Diagnosis, Quantity
 from palpate.identification import Identification
+from palpate.ranking import rank
 
 COLOURS = {"trust": "green", "with-care": "yellow", "do-not-trust": "red", "note": "dim"}
 
@@ -26,6 +28,19 @@ def print_verdict(result: Identification, console: Console, *, named: bool = Fal
     console.print(words, soft_wrap=True)
     if not named:
         console.print(Text(_working_depth(found)), soft_wrap=True)
+
+
+def print_ranking(results: Sequence[Identification], console: Console) -> list[Identification]:
+    """Print every method's verdict, the best first, and which to take; return them so ordered."""
+    ranking = rank({result.method: result for result in results})
+    by_name = {result.method: result for result in results}
+    ordered = [by_name[name] for name in ranking.order]
+    console.print(Text(f"recommended: {ranking.recommended}", style="bold"))
+    for result in ordered:
+        print_verdict(result, console, named=True)
+    for words in ranking.exclusions:
+        console.print(Text(words, style="yellow"), soft_wrap=True)
+    return ordered
 
 
 def print_diagnosis(result: Identification) -> None:

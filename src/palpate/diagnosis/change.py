@@ -196,7 +196,20 @@ def _sharpened(fit: Fit, cut: Cut) -> Cut:
         near = slice(max(border - half, 1), min(border + half, len(target) - 1))
         left, right = (target[near] - basis[near] @ cut.coefficients[k + m] for m in (0, 1))
         borders.append(near.start + int(np.argmin(np.cumsum(left**2 - right**2))) + 1)
-    return _fitted(fit, sorted(set(borders)), cut.exponent)
+    return _without_slivers(fit, _fitted(fit, sorted(set(borders)), cut.exponent))
+
+
+def _without_slivers(fit: Fit, cut: Cut) -> Cut:
+    """Drop borders nearer than half a period: a filtered velocity smears a change over some rows,
+    which no law describes, and which are no material.
+    """
+    while True:
+        times = fit.time[cut.borders]
+        if not np.any(np.diff(times) < 0.5 * fit.period):
+            return cut
+        near = int(np.argmin(np.diff(times)))
+        kept = [[b for k, b in enumerate(cut.borders) if k != drop] for drop in (near, near + 1)]
+        cut = min((_fitted(fit, each, cut.exponent) for each in kept), key=lambda c: c.energy)
 
 
 def _judged(fit: Fit, cut: Cut) -> Changes | None:

@@ -58,14 +58,16 @@ def diagnose_parts(
     depth : float, optional
         The working depth, m; the median penetration of the samples taken unless given.
     """
-    fit = Fit(data, trace, estimate, depth)
     found = list(data.findings)
-    law = estimate.law
-    if len(fit.band) < FEWEST_ROWS // 2 or not np.isfinite(law.parameters).all():
-        found.append(_too_short(fit))
-        return _whole(found, _working_depth(fit, Judged([]), known=False), ())
     with np.errstate(all="ignore"):  # a column of an absurd fit may overflow; it is then left out
-        return _diagnosed(fit, found)
+        fit = Fit(data, trace, estimate, depth)
+        try:
+            if len(fit.band) >= FEWEST_ROWS // 2 and fit.finite:
+                return _diagnosed(fit, found)
+        except np.linalg.LinAlgError:  # of a motion that says nothing, such as a probe held still
+            pass
+        found = [*data.findings, _nothing_to_check(fit)]
+        return _whole(found, _working_depth(fit, Judged([]), known=False), ())
 
 
 def _diagnosed(fit: Fit, found: list[Finding]) -> Diagnosis:
@@ -94,12 +96,14 @@ def _whole(
     return Diagnosis(Verdict(stiffness, damping, overall), tuple(sorted_), working_depth, episodes)
 
 
-def _too_short(fit: Fit) -> Finding:
+def _nothing_to_check(fit: Fit) -> Finding:
     count = int(np.count_nonzero(fit.inside))
+    few = count < FEWEST_ROWS
+    words = f"only {count} samples in contact: too few" if few else "the motion says too little"
     return Finding(
         "excitation",
-        f"only {count} samples in contact: too few to check the law",
-        "record longer",
+        f"{words} to check the law",
+        "record longer" if few else "move the probe: palpate design finds a motion",
         stiffness="do-not-trust",
         damping="do-not-trust",
         severity="do-not-trust",

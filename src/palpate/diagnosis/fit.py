@@ -102,6 +102,13 @@ class Fit:
         self.force = self.band.mean(data.force[self.band.samples])
 
     @cached_property
+    def finite(self) -> bool:
+        """Whether a least squares of finite numbers was found, of a law that resists at all."""
+        parts = self.solution.law.parameters, self.solution.residual, self.solution.jacobian
+        known = all(np.isfinite(part).all() for part in parts) and self.period > 0.0
+        return known and all(math.isfinite(size) and size > 0.0 for size in self.sizes)
+
+    @cached_property
     def solution(self) -> Solution:
         """The least squares in the band."""
         return self.solve(self.units.local(self.estimate.law), self.estimate.offset)
