@@ -19,6 +19,8 @@ class Ranking:
     ----------
     order : tuple of str
         The methods, the best first: by verdict, then by what their law leaves unexplained.
+    recommended : str or None
+        The method to take; None where none is to be trusted.
     failing : tuple of str
         Methods whose answer is not the least squares of their own law, or that found none.
     exclusions : tuple of str
@@ -26,13 +28,9 @@ class Ranking:
     """
 
     order: tuple[str, ...]
+    recommended: str | None
     failing: tuple[str, ...]
     exclusions: tuple[str, ...]
-
-    @property
-    def recommended(self) -> str:
-        """The method to take."""
-        return self.order[0]
 
 
 def rank(results: Mapping[str, Identification]) -> Ranking:
@@ -47,12 +45,14 @@ def rank(results: Mapping[str, Identification]) -> Ranking:
     failing = tuple(name for name in order if fails(results[name]))
     pairs = itertools.combinations(order, 2)
     words = (_exclusion(results[a], results[b]) for a, b in pairs)
-    return Ranking(order, failing, tuple(each for each in words if each))
+    hopeless = all(r.diagnosis.verdict.overall == "do-not-trust" for r in results.values())
+    best = None if hopeless else order[0]
+    return Ranking(order, best, failing, tuple(each for each in words if each))
 
 
 def fails(result: Identification) -> bool:
     """Whether the method's answer is not the least squares of its own law on these samples."""
-    return any(f.check == "method" for f in result.diagnosis.findings)
+    return any(f.check == "method" and f.severity != "note" for f in result.diagnosis.findings)
 
 
 def _badness(result: Identification) -> tuple[int, int, int, float]:

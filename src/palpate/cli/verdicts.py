@@ -35,7 +35,7 @@ def print_ranking(results: Sequence[Identification], console: Console) -> list[I
     ranking = rank({result.method: result for result in results})
     by_name = {result.method: result for result in results}
     ordered = [by_name[name] for name in ranking.order]
-    console.print(Text(f"recommended: {ranking.recommended}", style="bold"))
+    console.print(Text(f"recommended: {ranking.recommended or 'none of them'}", style="bold"))
     for result in ordered:
         print_verdict(result, console, named=True)
     for words in ranking.exclusions:

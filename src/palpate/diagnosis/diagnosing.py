@@ -29,6 +29,7 @@ from palpate.diagnosis.misfit import (
     excitation,
     method,
     misfit,
+    off_least_squares,
     offset,
     ratio,
     standard_errors,
@@ -142,11 +143,14 @@ def _working_depth(fit: Fit, judged: Judged, *, known: bool) -> WorkingDepth:
         nothing = Quantity(math.nan, math.nan, math.nan)
         return WorkingDepth(depth, nothing, nothing, nothing)
     sizes = fit.sizes if known else (0.0, 0.0)
+    off = [abs(each) for each in off_least_squares(fit)[:2]] if known else [0.0, 0.0]
     return WorkingDepth(
         depth,
         Quantity(float(law.force(depth, 0.0)), force_error, 0.0),
-        Quantity(law.stiffness_at(depth), stiffness_error, judged.stiffness * sizes[0]),
-        Quantity(law.damping_at(depth), damping_error, judged.damping * sizes[1]),
+        Quantity(
+            law.stiffness_at(depth), stiffness_error, max(judged.stiffness, off[0]) * sizes[0]
+        ),
+        Quantity(law.damping_at(depth), damping_error, max(judged.damping, off[1]) * sizes[1]),
     )
 
 

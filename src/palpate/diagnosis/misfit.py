@@ -8,6 +8,7 @@ from palpate.diagnosis.band import FEWEST_ROWS
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.finding import Finding, Mark, severity_of, worst
 from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.marking import STOP_DAMPING, STOP_STIFFNESS
 from palpate.diagnosis.surface import offset_against_free
 
 UNEXPLAINED, MOST_UNEXPLAINED = 0.05, 0.30  # of the force
@@ -17,6 +18,7 @@ FEWEST_SAMPLES = 60
 # Standard errors, relative, that are too wide to build on.
 WIDE_STIFFNESS, WIDEST_STIFFNESS, WIDE_DAMPING = 0.10, 0.25, 0.20
 METHOD_Z = 5.0
+FAILS = 0.05  # of stiffness or damping, that a method is off; less is a note
 
 
 def ratio(fit: Fit) -> float:
@@ -107,38 +109,43 @@ def standard_errors(fit: Fit) -> tuple[float, float, float]:
     return force, stiffness, damping
 
 
+def off_least_squares(fit: Fit) -> tuple[float, float, float]:
+    """How far the method's stiffness and damping are off the least squares of its law, and z.
+
+    Relative to their sizes; 0 where z is no more than 5.
+    """
+    own, best = fit.units.local(fit.estimate.law), fit.solution.law
+    _, stiffness, damping = standard_errors(fit)
+    apart = fit.stiffness(own) - fit.stiffness(best), fit.damping(own) - fit.damping(best)
+    z = max(abs(apart[0]) / max(stiffness, 1e-300), abs(apart[1]) / max(damping, 1e-300))
+    if z <= METHOD_Z:
+        return 0.0, 0.0, z
+    return apart[0] / fit.sizes[0], apart[1] / fit.sizes[1], z
+
+
 def method(fit: Fit) -> Finding | None:
     """The method's own answer is not the least squares of its law on these samples."""
-    own = fit.units.local(fit.estimate.law)
-    _, stiffness, damping = standard_errors(fit)
-    differences = (
-        fit.stiffness(own) - fit.stiffness(fit.solution.law),
-        fit.damping(own) - fit.damping(fit.solution.law),
-    )
-    moved = [d / size for d, size in zip(differences, fit.sizes, strict=True)]
-    z = max(
-        abs(d) / max(error, 1e-300)
-        for d, error in zip(differences, (stiffness, damping), strict=True)
-    )
-    if z <= METHOD_Z or max(abs(part) for part in moved) <= 0.05:
+    off_s, off_c, z = off_least_squares(fit)
+    if z <= METHOD_Z:
         return None
-    mark_s: Mark = _grade(abs(moved[0]), 0.20)
-    mark_c: Mark = _grade(abs(moved[1]), 0.50)
+    large = max(abs(off_s), abs(off_c)) > FAILS
+    mark_s, mark_c = _grade(abs(off_s), STOP_STIFFNESS), _grade(abs(off_c), STOP_DAMPING)
+    words = "the method fails here: its" if large else "the method's"
     return Finding(
         "method",
-        f"the method fails here: its stiffness is {moved[0]:+.0%} and its damping {moved[1]:+.0%} "
-        "off the least squares of its own law",
+        f"{words} stiffness is {off_s:+.2g} and its damping {off_c:+.2g} of their size off the "
+        f"least squares of its own law, {z:.2g} standard errors",
         "--method variable-projection",
         z=z,
         stiffness=mark_s,
         damping=mark_c,
-        severity=severity_of(worst(mark_s, "with-care")),
-        moves_stiffness_percent=100.0 * moved[0],
-        moves_damping_percent=100.0 * moved[1],
+        severity=severity_of(worst(mark_s, "with-care") if large else "trust"),
+        moves_stiffness_percent=-100.0 * off_s,
+        moves_damping_percent=-100.0 * off_c,
     )
 
 
 def _grade(moved: float, stop: float) -> Mark:
     if moved > stop:
         return "do-not-trust"
-    return "with-care" if moved > 0.05 else "trust"
+    return "with-care" if moved > FAILS else "trust"
