@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     from palpate.contact import Contact
     from palpate.settings import ContactGate
 
+#: A text that may begin with a minus sign: -3ms is no option.
+Signed = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
+
 
 @Parameter(name="*")
 @dataclass(frozen=True)
@@ -41,11 +44,11 @@ class Reading:
     "Turn the sign of the force: compression is to be positive."
     flip_penetration: Annotated[bool, Parameter(negative="")] = False
     "Turn the sign of the penetration: into the material is to be positive."
-    tare: str | None = None
+    tare: Signed = None
     "Take off the mean force between these times, START:STOP, s."
-    delay: str | None = None
+    delay: Signed = None
     "How late the force is, such as 5ms; negative where it is early."
-    surface: str | None = None
+    surface: Signed = None
     "Where the material begins: estimate, or a penetration such as 0.7mm."
 
     def contact(self, file: Path) -> "Contact":

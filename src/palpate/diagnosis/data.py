@@ -101,8 +101,8 @@ def step_of(values: Floats) -> float:
 
 
 def in_words(value: float, unit: str) -> str:
-    """A quantity with the prefix that a person reads best: 0.0031 m is 3.1 mm."""
+    """A quantity with the prefix that a person reads best: 0.0008 m is 0.8 mm."""
     for prefix, size in (("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9)):
-        if abs(value) >= size:
+        if abs(value) >= 0.1 * size:
             return f"{value / size:.3g} {prefix}{unit}"
     return f"{value:.3g} {unit}"
