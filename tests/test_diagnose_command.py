@@ -47,7 +47,7 @@ def test_diagnose_prints_every_finding_with_its_remedy(run, write):
     found = palpate.diagnose(path)
     for finding in found.findings:
         assert finding.check.split()[0] in out
-    assert "→ identify each stretch by itself" in out
+    assert "→ --changes identifies each" in out
     assert f"{found.episodes[0].stop:.4g} s: stiffness = " in out
 
 
@@ -70,7 +70,21 @@ def test_json_is_the_diagnosis_of_the_library(run, write):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("command", ["identify", "diagnose", "compare"])
+def test_each_stretch_between_changes_is_identified_by_itself(run, write):
+    path = write(faults.changed(0.5))
+    whole = result_of(run("identify", path, "--json")[1])
+    parts = result_of(run("identify", path, "--changes", "--json")[1])
+    first, second = parts["episodes"]
+    assert [e["verdict"]["overall"] for e in parts["episodes"]] == ["trust", "trust"]
+    ratio = second["working_depth"]["stiffness"]["value"]
+    assert ratio / first["working_depth"]["stiffness"]["value"] == pytest.approx(1.5, rel=0.01)
+    assert first["working_depth"]["stiffness"]["standard_error"] > 0.0
+    assert parts["law"] == whole["law"]
+    assert parts["fit_rmse_percent"] < 0.1 * whole["fit_rmse_percent"]
+    assert f"{first['stop']:.4g} s: trust" in run("identify", path, "--changes")[1]
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
 def test_a_verdict_can_fail_a_pipeline(run, write, command):
     path = write(faults.changed(0.5))
     assert run(command, path, "--fail-on", "do-not-trust")[0] == 3
@@ -153,13 +167,13 @@ def test_a_wrong_option_is_one_line(run, write, options, words):
     assert err.count("\n") == 1
 
 
-def test_compare_ranks_and_says_what_fails(run, write):
+def test_compare_ranks_and_says_what_fails_and_what_excludes(run, write):
     path = write(faults.remembering(0.3, 0.2))
-    out = run("compare", path)[1]
-    assert "recommended: " in out
-    ranking = json.loads(run("compare", path, "--json")[1])["ranking"]
+    status, out, _ = run("compare", path, "--json", "--fail-on", "with-care")
+    ranking = json.loads(out)["ranking"]
+    assert status == 3
     assert sorted(ranking["order"]) == sorted(palpate.ESTIMATORS)
-    assert "double-stage" in ranking["failing"] or "single-stage" in ranking["failing"]
+    assert {"double-stage", "single-stage"} & set(ranking["failing"])
     assert all("exclude each other" in words for words in ranking["exclusions"])
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 
 from palpate._core import Status
 from palpate.contact import Contact
-from palpate.diagnosis import Data, Diagnosis, diagnose_parts
+from palpate.diagnosis import Data, Diagnosis, Episode, diagnose_parts
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.estimate import Estimate
 from palpate.estimators import (
@@ -23,7 +24,8 @@ from palpate.flags import flags_of
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate, suggest_scale
-from palpate.refusals import check_approach, nothing_taken
+from palpate.preparation.velocity import window_samples
+from palpate.refusals import check_approach, why_nothing
 from palpate.settings import ContactGate, Scale
 from palpate.trace import Trace
 from palpate.validation import Floats, number_in, shown
@@ -47,6 +49,8 @@ class Identification:
         The contact with the checks of its channels, where several methods share them.
     depth : float, optional
         The working depth of the diagnosis, m; the median penetration taken unless given.
+    stretches : tuple of Identification
+        One for each stretch between changes of the material, by :meth:`by_stretch`.
     """
 
     contact: Contact
@@ -55,6 +59,7 @@ class Identification:
     flags: tuple[str, ...] = ()
     data: Data | None = field(default=None, repr=False)
     depth: float | None = None
+    stretches: tuple["Identification", ...] = ()
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -65,6 +70,21 @@ class Identification:
     def at_depth(self, depth: float) -> "Identification":
         """Return the same with another working depth, m, for its diagnosis."""
         return replace(self, depth=number_in("depth", depth, 0.0, 1e100, open_low=True))
+
+    def by_stretch(self) -> "Identification":
+        """Return the same with each stretch between the changes that were found by itself.
+
+        Each is identified afresh with the same settings, and diagnosed at the same working depth; a
+        stretch that cannot be identified is left out, and so are the samples at a border that a
+        filter of the velocity smears over it. Without a change there are none.
+        """
+        depth, parts = self.diagnosis.working_depth.depth, []
+        smear = window_samples(self.contact.sample_time) * self.contact.sample_time
+        for episode in self.diagnosis.episodes:
+            with suppress(RecordingError):
+                part = self.contact.window(episode.start + smear, episode.stop - smear)
+                parts.append(identify(part, self.estimator.replace()).at_depth(depth))
+        return replace(self, stretches=tuple(parts))
 
     @property
     def method(self) -> str:
@@ -104,11 +124,24 @@ class Identification:
 
     @property
     def fitted_force(self) -> Floats:
-        """Force by the final law, and offset where one is estimated, at every sample, N."""
-        estimate, contact = self.estimate, self.contact
-        depth = contact.penetration - estimate.surface
-        fitted: Floats = self.law.force(depth, contact.velocity) + estimate.offset
+        """Force by the final law, and offset where one is estimated, at every sample, N.
+
+        Where there are stretches, by the law of the one that began last.
+        """
+        fitted = self.force_at(self.contact)
+        for part in self.stretches[:1]:
+            fitted = part.force_at(self.contact)
+        for part in self.stretches[1:]:
+            begun = self.contact.time >= part.contact.time[0]
+            fitted[begun] = part.force_at(self.contact)[begun]
         return fitted
+
+    def force_at(self, contact: Contact) -> Floats:
+        """Force by the final law, and offset, at every sample of a contact, N."""
+        estimate = self.estimate
+        depth = contact.penetration - estimate.surface
+        force: Floats = estimate.law.force(depth, contact.velocity) + estimate.offset
+        return force
 
     @property
     def violated_fraction(self) -> float:
@@ -135,6 +168,7 @@ class Identification:
         return {
             "method": self.method,
             **self.diagnosis.as_dict(),
+            **({"episodes": own} if (own := [s.as_episode() for s in self.stretches]) else {}),
             "law": {"kind": law.kind, **law.as_dict()},
             "standard_errors": dict(zip(law.as_dict(), errors, strict=True)),
             **beside,
@@ -145,6 +179,12 @@ class Identification:
             "contact_samples": int(np.count_nonzero(self.trace.taken)),
             "flags": list(self.flags),
         }
+
+    def as_episode(self) -> dict[str, Any]:
+        """Return it as one of the episodes of a longer contact."""
+        found, time = self.diagnosis, self.contact.time
+        own = Episode(float(time[0]), float(time[-1]), self.law, found.working_depth)
+        return {**own.as_dict(), "verdict": found.verdict.as_dict()}
 
 
 def identify(
@@ -182,7 +222,7 @@ def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identif
     trace = _replay_segments(contact, fresh)
     bare = Identification(contact, fresh, trace, data=data)
     if not trace.taken.any():
-        raise RecordingError(_why_nothing(data, bare.gate))
+        raise RecordingError(why_nothing(data, bare.gate))
     if fresh.settings.get("surface") == "estimate":
         check_approach(contact, trace, bare.estimate.surface)
     return Identification(contact, fresh, trace, tuple(flags_of(bare)), data)
@@ -236,15 +276,6 @@ def compare(
             estimator = estimator.replace(gate=chosen)
         results[name] = _identified(data, estimator)
     return results
-
-
-def _why_nothing(data: Data, gate: ContactGate) -> str:
-    """Why no sample was taken: by what the checks of the data found, if anything."""
-    for finding in data.findings:
-        if finding.severity == "do-not-trust":
-            where = f"{data.contact.source}: " if data.contact.source else ""
-            return f"{where}{finding.sentence} ({finding.remedy})"
-    return nothing_taken(data.contact, gate)
 
 
 def _chosen(contact: Contact, settings: dict[str, Any]) -> dict[str, Any]:

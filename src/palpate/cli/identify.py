@@ -1,6 +1,9 @@
 """The command ``palpate identify``."""
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
@@ -12,6 +15,7 @@ def identify(
     /,
     *,
     method: str = "variable-projection",
+    changes: Annotated[bool, Parameter(negative="")] = False,
     figure: Path | None = None,
     dark: bool = False,
     as_json: AsJson = False,
@@ -27,6 +31,8 @@ def identify(
         optionally velocity_m_s and segment.
     method
         The estimator, such as single-stage; ``palpate compare`` shows them all.
+    changes
+        Identify each stretch between changes of the material by itself.
     figure
         Draw it to this file (.svg, .pdf or .png).
     dark
@@ -47,6 +53,7 @@ def identify(
     contact = reading.contact(file)
     result = run(contact, kind(**reading.settings(contact)))
     result = result if depth is None else result.at_depth(depth)
+    result = result.by_stretch() if changes else result
     if figure is not None:
         from palpate import figures
 

@@ -36,6 +36,8 @@ def print_identifications(
         results = print_ranking(results, console)
     else:
         print_verdict(results[0], console)
+        for part in results[0].stretches:
+            print_verdict(part, console, name=_when(part).replace("\n", " "))
     console.print(_table(results))
     console.print(
         Text(
@@ -105,9 +107,11 @@ def _table(results: Sequence[Identification]) -> Table:
     table.add_column("contact model (± standard error)", no_wrap=True)
     for heading in ("predicted", "fit", "cond. 10"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for result in results:
+    shown = [(result, _in_two_lines(result.method)) for result in results]
+    shown += [(part, _when(part)) for result in results for part in result.stretches]
+    for result, label in shown:
         table.add_row(
-            _in_two_lines(result.method),
+            label,
             "\n".join(_parameters(result)),
             _percent(result.prediction_rmse_percent),
             _percent(result.fit_rmse_percent),
@@ -120,6 +124,12 @@ def _table(results: Sequence[Identification]) -> Table:
         )
         table.add_row("truth, by\nthe file", words, style="dim")
     return table
+
+
+def _when(part: Identification) -> str:
+    """The times of a stretch, in two lines."""
+    time = part.contact.time
+    return f"{time[0]:.4g} s to\n{time[-1]:.4g} s"
 
 
 def _in_two_lines(method: str) -> str:

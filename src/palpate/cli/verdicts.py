@@ -15,10 +15,10 @@ from palpate.ranking import rank
 COLOURS = {"trust": "green", "with-care": "yellow", "do-not-trust": "red", "note": "dim"}
 
 
-def print_verdict(result: Identification, console: Console, *, named: bool = False) -> None:
+def print_verdict(result: Identification, console: Console, *, name: str = "") -> None:
     """Print the verdict of an identification, its reason, and the numbers at working depth."""
     found = result.diagnosis
-    start = f"{result.method}: " if named else ""
+    start = f"{name}: " if name else ""
     verdict = found.verdict
     words = Text(f"{start}{verdict.overall}", style=f"bold {COLOURS[verdict.overall]}")
     words.append(f" (stiffness: {verdict.stiffness}, damping: {verdict.damping})", "none")
@@ -26,7 +26,7 @@ def print_verdict(result: Identification, console: Console, *, named: bool = Fal
     if found.remedy:
         words.append(f" ({found.remedy})", "dim")
     console.print(words, soft_wrap=True)
-    if not named:
+    if not name:
         console.print(Text(_working_depth(found)), soft_wrap=True)
 
 
@@ -37,7 +37,7 @@ def print_ranking(results: Sequence[Identification], console: Console) -> list[I
     ordered = [by_name[name] for name in ranking.order]
     console.print(Text(f"recommended: {ranking.recommended or 'none of them'}", style="bold"))
     for result in ordered:
-        print_verdict(result, console, named=True)
+        print_verdict(result, console, name=result.method)
     for words in ranking.exclusions:
         console.print(Text(words, style="yellow"), soft_wrap=True)
     return ordered

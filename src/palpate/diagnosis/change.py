@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from palpate.diagnosis.band import WINDOWS_A_PERIOD
 from palpate.diagnosis.cause import Cause
 from palpate.diagnosis.covariance import robust_covariance
 from palpate.diagnosis.fit import Fit
@@ -231,8 +232,23 @@ def _judged(fit: Fit, cut: Cut) -> Changes | None:
     if min(wald, default=0.0) <= SIGNIFICANT or max(size) <= SMALLEST_STEP:
         return None
     gain = 1.0 - float(residual @ residual) / max(fit.solution.energy, np.finfo(float).tiny)
-    times = tuple(0.5 * float(fit.time[b - 1] + fit.time[b]) for b in cut.borders)
+    times = tuple(_to_the_sample(fit, cut, laws, k) for k in range(len(cut.borders)))
     return Changes(_described(fit, values, times, min(wald), gain), times, laws, max(size))
+
+
+def _to_the_sample(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) -> float:
+    """Time of the first sample that the next law fits better from there on, s."""
+    row, data = cut.borders[border], fit.data
+    reach = 2.0 * fit.period / WINDOWS_A_PERIOD + 2.0 * data.sample_time
+    middle = 0.5 * (fit.time[row - 1] + fit.time[row])
+    near = np.flatnonzero(fit.inside & (np.abs(data.time - middle) <= reach))
+    if not near.size:
+        return float(middle)
+    x, v = fit.penetration[near], data.velocity[near]
+    wanted = data.force[near] - cut.offset
+    left, right = (wanted - laws[border + m].force(x, v) for m in (0, 1))
+    last = int(np.argmin(np.cumsum(left**2 - right**2)))
+    return float(data.time[near[min(last + 1, near.size - 1)]])
 
 
 def _law(fit: Fit, cut: Cut, row: Floats) -> ForceLaw:
@@ -257,5 +273,5 @@ def _described(
         0.0,
         0.0,
         f"the material changes at {when}: stiffness at working depth {steps} N/m",
-        f"identify each stretch by itself, with --start and --stop: borders at {when}",
+        "--changes identifies each stretch by itself",
     )
