@@ -5,6 +5,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -128,12 +129,12 @@ class Identification:
 
         Where there are stretches, by the law of the one that began last.
         """
-        fitted = self.force_at(self.contact)
-        for part in self.stretches[:1]:
-            fitted = part.force_at(self.contact)
-        for part in self.stretches[1:]:
-            begun = self.contact.time >= part.contact.time[0]
-            fitted[begun] = part.force_at(self.contact)[begun]
+        contact, parts = self.contact, self.stretches
+        fitted = (parts[0] if parts else self).force_at(contact)
+        for before, part in pairwise(parts):
+            border = 0.5 * (before.contact.time[-1] + part.contact.time[0])
+            begun = contact.time >= border
+            fitted[begun] = part.force_at(contact)[begun]
         return fitted
 
     def force_at(self, contact: Contact) -> Floats:

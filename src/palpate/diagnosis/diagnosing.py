@@ -35,7 +35,7 @@ from palpate.diagnosis.misfit import (
     standard_errors,
     unexplained,
 )
-from palpate.diagnosis.surface import FEWEST_FREE, free_samples, surface
+from palpate.diagnosis.surface import has_free_air, surface
 from palpate.estimate import Estimate
 from palpate.trace import Trace
 
@@ -121,7 +121,7 @@ def _notes(fit: Fit) -> list[Finding]:
             severity="note",
         ),
     ]
-    if np.count_nonzero(free_samples(fit)) < FEWEST_FREE:
+    if not has_free_air(fit):
         notes.append(
             Finding(
                 "surface",

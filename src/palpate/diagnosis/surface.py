@@ -17,7 +17,8 @@ FEWEST_FREE = 50  # samples above the surface; with fewer an error of the surfac
 MOST_IN_CONTACT, MOST_FREE = 3000, 1500
 STARTS = (-1.0, -0.3, -0.1, 0.0, 0.1)  # of the working depth
 FEWEST_MOVED = 0.005  # of the working depth; less moves no number by more than noise does
-MOST_UNEXPLAINED = 0.15  # of the force: a worse fit has another cause first
+# Of the residual: half an encoder count moves the surface of a stiff material significantly too.
+FEWEST_GAINED = 0.05
 STEPS = 15
 
 
@@ -50,12 +51,20 @@ def free_samples(fit: Fit) -> NDArray[np.bool_]:
     return free
 
 
+def has_free_air(fit: Fit) -> bool:
+    """Whether 50 samples or more are out of contact, at whatever penetration is given for them.
+
+    A probe that rests 0.5 mm above the material has none above a surface that is 0.7 mm off.
+    """
+    return int(np.count_nonzero(~fit.inside)) >= FEWEST_FREE
+
+
 def surface(fit: Fit) -> list[Cause]:
     """Levenberg–Marquardt on (k, c, n, F₀, d), the free approach included; Hunt–Crossley only."""
     law = fit.solution.law
     if not isinstance(law, HuntCrossley) or not fit.with_offset:
         return []
-    if np.count_nonzero(free_samples(fit)) < FEWEST_FREE or fit.estimate.surface_standard_error:
+    if not has_free_air(fit) or fit.estimate.surface_standard_error:
         return []
     samples = _samples(fit)
     given = np.array([*law.parameters, fit.solution.offset, 0.0])
@@ -70,7 +79,7 @@ def surface(fit: Fit) -> list[Cause]:
     error = math.sqrt(robust_covariance(after.jacobian, after.residual)[-1, -1])
     gain = 1.0 - after.energy / max(before.energy, np.finfo(float).tiny)
     band_gain = _band_gain(fit, after.parameters)
-    if not gain > 0.2 and not band_gain > 0.2:
+    if max(gain, band_gain) < FEWEST_GAINED:
         return []
     return [_described(fit, after.parameters, error, max(band_gain, 0.0))]
 
