@@ -9,7 +9,7 @@ from palpate.validation import Floats
 
 BEYOND = 8.0  # σ
 LEAST = 0.02  # of the channel's largest value
-STEPS = 1.5  # of the channel; a value that rounds to and fro is no spike
+STEPS = 1.5  # of the channel; a value that rounds up and down is no spike
 # Times the range of its four neighbours. The top of a sine at 66 Hz is 2 % above them, and a lever
 # that shakes for a tenth of a second is no noise of all the recording: neither is a spike.
 ALONE = 3.0
