@@ -1,6 +1,7 @@
 """Delay: the force late, or early, against the penetration."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from palpate.diagnosis.fit import Fit, Motion, Solution
 from palpate.validation import Floats
 
 LONGEST = 25e-3  # s; beyond that a recording is out of step, not late
+LEAST = 0.3  # samples; less is the sampling itself
 MOST_ROWS = 700  # on which whole shifts are tried
 
 
@@ -26,48 +28,36 @@ def delay(fit: Fit) -> list[Cause]:
     fine = beside(fit, _by_delay(fit, 0))
     if fine is None:
         return []
-    start, shift = _best_shift(fit, reach)
-    late = shift * step
-    moved = start if shift else fit.solution
-    if shift:
-        left = _residual_delay(fit, moved, shift)
-        late += left
-        gain = 1.0 - moved.energy / max(fit.solution.energy, np.finfo(float).tiny)
-        change = moved.jacobian.shape[1]
-        names = len(moved.law.symbols)
-        delta = np.zeros(change)
-        delta[:names] = moved.law.parameters - fit.solution.law.parameters
-        result = Beside(delta, late, fine.z, max(gain, fine.gain))
-    else:
-        late = fine.amount
-        result = fine
-    cause = cause_of(fit, "delay", result, "", None)
-    if abs(shift) >= reach or abs(late) < 0.3 * step:
+    moved, shift = _best_shift(fit, reach)
+    late = shift * step + _residual_delay(fit, moved, shift) if shift else fine.amount
+    if abs(shift) >= reach or abs(late) < LEAST * step:
         return []
-    return [_described(fit, cause, late, fine, moved if shift else None)]
+    return [_shifted(fit, late, fine, moved) if shift else _described(fit, late, fine, fine)]
 
 
-def _described(fit: Fit, cause: Cause, late: float, fine: Beside, moved: Solution | None) -> Cause:
+def _shifted(fit: Fit, late: float, fine: Beside, moved: Solution) -> Cause:
+    """A delay of a sample or more: its influence is the refit less the same fit without it."""
+    before = fit.solution
+    gain = 1.0 - moved.energy / max(before.energy, np.finfo(float).tiny)
+    change = np.zeros(before.jacobian.shape[1])
+    change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
+    cause = _described(fit, late, fine, Beside(change, late, fine.z, max(gain, fine.gain)))
+    return replace(
+        cause,
+        stiffness=(fit.stiffness(moved.law) - fit.stiffness(before.law)) / fit.sizes[0],
+        damping=(fit.damping(moved.law) - fit.damping(before.law)) / fit.sizes[1],
+    )
+
+
+def _described(fit: Fit, late: float, fine: Beside, result: Beside) -> Cause:
     error = abs(fine.amount) / max(fine.z, 1e-300)
-    way = "late" if late > 0.0 else "early"
-    stiffness, damping = cause.stiffness, cause.damping
-    if moved is not None:
-        stiffness = (fit.stiffness(moved.law) - fit.stiffness(fit.solution.law)) / fit.sizes[0]
-        damping = (fit.damping(moved.law) - fit.damping(fit.solution.law)) / fit.sizes[1]
     sentence = (
-        f"the force is {abs(late) * 1e3:.2g} ± {error * 1e3:.1g} ms {way}, or the damping follows "
-        "another law; the two cannot be told apart by the recording"
+        f"the force is {abs(late) * 1e3:.2g} ± {error * 1e3:.1g} ms "
+        f"{'late' if late > 0.0 else 'early'}, or the damping follows another law; the two cannot "
+        "be told apart by the recording"
     )
-    return Cause(
-        "delay",
-        cause.z,
-        cause.gain,
-        stiffness,
-        damping,
-        cause.parameter,
-        sentence,
-        f"--delay {late * 1e3:.2g}ms, if the sensors can be out of step by that",
-    )
+    remedy = f"--delay {late * 1e3:.2g}ms, if the sensors can be out of step by that"
+    return cause_of(fit, "delay", result, sentence, remedy)
 
 
 def skew_matters(fit: Fit) -> str:

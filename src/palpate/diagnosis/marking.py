@@ -10,6 +10,10 @@ CARE = 0.05
 STOP_STIFFNESS, STOP_DAMPING = 0.20, 0.50
 STOP_CHANGE = 0.15
 NOISE_LIKE = 1.5  # misfit over the noise floor, below which a small cause is but a note
+# The surface is named before a cause that removes so little more, in a fit that is no worse: looked
+# up on recordings, not calibrated.
+NEAR, MOST_UNEXPLAINED = 0.25, 0.15
+ALIKE = 0.7  # of the named cause's gain: such a rival's influence counts in full
 SURE = 0.6  # (1 − g₁)/(1 − g₂) below which a cause is named by itself
 
 
@@ -59,7 +63,7 @@ def judge(causes: list[Cause], ratio: float, unexplained: float) -> Judged:
         if rival.name == "offset drift" or (rival.small and ratio < NOISE_LIKE):
             continue
         relative = rival.gain / highest
-        counted.append((rival, 1.0 if relative > 0.7 else 0.5 * relative))
+        counted.append((rival, 1.0 if relative > ALIKE else 0.5 * relative))
     return Judged(
         findings,
         max((weight * abs(cause.stiffness) for cause, weight in counted), default=0.0),
@@ -71,8 +75,8 @@ def _named(significant: list[Cause], unexplained: float) -> Cause:
     """The largest gain; the surface, which hardly shows in the residual, where it comes near."""
     first = significant[0]
     for cause in significant:
-        near = first.gain - max(cause.gain, 0.0) < 0.25
-        if cause.name == "surface" and unexplained < 0.15 and near:
+        near = first.gain - max(cause.gain, 0.0) < NEAR
+        if cause.name == "surface" and unexplained < MOST_UNEXPLAINED and near:
             return cause
     return first
 
