@@ -70,12 +70,15 @@ def test_json_is_one_object_of_the_agreed_shape(run, good):
 def test_json_says_beyond_that_only_how_the_numbers_were_made(run, good):
     """So that a field that goes, comes or changes its name is noticed."""
     whole = json.loads(run("identify", good, "--json")[1])
-    assert sorted(whole) == ["file", "gate", "provenance", "results", "samples", "scale"]
+    assert sorted(whole) == [
+        "file", "gate", "provenance", "results", "samples", "scale", "schema_version",
+    ]  # fmt: skip
     assert sorted(whole["gate"]) == ["break_force", "make_force", "minimum_penetration"]
     assert sorted(whole["scale"]) == ["force", "penetration", "velocity"]
     [result] = whole["results"]
     expected = ["changes", "contact_samples", "flags", "law", "method", "standard_errors"]
     expected += ["offset", "offset_standard_error", *MEASURES]
+    expected += ["verdict", "working_depth", "findings", "episodes"]
     assert sorted(result) == sorted(expected)
 
 

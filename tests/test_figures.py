@@ -85,7 +85,9 @@ def test_a_figure_shows_force_loop_each_parameter_and_a_judgement(method):
         assert any(title.startswith(name.replace("_", " ")) for title in titles)
     judgement = "Condition 10" if result.law.kind == "hunt-crossley" else "Prediction error"
     assert judgement in titles[-1]
-    assert figure.get_suptitle().startswith("probe.csv: ")
+    verdict, name = figure.get_suptitle().split("\n")
+    assert verdict.startswith(result.diagnosis.verdict.overall)
+    assert name.startswith("probe.csv: ")
     assert all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)
 
 

@@ -2,6 +2,7 @@
 
 from palpate._core import Status
 from palpate.contact import Contact
+from palpate.diagnosis import Diagnosis, Finding, Verdict, WorkingDepth
 from palpate.errors import (
     InvalidParameterError,
     MissingChannelError,
@@ -29,7 +30,7 @@ from palpate.force_laws import (
     HuntCrossley,
     KelvinVoigt,
 )
-from palpate.identification import Identification, compare, identify
+from palpate.identification import Identification, compare, diagnose, identify
 from palpate.least_squares import LeastSquares
 from palpate.preparation import Columns, choose_gate, prepare
 from palpate.recordings import Recording, open_recording, write_contact
@@ -52,12 +53,14 @@ __all__ = [
     "Contact",
     "ContactEstimator",
     "ContactGate",
+    "Diagnosis",
     "DoubleStageRLS",
     "DriftTracking",
     "Estimate",
     "ExtendedKelvinVoigt",
     "ExtendedKelvinVoigtRLS",
     "FadingForgetting",
+    "Finding",
     "ForceLaw",
     "HuntCrossley",
     "Identification",
@@ -78,8 +81,11 @@ __all__ = [
     "Status",
     "Trace",
     "VariableProjection",
+    "Verdict",
+    "WorkingDepth",
     "choose_gate",
     "compare",
+    "diagnose",
     "identify",
     "open_recording",
     "prepare",

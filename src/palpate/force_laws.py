@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import number, shown
+from palpate.validation import number, number_in, shown
 
 Floats = NDArray[np.float64]
 
@@ -67,6 +67,20 @@ class ForceLaw:
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂x in contact, N/m, shape (k,), at penetrations > 0 [m] and velocities [m/s], (k,)."""
         raise NotImplementedError
+
+    def stiffness_at(self, depth: float, velocity: float = 0.0) -> float:
+        """∂F/∂x [N/m] at a depth > 0 [m] and a velocity [m/s]: what a small motion there feels."""
+        x = number_in("depth", depth, 0.0, 1e100, open_low=True)
+        v = number("velocity", velocity)
+        return float(self.penetration_gradient(np.array([x]), np.array([v]))[0])
+
+    def damping_at(self, depth: float) -> float:
+        """∂F/∂v [N·s/m] at a depth > 0 [m] and at rest.
+
+        By (F(x, v) − F(x, −v))/2v at 1 mm/s: exact for every law that is linear in v.
+        """
+        x, v = number_in("depth", depth, 0.0, 1e100, open_low=True), 1e-3
+        return (float(self.force(x, v)) - float(self.force(x, -v))) / (2.0 * v)
 
 
 Law = TypeVar("Law", bound=type[ForceLaw])
@@ -183,6 +197,11 @@ class KelvinVoigt(_CompiledLaw):
         """∂F/∂x = K."""
         return np.full_like(penetration, self.stiffness)
 
+    def damping_at(self, depth: float) -> float:
+        """∂F/∂v = B, at any depth > 0 [m]."""
+        number_in("depth", depth, 0.0, 1e100, open_low=True)
+        return self.damping
+
 
 @register
 @dataclass(frozen=True, slots=True)
@@ -217,6 +236,11 @@ class ExtendedKelvinVoigt(_CompiledLaw):
         """∂F/∂x = K₁ + 2 K₂ x."""
         slope: Floats = self.stiffness + 2.0 * self.quadratic_stiffness * penetration
         return slope
+
+    def damping_at(self, depth: float) -> float:
+        """∂F/∂v = B, at any depth > 0 [m]."""
+        number_in("depth", depth, 0.0, 1e100, open_low=True)
+        return self.damping
 
 
 @register
@@ -264,3 +288,8 @@ class HuntCrossley(_CompiledLaw):
             * (self.stiffness + self.damping * velocity)
         )
         return slope
+
+    def damping_at(self, depth: float) -> float:
+        """∂F/∂v = B xⁿ at a depth > 0 [m]."""
+        x = number_in("depth", depth, 0.0, 1e100, open_low=True)
+        return float(self.damping * x**self.exponent)

@@ -2,13 +2,17 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from palpate._core import Status
 from palpate.contact import Contact
+from palpate.diagnosis import Data, Diagnosis, Episode, diagnose_parts
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.estimate import Estimate
 from palpate.estimators import (
@@ -21,13 +25,14 @@ from palpate.flags import flags_of
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate, suggest_scale
-from palpate.refusals import check_approach, nothing_taken
+from palpate.preparation.velocity import window_samples
+from palpate.refusals import check_approach, why_nothing
 from palpate.settings import ContactGate, Scale
 from palpate.trace import Trace
-from palpate.validation import Floats, shown
+from palpate.validation import Floats, number_in, shown
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)  # no slots: the diagnosis is kept in the instance
 class Identification:
     """What a whole contact gave.
 
@@ -41,12 +46,46 @@ class Identification:
         Every sample, on the contact's clock.
     flags : tuple of str
         What a reader should know before trusting the numbers.
+    data : Data, optional
+        The contact with the checks of its channels, where several methods share them.
+    depth : float, optional
+        The working depth of the diagnosis, m; the median penetration taken unless given.
+    stretches : tuple of Identification
+        One for each stretch between changes of the material, by :meth:`by_stretch`.
     """
 
     contact: Contact
     estimator: ContactEstimator
     trace: Trace
     flags: tuple[str, ...] = ()
+    data: Data | None = field(default=None, repr=False)
+    depth: float | None = None
+    stretches: tuple["Identification", ...] = ()
+
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """What may be wrong, and how far to trust it; worked out when it is first asked for."""
+        data = self.data or Data(self.contact)
+        return diagnose_parts(data, self.trace, self.estimate, depth=self.depth)
+
+    def at_depth(self, depth: float) -> "Identification":
+        """Return the same with another working depth, m, for its diagnosis."""
+        return replace(self, depth=number_in("depth", depth, 0.0, 1e100, open_low=True))
+
+    def by_stretch(self) -> "Identification":
+        """Return the same with each stretch between the changes that were found by itself.
+
+        Each is identified afresh with the same settings, and diagnosed at the same working depth; a
+        stretch that cannot be identified is left out, and so are the samples at a border that a
+        filter of the velocity smears over it. Without a change there are none.
+        """
+        depth, parts = self.diagnosis.working_depth.depth, []
+        smear = window_samples(self.contact.sample_time) * self.contact.sample_time
+        for episode in self.diagnosis.episodes:
+            with suppress(RecordingError):
+                part = self.contact.window(episode.start + smear, episode.stop - smear)
+                parts.append(identify(part, self.estimator.replace()).at_depth(depth))
+        return replace(self, stretches=tuple(parts))
 
     @property
     def method(self) -> str:
@@ -86,11 +125,24 @@ class Identification:
 
     @property
     def fitted_force(self) -> Floats:
-        """Force by the final law, and offset where one is estimated, at every sample, N."""
-        estimate, contact = self.estimate, self.contact
-        depth = contact.penetration - estimate.surface
-        fitted: Floats = self.law.force(depth, contact.velocity) + estimate.offset
+        """Force by the final law, and offset where one is estimated, at every sample, N.
+
+        Where there are stretches, by the law of the one that began last.
+        """
+        contact, parts = self.contact, self.stretches
+        fitted = (parts[0] if parts else self).force_at(contact)
+        for before, part in pairwise(parts):
+            border = 0.5 * (before.contact.time[-1] + part.contact.time[0])
+            begun = contact.time >= border
+            fitted[begun] = part.force_at(contact)[begun]
         return fitted
+
+    def force_at(self, contact: Contact) -> Floats:
+        """Force by the final law, and offset, at every sample of a contact, N."""
+        estimate = self.estimate
+        depth = contact.penetration - estimate.surface
+        force: Floats = estimate.law.force(depth, contact.velocity) + estimate.offset
+        return force
 
     @property
     def violated_fraction(self) -> float:
@@ -116,6 +168,8 @@ class Identification:
             beside["surface_standard_error"] = estimate.surface_standard_error
         return {
             "method": self.method,
+            **self.diagnosis.as_dict(),
+            **({"episodes": own} if (own := [s.as_episode() for s in self.stretches]) else {}),
             "law": {"kind": law.kind, **law.as_dict()},
             "standard_errors": dict(zip(law.as_dict(), errors, strict=True)),
             **beside,
@@ -126,6 +180,12 @@ class Identification:
             "contact_samples": int(np.count_nonzero(self.trace.taken)),
             "flags": list(self.flags),
         }
+
+    def as_episode(self) -> dict[str, Any]:
+        """Return it as one of the episodes of a longer contact."""
+        found, time = self.diagnosis, self.contact.time
+        own = Episode(float(time[0]), float(time[-1]), self.law, found.working_depth)
+        return {**own.as_dict(), "verdict": found.verdict.as_dict()}
 
 
 def identify(
@@ -154,15 +214,40 @@ def identify(
         The source is none of these, or there is no such estimator.
     """
     contact = source if isinstance(source, Contact) else prepare(source)
-    given = _estimator(estimator)
+    return _identified(Data(contact), estimator)
+
+
+def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identification:
+    contact, given = data.contact, _estimator(estimator)
     fresh = given.replace(**_chosen(contact, given.settings))
     trace = _replay_segments(contact, fresh)
-    bare = Identification(contact, fresh, trace)
+    bare = Identification(contact, fresh, trace, data=data)
     if not trace.taken.any():
-        raise RecordingError(nothing_taken(contact, bare.gate))
+        raise RecordingError(why_nothing(data, bare.gate))
     if fresh.settings.get("surface") == "estimate":
         check_approach(contact, trace, bare.estimate.surface)
-    return Identification(contact, fresh, trace, tuple(flags_of(bare)))
+    return Identification(contact, fresh, trace, tuple(flags_of(bare)), data)
+
+
+def diagnose(
+    source: Contact | Recorded,
+    estimator: ContactEstimator | str | None = None,
+    *,
+    depth: float | None = None,
+) -> Diagnosis:
+    """Say what may be wrong with the identification of a contact, and how far to trust it.
+
+    Parameters
+    ----------
+    source : Contact, Recording, path or frame
+        As for :func:`identify`.
+    estimator : ContactEstimator or str, optional
+        As for :func:`identify`.
+    depth : float, optional
+        The working depth, m; the median penetration of the samples taken unless given.
+    """
+    result = identify(source, estimator)
+    return (result if depth is None else result.at_depth(depth)).diagnosis
 
 
 def compare(
@@ -184,12 +269,13 @@ def compare(
     """
     contact = source if isinstance(source, Contact) else prepare(source)
     chosen = choose_gate(contact) if gate is None else gate
+    data = Data(contact)  # checked once for all methods
     results = {}
     for name, kind in ESTIMATORS.items():
         estimator = kind()
         if "gate" in estimator.settings:
             estimator = estimator.replace(gate=chosen)
-        results[name] = identify(contact, estimator)
+        results[name] = _identified(data, estimator)
     return results
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from palpate.contact import Contact
+from palpate.diagnosis import Data
 from palpate.errors import RecordingError
 from palpate.settings import ContactGate
 from palpate.trace import Trace
@@ -11,6 +12,15 @@ from palpate.validation import Floats
 # Samples above the surface that a search for it needs: the force out of contact is then known to a
 # quarter of σ.
 FEWEST_ABOVE = 20
+
+
+def why_nothing(data: Data, gate: ContactGate) -> str:
+    """Why no sample was taken: by what the checks of the data found, if anything."""
+    for finding in data.findings:
+        if finding.severity == "do-not-trust":
+            where = f"{data.contact.source}: " if data.contact.source else ""
+            return f"{where}{finding.sentence} ({finding.remedy})"
+    return nothing_taken(data.contact, gate)
 
 
 def nothing_taken(contact: Contact, gate: ContactGate) -> str:

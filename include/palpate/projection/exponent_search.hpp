@@ -119,7 +119,9 @@ inline Curve curve_at(const ProjectionProblem& problem, const ProjectionPoint& p
   return {quadratic - 2.0 * (k * d[pf] + c * d[pwf]), std::max(h - projected, 0.0)};
 }
 
-inline ProjectionPoint refine(const ProjectionProblem& problem, const SearchStart& start) noexcept {
+// Not inlined: a replay would hold it a dozen times, and take three times as long to compile.
+[[gnu::noinline]] inline ProjectionPoint refine(const ProjectionProblem& problem,
+                                                const SearchStart& start) noexcept {
   const PowerSums& sums = problem.sums;
   const double exponent_weight = problem.exponent_weight(start.variance);
   const double n = std::clamp(start.n, sums.lowest(), sums.highest());

@@ -16,7 +16,7 @@ from palpate.cli.printing import (
 from palpate.errors import PalpateError
 
 #: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
-COMMANDS = ("identify", "compare", "design", "lab", "paper")
+COMMANDS = ("identify", "diagnose", "compare", "design", "lab", "paper")
 
 
 def application() -> App:
@@ -40,12 +40,12 @@ def run(arguments: Sequence[str]) -> None:
     Raises
     ------
     SystemExit
-        2 after an error, which is one line on standard error; 141 where the reader of the output
-        is gone.
+        What the command returns, if anything: 3 for a verdict that was to fail; 2 after an error,
+        which is one line on standard error; 141 where the reader of the output is gone.
     """
     prepare_output()
     try:
-        application()(
+        status = application()(
             arguments, exit_on_error=False, print_error=False, result_action="return_value"
         )
         finish_output()
@@ -59,6 +59,8 @@ def run(arguments: Sequence[str]) -> None:
         abandon_output()
         complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
         sys.exit(2)
+    if isinstance(status, int) and status:
+        sys.exit(status)
 
 
 def _version() -> str:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
 from palpate.cli.reading import Reading
 
@@ -13,8 +14,9 @@ def compare(
     figure: Path | None = None,
     dark: bool = False,
     as_json: AsJson = False,
+    judging: Judging | None = None,
     reading: Reading | None = None,
-) -> None:
+) -> int:
     """Identify a recording with every method, side by side.
 
     Parameters
@@ -30,17 +32,26 @@ def compare(
         Print one JSON object instead of a table.
     """
     from palpate.cli.tables import print_identifications
+    from palpate.errors import InvalidParameterError
     from palpate.identification import compare as run
 
-    reading = reading or Reading()
+    reading, judging = reading or Reading(), judging or Judging()
+    depth = judging.depth
+    if reading.surface == "estimate":
+        raise InvalidParameterError(
+            "--surface estimate is for one method that can: palpate identify"
+        )
     if figure is not None:
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=[file])
     contact = reading.contact(file)
     results = run(contact, gate=reading.gate(contact))
+    if depth is not None:
+        results = {name: result.at_depth(depth) for name, result in results.items()}
     if figure is not None:
         from palpate import figures
 
         figures.save(figures.draw_comparison(results, dark=dark), figure, inputs=[file])
     print_identifications(file, list(results.values()), figure, as_json=as_json)
+    return judging.status([result.diagnosis.verdict for result in results.values()])

@@ -1,7 +1,11 @@
 """The command ``palpate identify``."""
 
 from pathlib import Path
+from typing import Annotated
 
+from cyclopts import Parameter
+
+from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
 from palpate.cli.reading import Reading
 
@@ -11,11 +15,13 @@ def identify(
     /,
     *,
     method: str = "variable-projection",
+    changes: Annotated[bool, Parameter(negative="")] = False,
     figure: Path | None = None,
     dark: bool = False,
     as_json: AsJson = False,
+    judging: Judging | None = None,
     reading: Reading | None = None,
-) -> None:
+) -> int:
     """Identify the contact model of a recording.
 
     Parameters
@@ -25,6 +31,8 @@ def identify(
         optionally velocity_m_s and segment.
     method
         The estimator, such as single-stage; ``palpate compare`` shows them all.
+    changes
+        Identify each stretch between changes of the material by itself.
     figure
         Draw it to this file (.svg, .pdf or .png).
     dark
@@ -36,16 +44,19 @@ def identify(
     from palpate.estimators import estimator_named
     from palpate.identification import identify as run
 
-    reading = reading or Reading()
-    kind = estimator_named(method)
+    reading, judging = reading or Reading(), judging or Judging()
+    depth, kind = judging.depth, estimator_named(method)
     if figure is not None:
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=[file])
     contact = reading.contact(file)
-    result = run(contact, kind(**{"gate": reading.gate(contact)}))
+    result = run(contact, kind(**reading.settings(contact)))
+    result = result if depth is None else result.at_depth(depth)
+    result = result.by_stretch() if changes else result
     if figure is not None:
         from palpate import figures
 
         figures.save(figures.draw(result, dark=dark), figure, inputs=[file])
     print_identifications(file, [result], figure, as_json=as_json)
+    return judging.status([result.diagnosis.verdict])

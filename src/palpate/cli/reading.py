@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
     from palpate.contact import Contact
     from palpate.settings import ContactGate
+
+#: A text that may begin with a minus sign: -3ms is no option.
+Signed = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 
 
 @Parameter(name="*")
@@ -35,6 +38,19 @@ class Reading:
     velocity_window: float | None = None
     "Length of the velocity filter, s; 15 samples but at most 15 ms unless given."
 
+    unit: Annotated[tuple[str, ...], Parameter(negative="")] = ()
+    "Unit of a channel, such as penetration=mm; once for each channel that is not in SI."
+    flip_force: Annotated[bool, Parameter(negative="")] = False
+    "Turn the sign of the force: compression is to be positive."
+    flip_penetration: Annotated[bool, Parameter(negative="")] = False
+    "Turn the sign of the penetration: into the material is to be positive."
+    tare: Signed = None
+    "Take off the mean force between these times, START:STOP, s."
+    delay: Signed = None
+    "How late the force is, such as 5ms; negative where it is early."
+    surface: Signed = None
+    "Where the material begins: estimate, or a penetration such as 0.7mm."
+
     def contact(self, file: Path) -> "Contact":
         """Read the file and cut the time window."""
         from palpate.errors import MissingChannelError, RecordingError
@@ -42,13 +58,38 @@ class Reading:
 
         columns = Columns(self.time, self.penetration, self.force, self.velocity)
         try:
-            contact = prepare(file, columns=columns, velocity_window=self.velocity_window)
+            contact = prepare(
+                file, columns=columns, velocity_window=self.velocity_window, **self.corrections
+            )
         except MissingChannelError as error:
             hint = "map other names with --time, --penetration, --force, --velocity"
             raise RecordingError(f"{error} ({hint})") from None
         if self.start is None and self.stop is None:
             return contact
         return contact.window(self.start, self.stop)
+
+    @property
+    def corrections(self) -> dict[str, Any]:
+        """What is corrected, as :func:`palpate.prepare` takes it."""
+        from palpate.cli.quantities import quantity, span, units_of
+
+        given: dict[str, Any] = {"units": units_of("--unit", self.unit)}
+        turned = {"force": self.flip_force, "penetration": self.flip_penetration}
+        given["flip"] = [channel for channel, turn in turned.items() if turn]
+        if self.tare is not None:
+            given["tare"] = span("--tare", self.tare)
+        if self.delay is not None:
+            given["delay"] = quantity("--delay", self.delay, "time")
+        if self.surface not in (None, "estimate"):
+            given["surface"] = quantity("--surface", str(self.surface), "penetration")
+        return given
+
+    def settings(self, contact: "Contact") -> dict[str, Any]:
+        """Return what an estimator is to be made with."""
+        settings: dict[str, Any] = {"gate": self.gate(contact)}
+        if self.surface == "estimate":
+            settings["surface"] = "estimate"
+        return settings
 
     def gate(self, contact: "Contact") -> "ContactGate":
         """Return the gate asked for; what is not asked for is chosen from the data."""

@@ -9,8 +9,13 @@ from rich.table import Table
 from rich.text import Text
 
 from palpate.cli.printing import Terminal, print_json
+from palpate.cli.verdicts import print_ranking, print_verdict
 from palpate.identification import Identification
+from palpate.ranking import rank
 from palpate.recordings.truth import truth_of
+
+#: Of the JSON; a field that goes, or means another thing, makes it the next.
+SCHEMA_VERSION = 1
 
 
 def new_table() -> Table:
@@ -23,10 +28,16 @@ def print_identifications(
 ) -> None:
     """Print what a file gave: its identifications side by side, and what to know about them."""
     if as_json:
-        print_json(_as_dict(file, results))
+        print_json(as_dict(file, results))
         return
     console = Terminal()
     _print_contact(results[0], console)
+    if len(results) > 1:
+        results = print_ranking(results, console)
+    else:
+        print_verdict(results[0], console)
+        for part in results[0].stretches:
+            print_verdict(part, console, name=_when(part).replace("\n", " "))
     console.print(_table(results))
     console.print(
         Text(
@@ -43,10 +54,12 @@ def print_identifications(
         print(f"figure: {figure}")
 
 
-def _as_dict(file: Path, results: Sequence[Identification]) -> dict[str, Any]:
+def as_dict(file: Path, results: Sequence[Identification]) -> dict[str, Any]:
+    """Return what a file gave as plain numbers and words."""
     first = results[0]
     gate, scale, contact = first.gate, first.scale, first.contact
     return {
+        "schema_version": SCHEMA_VERSION,
         "file": str(file),
         "samples": len(contact),
         "provenance": dict(contact.provenance),
@@ -61,6 +74,17 @@ def _as_dict(file: Path, results: Sequence[Identification]) -> dict[str, Any]:
             "force": scale.force,
         },
         "results": [result.as_dict() for result in results],
+        **({"ranking": _ranking(results)} if len(results) > 1 else {}),
+    }
+
+
+def _ranking(results: Sequence[Identification]) -> dict[str, Any]:
+    ranking = rank({result.method: result for result in results})
+    return {
+        "recommended": ranking.recommended,
+        "order": list(ranking.order),
+        "failing": list(ranking.failing),
+        "exclusions": list(ranking.exclusions),
     }
 
 
@@ -83,9 +107,11 @@ def _table(results: Sequence[Identification]) -> Table:
     table.add_column("contact model (± standard error)", no_wrap=True)
     for heading in ("predicted", "fit", "cond. 10"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for result in results:
+    shown = [(result, _in_two_lines(result.method)) for result in results]
+    shown += [(part, _when(part)) for result in results for part in result.stretches]
+    for result, label in shown:
         table.add_row(
-            _in_two_lines(result.method),
+            label,
             "\n".join(_parameters(result)),
             _percent(result.prediction_rmse_percent),
             _percent(result.fit_rmse_percent),
@@ -98,6 +124,12 @@ def _table(results: Sequence[Identification]) -> Table:
         )
         table.add_row("truth, by\nthe file", words, style="dim")
     return table
+
+
+def _when(part: Identification) -> str:
+    """The times of a stretch, in two lines."""
+    time = part.contact.time
+    return f"{time[0]:.4g} s to\n{time[-1]:.4g} s"
 
 
 def _in_two_lines(method: str) -> str:

@@ -4,6 +4,7 @@ Needs the extra ``figures``.
 """
 
 import math
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -106,4 +107,6 @@ def _name(result: Identification) -> str:
 def _title(result: Identification) -> str:
     name = _name(result)
     fit = f"{result.method}, final law fits to {result.fit_rmse_percent:.2g} %"
-    return f"{name}: {fit}" if name else fit
+    verdict = f"{result.diagnosis.verdict.overall}: {result.diagnosis.reason}"
+    words = textwrap.shorten(verdict, 150, placeholder=" …")
+    return f"{words}\n{name}: {fit}" if name else f"{words}\n{fit}"

@@ -2,7 +2,7 @@
 
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.contact import Contact, first_wrong_time
 from palpate.errors import InvalidParameterError, RecordingError
+from palpate.preparation.corrections import Corrections
 from palpate.preparation.velocity import velocity_of
 from palpate.recordings import Recording, open_recording
 from palpate.validation import instance, signals
@@ -63,6 +64,11 @@ def prepare(
     velocity_window: float | None = None,
     source: str | None = None,
     provenance: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    flip: Sequence[str] = (),
+    tare: tuple[float, float] | None = None,
+    delay: float = 0.0,
+    surface: float = 0.0,
 ) -> Contact:
     """Make a contact of a recording, a file, a pandas or polars frame, or of arrays.
 
@@ -88,6 +94,16 @@ def prepare(
         Where it came from; the recording's own source unless given.
     provenance : mapping, optional
         How the arrays were made. What is done here is added, and has the last word.
+    units : mapping, optional
+        Units of channels that are not in SI, such as ``{"penetration": "mm", "force": "mN"}``.
+    flip : sequence of str
+        Channels whose sign is turned: ``"force"``, ``"penetration"``, or both.
+    tare : tuple of float, optional
+        (start, stop), s: the mean force between them is taken off; a time without contact.
+    delay : float
+        How late the force is, s; negative where it is early. It is read that much earlier.
+    surface : float
+        Where the material begins, m, in the penetration as corrected.
 
     Returns
     -------
@@ -103,8 +119,9 @@ def prepare(
         The recording has no column of a name that was looked for, or was asked for.
     InvalidParameterError
         Arrays are missing, of another type or of different lengths, or their time does not increase
-        within a segment.
+        within a segment; or a correction is not one of those.
     """
+    corrections = Corrections(units or {}, flip, tare, delay, surface)
     arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
     arrays["segment"] = segment
     given = {name: values for name, values in arrays.items() if values is not None}
@@ -117,8 +134,10 @@ def prepare(
     else:
         names = Columns() if columns is None else columns
         instance("columns", names, Columns)
-        channels = _of_recording(as_recording(recording), names)
+        channels = _of_recording(as_recording(recording), names, corrections)
+    corrections.rescaled(channels.values, channels.provenance)
     contact = _contact_of(channels, velocity_window)
+    contact = corrections.in_step(corrections.tared(contact))
     done = contact.provenance
     notes = {f"note on {key}" if key in done else key: v for key, v in channels.notes.items()}
     return dataclasses.replace(
@@ -170,7 +189,7 @@ def _of_arrays(given: dict[str, ArrayLike]) -> _Channels:
     return _Channels(given, {})
 
 
-def _of_recording(recording: Recording, columns: Columns) -> _Channels:
+def _of_recording(recording: Recording, columns: Columns, corrections: Corrections) -> _Channels:
     names = dataclasses.asdict(columns)
     for channel in ("velocity", "segment"):
         if names[channel] == getattr(Columns(), channel) not in recording.channels:
@@ -181,7 +200,7 @@ def _of_recording(recording: Recording, columns: Columns) -> _Channels:
     for channel, name in names.items():
         numbers = recording.numbers(name)
         unit = recording.units.get(name, _SI[channel])
-        if unit != _SI[channel]:
+        if unit != _SI[channel] and channel not in corrections.units:
             raise RecordingError(
                 f"{recording.place(name)}: the {channel} is in {unit}; convert it to {_SI[channel]}"
             )

@@ -1,0 +1,65 @@
+"""``python -m benchmarks.diagnosis``: silent lies, what names them, pairs and recordings."""
+
+import os
+import sys
+from pathlib import Path
+
+from cyclopts import App
+
+from benchmarks.accuracy import report
+from benchmarks.diagnosis import tables
+from benchmarks.diagnosis.jobs import done, jobs_of
+from palpate.writing import check_writable, write_text
+
+app = App(name="python -m benchmarks.diagnosis", help_format="plaintext")
+
+
+@app.default
+def diagnosis(
+    *,
+    seeds: int = 30,
+    robot_seeds: int = 5,
+    first: int = 500,
+    workers: int = 2,
+    store: Path = Path("build/diagnosis.jsonl"),
+    markdown: Path | None = None,
+) -> None:
+    """Put one fault on each of many recordings, and count what is wrong and what is said.
+
+    What is in the store is not done again, so that an interrupted run goes on where it was.
+
+    Parameters
+    ----------
+    seeds
+        Recordings of each fault with an ideal probe.
+    robot_seeds
+        Runs of the robot for each of three materials.
+    first
+        The first seed.
+    workers
+        Processes.
+    store
+        Lines of JSON that hold every outcome; remove it after a change of the code.
+    markdown
+        Write the tables to this file, after its line ``<!-- measured -->``.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if markdown is not None:
+        check_writable(markdown)
+    store.parent.mkdir(parents=True, exist_ok=True)
+    jobs = jobs_of(range(first, first + seeds), range(first, first + robot_seeds))
+    rows = done(store, jobs, workers)
+    facts = report.circumstances(seeds)
+    command = " ".join(["python -m benchmarks.diagnosis", *sys.argv[1:]])
+    text = tables.page(rows, f"`{command}`. {report.words(facts)}")
+    print(text)
+    if markdown is not None:
+        kept = markdown.read_text().partition(tables.MARK)[0]
+        write_text(markdown, f"{kept}{tables.MARK}\n\n{text}")
+
+
+if __name__ == "__main__":
+    try:
+        app()
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,0 +1,110 @@
+"""The outcomes as Markdown tables."""
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from typing import Any
+
+MARK = "<!-- measured -->"
+Rows = list[dict[str, Any]]
+DESCRIBED = ("ball", "sponge", "pvc", "inclusion")
+
+
+def page(rows: Rows, words: str) -> str:
+    """All tables, and how they were measured."""
+    of: dict[str, Rows] = defaultdict(list)
+    for row in rows:
+        of[row["bank"]].append(row)
+    parts = [words, "", "### Silent lies", "", *_lies(of)]
+    parts += ["", "### By fault, ideal probe", "", *_faults(of["ideal"])]
+    if of["robot"]:
+        parts += ["", "### By fault, robot", "", *_faults(of["robot"])]
+    if of["pair"]:
+        parts += ["", "### Materials and motions of the laboratory, robot", "", *_pairs(of["pair"])]
+    if of["recording"]:
+        parts += ["", "### Real recordings", "", *_recordings(of["recording"])]
+    return "\n".join([*parts, ""])
+
+
+def _table(headings: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
+    marks = ["---", *["--:"] * (len(headings) - 1)]
+    cells = [[str(cell).replace("|", "\\|") for cell in row] for row in rows]
+    return [f"| {' | '.join(row)} |" for row in (headings, marks, *cells)]
+
+
+def _part(count: int, of: int) -> str:
+    return f"{count} of {of} ({100.0 * count / of:.1f} %)" if of else "–"
+
+
+def _lies(of: dict[str, Rows]) -> list[str]:
+    lines = []
+    for bank, title in (("ideal", "ideal probe"), ("robot", "robot")):
+        faulty = [row for row in of[bank] if row["kind"] != "clean"]
+        clean = [row for row in of[bank] if row["kind"] == "clean"]
+        cells: list[object] = [title, len(faulty)]
+        for name in ("lie", "parameters_lie"):
+            wrong = [row for row in faulty if row[name]]
+            unflagged = sum(not row["flagged"] for row in wrong)
+            silent = sum(row["overall"] == "trust" for row in wrong)
+            cells += [len(wrong), _part(unflagged, len(wrong)), _part(silent, len(wrong))]
+        cells.append(_part(sum(row["overall"] != "trust" for row in clean), len(clean)))
+        lines.append(cells)
+    headings = ("bank", "faulty", "lies in S, C", "without a flag", "verdict *trust*")
+    more = ("lies in K, B, n", "without a flag", "verdict *trust*", "clean not *trust*")
+    return _table((*headings, *more), lines)
+
+
+def _faults(rows: Rows) -> list[str]:
+    grouped: dict[tuple[str, str], Rows] = defaultdict(list)
+    for row in rows:
+        grouped[row["kind"], row["severity"]].append(row)
+    lines = []
+    for (kind, severity), group in grouped.items():
+        count = len(group)
+        spoken = sum(row["overall"] != "trust" for row in group)
+        silent = sum(row["overall"] == "trust" and row["lie"] for row in group)
+        first = Counter(row["named"][0] if row["named"] else "–" for row in group)
+        listed = sum(bool(set(row["names"]) & set(row["named"])) for row in group)
+        common = ", ".join(f"{name} {number}" for name, number in first.most_common(3))
+        lines.append(
+            [
+                f"{kind} {severity}".strip(),
+                count,
+                f"{100.0 * spoken / count:.0f} %",
+                f"{100.0 * listed / count:.0f} %" if group[0]["names"] else "–",
+                f"{silent} of {sum(row['lie'] for row in group)}",
+                common,
+            ]
+        )
+    headings = ("fault", "runs", "not *trust*", "listed", "silent lies", "first finding")
+    return _table(headings, lines)
+
+
+def _pairs(rows: Rows) -> list[str]:
+    motions = list(dict.fromkeys(row["motion"] for row in rows))
+    verdicts = {(row["material"], row["motion"]): row["overall"] for row in rows}
+    materials = list(dict.fromkeys(row["material"] for row in rows))
+    right = sum((row["overall"] == "trust") == (row["material"] in DESCRIBED) for row in rows)
+    table = _table(
+        ("material", *motions), [[m, *(verdicts[m, each] for each in motions)] for m in materials]
+    )
+    words = (
+        f"{right} of {len(rows)} right: {', '.join(DESCRIBED)} follow Hunt–Crossley and are to be "
+        "trusted, the others are not."
+    )
+    return [words, "", *table]
+
+
+def _recordings(rows: Rows) -> list[str]:
+    lines = []
+    for row in rows:
+        errors = row.get("errors")
+        bars = [f"± {a:.2g} ± {b:.2g} %" for a, b in _pairs_of(errors)] if errors else ["–", "–"]
+        marks = [row.get("stiffness", "–"), row.get("damping", "–")]
+        lines.append([row["name"], row["overall"], *marks, *bars, row["reason"]])
+    return _table(
+        ("recording", "verdict", "S", "C", "S, repeatable and systematic", "C", "reason"), lines
+    )
+
+
+def _pairs_of(errors: list[float]) -> list[tuple[float, float]]:
+    return [(errors[0], errors[1]), (errors[2], errors[3])]

@@ -1,0 +1,42 @@
+"""Numbers with a unit on the command line: 3mm, 5ms, 0:2."""
+
+import re
+
+from palpate.errors import InvalidParameterError
+from palpate.preparation.corrections import UNITS
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D*?)\s*$")
+
+
+def quantity(option: str, text: str, channel: str) -> float:
+    """A number with a unit of a channel, in SI; without a unit it is in SI already."""
+    found = _NUMBER.match(text)
+    units = UNITS[channel]
+    si = next(iter(units))
+    if found is None or (found[2] or si) not in units:
+        raise InvalidParameterError(
+            f"{option} must be a number and one of {', '.join(units)}, such as 3{list(units)[1]}, "
+            f"not {text!r}"
+        )
+    return float(found[1]) * units[found[2] or si]
+
+
+def span(option: str, text: str) -> tuple[float, float]:
+    """Two times, START:STOP, s."""
+    start, colon, stop = text.partition(":")
+    if not colon:
+        raise InvalidParameterError(f"{option} must be START:STOP in seconds, not {text!r}")
+    return quantity(option, start, "time"), quantity(option, stop, "time")
+
+
+def units_of(option: str, pairs: tuple[str, ...]) -> dict[str, str]:
+    """Channels and their units, CHANNEL=UNIT each."""
+    units = {}
+    for pair in pairs:
+        channel, sign, unit = pair.partition("=")
+        if not sign:
+            raise InvalidParameterError(
+                f"{option} must be CHANNEL=UNIT, such as penetration=mm, not {pair!r}"
+            )
+        units[channel] = unit
+    return units

@@ -1,0 +1,55 @@
+"""Error bars that hold when the residual is not white."""
+
+import numpy as np
+
+from palpate.validation import Floats
+
+FEWEST_BLOCKS = 8  # fewer say too little of a variance
+
+
+def block_variance(scores: Floats, floor: Floats) -> Floats:
+    """Variance of the sum of correlated scores: the largest over dyadic blocks.
+
+    Over m blocks of b = 1, 2, 4 … samples V_b = Σ (Σ u)² m/(m − 1); of the longer ones only what
+    exceeds their own scatter counts, V_b (1 − √(2/m)).
+
+    Parameters
+    ----------
+    scores : numpy.ndarray, shape (k, p)
+        One row a sample, in the order of time.
+    floor : numpy.ndarray, shape (p,)
+        The variance if the samples were independent.
+    """
+    largest, length = floor, 1
+    while len(scores) // length >= FEWEST_BLOCKS:
+        count = len(scores) // length
+        sums = scores[: count * length].reshape(count, length, -1).sum(axis=1)
+        variance = (sums**2).sum(axis=0) * count / (count - 1.0)
+        trusted = 1.0 if length == 1 else 1.0 - np.sqrt(2.0 / count)
+        largest = np.maximum(largest, variance * trusted)
+        length *= 2
+    return largest
+
+
+def robust_covariance(jacobian: Floats, residual: Floats) -> Floats:
+    """Covariance of least squares from the influence of each sample, in blocks of every length.
+
+    With u_i = (JᵀJ)⁻¹ J_i r_i, the white covariance r²(JᵀJ)⁻¹ is widened on both sides, so that its
+    correlations stay and its variances are those of :func:`block_variance`.
+    """
+    size = np.linalg.norm(jacobian, axis=0)
+    size[size == 0.0] = 1.0
+    unit = jacobian / size
+    inverse = np.linalg.pinv(unit.T @ unit, hermitian=True)
+    white = inverse * float(residual @ residual) / max(len(residual) - len(size), 1)
+    variances = np.diag(white).clip(min=np.finfo(float).tiny)
+    widening = np.sqrt(block_variance((unit @ inverse) * residual[:, None], variances) / variances)
+    covariance: Floats = white * np.outer(widening, widening) / np.outer(size, size)
+    return covariance
+
+
+def mean_error(values: Floats) -> float:
+    """Standard error of the mean of correlated values."""
+    deviations = (values - values.mean()) / len(values)
+    white = (deviations**2).sum()
+    return float(np.sqrt(block_variance(deviations[:, None], np.array([white]))[0]))

@@ -1,0 +1,170 @@
+"""All checks together: from an identification's parts to its diagnosis."""
+
+import math
+
+import numpy as np
+
+from palpate.diagnosis.band import FEWEST_ROWS
+from palpate.diagnosis.cause import Cause, Search
+from palpate.diagnosis.change import Changes, changes
+from palpate.diagnosis.columns import columns
+from palpate.diagnosis.data import Data
+from palpate.diagnosis.delay import delay, skew_matters
+from palpate.diagnosis.finding import (
+    MARKS,
+    Diagnosis,
+    Episode,
+    Finding,
+    Mark,
+    Quantity,
+    Verdict,
+    WorkingDepth,
+    worst,
+)
+from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.flat import flat
+from palpate.diagnosis.marking import Judged, judge
+from palpate.diagnosis.memory import memory
+from palpate.diagnosis.misfit import (
+    excitation,
+    method,
+    misfit,
+    off_least_squares,
+    offset,
+    ratio,
+    standard_errors,
+    unexplained,
+)
+from palpate.diagnosis.surface import has_free_air, surface
+from palpate.estimate import Estimate
+from palpate.trace import Trace
+
+#: Each looks for causes beside the fit.
+SEARCHES: tuple[Search, ...] = (columns, memory, delay, surface)
+
+
+def diagnose_parts(
+    data: Data, trace: Trace, estimate: Estimate, *, depth: float | None = None
+) -> Diagnosis:
+    """Diagnose what an estimator made of a recording.
+
+    Parameters
+    ----------
+    data : Data
+        The recording, whose own checks are made once for all methods.
+    trace : Trace
+        Of the replay.
+    estimate : Estimate
+        At its end.
+    depth : float, optional
+        The working depth, m; the median penetration of the samples taken unless given.
+    """
+    found = list(data.findings)
+    with np.errstate(all="ignore"):  # a column of an absurd fit may overflow; it is then left out
+        fit = Fit(data, trace, estimate, depth)
+        try:
+            if len(fit.band) >= FEWEST_ROWS // 2 and fit.finite:
+                return _diagnosed(fit, found)
+        except np.linalg.LinAlgError:  # of a motion that says nothing, such as a probe held still
+            pass
+        found = [*data.findings, _nothing_to_check(fit)]
+        return _whole(found, _working_depth(fit, Judged([]), known=False), ())
+
+
+def _diagnosed(fit: Fit, found: list[Finding]) -> Diagnosis:
+    changed = changes(fit)
+    causes: list[Cause] = [cause for search in SEARCHES for cause in search(fit)]
+    if changed is not None:
+        causes.append(changed.cause)
+    judged = judge(causes, ratio(fit), unexplained(fit))
+    wide = [check(fit) for check in (flat, method, excitation, offset, misfit)]
+    named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
+    found += judged.findings
+    found += [f for f in wide if f is not None and not (f.check == "offset" and named_surface)]
+    found += _notes(fit)
+    return _whole(found, _working_depth(fit, judged, known=True), _episodes(fit, changed))
+
+
+def _whole(
+    found: list[Finding], working_depth: WorkingDepth, episodes: tuple[Episode, ...]
+) -> Diagnosis:
+    order: tuple[Mark | str, ...] = ("do-not-trust", "with-care", "note")
+    sorted_ = sorted(found, key=lambda finding: order.index(finding.severity))
+    severities: list[Mark] = [MARKS[2 - order.index(finding.severity)] for finding in sorted_]
+    stiffness = worst(*(finding.stiffness for finding in sorted_))
+    damping = worst(*(finding.damping for finding in sorted_))
+    overall = worst(*severities, stiffness, "with-care" if damping != "trust" else "trust")
+    return Diagnosis(Verdict(stiffness, damping, overall), tuple(sorted_), working_depth, episodes)
+
+
+def _nothing_to_check(fit: Fit) -> Finding:
+    count = int(np.count_nonzero(fit.inside))
+    few = count < FEWEST_ROWS
+    words = f"only {count} samples in contact: too few" if few else "the motion says too little"
+    return Finding(
+        "excitation",
+        f"{words} to check the law",
+        "record longer" if few else "move the probe: palpate design finds a motion",
+        stiffness="do-not-trust",
+        damping="do-not-trust",
+        severity="do-not-trust",
+    )
+
+
+def _notes(fit: Fit) -> list[Finding]:
+    notes = [
+        Finding("skew", skew_matters(fit), severity="note"),
+        Finding(
+            "peak force",
+            f"the largest force is {fit.data.peak_force:.3g} N, the largest penetration "
+            f"{1e3 * fit.data.peak_penetration:.3g} mm",
+            severity="note",
+        ),
+    ]
+    if not has_free_air(fit):
+        notes.append(
+            Finding(
+                "surface",
+                "there is no free approach, so an error of the surface cannot be seen; stiffness "
+                "and damping at working depth hold all the same",
+                "record from before the touch",
+                severity="note",
+            )
+        )
+    return notes
+
+
+def _working_depth(fit: Fit, judged: Judged, *, known: bool) -> WorkingDepth:
+    law, depth = fit.estimate.law, fit.depth
+    force_error, stiffness_error, damping_error = (
+        standard_errors(fit) if known else (math.nan, math.nan, math.nan)
+    )
+    if not math.isfinite(depth):
+        nothing = Quantity(math.nan, math.nan, math.nan)
+        return WorkingDepth(depth, nothing, nothing, nothing)
+    sizes = fit.sizes if known else (0.0, 0.0)
+    off = [abs(each) for each in off_least_squares(fit)[:2]] if known else [0.0, 0.0]
+    return WorkingDepth(
+        depth,
+        Quantity(float(law.force(depth, 0.0)), force_error, 0.0),
+        Quantity(
+            law.stiffness_at(depth), stiffness_error, max(judged.stiffness, off[0]) * sizes[0]
+        ),
+        Quantity(law.damping_at(depth), damping_error, max(judged.damping, off[1]) * sizes[1]),
+    )
+
+
+def _episodes(fit: Fit, changed: Changes | None) -> tuple[Episode, ...]:
+    if changed is None:
+        return ()
+    borders = [float(fit.data.time[0]), *changed.times, float(fit.data.time[-1])]
+    episodes = []
+    for start, stop, law in zip(borders[:-1], borders[1:], changed.laws, strict=True):
+        numbers = (
+            law.force(fit.depth, 0.0),
+            law.stiffness_at(fit.depth),
+            law.damping_at(fit.depth),
+        )
+        quantities = [Quantity(float(value), math.nan, 0.0) for value in numbers]
+        episodes.append(Episode(start, stop, law, WorkingDepth(fit.depth, *quantities)))
+    return tuple(episodes)

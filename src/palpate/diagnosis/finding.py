@@ -1,0 +1,225 @@
+"""What a diagnosis says: findings, a verdict, and numbers at the working depth."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from palpate.force_laws import ForceLaw
+
+Mark = Literal["trust", "with-care", "do-not-trust"]
+Severity = Literal["note", "with-care", "do-not-trust"]
+#: From the best to the worst.
+MARKS: tuple[Mark, ...] = ("trust", "with-care", "do-not-trust")
+
+
+def worst(*marks: Mark) -> Mark:
+    """Return the worst of some marks; *trust* of none."""
+    return MARKS[max((MARKS.index(mark) for mark in marks), default=0)]
+
+
+def severity_of(mark: Mark) -> Severity:
+    """What a mark does to the overall verdict; *trust* is a note."""
+    return "note" if mark == "trust" else mark
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One sentence about a recording or about what was identified from it.
+
+    Attributes
+    ----------
+    check : str
+        The check that found it, such as ``"delay"``.
+    sentence : str
+        What was found, in plain words.
+    remedy : str or None
+        What to do: an option of ``palpate identify``, a command, or a few words.
+    z : float
+        Significance, in standard errors; NaN where the check has none.
+    stiffness, damping : str
+        The mark that it alone gives each at working depth.
+    severity : str
+        ``"note"``, ``"with-care"`` or ``"do-not-trust"``: what it does to the overall verdict.
+    moves_stiffness_percent, moves_damping_percent : float
+        How far it moves them, in per cent of their size; NaN where that is not known.
+    """
+
+    check: str
+    sentence: str
+    remedy: str | None = None
+    z: float = math.nan
+    stiffness: Mark = "trust"
+    damping: Mark = "trust"
+    severity: Severity = "with-care"
+    moves_stiffness_percent: float = math.nan
+    moves_damping_percent: float = math.nan
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers and words; what is not defined is None."""
+        return {
+            "check": self.check,
+            "sentence": self.sentence,
+            "remedy": self.remedy,
+            "z": defined(self.z),
+            "severity": self.severity,
+            "moves_stiffness_percent": defined(self.moves_stiffness_percent),
+            "moves_damping_percent": defined(self.moves_damping_percent),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Whether to trust the stiffness and the damping at working depth, and the whole.
+
+    Attributes
+    ----------
+    stiffness, damping, overall : str
+        ``"trust"``, ``"with-care"`` or ``"do-not-trust"``.
+    """
+
+    stiffness: Mark
+    damping: Mark
+    overall: Mark
+
+    def as_dict(self) -> dict[str, str]:
+        """Return the three marks."""
+        return {"stiffness": self.stiffness, "damping": self.damping, "overall": self.overall}
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number at the working depth, SI.
+
+    Attributes
+    ----------
+    value : float
+        By the identified law.
+    standard_error : float
+        Repeatable part, from the scatter of blocks of the residual; NaN where it is not known.
+    systematic : float
+        What the causes that were found would move it by; 0 where none was.
+    """
+
+    value: float
+    standard_error: float
+    systematic: float
+
+    def as_dict(self) -> dict[str, float | None]:
+        """Return it as plain numbers; what is not defined is None."""
+        return {
+            "value": defined(self.value),
+            "standard_error": defined(self.standard_error),
+            "systematic": defined(self.systematic),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class WorkingDepth:
+    """What the law says at one depth and at rest, SI.
+
+    Attributes
+    ----------
+    depth : float
+        Below the surface, m.
+    force : Quantity
+        N.
+    stiffness : Quantity
+        ∂F/∂x, N/m.
+    damping : Quantity
+        ∂F/∂v, N·s/m.
+    """
+
+    depth: float
+    force: Quantity
+    stiffness: Quantity
+    damping: Quantity
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers; what is not defined is None."""
+        return {
+            "depth": defined(self.depth),
+            "force": self.force.as_dict(),
+            "stiffness": self.stiffness.as_dict(),
+            "damping": self.damping.as_dict(),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """A stretch of time in which the material stayed as it was.
+
+    Attributes
+    ----------
+    start, stop : float
+        s.
+    law : ForceLaw
+        That describes it.
+    working_depth : WorkingDepth
+        Its numbers at the working depth of the whole.
+    """
+
+    start: float
+    stop: float
+    law: ForceLaw
+    working_depth: WorkingDepth
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers and words."""
+        return {
+            "start": self.start,
+            "stop": self.stop,
+            "kind": "change",
+            "law": {"kind": self.law.kind, **self.law.as_dict()},
+            "working_depth": self.working_depth.as_dict(),
+            "verdict": None,  # an episode by itself is not diagnosed
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """What may be wrong with an identification, and how far its numbers can be trusted.
+
+    Attributes
+    ----------
+    verdict : Verdict
+        On the stiffness and the damping at working depth, and overall.
+    findings : tuple of Finding
+        The gravest first.
+    working_depth : WorkingDepth
+        Force, stiffness and damping at the median penetration, with both error bars.
+    episodes : tuple of Episode
+        One for each stretch between changes of the material; empty where none was found.
+    """
+
+    verdict: Verdict
+    findings: tuple[Finding, ...]
+    working_depth: WorkingDepth
+    episodes: tuple[Episode, ...] = ()
+
+    @property
+    def reason(self) -> str:
+        """The sentence of the gravest finding that is more than a note."""
+        for finding in self.findings:
+            if finding.severity != "note":
+                return finding.sentence
+        return "nothing was found that moves the numbers"
+
+    @property
+    def remedy(self) -> str | None:
+        """What to do about the reason."""
+        grave = (finding.remedy for finding in self.findings if finding.severity != "note")
+        return next(grave, None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers and words; what is not defined is None."""
+        return {
+            "verdict": self.verdict.as_dict(),
+            "working_depth": self.working_depth.as_dict(),
+            "findings": [finding.as_dict() for finding in self.findings],
+            "episodes": [episode.as_dict() for episode in self.episodes],
+        }
+
+
+def defined(value: float) -> float | None:
+    """Return a finite number, or None."""
+    return float(value) if math.isfinite(value) else None

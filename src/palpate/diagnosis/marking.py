@@ -1,0 +1,125 @@
+"""From causes to findings: which is named, how sure, and what mark it earns."""
+
+from dataclasses import dataclass, replace
+
+from palpate.diagnosis.cause import SIGNIFICANT, Cause
+from palpate.diagnosis.finding import Finding, Mark, severity_of, worst
+
+# How far a cause moves the numbers: judgement, not calibration.
+CARE = 0.05
+STOP_STIFFNESS, STOP_DAMPING = 0.20, 0.50
+STOP_CHANGE = 0.15
+NOISE_LIKE = 1.5  # misfit over the noise floor, below which a small cause is but a note
+# The surface is named before a cause that removes so little more, in a fit that is no worse: looked
+# up on recordings, not calibrated.
+NEAR, MOST_UNEXPLAINED = 0.25, 0.15
+ALIKE = 0.7  # of the named cause's gain: such a rival's influence counts in full
+SURE = 0.6  # (1 − g₁)/(1 − g₂) below which a cause is named by itself
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """Findings of the causes, and what they may be wrong by.
+
+    Attributes
+    ----------
+    findings : list of Finding
+        One for each significant cause, the named one first.
+    stiffness, damping : float
+        Systematic part, of their size.
+    """
+
+    findings: list[Finding]
+    stiffness: float = 0.0
+    damping: float = 0.0
+
+
+def judge(causes: list[Cause], ratio: float, unexplained: float) -> Judged:
+    """Name one of the significant causes, and weigh all of them.
+
+    Parameters
+    ----------
+    causes : list of Cause
+        All that were tried.
+    ratio : float
+        Misfit over the noise floor.
+    unexplained : float
+        Fraction of the force that the law leaves.
+    """
+    significant = sorted(
+        (cause for cause in causes if cause.z > SIGNIFICANT), key=lambda c: c.gain, reverse=True
+    )
+    if not significant:
+        return Judged([])
+    named = _named(significant, unexplained)
+    rivals = [cause for cause in significant if cause is not named]
+    findings = [_finding(_in_doubt(named, rivals), 1.0, ratio, leading=True)]
+    highest = max(named.gain, 1e-9)
+    for rival in rivals:
+        weight = 0.5 if rival.gain > 0.5 * highest else 0.25
+        findings.append(_finding(rival, weight, ratio, leading=False))
+    counted = [(named, 1.0)] if not (named.small and ratio < NOISE_LIKE) else []
+    for rival in rivals:
+        if rival.name == "offset drift" or (rival.small and ratio < NOISE_LIKE):
+            continue
+        relative = rival.gain / highest
+        counted.append((rival, 1.0 if relative > ALIKE else 0.5 * relative))
+    return Judged(
+        findings,
+        max((weight * abs(cause.stiffness) for cause, weight in counted), default=0.0),
+        max((weight * abs(cause.damping) for cause, weight in counted), default=0.0),
+    )
+
+
+def _named(significant: list[Cause], unexplained: float) -> Cause:
+    """The largest gain; the surface, which hardly shows in the residual, where it comes near."""
+    first = significant[0]
+    for cause in significant:
+        near = first.gain - max(cause.gain, 0.0) < NEAR
+        if cause.name == "surface" and unexplained < MOST_UNEXPLAINED and near:
+            return cause
+    return first
+
+
+def _in_doubt(named: Cause, rivals: list[Cause]) -> Cause:
+    """Say the second cause too, unless the first explains far more."""
+    others = [rival for rival in rivals if rival.family != named.family]
+    if not others:
+        return named
+    second = max(others, key=lambda cause: cause.gain)
+    if named.name == "surface" or (1.0 - named.gain) < SURE * (1.0 - second.gain):
+        return named
+    return replace(named, sentence=f"{named.sentence}; or {second.sentence}", sure=False)
+
+
+def _finding(cause: Cause, weight: float, ratio: float, *, leading: bool) -> Finding:
+    stiffness = _mark(weight * abs(cause.stiffness), STOP_STIFFNESS)
+    damping = _mark(weight * abs(cause.damping), STOP_DAMPING)
+    if cause.name == "change" and abs(cause.stiffness) > STOP_CHANGE:
+        stiffness = damping = "do-not-trust"
+    if not leading:  # a rival is not what happened, so at most care
+        stiffness, damping = (
+            "with-care" if mark == "do-not-trust" else mark for mark in (stiffness, damping)
+        )
+    overall: Mark = "trust"
+    if cause.small and ratio < NOISE_LIKE:
+        stiffness = damping = "trust"
+    elif leading or worst(stiffness, damping) != "trust":
+        overall = worst(stiffness, "with-care")
+    return Finding(
+        cause.name,
+        cause.sentence,
+        cause.remedy,
+        cause.z,
+        stiffness,
+        damping,
+        severity_of(overall),
+        100.0 * cause.stiffness,
+        100.0 * cause.damping,
+    )
+
+
+def _mark(moved: float, stop: float) -> Mark:
+    if moved > stop:
+        return "do-not-trust"
+    return "with-care" if moved > CARE else "trust"

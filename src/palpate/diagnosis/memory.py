@@ -1,0 +1,73 @@
+"""Memory: a branch that relaxes, as viscoelastic materials have."""
+
+import math
+
+import numpy as np
+
+from palpate.diagnosis.cause import Cause, beside
+from palpate.diagnosis.columns import cause_of
+from palpate.diagnosis.fit import Fit
+from palpate.validation import Floats
+
+TIMES = 7  # relaxation times tried, from P/30 to 0.7 of the recording
+BLOCK = 64  # samples that are relaxed at once
+
+
+def memory(fit: Fit) -> list[Cause]:
+    """Fit dh/dt = d(ξⁿ)/dt − h/τ beside the law, with the best of seven τ.
+
+    At the motion's frequency ω the branch adds q²/(1 + q²) of its force to the stiffness and
+    τ/(1 + q²) to the damping, q = ωτ: without that a dynamic stiffness is called 50 % wrong.
+    """
+    data = fit.data
+    steps = np.diff(data.time, prepend=data.time[0])
+    duration = float(steps.sum())
+    shortest = max(8.0 * data.sample_time, fit.period / 30.0)
+    if not 0.0 < shortest < 0.7 * duration:
+        return []
+    law, x = fit.solution.law, np.maximum(fit.penetration / fit.units.depth, 0.0)
+    at_depth = fit.force_at_depth(law) or 1.0
+    spring = law.force(x, np.zeros_like(x)) / at_depth
+    best, time = None, shortest
+    for tau in np.geomspace(shortest, 0.7 * duration, TIMES):
+        state = relaxed(spring, steps, float(tau), data.sample_time)
+        found = beside(fit, fit.band.mean(state[fit.band.samples]))
+        if found is not None and (best is None or found.gain > best.gain):
+            best, time = found, float(tau)
+    if best is None:
+        return []
+    cause = cause_of(fit, "memory", best, "", "")
+    turn = 2.0 * math.pi * time / fit.period
+    part = best.amount / (1.0 + turn**2)
+    slope = law.stiffness_at(fit.depth / fit.units.depth) / fit.units.depth / at_depth
+    stiffness = cause.stiffness + part * turn**2 * slope / fit.sizes[0]
+    damping = cause.damping + part * time * slope / fit.sizes[1]
+    sentence = (
+        f"the material remembers for about {time:.2g} s: its stiffness is that at "
+        f"{1.0 / fit.period:.2g} Hz"
+    )
+    remedy = "move as fast as the task will, or hold longer; no law here has memory"
+    return [Cause("memory", cause.z, cause.gain, stiffness, damping, 0.0, sentence, remedy)]
+
+
+def relaxed(drive: Floats, steps: Floats, tau: float, sample_time: float) -> Floats:
+    """State h of dh = d(drive) − h dt/τ, from h = 0; on the median step within a block of samples.
+
+    Exact on an even time base. On an uneven one the decay over a block of 64 is that of its own
+    time, and within it that of the median step.
+    """
+    decay = math.exp(-sample_time / tau)
+    power = decay ** np.arange(BLOCK + 1)
+    lower = np.tril(power[np.abs(np.subtract.outer(np.arange(BLOCK), np.arange(BLOCK)))])
+    blocks = -(-len(drive) // BLOCK)
+    rise = np.zeros(blocks * BLOCK)
+    rise[1 : len(drive)] = np.diff(drive)
+    local = rise.reshape(blocks, BLOCK) @ lower.T
+    elapsed = np.zeros(blocks * BLOCK)
+    elapsed[: len(drive)] = steps
+    over = np.exp(-elapsed.reshape(blocks, BLOCK).sum(axis=1) / tau).tolist()
+    carried, state = np.empty(blocks), 0.0
+    for block, (end, fade) in enumerate(zip(local[:, -1].tolist(), over, strict=True)):
+        carried[block] = state
+        state = end + fade * state
+    return (local + carried[:, None] * power[1:]).reshape(-1)[: len(drive)]

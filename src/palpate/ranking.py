@@ -1,0 +1,84 @@
+"""Methods side by side: which to take, which fail, and whose error bars exclude each other."""
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from palpate.diagnosis import MARKS, Quantity
+from palpate.identification import Identification
+
+EXCLUDED = 3.0  # standard errors of the difference
+
+
+@dataclass(frozen=True, slots=True)
+class Ranking:
+    """What a comparison comes to.
+
+    Attributes
+    ----------
+    order : tuple of str
+        The methods, the best first: by verdict, then by what their law leaves unexplained.
+    recommended : str or None
+        The method to take; None where none is to be trusted.
+    failing : tuple of str
+        Methods whose answer is not the least squares of their own law, or that found none.
+    exclusions : tuple of str
+        A sentence for each pair whose error bars exclude each other.
+    """
+
+    order: tuple[str, ...]
+    recommended: str | None
+    failing: tuple[str, ...]
+    exclusions: tuple[str, ...]
+
+
+def rank(results: Mapping[str, Identification]) -> Ranking:
+    """Rank what :func:`palpate.compare` returned.
+
+    Parameters
+    ----------
+    results : mapping
+        An identification by the name of its method.
+    """
+    order = tuple(sorted(results, key=lambda name: _badness(results[name])))
+    failing = tuple(name for name in order if fails(results[name]))
+    pairs = itertools.combinations(order, 2)
+    words = (_exclusion(results[a], results[b]) for a, b in pairs)
+    hopeless = all(r.diagnosis.verdict.overall == "do-not-trust" for r in results.values())
+    best = None if hopeless else order[0]
+    return Ranking(order, best, failing, tuple(each for each in words if each))
+
+
+def fails(result: Identification) -> bool:
+    """Whether the method's answer is not the least squares of its own law on these samples."""
+    return any(f.check == "method" and f.severity != "note" for f in result.diagnosis.findings)
+
+
+def _badness(result: Identification) -> tuple[int, int, int, float]:
+    verdict = result.diagnosis.verdict
+    marks = [MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)]
+    fit = result.fit_rmse_percent
+    # To a tenth: methods of one law that fit alike stay in the order of the registry.
+    return marks[0], marks[1], marks[2], round(fit, 1) if math.isfinite(fit) else math.inf
+
+
+def _exclusion(one: Identification, other: Identification) -> str | None:
+    first, second = one.diagnosis.working_depth, other.diagnosis.working_depth
+    words = []
+    for name, a, b in (
+        ("stiffness", first.stiffness, second.stiffness),
+        ("damping", first.damping, second.damping),
+    ):
+        apart = abs(a.value - b.value) / math.hypot(_bar(a), _bar(b))
+        if apart > EXCLUDED:
+            words.append(f"{name} {a.value:.4g} and {b.value:.4g} ({apart:.2g} standard errors)")
+    if not words:
+        return None
+    return f"{one.method} and {other.method} exclude each other: {', '.join(words)}"
+
+
+def _bar(quantity: Quantity) -> float:
+    """Both error bars together; infinite where the repeatable one is not known."""
+    bar = math.hypot(quantity.standard_error, quantity.systematic)
+    return bar if math.isfinite(bar) and bar > 0.0 else math.inf

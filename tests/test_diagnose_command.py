@@ -1,0 +1,182 @@
+"""The verdict on the command line: what is printed, which remedies work, how it ends."""
+
+import json
+
+import faults
+import numpy as np
+import pytest
+
+import palpate
+
+
+@pytest.fixture
+def write(tmp_path):
+    def written(contact: palpate.Contact, **changes):
+        columns = {
+            "time_s": contact.time, "penetration_m": contact.penetration, "force_N": contact.force
+        } | changes  # fmt: skip
+        path = tmp_path / "probe.csv"
+        text = ",".join(columns)
+        np.savetxt(
+            path, np.column_stack(list(columns.values())), "%.12g", ",", header=text, comments=""
+        )
+        return path
+
+    return written
+
+
+def result_of(output: str) -> dict:
+    [result] = json.loads(output)["results"]
+    return result
+
+
+def test_identify_prints_the_verdict_before_the_numbers(run, write):
+    status, out, err = run("identify", write(faults.late(5e-3)))
+    assert (status, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[2].startswith("with-care (stiffness: trust, damping: with-care): ")
+    assert "--delay 5ms" in lines[2]
+    assert lines[3].startswith("at ")
+    assert any("contact model" in line for line in lines[4:])
+
+
+def test_diagnose_prints_every_finding_with_its_remedy(run, write):
+    path = write(faults.changed(0.2))
+    status, out, err = run("diagnose", path)
+    assert (status, err) == (0, "")
+    found = palpate.diagnose(path)
+    for finding in found.findings:
+        assert finding.check.split()[0] in out
+    assert "→ --changes identifies each" in out
+    assert f"{found.episodes[0].stop:.4g} s: stiffness = " in out
+
+
+def test_json_is_the_diagnosis_of_the_library(run, write):
+    path = write(faults.changed(0.2))
+    status, out, _ = run("diagnose", path, "--json")
+    assert status == 0
+    assert json.loads(out)["schema_version"] == 1
+    printed, found = result_of(out), palpate.diagnose(path)
+    for key, value in found.as_dict().items():
+        assert printed[key] == value
+    assert list(printed["verdict"]) == ["stiffness", "damping", "overall"]
+    assert list(printed["working_depth"]) == ["depth", "force", "stiffness", "damping"]
+    assert list(printed["findings"][0]) == [
+        "check", "sentence", "remedy", "z", "severity",
+        "moves_stiffness_percent", "moves_damping_percent",
+    ]  # fmt: skip
+    assert list(printed["episodes"][0]) == [
+        "start", "stop", "kind", "law", "working_depth", "verdict",
+    ]  # fmt: skip
+
+
+def test_each_stretch_between_changes_is_identified_by_itself(run, write):
+    path = write(faults.changed(0.5))
+    whole = result_of(run("identify", path, "--json")[1])
+    parts = result_of(run("identify", path, "--changes", "--json")[1])
+    first, second = parts["episodes"]
+    assert [e["verdict"]["overall"] for e in parts["episodes"]] == ["trust", "trust"]
+    ratio = second["working_depth"]["stiffness"]["value"]
+    assert ratio / first["working_depth"]["stiffness"]["value"] == pytest.approx(1.5, rel=0.01)
+    assert first["working_depth"]["stiffness"]["standard_error"] > 0.0
+    assert parts["law"] == whole["law"]
+    assert parts["fit_rmse_percent"] < 0.1 * whole["fit_rmse_percent"]
+    assert f"{first['stop']:.4g} s: trust" in run("identify", path, "--changes")[1]
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_a_verdict_can_fail_a_pipeline(run, write, command):
+    path = write(faults.changed(0.5))
+    assert run(command, path, "--fail-on", "do-not-trust")[0] == 3
+    assert run(command, path)[0] == 0
+
+
+def test_care_fails_only_where_care_is_asked_for(run, write):
+    path = write(faults.late(5e-3))
+    assert run("identify", path, "--fail-on", "do-not-trust")[0] == 0
+    assert run("identify", path, "--fail-on", "with-care")[0] == 3
+    assert run("identify", write(faults.clean()), "--fail-on", "with-care")[0] == 0
+
+
+REMEDIES = {
+    "delay": (faults.late(5e-3), ["--delay", "5ms"]),
+    "surface": (faults.surface_off(-0.8e-3), ["--surface", "estimate"]),
+    "surface as given": (faults.surface_off(-0.8e-3), ["--surface", "-0.8mm"]),
+    "millimetres": (faults.scaled(penetration=1e3), ["--unit", "penetration=mm"]),
+    "milliseconds": (faults.scaled(time=1e3), ["--unit", "time=ms"]),
+    "both": (
+        faults.scaled(penetration=1e3, force=1e3),
+        ["--unit", "penetration=mm", "--unit", "force=mN"],
+    ),
+    "force": (faults.scaled(force=-1.0), ["--flip-force"]),
+    "penetration": (faults.scaled(penetration=-1.0), ["--flip-penetration"]),
+}
+
+
+@pytest.mark.parametrize("name", REMEDIES)
+def test_a_remedy_mends_what_it_is_for(run, write, name):
+    contact, options = REMEDIES[name]
+    path = write(contact)
+    status, out, err = run("identify", path, *options, "--json")
+    assert (status, err) == (0, "")
+    result = result_of(out)
+    assert result["verdict"]["overall"] == "trust"
+    there = result["working_depth"]
+    truth = faults.LAW.stiffness_at(there["depth"])
+    assert there["stiffness"]["value"] == pytest.approx(truth, rel=0.02)
+
+
+def test_a_tare_takes_an_offset_off(run, write):
+    contact = faults.clean()
+    path = write(contact, force_N=contact.force + 4.0)
+    result = result_of(run("identify", path, "--tare", "0:0.4", "--json")[1])
+    assert abs(result["offset"]) < 0.05
+
+
+def test_the_working_depth_can_be_asked_for(run, write):
+    path = write(faults.clean())
+    there = result_of(run("identify", path, "--at", "5mm", "--json")[1])["working_depth"]
+    assert there["depth"] == 5e-3
+    assert there["stiffness"]["value"] == pytest.approx(faults.LAW.stiffness_at(5e-3), rel=0.02)
+
+
+def test_what_cannot_be_identified_ends_with_the_findings_sentence(run, write):
+    contact = faults.scaled(force=-1.0)
+    path = write(contact, force_N=contact.force - 1.0)
+    status, out, err = run("identify", path)
+    assert (status, out) == (2, "")
+    assert "the force is negative" in err
+    assert "--flip-force" in err
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (["--at", "3kg"], "--at must be a number and one of m, cm, mm"),
+        (["--at", "0mm"], "--at must be in (0"),
+        (["--delay", "soon"], "--delay must be a number and one of s, ms"),
+        (["--tare", "2"], "--tare must be START:STOP"),
+        (["--unit", "mm"], "--unit must be CHANNEL=UNIT"),
+        (["--unit", "force=kg"], "unit of the force must be one of N"),
+    ],
+)
+def test_a_wrong_option_is_one_line(run, write, options, words):
+    status, out, err = run("identify", write(faults.clean()), *options)
+    assert (status, out) == (2, "")
+    assert words in err
+    assert err.count("\n") == 1
+
+
+def test_compare_ranks_and_says_what_fails_and_what_excludes(run, write):
+    path = write(faults.remembering(0.3, 0.2))
+    status, out, _ = run("compare", path, "--json", "--fail-on", "with-care")
+    ranking = json.loads(out)["ranking"]
+    assert status == 3
+    assert sorted(ranking["order"]) == sorted(palpate.ESTIMATORS)
+    assert {"double-stage", "single-stage"} & set(ranking["failing"])
+    assert all("exclude each other" in words for words in ranking["exclusions"])
+
+
+def test_nothing_is_recommended_where_nothing_is_to_be_trusted(run, write):
+    out = run("compare", write(faults.changed(1.0)))[1]
+    assert "recommended: none of them" in out

@@ -1,0 +1,226 @@
+"""Each fault is named by its check, and a clean recording by none."""
+
+import dataclasses
+
+import faults
+import numpy as np
+import pytest
+
+import palpate
+from palpate.diagnosis import Data
+from palpate.diagnosis.covariance import block_variance, mean_error, robust_covariance
+from palpate.diagnosis.inputs import CHECKS, input_findings
+from palpate.diagnosis.memory import relaxed
+
+
+def grave(contact: palpate.Contact, method: str | None = None) -> list[str]:
+    """The checks that found more than a note, the gravest first."""
+    findings = palpate.diagnose(contact, method).findings
+    return [finding.check for finding in findings if finding.severity != "note"]
+
+
+def test_a_clean_recording_is_trusted():
+    found = palpate.diagnose(faults.clean())
+    assert found.verdict == palpate.Verdict("trust", "trust", "trust")
+    assert {finding.severity for finding in found.findings} == {"note"}
+    there = found.working_depth
+    assert there.stiffness.value == pytest.approx(faults.LAW.stiffness_at(there.depth), rel=5e-3)
+    assert there.damping.value == pytest.approx(faults.LAW.damping_at(there.depth), rel=5e-2)
+    assert (there.stiffness.systematic, there.damping.systematic) == (0.0, 0.0)
+    assert 0.0 < there.stiffness.standard_error < 5e-3 * there.stiffness.value
+
+
+CAUSES = {
+    "gain drift": faults.drifting(0.1),
+    "offset drift": faults.zero_drifting(2.0),
+    "memory": faults.remembering(0.3, 0.2),
+    "friction": faults.rubbing(0.04),
+    "damping form": faults.damped_otherwise(),
+    "shape": faults.shaped(),
+    "square speed": faults.square(0.04),
+    "inertia": faults.heavy(0.4),
+    "delay": faults.late(5e-3),
+    "surface": faults.surface_off(-0.8e-3),
+    "change": faults.changed(0.2),
+    "saturation": faults.clipped(0.8),
+    "stuck force": faults.stuck(0.5),
+}
+
+
+@pytest.mark.parametrize("name", CAUSES)
+def test_a_cause_is_found_by_its_check(name):
+    assert name in grave(CAUSES[name])
+
+
+INPUTS = {
+    "penetration unit": faults.scaled(penetration=1e3),
+    "force unit": faults.scaled(force=1e3),
+    "time unit": faults.scaled(time=1e3),
+    "signs": faults.scaled(force=-1.0),
+    "velocity column": faults.against(),
+    "time stamps": faults.stamped_on_arrival(),
+    "held channel": faults.held(8),
+    "spikes": faults.spiked(0.01),
+    "coarse steps": faults.coarse(0.1),
+}
+
+
+def test_every_check_of_the_data_has_its_fault():
+    assert list(INPUTS) == list(CHECKS)
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_a_fault_of_the_data_is_found_by_its_check_and_by_no_other(name):
+    found = [finding.check for finding in input_findings(Data(INPUTS[name]))]
+    others = ["velocity column"] if name == "time unit" else []
+    assert [check for check in found if check not in others] == [name]
+
+
+def test_each_sign_has_its_own_remedy():
+    force, depth = faults.scaled(force=-1.0), faults.scaled(penetration=-1.0)
+    remedies = [input_findings(Data(contact))[0].remedy for contact in (force, depth)]
+    assert remedies == ["--flip-force", "--flip-penetration"]
+
+
+def test_a_delay_is_measured_and_moves_the_damping():
+    [finding] = [f for f in palpate.diagnose(faults.late(5e-3)).findings if f.check == "delay"]
+    late = float(finding.remedy.split()[1].removesuffix("ms,"))
+    assert late == pytest.approx(5.0, abs=0.5)
+    assert finding.moves_damping_percent > 10.0
+    assert "cannot be told apart" in finding.sentence
+
+
+def test_a_change_gives_its_time_and_a_law_for_each_stretch():
+    found = palpate.diagnose(faults.changed(0.2))
+    first, second = found.episodes
+    assert first.stop == second.start == pytest.approx(3.5, abs=0.05)
+    stiffness = [episode.working_depth.stiffness.value for episode in found.episodes]
+    assert stiffness[1] / stiffness[0] == pytest.approx(1.2, abs=0.01)
+
+
+def test_a_wrong_surface_moves_the_parameters_and_not_the_working_depth():
+    [finding] = [f for f in palpate.diagnose(CAUSES["surface"]).findings if f.check == "surface"]
+    assert "0.793 mm" in finding.sentence
+    assert abs(finding.moves_stiffness_percent) < 2.0
+    assert finding.remedy == "--surface estimate"
+
+
+def test_without_free_air_the_surface_is_said_to_be_unknown():
+    found = palpate.diagnose(faults.clean(free=False))
+    assert found.verdict.overall == "trust"
+    [note] = [finding for finding in found.findings if finding.check == "surface"]
+    assert note.severity == "note"
+
+
+def test_an_offset_that_free_air_contradicts_is_found():
+    time, x, v = faults.motion()
+    force = faults.pushed(x, v) + np.where(x > 0.0, 2.0, 0.0)
+    assert set(grave(faults.contact(time, x, faults.noisy(force)))) & {"offset", "surface"}
+
+
+@pytest.mark.parametrize("method", ["kelvin-voigt", "extended-kelvin-voigt"])
+def test_a_linear_law_is_told_that_it_is_not_the_materials(method):
+    found = palpate.diagnose(faults.clean(), method)
+    assert found.verdict.overall != "trust"
+
+
+def test_a_linear_law_is_trusted_on_its_own_material():
+    time, x, v = faults.motion()
+    force = np.where(x > 0.0, 1500.0 * x + 15.0 * v, 0.0)
+    inside = slice(1500, None)  # where the touch is past
+    contact = faults.contact(time[inside], x[inside], faults.noisy(force)[inside])
+    assert palpate.diagnose(contact, "kelvin-voigt").verdict.overall == "trust"
+
+
+def test_a_method_that_is_off_its_own_least_squares_is_said_to_fail():
+    result = palpate.identify(faults.clean())
+    law = result.law
+    worse = palpate.HuntCrossley(1.3 * law.stiffness, law.damping, law.exponent)
+    estimate = palpate.Estimate.from_law(
+        worse, result.estimate.covariance, status=result.estimate.status, samples=1000
+    )
+    found = palpate.diagnosis.diagnose_parts(result.data, result.trace, estimate)
+    assert found.verdict.stiffness == "do-not-trust"
+    assert "method" in [finding.check for finding in found.findings]
+
+
+def test_a_motion_that_says_nothing_is_not_trusted():
+    time = np.arange(0.0, 2.0, 1e-3)
+    force = faults.noisy(np.full(time.size, 5.0))
+    contact = palpate.prepare(time=time, penetration=np.full(time.size, 5e-3), force=force)
+    found = palpate.diagnose(contact)
+    assert found.verdict.overall == "do-not-trust"
+    assert found.findings[0].check == "excitation"
+
+
+def test_a_short_contact_is_not_trusted():
+    contact = faults.clean()
+    short = contact.window(2.0, 2.02)
+    assert grave(short) == ["excitation"]
+
+
+def test_another_working_depth_changes_the_numbers_and_not_the_law():
+    result = palpate.identify(faults.clean())
+    there = result.at_depth(5e-3).diagnosis.working_depth
+    assert there.depth == 5e-3
+    assert there.stiffness.value == result.law.stiffness_at(5e-3)
+    with pytest.raises(palpate.InvalidParameterError, match="depth"):
+        result.at_depth(-1.0)
+
+
+def test_the_data_are_checked_once_for_all_methods():
+    results = palpate.compare(faults.clean())
+    assert len({id(result.data) for result in results.values()}) == 1
+
+
+def test_the_diagnosis_is_worked_out_once():
+    result = palpate.identify(faults.clean())
+    assert result.diagnosis is result.diagnosis
+
+
+def test_what_cannot_be_identified_says_what_was_found():
+    contact = faults.scaled(force=-1.0)
+    with pytest.raises(palpate.RecordingError, match="--flip-force"):
+        palpate.identify(dataclasses.replace(contact, force=contact.force - 1.0))
+
+
+def test_error_bars_grow_with_the_residuals_correlation():
+    random = np.random.default_rng(0)
+    x = np.column_stack([np.ones(4000), np.linspace(-1.0, 1.0, 4000)])
+    white = random.standard_normal(4000)
+    slow = np.repeat(random.standard_normal(80), 50)
+    even = np.sqrt(np.diag(robust_covariance(x, white)))
+    assert even == pytest.approx([1 / 4000**0.5, (3 / 4000) ** 0.5], rel=0.25)
+    assert np.all(np.sqrt(np.diag(robust_covariance(x, slow))) > 4.0 * even)
+    assert mean_error(slow) > 4.0 * mean_error(white)
+    assert np.all(block_variance(x * white[:, None], np.zeros(2)) > 0.0)
+
+
+def test_a_branch_relaxes_as_its_equation_says():
+    drive, steps = np.random.default_rng(1).standard_normal(300).cumsum(), np.full(300, 1e-3)
+    steps[0] = 0.0
+    state, expected = 0.0, [0.0]
+    for rise in np.diff(drive):
+        state = np.exp(-1e-3 / 0.05) * state + rise
+        expected.append(state)
+    np.testing.assert_allclose(relaxed(drive, steps, 0.05, 1e-3), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        palpate.KelvinVoigt(1500.0, 8.0),
+        palpate.ExtendedKelvinVoigt(500.0, 4e4, 5.0),
+        faults.LAW,
+    ],
+    ids=lambda law: law.kind,
+)
+def test_stiffness_and_damping_at_a_depth_are_the_forces_slopes(law):
+    x, v, h = 6e-3, 0.02, 1e-7
+    by_x = (law.force(x + h, v) - law.force(x - h, v)) / (2.0 * h)
+    by_v = (law.force(x, h) - law.force(x, -h)) / (2.0 * h)
+    assert law.stiffness_at(x, v) == pytest.approx(by_x, rel=1e-6)
+    assert law.damping_at(x) == pytest.approx(by_v, rel=1e-6)
+    assert palpate.ForceLaw.damping_at(law, x) == pytest.approx(by_v, rel=1e-6)
+    with pytest.raises(palpate.InvalidParameterError, match="depth"):
+        law.damping_at(0.0)

@@ -1,0 +1,53 @@
+"""How often the diagnosis is right, over seeds; `docs/diagnosis.md` has it for many more faults."""
+
+import faults
+import numpy as np
+import pytest
+
+import palpate
+
+pytestmark = pytest.mark.slow
+
+SEEDS = range(40)
+
+
+def late(seconds: float, seed: int) -> palpate.Contact:
+    time, x, v = faults.motion()
+    force = np.interp(time - seconds, time, faults.pushed(x, v))
+    return faults.contact(time, x, faults.noisy(force, seed))
+
+
+def overall(contact: palpate.Contact) -> str:
+    return palpate.diagnose(contact).verdict.overall
+
+
+def test_clean_recordings_are_trusted():
+    """At σ = 0.03 N."""
+    assert sum(overall(faults.clean(seed)) != "trust" for seed in SEEDS) == 0
+
+
+def test_the_error_bars_cover_the_truth_of_clean_recordings():
+    """Their rms is 1.4: the velocity filter's 0.1 % of the damping, the same in each, is in it."""
+    deviations = []
+    for seed in SEEDS:
+        there = palpate.diagnose(faults.clean(seed)).working_depth
+        truth = faults.LAW.stiffness_at(there.depth), faults.LAW.damping_at(there.depth)
+        for quantity, true in zip((there.stiffness, there.damping), truth, strict=True):
+            deviations.append((quantity.value - true) / quantity.standard_error)
+    assert 0.5 < np.sqrt(np.mean(np.square(deviations))) < 1.7
+
+
+@pytest.mark.parametrize("milliseconds, least", [(2.0, 0.8), (5.0, 1.0)])
+def test_a_delay_is_seen(milliseconds, least):
+    seen = [overall(late(1e-3 * milliseconds, seed)) != "trust" for seed in SEEDS]
+    assert np.mean(seen) >= least
+
+
+def test_a_change_of_five_per_cent_is_seen():
+    seen = []
+    for seed in SEEDS:
+        time, x, v = faults.motion()
+        force = faults.pushed(x, v) * np.where(time > 3.5, 1.05, 1.0)
+        found = palpate.diagnose(faults.contact(time, x, faults.noisy(force, seed)))
+        seen.append(len(found.episodes) == 2)
+    assert np.mean(seen) >= 0.98
