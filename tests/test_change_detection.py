@@ -23,6 +23,7 @@ from palpate import (
     ChangeDetector,
     Contact,
     ContactEstimator,
+    FadingForgetting,
     HuntCrossley,
     KelvinVoigt,
     KelvinVoigtRLS,
@@ -273,3 +274,19 @@ def test_the_second_beginning_is_no_second_change():
 def test_a_transition_longer_than_the_memory_is_refused():
     with pytest.raises(ValueError, match=r"transition must be in \[0, 100\]"):
         ChangeDetector(transition=101)
+
+
+@pytest.mark.parametrize("kind", [VariableProjection, KelvinVoigtRLS], ids=lambda k: k.__name__)
+def test_time_steps_that_are_given_are_the_sample_time_across_a_restart(kind) -> None:
+    """A restart relearns its samples with their own steps, not with the nominal one."""
+    motion = three_sines(5.0)
+    force = switched(PVC, INCLUSION, motion, 2500) + white(len(motion), 3)
+    fading = FadingForgetting(0.98, 2.0)
+    nominal = kind(forgetting=fading, change_detector=ChangeDetector(), sample_time=0.01)
+    given = kind(forgetting=fading, change_detector=ChangeDetector())
+    for estimator, step in ((nominal, None), (given, 0.01)):
+        estimator.replay(motion.x, motion.v, force, step)
+        assert estimator.estimate().restarts >= 1
+    # The factor is e^(−α dt) either way, worked out once or at each sample.
+    expected = nominal.estimate().parameters
+    np.testing.assert_allclose(given.estimate().parameters, expected, rtol=1e-9)

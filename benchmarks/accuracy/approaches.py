@@ -1,4 +1,4 @@
-"""Whether the search over the exponent ends in the deepest valley when a probe only goes in."""
+"""Whether the search over the exponent ends in the lowest valley when a probe only goes in."""
 
 import numpy as np
 

@@ -1,36 +1,36 @@
 """What a reader should know before trusting the numbers of an identification."""
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from palpate._core import Status
+from palpate.contact import Contact
+from palpate.estimators import ContactEstimator
+from palpate.metrics import prediction_rmse_percent, violated_fraction
 from palpate.refusals import not_finite
-
-if TYPE_CHECKING:
-    from palpate.identification import Identification
+from palpate.trace import Trace
 
 
-def flags_of(result: "Identification") -> list[str]:
-    """Return the flags of the estimate, and those of the contact as a whole."""
-    flags = list(result.estimate.flags)
-    law, estimate, status = result.law, result.estimate, result.trace.status
+def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> list[str]:
+    """Return the flags of the last estimate, and those of the contact as a whole."""
+    estimate, violated = estimator.estimate(), violated_fraction(trace)
+    law, flags = estimate.law, list(estimate.flags)
     if estimate.samples < 10 * len(law.symbols):
         flags.append(f"only {estimate.samples} samples in contact")
     if law.as_dict().get("damping", 0.0) < 0.0:
         flags.append("negative damping: this law gives energy back, which no passive material does")
-    if result.estimator.needs_condition_10 and result.violated_fraction > 0.0:
-        flags.append(f"condition 10 violated in {result.violated_fraction:.1%} of the contact")
-    if math.isnan(result.prediction_rmse_percent):
+    if estimator.needs_condition_10 and violated > 0.0:
+        flags.append(f"condition 10 violated in {violated:.1%} of the contact")
+    if math.isnan(prediction_rmse_percent(trace, contact.force, contact.time_steps)):
         flags.append("less than 0.2 s of contact: no prediction error")
     if estimate.guarded:
         flags.append(f"covariance guard acted on {estimate.guarded} samples")
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
-        count = int(np.count_nonzero(status == refusal))
+        count = int(np.count_nonzero(trace.status == refusal))
         if count:
             words = refusal.name.lower().replace("_", " ")
             if refusal == Status.NOT_FINITE:
-                words += f": {not_finite(result.contact)}"
+                words += f": {not_finite(contact)}"
             flags.append(f"{count} samples refused: {words}")
     return flags

@@ -221,12 +221,13 @@ def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identif
     contact, given = data.contact, _estimator(estimator)
     fresh = given.replace(**_chosen(contact, given.settings))
     trace = _replay_segments(contact, fresh)
-    bare = Identification(contact, fresh, trace, data=data)
+    flags = tuple(flags_of(contact, trace, fresh))
+    result = Identification(contact, fresh, trace, flags, data)
     if not trace.taken.any():
-        raise RecordingError(why_nothing(data, bare.gate))
+        raise RecordingError(why_nothing(data, result.gate))
     if fresh.settings.get("surface") == "estimate":
-        check_approach(contact, trace, bare.estimate.surface)
-    return Identification(contact, fresh, trace, tuple(flags_of(bare)), data)
+        check_approach(contact, trace, result.estimate.surface)
+    return result
 
 
 def diagnose(

@@ -23,6 +23,8 @@ def shown(value: Any) -> str:
 
 def number(name: str, value: Any) -> float:
     """``value`` as a finite float."""
+    if type(value) is float and math.isfinite(value):
+        return value  # a law is made of such at every estimate that is asked for
     try:
         # These have a float too, but are not one number: a text, an imaginary part, a mask.
         if isinstance(value, str | bytes | bytearray | complex) or np.ma.is_masked(value):

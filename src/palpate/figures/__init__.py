@@ -106,7 +106,8 @@ def _name(result: Identification) -> str:
 
 def _title(result: Identification) -> str:
     name = _name(result)
-    fit = f"{result.method}, final law fits to {result.fit_rmse_percent:.2g} %"
+    fitted = "the stretches' own laws fit" if result.stretches else "final law fits"
+    fit = f"{result.method}, {fitted} to {result.fit_rmse_percent:.2g} %"
     verdict = f"{result.diagnosis.verdict.overall}: {result.diagnosis.reason}"
     words = textwrap.shorten(verdict, 150, placeholder=" …")
     return f"{words}\n{name}: {fit}" if name else f"{words}\n{fit}"

@@ -97,7 +97,8 @@ def draw_loop(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
     )
     for result, look in zip(shown, theme.looks(len(shown)), strict=True):
         inside = np.where(result.trace.taken, result.fitted_force, np.nan)
-        label = result.method if len(shown) > 1 else "final law"
+        own = "law of each stretch" if result.stretches else "final law"
+        label = result.method if len(shown) > 1 else own
         axes.plot(depth[keep], _broken(inside, contact, keep), **look, linewidth=0.9, label=label)
     largest = _largest(depth)
     axes.set_xlim(-0.1 * largest, 1.05 * largest)

@@ -94,7 +94,9 @@ class PaperRun:
             while waiting and len(pending) <= workers:
                 task = waiting.popleft()
                 pending[_submitted(pool, task, self._of(task.experiment))] = task
-            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+            finished = wait(pending, return_when=FIRST_COMPLETED).done
+            # In the order of the work, so that what was finished first is written down first.
+            for future in [each for each in pending if each in finished]:
                 task = pending.pop(future)
                 done += 1
                 settled = self._settled(task, future)
