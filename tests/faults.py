@@ -159,3 +159,25 @@ def against() -> palpate.Contact:
     """A velocity column of the wrong sign."""
     time, x, v = motion()
     return contact(time, x, noisy(pushed(x, v)), velocity=-v)
+
+
+def with_velocity(scale: float = 1.0, noise: float = 0.0) -> palpate.Contact:
+    """A velocity column that is scaled, or noisy by a part of its rms."""
+    time, x, v = motion()
+    random = np.random.default_rng(5)
+    column = scale * v + noise * np.sqrt(np.mean(v**2)) * random.standard_normal(v.size)
+    return contact(time, x, noisy(pushed(x, v)), velocity=column)
+
+
+def rounded(step: float) -> palpate.Contact:
+    """A penetration that is read in coarse steps, m."""
+    time, x, v = motion()
+    force = noisy(pushed(x, v))
+    return palpate.prepare(time=time, penetration=step * np.round(x / step), force=force)
+
+
+def force_held(beat: int) -> palpate.Contact:
+    """A force that comes at a lower rate, and is held."""
+    time, x, v = motion()
+    force = noisy(pushed(x, v))
+    return contact(time, x, force[np.arange(force.size) // beat * beat])

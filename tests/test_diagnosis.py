@@ -90,6 +90,40 @@ def test_a_delay_is_measured_and_moves_the_damping():
     assert "cannot be told apart" in finding.sentence
 
 
+def test_a_velocity_column_that_is_a_little_off_costs_the_damping_as_much():
+    contact = faults.with_velocity(1.2)
+    found = palpate.diagnose(contact)
+    [finding] = [f for f in found.findings if f.check == "velocity column"]
+    wrong = found.working_depth.damping.value / faults.LAW.damping_at(found.working_depth.depth)
+    # It is measured over 15 samples, with a micrometre of noise: to half a per cent.
+    assert finding.moves_damping_percent == pytest.approx(20.0, abs=0.5)
+    assert wrong == pytest.approx(1.0 / 1.2, abs=0.02)
+    assert (found.verdict.stiffness, found.verdict.damping) == ("trust", "with-care")
+    assert "velocity column" not in grave(faults.with_velocity(1.04))
+
+
+def test_noise_of_the_velocity_is_said_to_lower_the_damping_by_as_much_as_it_does():
+    found = palpate.diagnose(faults.with_velocity(noise=0.3))
+    [finding] = [f for f in found.findings if f.check == "velocity noise"]
+    there = found.working_depth
+    wrong = 1.0 - there.damping.value / faults.LAW.damping_at(there.depth)
+    # Noise of 0.3 rms is 8 % of ⟨v² + σ²⟩; in contact, by the weight of each depth, within 3 %.
+    assert 0.01 * finding.moves_damping_percent == pytest.approx(wrong, abs=0.03)
+    assert there.damping.systematic > 0.0
+    assert grave(faults.with_velocity(noise=0.1)) == []
+
+
+def test_coarse_steps_of_the_penetration_are_found_before_what_they_look_like():
+    assert grave(faults.rounded(2e-4))[0] == "coarse steps"
+    assert grave(faults.rounded(2e-5)) == []
+
+
+def test_a_force_that_is_held_is_not_a_stuck_sensor():
+    found = grave(faults.force_held(8))
+    assert "held channel" in found
+    assert "stuck force" not in found
+
+
 def test_a_change_gives_its_time_and_a_law_for_each_stretch():
     found = palpate.diagnose(faults.changed(0.2))
     first, second = found.episodes

@@ -1,6 +1,7 @@
 """All checks together: from an identification's parts to its diagnosis."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,6 +37,7 @@ from palpate.diagnosis.misfit import (
     unexplained,
 )
 from palpate.diagnosis.surface import has_free_air, surface
+from palpate.diagnosis.velocity_noise import velocity_noise
 from palpate.estimate import Estimate
 from palpate.trace import Trace
 
@@ -77,12 +79,20 @@ def _diagnosed(fit: Fit, found: list[Finding]) -> Diagnosis:
     if changed is not None:
         causes.append(changed.cause)
     judged = judge(causes, ratio(fit), unexplained(fit))
-    wide = [check(fit) for check in (flat, method, excitation, offset, misfit)]
+    wide = [check(fit) for check in (flat, method, excitation, offset, velocity_noise, misfit)]
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
     found += judged.findings
     found += [f for f in wide if f is not None and not (f.check == "offset" and named_surface)]
     found += _notes(fit)
-    return _whole(found, _working_depth(fit, judged, known=True), _episodes(fit, changed))
+    working_depth = _working_depth(fit, _moved_by_velocity(judged, found), known=True)
+    return _whole(found, working_depth, _episodes(fit, changed))
+
+
+def _moved_by_velocity(judged: Judged, found: list[Finding]) -> Judged:
+    """With what a wrong velocity does to the damping."""
+    parts = [f.moves_damping_percent for f in found if f.check.startswith("velocity")]
+    known = (abs(part) / 100.0 for part in parts if math.isfinite(part))
+    return replace(judged, damping=max((judged.damping, *known)))
 
 
 def _whole(

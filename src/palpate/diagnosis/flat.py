@@ -4,6 +4,7 @@ import numpy as np
 
 from palpate.diagnosis.finding import Finding, Mark, severity_of
 from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.inputs.held import beat_of
 
 SHORTEST = 5  # samples
 MOVES = 4.0  # of the noise or the step, that the law's force moves meanwhile
@@ -11,11 +12,15 @@ SOME, MANY = 0.01, 0.05  # of the samples in contact
 
 
 def flat(fit: Fit) -> Finding | None:
-    """Runs of 5 and more equal forces while the law's force moves by more than 4 max(σ, step)."""
+    """Runs of 5 and more equal forces while the law's force moves by more than 4 max(σ, step).
+
+    Of a force that is held, which has a check of its own, runs of more than two beats.
+    """
     force = fit.data.force
+    shortest = max(SHORTEST, 2 * beat_of(force) + 1)
     borders = np.flatnonzero(np.diff(force, prepend=np.nan, append=np.nan) != 0.0)
     lengths = np.diff(borders)
-    long = np.flatnonzero((lengths >= SHORTEST) & fit.inside[borders[:-1]])
+    long = np.flatnonzero((lengths >= shortest) & fit.inside[borders[:-1]])
     if not long.size:
         return None
     moving = MOVES * max(fit.data.force_noise, fit.data.force_step)

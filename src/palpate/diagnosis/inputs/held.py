@@ -14,7 +14,7 @@ MOST = 20_000  # samples that are looked at
 def held(data: Data) -> Finding | None:
     """Changes at one phase of every k ≤ 60 samples; that is a delay of (k − 1)/2 samples."""
     for name, values in (("force", data.force), ("penetration", data.penetration)):
-        beat = _beat(values[:MOST])
+        beat = beat_of(values)
         if beat:
             late = 0.5e3 * (beat - 1) * data.sample_time
             return Finding(
@@ -28,7 +28,9 @@ def held(data: Data) -> Finding | None:
     return None
 
 
-def _beat(values: Floats) -> int:
+def beat_of(values: Floats) -> int:
+    """Samples for which a held channel keeps a value; 0 for one that is not held."""
+    values = values[:MOST]
     at = np.flatnonzero(np.diff(values))
     if at.size < 20 or at.size > 0.6 * len(values):
         return 0
