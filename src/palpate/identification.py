@@ -27,7 +27,7 @@ from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate, suggest_scale
 from palpate.preparation.velocity import window_samples
 from palpate.refusals import check_approach, why_nothing
-from palpate.settings import ContactGate, Scale
+from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.trace import Trace
 from palpate.validation import Floats, number_in, shown
 
@@ -52,6 +52,8 @@ class Identification:
         The working depth of the diagnosis, m; the median penetration taken unless given.
     stretches : tuple of Identification
         One for each stretch between changes of the material, by :meth:`by_stretch`.
+    noticed : Trace, optional
+        With a change detector, by :meth:`by_stretch`.
     """
 
     contact: Contact
@@ -61,6 +63,7 @@ class Identification:
     data: Data | None = field(default=None, repr=False)
     depth: float | None = None
     stretches: tuple["Identification", ...] = ()
+    noticed: Trace | None = field(default=None, repr=False)
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -77,7 +80,8 @@ class Identification:
 
         Each is identified afresh with the same settings, and diagnosed at the same working depth; a
         stretch that cannot be identified is left out, and so are the samples at a border that a
-        filter of the velocity smears over it. Without a change there are none.
+        filter of the velocity smears over it. Without a change there are none. The whole is replayed
+        once more with a change detector, which says when a control loop would have noticed.
         """
         depth, parts = self.diagnosis.working_depth.depth, []
         smear = window_samples(self.contact.sample_time) * self.contact.sample_time
@@ -85,7 +89,15 @@ class Identification:
             with suppress(RecordingError):
                 part = self.contact.window(episode.start + smear, episode.stop - smear)
                 parts.append(identify(part, self.estimator.replace()).at_depth(depth))
-        return replace(self, stretches=tuple(parts))
+        return replace(self, stretches=tuple(parts), noticed=self._watched())
+
+    def _watched(self) -> Trace:
+        """The trace with a change detector, where the estimator can have one."""
+        settings = self.estimator.settings
+        if settings.get("change_detector", self) is not None:
+            return self.trace
+        watched = self.estimator.replace(change_detector=ChangeDetector())
+        return _replay_segments(self.contact, watched)
 
     @property
     def method(self) -> str:
@@ -151,8 +163,9 @@ class Identification:
 
     @property
     def changes(self) -> Floats:
-        """Times at which a change of the material was detected, s."""
-        times: Floats = self.contact.time[self.trace.status == Status.RESTARTED]
+        """Times at which a change detector alarmed, s."""
+        trace = self.noticed or self.trace
+        times: Floats = self.contact.time[trace.status == Status.RESTARTED]
         return times
 
     def as_dict(self) -> dict[str, Any]:

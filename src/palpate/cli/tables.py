@@ -47,11 +47,20 @@ def print_identifications(
         ),
         soft_wrap=True,
     )
+    if results[0].noticed is not None:
+        console.print(Text(_noticed(results[0])), soft_wrap=True)
     for result in results:
-        for flag in result.flags:
+        # One law for two materials is not identifiable by any motion: its flags would mislead.
+        for flag in () if result.diagnosis.episodes else result.flags:
             console.print(Text(f"{result.method}: {flag}", style="yellow"), soft_wrap=True)
     if figure is not None:
         print(f"figure: {figure}")
+
+
+def _noticed(result: Identification) -> str:
+    """When a control loop would have known of the changes."""
+    times = ", ".join(f"{time:.4g} s" for time in result.changes)
+    return f"the change detector, in a control loop, alarms at {times or 'no time'}"
 
 
 def as_dict(file: Path, results: Sequence[Identification]) -> dict[str, Any]:
