@@ -80,8 +80,8 @@ class Identification:
 
         Each is identified afresh with the same settings, and diagnosed at the same working depth; a
         stretch that cannot be identified is left out, and so are the samples at a border that a
-        filter of the velocity smears over it. Without a change there are none. The whole is replayed
-        once more with a change detector, which says when a control loop would have noticed.
+        filter of the velocity smears over it. Without a change there are none. The whole is
+        replayed once more with a change detector: when would a control loop have noticed?
         """
         depth, parts = self.diagnosis.working_depth.depth, []
         smear = window_samples(self.contact.sample_time) * self.contact.sample_time
