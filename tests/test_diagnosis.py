@@ -10,6 +10,7 @@ import palpate
 from palpate.diagnosis import Data
 from palpate.diagnosis.covariance import block_variance, mean_error, robust_covariance
 from palpate.diagnosis.inputs import CHECKS, input_findings
+from palpate.diagnosis.inputs.spikes import SOME, _spiked
 from palpate.diagnosis.memory import relaxed
 
 
@@ -76,6 +77,15 @@ def test_a_fault_of_the_data_is_found_by_its_check_and_by_no_other(name):
     assert [check for check in found if check not in others] == [name]
 
 
+def test_friction_that_jumps_as_the_probe_turns_is_not_called_spikes():
+    time, x, v = faults.motion()
+    unsteady = v + 2e-3 * np.random.default_rng(5).standard_normal(v.size)
+    rubbed = 0.2 * faults.pushed(x, np.zeros_like(x)) * np.sign(unsteady)
+    contact = faults.contact(time, x, faults.noisy(faults.pushed(x, v) + rubbed))
+    assert grave(contact)[0] == "friction"
+    assert np.mean(_spiked(contact.force, 10.0)) > SOME  # as jumps they are spikes
+
+
 def test_each_sign_has_its_own_remedy():
     force, depth = faults.scaled(force=-1.0), faults.scaled(penetration=-1.0)
     remedies = [input_findings(Data(contact))[0].remedy for contact in (force, depth)]
@@ -103,6 +113,24 @@ def test_a_wrong_surface_moves_the_parameters_and_not_the_working_depth():
     assert "0.793 mm" in finding.sentence
     assert abs(finding.moves_stiffness_percent) < 2.0
     assert finding.remedy == "--surface estimate"
+
+
+def test_a_wrong_surface_is_found_where_it_hardly_shows_in_the_residual():
+    time, x, v = faults.motion()
+    force = faults.pushed(x, v, palpate.HuntCrossley(1000.0, 20.0, 1.0))
+    force = force + 0.2 * np.random.default_rng(0).standard_normal(force.size)
+    found = palpate.diagnose(faults.contact(time, x + 0.35e-3, force))
+    assert "surface" in [finding.check for finding in found.findings if finding.z > 8.0]
+    assert found.verdict.overall == "with-care"
+
+
+def test_a_surface_is_not_sought_below_the_steps_of_the_penetration():
+    time, x, v = faults.motion()
+    contact = faults.contact(time, x + 0.05e-3, faults.noisy(faults.pushed(x, v)))
+    coarse = 5e-5 * np.round(contact.penetration / 5e-5)
+    coarse = palpate.prepare(time=time, penetration=coarse, force=contact.force)
+    checks = [{f.check for f in palpate.diagnose(each).findings} for each in (contact, coarse)]
+    assert ["surface" in each for each in checks] == [True, False]
 
 
 def test_without_free_air_the_surface_is_said_to_be_unknown():

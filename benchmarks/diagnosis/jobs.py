@@ -10,8 +10,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from benchmarks.diagnosis.faults import FAULTS
-from benchmarks.diagnosis.outcome import outcome
+from benchmarks.diagnosis.faults import FAULTS, Fault
+from benchmarks.diagnosis.outcome import Outcome, outcome
 from benchmarks.diagnosis.recordings import verdict_of
 from benchmarks.diagnosis.robot import PROBED, outcomes, pair
 from palpate import lab
@@ -40,13 +40,16 @@ def jobs_of(ideal: range, robot: range) -> Jobs:
 
 def _ideal(job: tuple[int, int]) -> Rows:
     fault = FAULTS[job[0]]
-    head = {"bank": "ideal", "kind": fault.kind, "severity": fault.severity}
-    return [{**head, "names": fault.names, **asdict(outcome(fault, job[1]))}]
+    return [_row("ideal", fault, outcome(fault, job[1]))]
 
 
 def _robot(job: tuple[str, int]) -> Rows:
-    head = {"bank": "robot", "names": ()}
-    return [{**head, "kind": k, "severity": s, **asdict(each)} for k, s, each in outcomes(job)]
+    return [_row("robot", fault, each) for fault, each in outcomes(job)]
+
+
+def _row(bank: str, fault: Fault, found: Outcome) -> dict[str, Any]:
+    head = {"bank": bank, "kind": fault.kind, "severity": fault.severity, "names": fault.names}
+    return {**head, **asdict(found)}
 
 
 def _pair(job: tuple[str, str, int]) -> Rows:
