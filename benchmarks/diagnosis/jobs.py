@@ -13,6 +13,7 @@ from typing import Any
 from benchmarks.diagnosis.faults import FAULTS, Fault
 from benchmarks.diagnosis.outcome import Outcome, outcome
 from benchmarks.diagnosis.recordings import verdict_of
+from benchmarks.diagnosis.repeats import factors, repeats_of
 from benchmarks.diagnosis.robot import PROBED, outcomes, pair
 from palpate import lab
 
@@ -35,6 +36,8 @@ def jobs_of(ideal: range, robot: range) -> Jobs:
     folder = os.environ.get("PALPATE_DATA")
     for path in sorted(Path(folder).glob("*.csv")) if folder else []:
         jobs[f"recording/{path.stem}"] = (_recording, path)
+    for name, paths in repeats_of(Path(folder)).items() if folder else []:
+        jobs[f"repeats/{name}"] = (_repeats, (name, paths))
     return jobs
 
 
@@ -58,6 +61,10 @@ def _pair(job: tuple[str, str, int]) -> Rows:
 
 def _recording(path: Path) -> Rows:
     return [{"bank": "recording", **verdict_of(path)}]
+
+
+def _repeats(job: tuple[str, list[Path]]) -> Rows:
+    return [{"bank": "repeats", **factors(job)}]
 
 
 def done(store: Path, jobs: Jobs, workers: int) -> Rows:
