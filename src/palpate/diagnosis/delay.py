@@ -57,7 +57,8 @@ def _described(fit: Fit, late: float, fine: Beside, result: Beside) -> Cause:
         f"{'late' if late > 0.0 else 'early'}, or the damping follows another law; the two cannot "
         "be told apart by the recording"
     )
-    remedy = f"--delay {late * 1e3:.3g}ms, if the sensors can be out of step by that"
+    read = f"{late * 1e3:.2g}" if abs(late) < 10e-3 else f"{late * 1e3:.3g}"
+    remedy = f"--delay {read}ms, if the sensors can be out of step by that"
     return cause_of(fit, "delay", result, sentence, remedy)
 
 
