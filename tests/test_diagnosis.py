@@ -9,7 +9,10 @@ import pytest
 import palpate
 from palpate.diagnosis import Data
 from palpate.diagnosis.covariance import block_variance, mean_error, robust_covariance
+from palpate.diagnosis.delay import _within_segment, delay
+from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.inputs import CHECKS, input_findings
+from palpate.diagnosis.inputs.spikes import SOME, _spiked
 from palpate.diagnosis.memory import relaxed
 
 
@@ -76,6 +79,15 @@ def test_a_fault_of_the_data_is_found_by_its_check_and_by_no_other(name):
     assert [check for check in found if check not in others] == [name]
 
 
+def test_friction_that_jumps_as_the_probe_turns_is_not_called_spikes():
+    time, x, v = faults.motion()
+    unsteady = v + 2e-3 * np.random.default_rng(5).standard_normal(v.size)
+    rubbed = 0.2 * faults.pushed(x, np.zeros_like(x)) * np.sign(unsteady)
+    contact = faults.contact(time, x, faults.noisy(faults.pushed(x, v) + rubbed))
+    assert grave(contact)[0] == "friction"
+    assert np.mean(_spiked(contact.force, 10.0)) > SOME  # as jumps they are spikes
+
+
 def test_each_sign_has_its_own_remedy():
     force, depth = faults.scaled(force=-1.0), faults.scaled(penetration=-1.0)
     remedies = [input_findings(Data(contact))[0].remedy for contact in (force, depth)]
@@ -137,6 +149,24 @@ def test_a_wrong_surface_moves_the_parameters_and_not_the_working_depth():
     assert "0.793 mm" in finding.sentence
     assert abs(finding.moves_stiffness_percent) < 2.0
     assert finding.remedy == "--surface estimate"
+
+
+def test_a_wrong_surface_is_found_where_it_hardly_shows_in_the_residual():
+    time, x, v = faults.motion()
+    force = faults.pushed(x, v, palpate.HuntCrossley(1000.0, 20.0, 1.0))
+    force = force + 0.2 * np.random.default_rng(0).standard_normal(force.size)
+    found = palpate.diagnose(faults.contact(time, x + 0.35e-3, force))
+    assert "surface" in [finding.check for finding in found.findings if finding.z > 8.0]
+    assert found.verdict.overall == "with-care"
+
+
+def test_a_surface_is_not_sought_below_the_steps_of_the_penetration():
+    time, x, v = faults.motion()
+    contact = faults.contact(time, x + 0.05e-3, faults.noisy(faults.pushed(x, v)))
+    coarse = 5e-5 * np.round(contact.penetration / 5e-5)
+    coarse = palpate.prepare(time=time, penetration=coarse, force=contact.force)
+    checks = [{f.check for f in palpate.diagnose(each).findings} for each in (contact, coarse)]
+    assert ["surface" in each for each in checks] == [True, False]
 
 
 def test_without_free_air_the_surface_is_said_to_be_unknown():
@@ -228,6 +258,50 @@ def test_error_bars_grow_with_the_residuals_correlation():
     assert np.all(np.sqrt(np.diag(robust_covariance(x, slow))) > 4.0 * even)
     assert mean_error(slow) > 4.0 * mean_error(white)
     assert np.all(block_variance(x * white[:, None], np.zeros(2)) > 0.0)
+
+
+def test_error_bars_of_overlapping_windows_are_those_of_their_samples():
+    """Windows that share two thirds scatter √3 times as far as as many that share nothing."""
+    random, slopes, errors, by_blocks = np.random.default_rng(2), [], [], []
+    x = np.sin(np.linspace(0.0, 20.0, 600))[:, None]
+    shared = [np.full(600 - lag, 1.0 - lag / 3.0) for lag in (1, 2)]
+    for _ in range(200):
+        noise = np.convolve(random.standard_normal(602), np.ones(3) / 3.0, "valid")
+        slopes.append(float(x[:, 0] @ noise / (x**2).sum()))
+        residual = noise - slopes[-1] * x[:, 0]
+        errors.append(robust_covariance(x, residual, shared)[0, 0])
+        by_blocks.append(robust_covariance(x, residual)[0, 0])
+    assert np.mean(np.square(slopes)) == pytest.approx(np.mean(errors), rel=0.25)
+    assert np.mean(errors) > 1.2 * np.mean(by_blocks)
+
+
+def test_a_delay_is_sought_within_each_segment():
+    """Taps one after another, whose segments begin where no other ends."""
+    time, x, v = faults.motion(12.0)
+    force = faults.noisy(np.interp(time - 5e-3, time, faults.pushed(x, v)))
+    pieces = [slice(start, start + 400) for start in range(1500, 11_500, 1000)]
+    order = np.random.default_rng(3).permutation(len(pieces))
+    kept = np.concatenate([np.arange(12_000)[pieces[k]] for k in order])
+    contact = palpate.Contact(
+        time[kept],
+        penetration=x[kept],
+        velocity=v[kept],
+        force=force[kept],
+        segment=np.repeat(order, 400),
+    )
+    fit = _fit(palpate.identify(contact))
+    assert np.all(_segment_of(fit, 20) == _segment_of(fit, 0))
+    assert np.all(_segment_of(fit, -20) == _segment_of(fit, 0))
+    [found] = delay(fit)
+    assert float(found.remedy.split()[1].removesuffix("ms,")) == pytest.approx(5.0, abs=0.6)
+
+
+def _fit(result: palpate.Identification) -> Fit:
+    return Fit(result.data, result.trace, result.estimate)
+
+
+def _segment_of(fit: Fit, shift: int) -> np.ndarray:
+    return fit.data.segment[_within_segment(fit, shift)]
 
 
 def test_a_branch_relaxes_as_its_equation_says():

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import palpate
+from palpate import lab
 
 pytestmark = pytest.mark.slow
 
@@ -51,3 +52,31 @@ def test_a_change_of_five_per_cent_is_seen():
         found = palpate.diagnose(faults.contact(time, x, faults.noisy(force, seed)))
         seen.append(len(found.episodes) == 2)
     assert np.mean(seen) >= 0.98
+
+
+@pytest.mark.parametrize("name", ["ball", "sponge", "pvc"])
+@pytest.mark.parametrize("millimetres", [0.35, -0.35])
+def test_a_wrong_surface_is_seen_on_the_robot(robot_runs, name, millimetres):
+    for run in robot_runs[name]:
+        contact = palpate.prepare(
+            time=run.time, penetration=run.penetration + 1e-3 * millimetres, force=run.force
+        )
+        found = palpate.diagnose(contact)
+        assert found.verdict.overall == "with-care"
+        assert found.findings[0].check == "surface"
+
+
+def test_clean_runs_of_the_robot_are_trusted(robot_runs):
+    assert {overall(run) for runs in robot_runs.values() for run in runs} == {"trust"}
+
+
+@pytest.fixture(scope="module")
+def robot_runs() -> dict[str, list[palpate.Contact]]:
+    """Ten seconds on each material, four times."""
+    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
+    return {
+        name: [
+            lab.Bench(lab.MATERIALS[name], lab.THREE_SINES).run(seed).contact for seed in range(4)
+        ]
+        for name in ("ball", "sponge", "pvc")
+    }

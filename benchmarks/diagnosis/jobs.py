@@ -10,9 +10,10 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from benchmarks.diagnosis.faults import FAULTS
-from benchmarks.diagnosis.outcome import outcome
+from benchmarks.diagnosis.faults import FAULTS, Fault
+from benchmarks.diagnosis.outcome import Outcome, outcome
 from benchmarks.diagnosis.recordings import verdict_of
+from benchmarks.diagnosis.repeats import factors, repeats_of
 from benchmarks.diagnosis.robot import PROBED, outcomes, pair
 from palpate import lab
 
@@ -35,18 +36,23 @@ def jobs_of(ideal: range, robot: range) -> Jobs:
     folder = os.environ.get("PALPATE_DATA")
     for path in sorted(Path(folder).glob("*.csv")) if folder else []:
         jobs[f"recording/{path.stem}"] = (_recording, path)
+    for name, paths in repeats_of(Path(folder)).items() if folder else []:
+        jobs[f"repeats/{name}"] = (_repeats, (name, paths))
     return jobs
 
 
 def _ideal(job: tuple[int, int]) -> Rows:
     fault = FAULTS[job[0]]
-    head = {"bank": "ideal", "kind": fault.kind, "severity": fault.severity}
-    return [{**head, "names": fault.names, **asdict(outcome(fault, job[1]))}]
+    return [_row("ideal", fault, outcome(fault, job[1]))]
 
 
 def _robot(job: tuple[str, int]) -> Rows:
-    head = {"bank": "robot", "names": ()}
-    return [{**head, "kind": k, "severity": s, **asdict(each)} for k, s, each in outcomes(job)]
+    return [_row("robot", fault, each) for fault, each in outcomes(job)]
+
+
+def _row(bank: str, fault: Fault, found: Outcome) -> dict[str, Any]:
+    head = {"bank": bank, "kind": fault.kind, "severity": fault.severity, "names": fault.names}
+    return {**head, **asdict(found)}
 
 
 def _pair(job: tuple[str, str, int]) -> Rows:
@@ -55,6 +61,10 @@ def _pair(job: tuple[str, str, int]) -> Rows:
 
 def _recording(path: Path) -> Rows:
     return [{"bank": "recording", **verdict_of(path)}]
+
+
+def _repeats(job: tuple[str, list[Path]]) -> Rows:
+    return [{"bank": "repeats", **factors(job)}]
 
 
 def done(store: Path, jobs: Jobs, workers: int) -> Rows:

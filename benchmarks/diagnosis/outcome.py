@@ -8,6 +8,7 @@ import numpy as np
 from benchmarks.diagnosis.faults import Fault
 from benchmarks.diagnosis.probing import Probing, measured, probing
 from palpate import RecordingError, identify
+from palpate.diagnosis import Diagnosis
 from palpate.identification import Identification
 
 ERRORS, LEAST = 3.0, 0.05  # a lie is wrong by more of its own standard errors, and by this part
@@ -27,6 +28,16 @@ class Outcome:
         Whether stiffness or damping at working depth was wrong, and K, B or n.
     flagged : bool
         Whether a flag without a diagnosis would have said so.
+    stiffness_error, damping_error : float
+        Relative, at working depth.
+    stiffness_deviation, damping_deviation : float
+        The same in standard errors of the diagnosis.
+    delay : float
+        As its remedy has it, s; NaN where none was found.
+    changes : tuple of float
+        Times at which the material was said to change, s.
+    sentence : str
+        The reason of the verdict.
     """
 
     overall: str
@@ -36,6 +47,10 @@ class Outcome:
     flagged: bool
     stiffness_error: float = math.nan
     damping_error: float = math.nan
+    stiffness_deviation: float = math.nan
+    damping_deviation: float = math.nan
+    delay: float = math.nan
+    changes: tuple[float, ...] = ()
     sentence: str = ""
 
 
@@ -82,8 +97,18 @@ def judged(made: Probing, result: Identification, fault: Fault) -> Outcome:
         bool(result.flags),
         wrong_s,
         wrong_c,
+        (stiffness - made.law.stiffness_at(depth)) / found.working_depth.stiffness.standard_error,
+        (damping - made.law.damping_at(depth)) / found.working_depth.damping.standard_error,
+        _delay(found),
+        tuple(episode.start for episode in found.episodes[1:]),
         found.reason,
     )
+
+
+def _delay(found: Diagnosis) -> float:
+    """By the remedy ``--delay 5ms, …``, s."""
+    words = [f.remedy for f in found.findings if f.check == "delay" and f.severity != "note"]
+    return 1e-3 * float(words[0].split()[1].removesuffix("ms,")) if words and words[0] else math.nan
 
 
 def printed_errors(result: Identification, depth: float) -> tuple[float, float]:

@@ -4,6 +4,8 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from typing import Any
 
+from benchmarks.diagnosis.rates import rates
+
 MARK = "<!-- measured -->"
 Rows = list[dict[str, Any]]
 DESCRIBED = ("ball", "sponge", "pvc", "inclusion")
@@ -15,6 +17,8 @@ def page(rows: Rows, words: str) -> str:
     for row in rows:
         of[row["bank"]].append(row)
     parts = [words, "", "### Silent lies", "", *_lies(of)]
+    headings = ("figure", "ideal probe", "robot", "limit")
+    parts += ["", "### Rates and errors", "", *_table(headings, rates(rows))]
     parts += ["", "### By fault, ideal probe", "", *_faults(of["ideal"])]
     if of["robot"]:
         parts += ["", "### By fault, robot", "", *_faults(of["robot"])]
@@ -22,6 +26,8 @@ def page(rows: Rows, words: str) -> str:
         parts += ["", "### Materials and motions of the laboratory, robot", "", *_pairs(of["pair"])]
     if of["recording"]:
         parts += ["", "### Real recordings", "", *_recordings(of["recording"])]
+    if of["repeats"]:
+        parts += ["", "### Repeats of one object", "", *_repeats(of["repeats"])]
     return "\n".join([*parts, ""])
 
 
@@ -108,3 +114,21 @@ def _recordings(rows: Rows) -> list[str]:
 
 def _pairs_of(errors: list[float]) -> list[tuple[float, float]]:
     return [(errors[0], errors[1]), (errors[2], errors[3])]
+
+
+def _repeats(rows: Rows) -> list[str]:
+    words = (
+        "Blocks of one recording (set A: recordings of one muscle under four loads), at one depth. "
+        "The factor, reduced χ, is by how much the error bars are too narrow: by the repeatable "
+        "part alone, and with the systematic one, which is to be 2 at most."
+    )
+    lines = []
+    for row in rows:
+        cells = [f"{each:.2g}" for key in ("stiffness", "damping") for each in row[key]]
+        lines.append([row["name"], row["repeats"], f"{1e3 * row['depth']:.3g} mm", *cells])
+    headings = [
+        f"{quantity}{what}"
+        for quantity in ("S", "C")
+        for what in (" scatters, %", ", repeatable", " and systematic")
+    ]
+    return [words, "", *_table(("recording", "repeats", "depth", *headings), lines)]

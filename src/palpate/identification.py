@@ -83,13 +83,17 @@ class Identification:
         filter of the velocity smears over it. Without a change there are none. The whole is
         replayed once more with a change detector: when would a control loop have noticed?
         """
-        depth, parts = self.diagnosis.working_depth.depth, []
+        parts = (self._stretch(episode) for episode in self.diagnosis.episodes)
+        found = tuple(part for part in parts if part is not None)
+        return replace(self, stretches=found, noticed=self._watched())
+
+    def _stretch(self, episode: Episode) -> "Identification | None":
         smear = window_samples(self.contact.sample_time) * self.contact.sample_time
-        for episode in self.diagnosis.episodes:
-            with suppress(RecordingError):
-                part = self.contact.window(episode.start + smear, episode.stop - smear)
-                parts.append(identify(part, self.estimator.replace()).at_depth(depth))
-        return replace(self, stretches=tuple(parts), noticed=self._watched())
+        with suppress(RecordingError):
+            part = self.contact.window(episode.start + smear, episode.stop - smear)
+            found = identify(part, self.estimator.replace())
+            return found.at_depth(self.diagnosis.working_depth.depth)
+        return None
 
     def _watched(self) -> Trace:
         """The trace with a change detector, where the estimator can have one."""
@@ -182,7 +186,7 @@ class Identification:
         return {
             "method": self.method,
             **self.diagnosis.as_dict(),
-            **({"episodes": own} if (own := [s.as_episode() for s in self.stretches]) else {}),
+            "episodes": self._episodes(),
             "law": {"kind": law.kind, **law.as_dict()},
             "standard_errors": dict(zip(law.as_dict(), errors, strict=True)),
             **beside,
@@ -193,6 +197,16 @@ class Identification:
             "contact_samples": int(np.count_nonzero(self.trace.taken)),
             "flags": list(self.flags),
         }
+
+    def _episodes(self) -> list[dict[str, Any]]:
+        """Each stretch by its own law; or as the change was found, with the verdict on it alone."""
+        if self.stretches:
+            return [stretch.as_episode() for stretch in self.stretches]
+        return [
+            {**episode.as_dict(), "verdict": part.diagnosis.verdict.as_dict() if part else None}
+            for episode in self.diagnosis.episodes
+            for part in (self._stretch(episode),)
+        ]
 
     def as_episode(self) -> dict[str, Any]:
         """Return it as one of the episodes of a longer contact."""

@@ -1,6 +1,7 @@
 """The motion's band: averages over windows a twentieth of the motion's period long."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ WINDOWS_A_PERIOD = 20
 FEWEST_ROWS = 60  # below that there is no saying how the residual is correlated
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)  # no slots: what rows share is kept in the instance
 class Band:
     """Windows wholly in contact, each a row.
 
@@ -46,6 +47,19 @@ class Band:
         """Average over each window of values at ``samples``, a vector or columns."""
         sums: Floats = np.take(values, self.windows, axis=0).sum(axis=0)
         return sums / self.width
+
+    @cached_property
+    def shared(self) -> tuple[Floats, ...]:
+        """Part of its window that each row shares with the next, the next but one, and so on."""
+        first = self.samples[self.windows[0]]
+        length = self.samples[self.windows[-1]] - first + 1
+        parts: list[Floats] = []
+        for lag in range(1, len(self)):
+            part = np.clip(1.0 - (first[lag:] - first[:-lag]) / length[:-lag], 0.0, None)
+            if not part.any():
+                break
+            parts.append(part)
+        return tuple(parts)
 
     def rows(self, keep: NDArray[np.bool_]) -> "Band":
         """Return some of the windows."""

@@ -10,8 +10,8 @@ from palpate.diagnosis.covariance import robust_covariance
 from palpate.diagnosis.fit import Fit
 from palpate.validation import Floats
 
-# Of 453 faulty recordings 0.4 % stay silent at 5, 1.1 % at 6; no clean one passes even 5.
-SIGNIFICANT = 5.0
+# The largest z of a cause that moves any number is 3.7 on 196 clean recordings, of probe and robot.
+SIGNIFICANT = 4.5
 # A column of which less than this is left beside the fit's own is the fit's own.
 COLLINEAR = 1e-5
 
@@ -98,7 +98,7 @@ def beside(fit: Fit, column: Floats) -> Beside | None:
     amount = float(left @ residual / (left @ left))
     wide = np.column_stack([jacobian, column])
     after = residual - amount * left
-    error = math.sqrt(robust_covariance(wide, after)[-1, -1])
+    error = math.sqrt(robust_covariance(wide, after, fit.band.shared)[-1, -1])
     before = max(fit.solution.energy, np.finfo(float).tiny)
     gain = 1.0 - float(after @ after) / before
     return Beside(-amount * own, amount, abs(amount) / max(error, 1e-300), gain)

@@ -1,5 +1,7 @@
 """Error bars that hold when the residual is not white."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from palpate.validation import Floats
@@ -31,19 +33,35 @@ def block_variance(scores: Floats, floor: Floats) -> Floats:
     return largest
 
 
-def robust_covariance(jacobian: Floats, residual: Floats) -> Floats:
-    """Covariance of least squares from the influence of each sample, in blocks of every length.
+def robust_covariance(jacobian: Floats, residual: Floats, shared: Sequence[Floats] = ()) -> Floats:
+    """Covariance of least squares from the influence of each row, in blocks of every length.
 
-    With u_i = (JᵀJ)⁻¹ J_i r_i, the white covariance r²(JᵀJ)⁻¹ is widened on both sides, so that its
-    correlations stay and its variances are those of :func:`block_variance`.
+    With u_i = (JᵀJ)⁻¹ J_i r_i, the white covariance r²(JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ is widened on both
+    sides, so that its correlations stay and its variances are those of :func:`block_variance`.
+
+    Parameters
+    ----------
+    jacobian : numpy.ndarray, shape (k, p)
+        Of the fit.
+    residual : numpy.ndarray, shape (k,)
+        What it leaves.
+    shared : sequence of numpy.ndarray
+        R for white samples: the part of its window that each row shares with the next, with the
+        next but one, and so on. Blocks alone find but 2.2 of the 3 times that windows which share
+        two thirds take: bars of 0.85 of their width.
     """
     size = np.linalg.norm(jacobian, axis=0)
     size[size == 0.0] = 1.0
     unit = jacobian / size
     inverse = np.linalg.pinv(unit.T @ unit, hermitian=True)
-    white = inverse * float(residual @ residual) / max(len(residual) - len(size), 1)
+    scores = unit @ inverse
+    white = scores.T @ scores
+    for lag, part in enumerate(shared, start=1):
+        both = scores[:-lag].T @ (scores[lag:] * part[:, None])
+        white += both + both.T
+    white *= float(residual @ residual) / max(len(residual) - len(size), 1)
     variances = np.diag(white).clip(min=np.finfo(float).tiny)
-    widening = np.sqrt(block_variance((unit @ inverse) * residual[:, None], variances) / variances)
+    widening = np.sqrt(block_variance(scores * residual[:, None], variances) / variances)
     covariance: Floats = white * np.outer(widening, widening) / np.outer(size, size)
     return covariance
 

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.diagnosis.cause import Beside, Cause, beside
 from palpate.diagnosis.columns import cause_of
@@ -56,7 +57,8 @@ def _described(fit: Fit, late: float, fine: Beside, result: Beside) -> Cause:
         f"{'late' if late > 0.0 else 'early'}, or the damping follows another law; the two cannot "
         "be told apart by the recording"
     )
-    remedy = f"--delay {late * 1e3:.2g}ms, if the sensors can be out of step by that"
+    read = f"{late * 1e3:.2g}" if abs(late) < 10e-3 else f"{late * 1e3:.3g}"
+    remedy = f"--delay {read}ms, if the sensors can be out of step by that"
     return cause_of(fit, "delay", result, sentence, remedy)
 
 
@@ -90,9 +92,18 @@ def _residual_delay(fit: Fit, at: Solution, shift: int) -> float:
 def _motion(fit: Fit, shift: int, every: int = 1) -> Motion:
     """The motion that a force later by some samples answers to."""
     band = fit.band if every == 1 else fit.band.rows(np.arange(len(fit.band)) % every == 0)
-    place = np.clip(fit.band.samples - shift, 0, len(fit.data) - 1)
+    place = _within_segment(fit, shift)
     x = fit.penetration[place] / fit.units.depth
     return Motion(x, fit.data.velocity[place] / fit.units.speed, band, fit.force[::every])
+
+
+def _within_segment(fit: Fit, shift: int) -> NDArray[np.intp]:
+    """The samples that were some earlier, none across the border of a segment."""
+    segment = fit.data.segment
+    own = segment[fit.band.samples]
+    first, last = np.searchsorted(segment, own), np.searchsorted(segment, own, "right") - 1
+    place: NDArray[np.intp] = np.clip(fit.band.samples - shift, first, last)
+    return place
 
 
 def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:

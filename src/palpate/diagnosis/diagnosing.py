@@ -80,6 +80,8 @@ def _diagnosed(fit: Fit, found: list[Finding]) -> Diagnosis:
         causes.append(changed.cause)
     judged = judge(causes, ratio(fit), unexplained(fit))
     wide = [check(fit) for check in (flat, method, excitation, offset, velocity_noise, misfit)]
+    if not any(finding.check == "change" for finding in judged.findings):
+        changed = None
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
     found += judged.findings
     found += [f for f in wide if f is not None and not (f.check == "offset" and named_surface)]

@@ -171,7 +171,7 @@ class Episode:
             "kind": "change",
             "law": {"kind": self.law.kind, **self.law.as_dict()},
             "working_depth": self.working_depth.as_dict(),
-            "verdict": None,  # an episode by itself is not diagnosed
+            "verdict": None,  # it takes an identification of its own
         }
 
 

@@ -121,7 +121,7 @@ class Fit:
     @cached_property
     def covariance(self) -> Floats:
         """Of the solution's parameters and offset, in local units, for a correlated residual."""
-        return robust_covariance(self.solution.jacobian, self.solution.residual)
+        return robust_covariance(self.solution.jacobian, self.solution.residual, self.band.shared)
 
     def at(self, law: ForceLaw, offset: float, moved: "Motion | None" = None) -> Solution:
         """Jacobian and residual of a law in local units."""

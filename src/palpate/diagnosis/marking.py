@@ -52,7 +52,7 @@ def judge(causes: list[Cause], ratio: float, unexplained: float) -> Judged:
     if not significant:
         return Judged([])
     named = _named(significant, unexplained)
-    rivals = [cause for cause in significant if cause is not named]
+    rivals = [c for c in significant if c is not named and not _explained_by(named, c)]
     findings = [_finding(_in_doubt(named, rivals), 1.0, ratio, leading=True)]
     highest = max(named.gain, 1e-9)
     for rival in rivals:
@@ -81,13 +81,29 @@ def _named(significant: list[Cause], unexplained: float) -> Cause:
     return first
 
 
+def _explained_by(named: Cause, rival: Cause) -> bool:
+    """Whether a change is only what borders anywhere fit of another cause.
+
+    Borders are sought, so they fit some of any misfit: a change that explains far less than the
+    named cause was listed for one in ten stationary recordings.
+    """
+    if rival.name != "change" or named.family == rival.family:
+        return False
+    less = rival.gain < ALIKE * named.gain or _surely(named, rival)
+    return named.name == "surface" or less
+
+
+def _surely(named: Cause, rival: Cause) -> bool:
+    return (1.0 - named.gain) < SURE * (1.0 - rival.gain)
+
+
 def _in_doubt(named: Cause, rivals: list[Cause]) -> Cause:
     """Say the second cause too, unless the first explains far more."""
     others = [rival for rival in rivals if rival.family != named.family]
     if not others:
         return named
     second = max(others, key=lambda cause: cause.gain)
-    if named.name == "surface" or (1.0 - named.gain) < SURE * (1.0 - second.gain):
+    if named.name == "surface" or _surely(named, second):
         return named
     return replace(named, sentence=f"{named.sentence}; or {second.sentence}", sure=False)
 

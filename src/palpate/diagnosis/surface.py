@@ -17,8 +17,8 @@ FEWEST_FREE = 50  # samples above the surface; with fewer an error of the surfac
 MOST_IN_CONTACT, MOST_FREE = 3000, 1500
 STARTS = (-1.0, -0.3, -0.1, 0.0, 0.1)  # of the working depth
 FEWEST_MOVED = 0.005  # of the working depth; less moves no number by more than noise does
-# Of the residual: half an encoder count moves the surface of a stiff material significantly too.
-FEWEST_GAINED = 0.05
+# Times the penetration's noise, its steps included: half an encoder count is no other surface.
+RESOLVED = 5.0
 STEPS = 15
 
 
@@ -68,20 +68,15 @@ def surface(fit: Fit) -> list[Cause]:
         return []
     samples = _samples(fit)
     given = np.array([*law.parameters, fit.solution.offset, 0.0])
-    before = _placed(samples, given, surface_free=False)
     after = min(
         (_placed(samples, np.array([*given[:4], start])) for start in STARTS),
         key=lambda placed: placed.energy,
     )
     depth = after.parameters[4]
-    if abs(depth) < FEWEST_MOVED:
+    if abs(depth) < max(FEWEST_MOVED, RESOLVED * fit.data.penetration_noise / fit.reference):
         return []
     error = math.sqrt(robust_covariance(after.jacobian, after.residual)[-1, -1])
-    gain = 1.0 - after.energy / max(before.energy, np.finfo(float).tiny)
-    band_gain = _band_gain(fit, after.parameters)
-    if max(gain, band_gain) < FEWEST_GAINED:
-        return []
-    return [_described(fit, after.parameters, error, max(band_gain, 0.0))]
+    return [_described(fit, after.parameters, error, max(_band_gain(fit, after.parameters), 0.0))]
 
 
 def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
@@ -147,19 +142,16 @@ def _model(samples: Samples, parameters: Floats) -> tuple[Floats, Floats]:
     return force + offset, gradient
 
 
-def _placed(samples: Samples, start: Floats, *, surface_free: bool = True) -> Placed:
-    active = 5 if surface_free else 4
+def _placed(samples: Samples, start: Floats) -> Placed:
     parameters, damping = start.copy(), 1e-4
     model, gradient = _model(samples, parameters)
     residual = samples.force - model
     for _ in range(STEPS):
-        used = gradient[:, :active]
-        size = np.linalg.norm(used, axis=0)
+        size = np.linalg.norm(gradient, axis=0)
         size[size == 0.0] = 1.0
-        normal = (used / size).T @ (used / size) + damping * np.eye(active)
-        change = np.linalg.solve(normal, (used / size).T @ residual) / size
-        trial = parameters.copy()
-        trial[:active] += change
+        unit = gradient / size
+        normal = unit.T @ unit + damping * np.eye(len(size))
+        trial = parameters + np.linalg.solve(normal, unit.T @ residual) / size
         trial[2] = np.clip(trial[2], *EXPONENTS)
         trial[4] = np.clip(trial[4], -3.0, 0.9)
         model, new_gradient = _model(samples, trial)
