@@ -51,8 +51,8 @@ class RunningMedian {
   void learn(double size) noexcept {
     if (!(size > 0.0)) return;
     if (seen_ >= slow) [[likely]] {
-      value_ *= size > value_ ? 1.0 + least_gain : 1.0 / (1.0 + least_gain);
-      value_ = std::max(value_, smallest);
+      // Looked up: which way it goes no processor can guess, and a wrong guess costs 5 ns.
+      value_ = std::max(value_ * steps[size > value_], smallest);
       return;
     }
     if (++seen_ == 1) value_ = std::clamp(size, smallest, largest);
@@ -67,7 +67,7 @@ class RunningMedian {
   // The k-th size moves it by 8/k, at most twofold as a motion may begin slowly, and later ones by a
   // 256th.
   static constexpr std::uint32_t slow = 2048;
-  static constexpr double least_gain = 8.0 / slow;
+  static constexpr double steps[2] = {1.0 / (1.0 + 8.0 / slow), 1.0 + 8.0 / slow};
   static constexpr double smallest = 1e-150, largest = 1e150;
 
   double value_ = 0.0;
@@ -215,7 +215,7 @@ class OutlierRejection {
 
   void accept(const Sample& sample, const Departure& now, double dt, bool touching) noexcept {
     last_.force = sample.force;
-    last_departure_.force = now.force / steps_;
+    last_departure_.force = steps_ == 1.0 ? now.force : now.force / steps_;
     steps_ = 0.0;
     touched_ = touching;
     if (sample.penetration == last_.penetration && elapsed_ < longest_hold * dt) return;
