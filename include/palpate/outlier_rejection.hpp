@@ -1,14 +1,15 @@
 // Samples that no probe and no material can have made: lost positions, spikes of velocity and
 // force, and forces beyond the sensor's range. They are left out before a method learns them.
 //
-//   force:   |F − F′| > max(10 σ_F, 5 % of the median force),              three in a row at most
-//   motion:  |x − x′ − ½(v + v′)T| > T max(8 σ_u, 1.7 median |v|),        twenty in a row at most
-//   range:   F = F_max, once five and more equal forces were the largest so far while F/x Δx
-//            moved by more than four median steps
+//   force:   |F − F′| > max(10 σ, a tenth of the median force),     three in a row at most
+//   motion:  |x − x′ − ½(v + v′)T| > max(10 σ, 1.2 T median |v|),   twenty in a row at most
+//   range:   F = F_max, from the fifth of equal forces at the top of what was seen on, while the
+//            law's force moved
 //
-// x′, v′, F′ is the last sample that was not left out, T the time since then; σ is the median of
-// what stands before it, over 0.6745. A longer run is no outlier but another material, place or
-// speed, and is taken, so that a change is found a few samples late.
+// x′, v′, F′ is the last sample that was not left out, T the time since then; σ is the running
+// median of the left side in contact, over 0.6745. What was off by as much before is a fast motion,
+// not an outlier: the left side counts from there where that makes it less. A longer run is another
+// material, place or speed, and is taken, so that a change is found a few samples late.
 #pragma once
 
 #include <algorithm>
@@ -49,13 +50,13 @@ class RunningMedian {
   bool known() const noexcept { return seen_ >= enough; }
 
   void learn(double size) noexcept {
-    if (!(size > 0.0)) return;
+    if (!(size > smallest)) return;
     if (seen_ >= slow) [[likely]] {
       // Looked up: which way it goes no processor can guess, and a wrong guess costs 5 ns.
-      value_ = std::max(value_ * steps[size > value_], smallest);
+      value_ *= steps[size > value_];
       return;
     }
-    if (++seen_ == 1) value_ = std::clamp(size, smallest, largest);
+    if (++seen_ == 1) value_ = std::min(size, largest);
     const double ratio = 1.0 + std::min(1.0, 8.0 / static_cast<double>(seen_));
     value_ = size > value_ ? value_ * ratio : value_ / ratio;
   }
@@ -64,8 +65,8 @@ class RunningMedian {
   void raise_to(double size) noexcept { value_ = std::clamp(size, value_, largest); }
 
  private:
-  // The k-th size moves it by 8/k, at most twofold as a motion may begin slowly, and later ones by a
-  // 256th.
+  // The k-th size moves it by 8/k, at most twofold as a motion may begin slowly, and later ones by
+  // a 256th.
   static constexpr std::uint32_t slow = 2048;
   static constexpr double steps[2] = {1.0 / (1.0 + 8.0 / slow), 1.0 + 8.0 / slow};
   static constexpr double smallest = 1e-150, largest = 1e150;
@@ -93,7 +94,8 @@ class OutlierRejection {
   void interrupt() noexcept { following_ = false; }
 
   // Whether a sample [SI] is left out, `dt` [s] after the one before it; `touching` is what the
-  // contact gate says of it, and law(x, v) the force by the present estimate, which is seldom asked.
+  // contact gate says of it, and law(x, v) the force by the present estimate, which is seldom
+  // asked.
   template <class Law>
   bool rejects(const Sample& sample, double dt, bool touching, const Law& law) noexcept {
     step_.learn(dt);
@@ -108,9 +110,12 @@ class OutlierRejection {
             0.5 * (sample.velocity + last_.velocity) * elapsed_,
         sample.force - last_.force,
     };
-    const double astray = std::min(std::abs(now.motion), std::abs(now.motion - last_departure_.motion));
-    const double rise = std::min(std::abs(now.force), std::abs(now.force - steps_ * last_departure_.force));
-    const double most_astray = std::max(factor_ * astray_.value(), least_speed * elapsed_ * speed_.value());
+    const double astray =
+        std::min(std::abs(now.motion), std::abs(now.motion - last_departure_.motion));
+    const double rise =
+        std::min(std::abs(now.force), std::abs(now.force - steps_ * last_departure_.force));
+    const double most_astray =
+        std::max(factor_ * astray_.value(), least_speed * elapsed_ * speed_.value());
     const double most_rise = std::max(factor_ * rise_.value(), least_force * force_.value());
     const bool moved = astray > most_astray && speed_.known();
     const bool jumped = rise > most_rise && rise_.known();
@@ -131,13 +136,15 @@ class OutlierRejection {
  private:
   // Median of |e| of normal errors, over their deviation.
   static constexpr double normal_median = 0.6745;
-  // A force that is off by a twentieth in one sample of a hundred moves no result by 0.1 %.
+  // Off by a tenth, a sample of a hundred moves the mean force by 0.1 %; and where a fast probe
+  // turns round, damping makes such steps.
   static constexpr double least_force = 0.1;
   // A motion may turn round between two samples: its mean is then off by the speed itself.
   static constexpr double least_speed = 1.2;
-  static constexpr double longest_gap = 8.0;  // median steps
+  static constexpr double longest_gap = 8.0;    // median steps
   static constexpr double longest_hold = 16.0;  // samples of one position
   static constexpr std::uint32_t most_jumped = 3, most_moved = 20;
+  // Equal forces that are no chance, and by how many median steps the law's force moved meanwhile.
   static constexpr std::uint32_t flat = 5;
   static constexpr double flat_steps = 4.0;
 
@@ -232,24 +239,24 @@ class OutlierRejection {
 
   static constexpr double unlimited = std::numeric_limits<double>::infinity();
 
-  double factor_;            // of a median
-  Sample last_{};            // not left out
-  Departure last_departure_{};  // of its motion; of its force, a sample
-  double elapsed_ = 0.0;     // s since then, or since its position came
-  double steps_ = 0.0;       // samples since then
-  detail::RunningMedian step_;    // dt, s
-  detail::RunningMedian astray_;  // |x − x′ − ½(v + v′)T|, m
-  detail::RunningMedian speed_;   // |v|, m/s
-  detail::RunningMedian rise_;    // |F − F′|, N
-  detail::RunningMedian force_;   // |F|, N
-  double range_ = unlimited;      // the sensor's, N
-  double highest_ = 0.0;          // force so far, N
-  Sample flat_start_{};           // with which equal forces began
+  double factor_;                  // of a median
+  Sample last_{};                  // not left out
+  Departure last_departure_{};     // of its motion; of its force, a sample
+  double elapsed_ = 0.0;           // s since then, or since its position came
+  double steps_ = 0.0;             // samples since then
+  detail::RunningMedian step_;     // dt, s
+  detail::RunningMedian astray_;   // |x − x′ − ½(v + v′)T|, m
+  detail::RunningMedian speed_;    // |v|, m/s
+  detail::RunningMedian rise_;     // |F − F′|, N
+  detail::RunningMedian force_;    // |F|, N
+  double range_ = unlimited;       // the sensor's, N
+  double highest_ = 0.0;           // force so far, N
+  Sample flat_start_{};            // with which equal forces began
   double least_rise_ = unlimited;  // N, above zero: of a rounded force its step
   std::uint64_t rejected_ = 0;
-  std::uint32_t moved_ = 0;   // in a row
-  std::uint32_t jumped_ = 0;  // in a row
-  std::uint32_t equal_ = 0;   // forces in a row
+  std::uint32_t moved_ = 0;    // in a row
+  std::uint32_t jumped_ = 0;   // in a row
+  std::uint32_t equal_ = 0;    // forces in a row
   std::uint32_t longest_ = 1;  // such row, of a sensor that holds its values
   bool following_ = false;
   bool touched_ = false;

@@ -23,6 +23,7 @@ from palpate.diagnosis.finding import (
 )
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.flat import flat
+from palpate.diagnosis.left_out import left_out
 from palpate.diagnosis.marking import Judged, judge
 from palpate.diagnosis.memory import memory
 from palpate.diagnosis.misfit import (
@@ -77,7 +78,7 @@ def _diagnosed(fit: Fit, found: list[Finding]) -> Diagnosis:
     if changed is not None:
         causes.append(changed.cause)
     judged = judge(causes, ratio(fit), unexplained(fit))
-    wide = [check(fit) for check in (flat, method, excitation, offset, misfit)]
+    wide = [check(fit) for check in (flat, left_out, method, excitation, offset, misfit)]
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
     found += judged.findings
     found += [f for f in wide if f is not None and not (f.check == "offset" and named_surface)]

@@ -88,6 +88,7 @@ class Fit:
         self.with_offset = estimate.offset_standard_error > 0.0
         self.penetration = data.penetration - estimate.surface
         self.inside: NDArray[np.bool_] = trace.taken[data.known] & (self.penetration > 0.0)
+        self.rejected: NDArray[np.bool_] = trace.rejected[data.known]  # left out as outliers
         x, v = self.penetration[self.inside], data.velocity[self.inside]
         self.reference = float(np.median(x)) if x.size else math.nan
         self.depth = self.reference if depth is None else depth

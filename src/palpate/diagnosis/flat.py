@@ -12,14 +12,14 @@ SOME, MANY = 0.01, 0.05  # of the samples in contact
 
 def flat(fit: Fit) -> Finding | None:
     """Runs of 5 and more equal forces while the law's force moves by more than 4 max(σ, step)."""
-    force = fit.data.force
+    force, inside = fit.data.force, fit.inside | (fit.rejected & (fit.penetration > 0.0))
     borders = np.flatnonzero(np.diff(force, prepend=np.nan, append=np.nan) != 0.0)
     lengths = np.diff(borders)
-    long = np.flatnonzero((lengths >= SHORTEST) & fit.inside[borders[:-1]])
+    long = np.flatnonzero((lengths >= SHORTEST) & inside[borders[:-1]])
     if not long.size:
         return None
     moving = MOVES * max(fit.data.force_noise, fit.data.force_step)
-    top = float(force[fit.inside].max())
+    top = float(force[inside].max())
     at_top = elsewhere = 0
     for start, length in zip(borders[long].tolist(), lengths[long].tolist(), strict=True):
         part = slice(start, start + length)
@@ -27,7 +27,7 @@ def flat(fit: Fit) -> Finding | None:
         if np.ptp(fit.law.force(x, fit.data.velocity[part])) > moving:
             at_top += length * (force[start] >= top)
             elsewhere += length * (force[start] < top)
-    count = int(np.count_nonzero(fit.inside))
+    count = int(np.count_nonzero(inside))
     return _said(at_top / count, elsewhere / count, top)
 
 

@@ -75,7 +75,8 @@ def _knowledge(estimator: ContactEstimator) -> tuple[Any, ...]:
         now.parameters.tobytes(),
         now.joint_covariance.tobytes(),
         now.validity_margin.hex(),
-        (now.offset, now.surface, now.flags, now.status, now.samples, now.guarded, now.restarts),
+        (now.offset, now.surface, now.flags, now.status, now.samples, now.guarded),
+        (now.restarts, now.rejected),
         [estimator.predict(x, v).hex() for x, v in ((1e-3, 0.0), (3e-3, 0.02), (-1e-3, 0.0))],
     )
 
