@@ -1,5 +1,7 @@
 """Lost positions, spikes and the end of a sensor's range are left out, and nothing else is."""
 
+import json
+
 import numpy as np
 import pytest
 from probing import BALL, PVC, Floats, Motion, fed, switched, three_sines, white
@@ -17,6 +19,7 @@ from palpate import (
     VariableProjection,
     compare,
     identify,
+    write_contact,
 )
 from palpate.preparation.velocity import velocity_of
 
@@ -226,6 +229,20 @@ def test_what_is_no_rejection_is_refused_by_name(kind: type, nonsense: object) -
 def test_a_threshold_that_noise_exceeds_is_refused(threshold: object) -> None:
     with pytest.raises(InvalidParameterError, match="threshold"):
         OutlierRejection(threshold=threshold)  # type: ignore[arg-type]
+
+
+def test_the_command_line_turns_it_off_and_says_what_was_left_out(run, tmp_path) -> None:
+    motion, force = probed()
+    force[1000] += 50.0
+    path = tmp_path / "spiked.csv"
+    write_contact(contact_of(motion, force), path)
+    for command in ("identify", "compare", "diagnose"):
+        for option, expected in ((), 1), (("--no-reject-outliers",), 0):
+            status, out, err = run(command, path, "--json", *option)
+            assert (status, err) == (0, "")
+            counts = {result["rejected_samples"] for result in json.loads(out)["results"]}
+            assert counts == {expected}
+    assert "1 sample was left out as an outlier" in run("identify", path)[1]
 
 
 def test_a_saved_state_goes_on_where_it_was() -> None:

@@ -14,8 +14,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <utility>
 
 #include "palpate/sample.hpp"
 
@@ -130,6 +132,10 @@ class OutlierRejection {
     return false;
   }
 
+  // Of the latest samples that were taken, how many turn out to have been outliers, now that one
+  // was left out: those with which a run at the end of the range began. Asked once.
+  std::size_t withdrawn() noexcept { return std::exchange(withdrawn_, 0); }
+
   // Samples left out so far.
   std::uint64_t rejected() const noexcept { return rejected_; }
 
@@ -147,6 +153,7 @@ class OutlierRejection {
   // Equal forces that are no chance, and by how many median steps the law's force moved meanwhile.
   static constexpr std::uint32_t flat = 5;
   static constexpr double flat_steps = 4.0;
+  static constexpr std::uint32_t most_withdrawn = 8;
 
   // How far a sample is off what the one before it lets expect, m and N.
   struct Departure {
@@ -217,6 +224,7 @@ class OutlierRejection {
                          law(flat_start_.penetration, flat_start_.velocity);
     if (!(std::abs(moved) > least)) return false;
     range_ = sample.force;
+    withdrawn_ = std::min(equal_ - 1, most_withdrawn);
     return true;
   }
 
@@ -258,6 +266,7 @@ class OutlierRejection {
   std::uint32_t jumped_ = 0;   // in a row
   std::uint32_t equal_ = 0;    // forces in a row
   std::uint32_t longest_ = 1;  // such row, of a sensor that holds its values
+  std::uint32_t withdrawn_ = 0;
   bool following_ = false;
   bool touched_ = false;
 };

@@ -149,6 +149,9 @@ class RecursiveEstimator {
     if constexpr (Rejection::active) {
       const auto law = [this](double x, double v) noexcept { return predict(x, v); };
       if (valid_step && in_range == touching && outliers_.rejects(sample, dt, touching, law)) {
+        if constexpr (requires { method_.withdraw(std::size_t{}); }) {
+          if (const std::size_t count = outliers_.withdrawn()) method_.withdraw(count);
+        }
         return {Status::rejected,
                 Predicted ? predict(sample.penetration, sample.velocity) : unknown};
       }

@@ -1,5 +1,8 @@
 // Samples that no probe can have made change nothing but their count.
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 
 #include "check.hpp"
 #include "estimators.hpp"
@@ -31,6 +34,16 @@ void probe_noisily(Estimator& estimator, double seconds) {
     update(estimator, s);
   }
 }
+
+// A method that counts what it is to forget.
+struct Forgetful : KelvinVoigtRLS::Method {
+  using Base = KelvinVoigtRLS::Method;
+  using Base::Base;
+
+  void withdraw(std::size_t count) noexcept { withdrawn += count; }
+
+  std::size_t withdrawn = 0;
+};
 
 }  // namespace
 
@@ -85,4 +98,18 @@ TEST("what lasts longer than three forces is taken") {
     }
     CHECK(left_out == 3);
   });
+}
+
+TEST("the first samples at the end of the range are withdrawn, once it is known") {
+  RecursiveEstimator<Forgetful, NoChangeDetector, OutlierRejection> estimator;
+  RandomNumbers random(3);
+  std::size_t clipped = 0;
+  for (int k = 0; k < 3000; ++k) {
+    Sample s = probed(ball<KelvinVoigt>, 1e-3 * k);
+    s.force = std::min(s.force + random.between(-0.05, 0.05), 22.0);
+    clipped += s.force == 22.0;
+    update(estimator, s);
+  }
+  CHECK(estimator.method().withdrawn == 4);
+  CHECK(estimator.estimate().rejected == clipped - 4);
 }
