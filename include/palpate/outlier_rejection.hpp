@@ -107,11 +107,12 @@ class OutlierRejection {
     elapsed_ += std::max(dt, 0.5 * step_.value());
     ++steps_;
 
-    const Departure now{
-        sample.penetration - last_.penetration -
-            0.5 * (sample.velocity + last_.velocity) * elapsed_,
-        sample.force - last_.force,
-    };
+    // A position that is held or rounded says nothing: the velocity alone may be astray.
+    const double travelled = sample.penetration - last_.penetration;
+    const bool held = travelled == 0.0;
+    const double start = held ? -last_.velocity : last_.velocity;
+    const Departure now{travelled - 0.5 * (sample.velocity + start) * elapsed_,
+                        sample.force - last_.force};
     const double astray =
         std::min(std::abs(now.motion), std::abs(now.motion - last_departure_.motion));
     const double rise =
@@ -121,7 +122,7 @@ class OutlierRejection {
     const double most_rise = std::max(factor_ * rise_.value(), least_force * force_.value());
     const bool moved = astray > most_astray && speed_.known();
     const bool jumped = rise > most_rise && rise_.known();
-    if (touching) learn(sample, now, moved);
+    if (touching) learn(sample, now, held, moved);
     if (moved || jumped) [[unlikely]] {
       if (within_runs(sample, now, moved, jumped)) return reject();
     } else {
@@ -174,8 +175,8 @@ class OutlierRejection {
     return false;
   }
 
-  void learn(const Sample& sample, const Departure& now, bool moved) noexcept {
-    astray_.learn(std::abs(now.motion));
+  void learn(const Sample& sample, const Departure& now, bool held, bool moved) noexcept {
+    if (!held) astray_.learn(std::abs(now.motion));
     // While the probe is held, its speed in motion is remembered.
     const double speed = std::abs(sample.velocity);
     if (!moved && speed > 0.5 * speed_.value()) speed_.learn(speed);
