@@ -72,8 +72,9 @@ def structure(*, root: Path = HERE) -> None:
         print(f"bytes of the estimators: {error}")
         return
     for line in sizes.splitlines():
-        name, plain, detecting = line.split()
-        print(f"{name}: {plain} bytes, {detecting} with a change detector")
+        name, plain, detecting, rejecting = line.split()
+        words = f"{detecting} with a change detector, {rejecting} with a rejection of outliers too"
+        print(f"{name}: {plain} bytes, {words}")
 
 
 if __name__ == "__main__":

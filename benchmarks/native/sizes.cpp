@@ -1,4 +1,5 @@
-// sizes: prints the bytes of every estimator, without and with a change detector.
+// sizes: prints the bytes of every estimator, without and with a change detector, and with outliers
+// left out too.
 #include <cstdio>
 
 #include "palpate/palpate.hpp"
@@ -7,8 +8,9 @@ namespace {
 
 template <class Estimator>
 void print(const char* name) {
-  std::printf("%s %zu %zu\n", name, sizeof(Estimator),
-              sizeof(palpate::WithChangeDetector<Estimator>));
+  using palpate::WithChangeDetector, palpate::WithOutlierRejection;
+  std::printf("%s %zu %zu %zu\n", name, sizeof(Estimator), sizeof(WithChangeDetector<Estimator>),
+              sizeof(WithOutlierRejection<WithChangeDetector<Estimator>>));
 }
 
 }  // namespace

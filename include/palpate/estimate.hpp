@@ -66,10 +66,11 @@ struct Estimate {
   Surface surface;
   std::uint8_t flags;  // of IdentifiabilityFlag
   double validity_margin;
-  Status status;           // of the last sample that was not refused
+  Status status;           // of the last sample that was neither refused nor left out
   std::uint64_t samples;   // taken
   std::uint64_t guarded;   // of them, how many the covariance guard touched
   std::uint64_t restarts;  // how often a change was detected and the estimate reinitialised
+  std::uint64_t rejected;  // samples left out as outliers
 
   constexpr bool valid() const noexcept { return validity_margin > 0.0; }
 };

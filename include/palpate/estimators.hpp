@@ -2,6 +2,7 @@
 //
 //   palpate::SingleStageRLS estimator(settings);            // no change is looked for
 //   palpate::WithChangeDetector<palpate::SingleStageRLS>    // reinitialised when one is found
+//   palpate::WithOutlierRejection<palpate::SingleStageRLS>  // outliers are left out
 #pragma once
 
 #include "palpate/methods/double_stage.hpp"
@@ -24,6 +25,11 @@ using VariableProjectionWithSurface =
 using DriftTracking = RecursiveEstimator<DriftTrackingMethod>;
 
 template <class Estimator>
-using WithChangeDetector = RecursiveEstimator<typename Estimator::Method, ChangeDetector>;
+using WithChangeDetector =
+    RecursiveEstimator<typename Estimator::Method, ChangeDetector, typename Estimator::Outliers>;
+
+template <class Estimator>
+using WithOutlierRejection =
+    RecursiveEstimator<typename Estimator::Method, typename Estimator::Changes, OutlierRejection>;
 
 }  // namespace palpate

@@ -74,4 +74,7 @@ concept Method = std::is_trivially_copyable_v<M> &&
                    { known.snapshot(units) } -> std::same_as<Snapshot<typename M::Law>>;
                  };
 
+// A method may also offer `withdraw(count)`: at most eight of the latest samples were outliers
+// after all, and it is to forget them. Those that do not keep them, as they are few.
+
 }  // namespace palpate

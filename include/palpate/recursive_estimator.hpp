@@ -1,6 +1,6 @@
 // The loop that a controller calls once a sample, whatever the method:
 //
-//   gate → predict → choose λ and perturbation → learn → watch for a change
+//   gate → leave outliers out → predict → choose λ and perturbation → learn → watch for a change
 #pragma once
 
 #include <cmath>
@@ -13,17 +13,19 @@
 #include "palpate/estimate.hpp"
 #include "palpate/forgetting.hpp"
 #include "palpate/method.hpp"
+#include "palpate/outlier_rejection.hpp"
 #include "palpate/sample.hpp"
 #include "palpate/status.hpp"
 
 namespace palpate {
 
-template <Method M, class Detector = NoChangeDetector>
+template <Method M, class Detector = NoChangeDetector, class Rejection = NoOutlierRejection>
 struct EstimatorSettings {
   typename M::Settings method{};
   Forgetting::Settings forgetting = M::default_forgetting;
   SelfPerturbation perturbation = no_perturbation;
   [[no_unique_address]] typename Detector::Settings changes{};
+  [[no_unique_address]] typename Rejection::Settings outliers{};
   ContactGate::Settings gate{};
   Scale scale = M::default_scale;
   double sample_time = 1e-3;  // s
@@ -33,12 +35,13 @@ struct EstimatorSettings {
 
 // What is wrong with these settings, in words; null where they are sound. A constructor does not
 // ask: settings that come from elsewhere are for this to check.
-template <Method M, class Detector>
-constexpr const char* validate(const EstimatorSettings<M, Detector>& settings) noexcept {
+template <Method M, class Detector, class Rejection>
+constexpr const char* validate(const EstimatorSettings<M, Detector, Rejection>& settings) noexcept {
   if (const char* fault = validate(settings.method)) return fault;
   if (const char* fault = validate(settings.forgetting)) return fault;
   if (const char* fault = validate(settings.perturbation)) return fault;
   if (const char* fault = validate(settings.changes)) return fault;
+  if (const char* fault = validate(settings.outliers)) return fault;
   if (const char* fault = validate(settings.gate)) return fault;
   if (const char* fault = validate(settings.scale)) return fault;
   if (!(settings.sample_time > 0.0 && settings.sample_time <= 1e6)) {
@@ -53,12 +56,14 @@ constexpr const char* validate(const EstimatorSettings<M, Detector>& settings) n
   return nullptr;
 }
 
-template <Method M, class Detector = NoChangeDetector>
+template <Method M, class Detector = NoChangeDetector, class Rejection = NoOutlierRejection>
 class RecursiveEstimator {
  public:
   using Method = M;
+  using Changes = Detector;
+  using Outliers = Rejection;
   using Law = typename M::Law;
-  using Settings = EstimatorSettings<M, Detector>;
+  using Settings = EstimatorSettings<M, Detector, Rejection>;
 
   explicit RecursiveEstimator(const Settings& settings = {}) noexcept
       : settings_(settings),
@@ -66,7 +71,8 @@ class RecursiveEstimator {
         method_(settings.method, units_),
         gate_(method_.gate(settings.gate, units_)),
         forgetting_(settings.forgetting, settings.sample_time),
-        changes_(settings.changes) {}
+        changes_(settings.changes),
+        outliers_(settings.outliers) {}
 
   Status update(double penetration, double velocity, double force) noexcept {
     return update(penetration, velocity, force, settings_.sample_time);
@@ -87,7 +93,10 @@ class RecursiveEstimator {
 
   // Contact ends here, as where a recording breaks off or a tool is changed: what was learned is
   // held until contact is made again.
-  void leave_contact() noexcept { enter(gate_.without_contact()); }
+  void leave_contact() noexcept {
+    enter(gate_.without_contact());
+    if constexpr (Rejection::active) outliers_.interrupt();
+  }
 
   // The force that the sensor would show by the present estimate, N; no law acts out of contact.
   double predict(double penetration, double velocity) const noexcept {
@@ -107,7 +116,8 @@ class RecursiveEstimator {
             status_,
             samples_,
             guarded_,
-            restarts_};
+            restarts_,
+            outliers_.rejected()};
   }
 
   // The part of an estimate that a trace writes down at every sample.
@@ -135,7 +145,18 @@ class RecursiveEstimator {
     const Sample inner = detail::scaled(sample, units_);
     const ContactGate::Phase phase = gate_.next(sample.penetration, sample.force);
     const bool touching = phase == ContactGate::Phase::contact;
-    if (valid_step && touching && method_.in_range(inner)) [[likely]] {
+    const bool in_range = touching && method_.in_range(inner);
+    if constexpr (Rejection::active) {
+      const auto law = [this](double x, double v) noexcept { return predict(x, v); };
+      if (valid_step && in_range == touching && outliers_.rejects(sample, dt, touching, law)) {
+        if constexpr (requires { method_.withdraw(std::size_t{}); }) {
+          if (const std::size_t count = outliers_.withdrawn()) method_.withdraw(count);
+        }
+        return {Status::rejected,
+                Predicted ? predict(sample.penetration, sample.velocity) : unknown};
+      }
+    }
+    if (valid_step && in_range) [[likely]] {
       return take<Predicted>(sample, inner, dt);
     }
     const double predicted = Predicted ? predict(sample.penetration, sample.velocity) : unknown;
@@ -232,6 +253,7 @@ class RecursiveEstimator {
   ContactGate gate_;
   Forgetting forgetting_;
   [[no_unique_address]] Detector changes_;
+  [[no_unique_address]] Rejection outliers_;
   double velocity_ = 0.0;
   Status status_ = Status::waiting;
   std::uint64_t samples_ = 0;

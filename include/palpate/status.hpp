@@ -16,9 +16,10 @@ enum class Status : std::uint8_t {
   not_finite,    // refused: penetration, velocity or force is NaN or infinite
   invalid_step,  // refused: dt is not a positive, finite time
   out_of_range,  // refused: finite, but too large for the arithmetic
+  rejected,      // left out as an outlier
 };
 
-inline constexpr std::size_t status_count = static_cast<std::size_t>(Status::out_of_range) + 1;
+inline constexpr std::size_t status_count = static_cast<std::size_t>(Status::rejected) + 1;
 
 constexpr bool taken(Status status) noexcept {
   return status == Status::updated || status == Status::guarded || status == Status::restarted;

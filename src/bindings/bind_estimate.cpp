@@ -14,7 +14,7 @@ namespace {
 // An estimate of a method that is not compiled.
 void make_estimate(EstimateValue* self, const InputArray& parameters, const InputArray& covariance,
                    Status status, std::uint64_t samples, double margin, std::uint64_t guarded,
-                   std::uint64_t restarts) {
+                   std::uint64_t restarts, std::uint64_t rejected) {
   const std::size_t size = parameters.size();
   if (size == 0 || size > EstimateValue::capacity || covariance.size() != size * size) {
     throw nb::value_error(("parameters must be 1 to " + std::to_string(EstimateValue::capacity) +
@@ -30,6 +30,7 @@ void make_estimate(EstimateValue* self, const InputArray& parameters, const Inpu
   self->validity_margin = margin;
   self->guarded = guarded;
   self->restarts = restarts;
+  self->rejected = rejected;
 }
 
 nb::object standard_errors_of(const EstimateValue& e) {
@@ -69,7 +70,8 @@ void bind_status(nb::module_& module) {
       .value("INVALID_STEP", Status::invalid_step,
              "Refused: ``dt`` is not a positive, finite time.")
       .value("OUT_OF_RANGE", Status::out_of_range,
-             "Refused: finite, but too large for the arithmetic.");
+             "Refused: finite, but too large for the arithmetic.")
+      .value("REJECTED", Status::rejected, "Left out as an outlier.");
   for (std::size_t value = 0; value < status_count; ++value) {
     status_members[value] = nb::cast(static_cast<Status>(value)).release().ptr();
   }
@@ -82,10 +84,11 @@ void bind_estimate(nb::module_& module) {
   nb::class_<EstimateValue>(module, "EstimateValue", "The numbers of an estimate, SI.")
       .def("__init__", &make_estimate, nb::arg("parameters"), nb::arg("covariance"),
            nb::arg("status"), nb::arg("samples"), nb::arg("validity_margin") = 1.0,
-           nb::arg("guarded") = 0, nb::arg("restarts") = 0,
+           nb::arg("guarded") = 0, nb::arg("restarts") = 0, nb::arg("rejected") = 0,
            nb::sig("def __init__(self, parameters: numpy.typing.NDArray[numpy.float64], "
                    "covariance: numpy.typing.NDArray[numpy.float64], status: Status, samples: int, "
-                   "validity_margin: float = 1.0, guarded: int = 0, restarts: int = 0) -> None"))
+                   "validity_margin: float = 1.0, guarded: int = 0, restarts: int = 0, "
+                   "rejected: int = 0) -> None"))
       .def_prop_ro(
           "parameters",
           [](const EstimateValue& e) { return copied_array(e.parameters.data(), {e.size}); },
@@ -109,7 +112,8 @@ void bind_estimate(nb::module_& module) {
       .def_ro("status", &EstimateValue::status)
       .def_ro("samples", &EstimateValue::samples)
       .def_ro("guarded", &EstimateValue::guarded)
-      .def_ro("restarts", &EstimateValue::restarts);
+      .def_ro("restarts", &EstimateValue::restarts)
+      .def_ro("rejected", &EstimateValue::rejected);
 }
 
 }  // namespace palpate::bindings

@@ -54,20 +54,22 @@ template <class Estimator>
 void bind_estimator(nb::module_& module, const char* name) {
   using Method = typename Estimator::Method;
   using Law = typename Method::Law;
-  using Face = Handle<Estimator, WithChangeDetector<Estimator>>;
+  using Face = AllKinds<Estimator>;
   bind_face<Face>(module, name)
       .def(
           "__init__",
           [](Face* self, const Vector<Law::size>& initial,
              const Matrix<Law::size>& initial_covariance, const Pair& forgetting,
-             const Pair& perturbation, const std::optional<Detector>& changes, const Triple& gate,
-             const Triple& scale, double sample_time) {
+             const Pair& perturbation, const std::optional<Detector>& changes,
+             const std::optional<double>& outliers, const Triple& gate, const Triple& scale,
+             double sample_time) {
             new (self) Face();
-            construct<Estimator>(*self, method_settings<Method>({initial, initial_covariance}),
-                                 {forgetting, perturbation, changes, gate, scale, sample_time});
+            construct<Estimator>(
+                *self, method_settings<Method>({initial, initial_covariance}),
+                {forgetting, perturbation, changes, outliers, gate, scale, sample_time});
           },
-          nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg(),
-          nb::arg());
+          nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(),
+          nb::arg(), nb::arg());
   nb::dict defaults;
   defaults["initial"] = nb::cast(typename Method::Settings{}.initial.parameters());
   defaults["initial_covariance"] = initial_variances<Method>();
@@ -75,13 +77,14 @@ void bind_estimator(nb::module_& module, const char* name) {
 }
 
 void bind_shared_defaults(nb::module_& module) {
-  nb::dict detector, perturbation, fading, loop;
+  nb::dict detector, rejection, perturbation, fading, loop;
   const ChangeDetector::Settings changes;
   detector["drift"] = changes.drift;
   detector["threshold"] = changes.threshold;
   detector["adaptation"] = changes.adaptation;
   detector["warm_up"] = changes.warm_up;
   detector["transition"] = changes.transition;
+  rejection["threshold"] = OutlierRejection::Settings{}.threshold;
   perturbation["gain"] = SelfPerturbation{}.gain;
   perturbation["sensitivity"] = SelfPerturbation{}.sensitivity;
   fading["initial_factor"] = fading_forgetting.initial_factor;
@@ -89,6 +92,7 @@ void bind_shared_defaults(nb::module_& module) {
   loop["sample_time"] = SingleStageRLS::Settings{}.sample_time;
   nb::object defaults = module.attr("defaults");
   defaults["ChangeDetector"] = detector;
+  defaults["OutlierRejection"] = rejection;
   defaults["SelfPerturbation"] = perturbation;
   defaults["FadingForgetting"] = fading;
   defaults["loop"] = loop;

@@ -23,17 +23,24 @@ using Triple = std::array<double, 3>;
 // drift, threshold, noise, adaptation, warm-up, transition
 using Detector = std::array<double, 6>;
 
-// What the settings of every estimator have in common; an absent detector is none.
+// What the settings of every estimator have in common; an absent detector or rejection is none.
 struct Loop {
   Pair forgetting;
   Pair perturbation;
   std::optional<Detector> changes;
+  std::optional<double> outliers;  // the threshold of their rejection
   Triple gate;
   Triple scale;
   double sample_time;
 };
 
-// Builds `Estimator`, with a change detector where one is asked for, from what Python has checked.
+// An estimator of all kinds, the plain one first.
+template <class Estimator>
+using AllKinds = Handle<Estimator, WithChangeDetector<Estimator>, WithOutlierRejection<Estimator>,
+                        WithOutlierRejection<WithChangeDetector<Estimator>>>;
+
+// Builds `Estimator`, with a change detector and a rejection of outliers where they are asked for,
+// from what Python has checked.
 template <class Estimator, class Handle>
 void construct(Handle& handle, const typename Estimator::Method::Settings& method,
                const Loop& loop) {
@@ -42,10 +49,12 @@ void construct(Handle& handle, const typename Estimator::Method::Settings& metho
                                      .forgetting = {loop.forgetting[0], loop.forgetting[1]},
                                      .perturbation = {loop.perturbation[0], loop.perturbation[1]},
                                      .changes = {},
+                                     .outliers = {},
                                      .gate = {loop.gate[0], loop.gate[1], loop.gate[2]},
                                      .scale = {loop.scale[0], loop.scale[1], loop.scale[2]},
                                      .sample_time = loop.sample_time};
-    if constexpr (!std::is_same_v<Kind, Estimator>) {
+    if constexpr (Kind::Outliers::active) settings.outliers = {*loop.outliers};
+    if constexpr (Kind::Changes::active) {
       const Detector& d = *loop.changes;
       settings.changes = {d[0],
                           d[1],
@@ -57,10 +66,17 @@ void construct(Handle& handle, const typename Estimator::Method::Settings& metho
     if (const char* fault = validate(settings)) throw nb::value_error(fault);
     handle.template emplace<Kind>(settings);
   };
-  if (loop.changes) {
-    build(std::type_identity<WithChangeDetector<Estimator>>{});
+  const auto build_watched = [&]<class Kind>(std::type_identity<Kind> kind) {
+    if (loop.changes) {
+      build(std::type_identity<WithChangeDetector<Kind>>{});
+    } else {
+      build(kind);
+    }
+  };
+  if (loop.outliers) {
+    build_watched(std::type_identity<WithOutlierRejection<Estimator>>{});
   } else {
-    build(std::type_identity<Estimator>{});
+    build_watched(std::type_identity<Estimator>{});
   }
 }
 

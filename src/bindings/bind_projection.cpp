@@ -17,35 +17,41 @@ constexpr Pair none_forgotten{no_forgetting.initial_factor, no_forgetting.rate};
 constexpr Pair not_perturbed{no_perturbation.gain, no_perturbation.sensitivity};
 
 // Its search for the surface holds forty-one banks of sums, which an estimator without it does not.
-using ProjectionFace =
-    Handle<VariableProjection, WithChangeDetector<VariableProjection>,
-           VariableProjectionWithSurface, WithChangeDetector<VariableProjectionWithSurface>>;
+using Plain = VariableProjection;
+using Searching = VariableProjectionWithSurface;
+using ProjectionFace = Handle<Plain, WithChangeDetector<Plain>, WithOutlierRejection<Plain>,
+                              WithOutlierRejection<WithChangeDetector<Plain>>, Searching,
+                              WithChangeDetector<Searching>, WithOutlierRejection<Searching>,
+                              WithOutlierRejection<WithChangeDetector<Searching>>>;
 
 void make_projection(ProjectionFace* self, double noise, const Pair& exponents, bool offset,
                      double offset_deviation, const std::optional<Pair>& surfaces,
                      const Pair& forgetting, const std::optional<Detector>& changes,
-                     const Triple& gate, const Triple& scale, double sample_time) {
+                     const std::optional<double>& outliers, const Triple& gate, const Triple& scale,
+                     double sample_time) {
   new (self) ProjectionFace();
   const auto projection = projection_settings(noise, exponents, offset, offset_deviation, scale[2]);
-  const Loop loop{forgetting, not_perturbed, changes, gate, scale, sample_time};
+  const Loop loop{forgetting, not_perturbed, changes, outliers, gate, scale, sample_time};
   if (surfaces) {
     const SurfaceSettings surface{projection, (*surfaces)[0] / scale[0], (*surfaces)[1] / scale[0]};
-    construct<VariableProjectionWithSurface>(*self, surface, loop);
+    construct<Searching>(*self, surface, loop);
   } else {
-    construct<VariableProjection>(*self, projection, loop);
+    construct<Plain>(*self, projection, loop);
   }
 }
 
-using DriftFace = Handle<DriftTracking, WithChangeDetector<DriftTracking>>;
+using DriftFace = AllKinds<DriftTracking>;
 
 void make_drift_tracking(DriftFace* self, double noise, const Pair& exponents, bool offset,
                          double offset_deviation, const Triple& drift,
-                         const std::optional<Detector>& changes, const Triple& gate,
+                         const std::optional<Detector>& changes,
+                         const std::optional<double>& outliers, const Triple& gate,
                          const Triple& scale, double sample_time) {
   new (self) DriftFace();
   const auto projection = projection_settings(noise, exponents, offset, offset_deviation, scale[2]);
-  construct<DriftTracking>(*self, {projection, {drift[0], drift[1] * scale[1], drift[2]}},
-                           {none_forgotten, not_perturbed, changes, gate, scale, sample_time});
+  construct<DriftTracking>(
+      *self, {projection, {drift[0], drift[1] * scale[1], drift[2]}},
+      {none_forgotten, not_perturbed, changes, outliers, gate, scale, sample_time});
 }
 
 nb::dict projection_defaults(const ProjectionSettings& settings, const Scale& scale) {
@@ -61,10 +67,11 @@ nb::dict projection_defaults(const ProjectionSettings& settings, const Scale& sc
 void bind_projection(nb::module_& module) {
   bind_face<ProjectionFace>(module, "VariableProjection")
       .def("__init__", &make_projection, nb::arg(), nb::arg(), nb::arg(), nb::arg(),
-           nb::arg().none(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg());
+           nb::arg().none(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(),
+           nb::arg());
   bind_face<DriftFace>(module, "DriftTracking")
       .def("__init__", &make_drift_tracking, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
-           nb::arg().none(), nb::arg(), nb::arg(), nb::arg());
+           nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg());
 
   nb::object defaults = module.attr("defaults");
   const SurfaceSettings surface;

@@ -28,6 +28,7 @@ struct EstimateValue {
   std::uint64_t samples;
   std::uint64_t guarded;
   std::uint64_t restarts;
+  std::uint64_t rejected;
 };
 
 template <std::size_t Size>
@@ -45,6 +46,7 @@ EstimateValue value_of(const Estimate<Size>& estimate) {
   value.samples = estimate.samples;
   value.guarded = estimate.guarded;
   value.restarts = estimate.restarts;
+  value.rejected = estimate.rejected;
   for (std::size_t i = 0; i < Size; ++i) {
     value.parameters[i] = estimate.parameters[i];
     value.offset_covariance[i] = estimate.offset.covariance[i];

@@ -1,5 +1,5 @@
 // What a Python object holds: one compiled estimator of several kinds, such as with and without a
-// change detector, of which the first, the usual one, lies in the object itself.
+// change detector, of which the first, the plain one, lies in the object itself.
 //
 // Threads: a replay runs without the interpreter's lock, and is taken whole; whatever else is
 // called on the same estimator meanwhile waits for its end. All other calls hold that lock, so

@@ -1,6 +1,6 @@
 // A saved state: a line that says what it is of, and the memory of a trivially copyable core.
 //
-//   palpate-state 1;0.1.0;VariableProjection.0;4320;1f0c…\n<bytes>
+//   palpate-state 2;0.1.0;VariableProjection.0;4320;1f0c…\n<bytes>
 //
 // What is restored has to be what was saved: of the same version, class and size, whole (by its
 // checksum), and learned under the same settings. Anything else is refused in words.
@@ -30,7 +30,7 @@ inline std::uint64_t checksum_of(std::string_view bytes) {
 // `name` distinguishes what has the same size.
 template <class Core>
 std::string heading_of(const std::string& name) {
-  return "palpate-state 1;" PALPATE_VERSION ";" + name + ";" + std::to_string(sizeof(Core)) + ";";
+  return "palpate-state 2;" PALPATE_VERSION ";" + name + ";" + std::to_string(sizeof(Core)) + ";";
 }
 
 inline std::string in_hex(std::uint64_t number) {

@@ -39,6 +39,7 @@ from palpate.settings import (
     ConstantForgetting,
     ContactGate,
     FadingForgetting,
+    OutlierRejection,
     Scale,
     SelfPerturbation,
 )
@@ -70,6 +71,7 @@ __all__ = [
     "LeastSquares",
     "MissingChannelError",
     "MissingExtraError",
+    "OutlierRejection",
     "PalpateError",
     "PythonEstimator",
     "Recording",

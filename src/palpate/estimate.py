@@ -52,13 +52,15 @@ class Estimate:
     validity_margin : float
         1 − |v B/K| / 0.1: 1 at rest, 0 at the limit, negative beyond it.
     status : Status
-        Of the last sample that was not refused.
+        Of the last sample that was neither refused nor left out.
     samples : int
         Samples taken.
     guarded : int
         Of them, how many the covariance guard touched (``docs/numerics.md``).
     restarts : int
         How often a change of the material was detected and the estimate reinitialised.
+    rejected : int
+        Samples left out as outliers.
     """
 
     __slots__ = ("_law_type", "_value")
@@ -167,7 +169,7 @@ class Estimate:
 
     @property
     def status(self) -> Status:
-        """Of the last sample that was not refused."""
+        """Of the last sample that was neither refused nor left out."""
         return self._value.status
 
     @property
@@ -184,6 +186,11 @@ class Estimate:
     def restarts(self) -> int:
         """How often the estimate was reinitialised after a change of the material."""
         return self._value.restarts
+
+    @property
+    def rejected(self) -> int:
+        """Samples left out as outliers."""
+        return self._value.rejected
 
     def __repr__(self) -> str:
         return (

@@ -6,6 +6,7 @@ import numpy as np
 
 from palpate._core import Status
 from palpate.contact import Contact
+from palpate.diagnosis.left_out import count_of_outliers
 from palpate.estimators import ContactEstimator
 from palpate.metrics import prediction_rmse_percent, violated_fraction
 from palpate.refusals import not_finite
@@ -26,6 +27,10 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
         flags.append("less than 0.2 s of contact: no prediction error")
     if estimate.guarded:
         flags.append(f"covariance guard acted on {estimate.guarded} samples")
+    left_out = int(np.count_nonzero(trace.rejected))
+    if left_out:
+        contact_samples = left_out + int(np.count_nonzero(trace.taken))
+        flags.append(count_of_outliers(left_out, contact_samples))
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
         count = int(np.count_nonzero(trace.status == refusal))
         if count:

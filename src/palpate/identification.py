@@ -21,13 +21,14 @@ from palpate.estimators import (
     VariableProjection,
     estimator_named,
 )
+from palpate.estimators.loop_settings import Rejection
 from palpate.flags import flags_of
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate, suggest_scale
 from palpate.preparation.velocity import window_samples
 from palpate.refusals import check_approach, why_nothing
-from palpate.settings import ChangeDetector, ContactGate, Scale
+from palpate.settings import ChangeDetector, ContactGate, OutlierRejection, Scale
 from palpate.trace import Trace
 from palpate.validation import Floats, number_in, shown
 
@@ -195,6 +196,7 @@ class Identification:
             "violated_fraction": _defined(self.violated_fraction),
             "changes": self.changes.tolist(),
             "contact_samples": int(np.count_nonzero(self.trace.taken)),
+            "rejected_samples": int(np.count_nonzero(self.trace.rejected)),
             "flags": list(self.flags),
         }
 
@@ -230,6 +232,7 @@ def identify(
         Method and settings; it is left as it is. Or the name of a method, such as
         ``"single-stage"``. :class:`VariableProjection` unless given. A ``gate`` or ``scale`` it
         leaves open (None) is chosen from the data: see :mod:`palpate.preparation.suggestions`.
+        Outliers are left out by :class:`OutlierRejection` unless ``outlier_rejection`` is False.
 
     Raises
     ------
@@ -279,7 +282,10 @@ def diagnose(
 
 
 def compare(
-    source: Contact | Recorded, *, gate: ContactGate | None = None
+    source: Contact | Recorded,
+    *,
+    gate: ContactGate | None = None,
+    outlier_rejection: Rejection = None,
 ) -> dict[str, Identification]:
     """Identify a contact with every method, on the same samples.
 
@@ -289,6 +295,8 @@ def compare(
         As for :func:`identify`.
     gate : ContactGate, optional
         Which samples are contact; chosen from the data unless given.
+    outlier_rejection : OutlierRejection or False, optional
+        How outliers are left out; False takes them all.
 
     Returns
     -------
@@ -301,15 +309,20 @@ def compare(
     results = {}
     for name, kind in ESTIMATORS.items():
         estimator = kind()
-        if "gate" in estimator.settings:
-            estimator = estimator.replace(gate=chosen)
+        shared = {"gate": chosen, "outlier_rejection": outlier_rejection}
+        own = {setting: value for setting, value in shared.items() if setting in estimator.settings}
+        estimator = estimator.replace(**own)
         results[name] = _identified(data, estimator)
     return results
 
 
 def _chosen(contact: Contact, settings: dict[str, Any]) -> dict[str, Any]:
     """What an estimator leaves open and the data can choose."""
-    choices: dict[str, Callable[[Contact], object]] = {"gate": choose_gate, "scale": suggest_scale}
+    choices: dict[str, Callable[[Contact], object]] = {
+        "gate": choose_gate,
+        "scale": suggest_scale,
+        "outlier_rejection": lambda _: OutlierRejection(),
+    }
     return {
         name: choose(contact)
         for name, choose in choices.items()

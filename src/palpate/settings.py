@@ -10,6 +10,7 @@ from palpate.validation import number_in, shown, whole_in
 _FADING = _core.defaults["FadingForgetting"]
 _PERTURBATION = _core.defaults["SelfPerturbation"]
 _DETECTOR = _core.defaults["ChangeDetector"]
+_REJECTION = _core.defaults["OutlierRejection"]
 #: Time between samples where ``update`` is given none, s.
 SAMPLE_TIME: float = _core.defaults["loop"]["sample_time"]
 
@@ -189,6 +190,35 @@ class ChangeDetector:
             float(self.warm_up),
             float(self.transition),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class OutlierRejection:
+    """Leaves out samples that no probe and no material can have made.
+
+    Lost positions and spikes of the velocity, by x − x_p − ½(v + v_p) T; spikes of the force, by
+    F − F_p; and forces at the end of the sensor's range, where five and more equal ones at the top
+    come while the law's force moves. x_p, v_p, F_p is the previous sample that was not left out, T
+    the time since then. Each is compared with its own running median in contact, and with how far
+    the previous one was off; forces within a tenth of the median force, and motions within 1.2
+    times the median speed, are none.
+
+    At most 3 forces or 20 motions are left out in a row: what lasts longer is another material or
+    place, and is taken, so that a :class:`ChangeDetector` finds it that much later.
+
+    Parameters
+    ----------
+    threshold : float
+        Standard deviations beyond which a sample is an outlier, 3 to 1e6.
+    """
+
+    threshold: float = _REJECTION["threshold"]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "threshold", number_in("threshold", self.threshold, 3.0, 1e6))
+
+    def _plain(self) -> float:
+        return self.threshold
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,3 +86,9 @@ class Trace:
             self.status, (Status.UPDATED, Status.GUARDED, Status.RESTARTED)
         )
         return taken
+
+    @property
+    def rejected(self) -> NDArray[np.bool_]:
+        """Which samples were left out as outliers; shape (k,)."""
+        rejected: NDArray[np.bool_] = self.status == Status.REJECTED
+        return rejected

@@ -19,17 +19,18 @@ void for_each_estimator(Test&& test) {
   test.template operator()<DoubleStageRLS>();
 }
 
-// The same with every estimator, with and without a change detector.
+// The same with every estimator, bare, with a change detector and with a rejection of outliers too.
 template <class Test>
 void for_every_estimator(Test&& test) {
-  const auto both = [&]<class Estimator>() {
+  const auto all = [&]<class Estimator>() {
     test.template operator()<Estimator>();
     test.template operator()<WithChangeDetector<Estimator>>();
+    test.template operator()<WithOutlierRejection<WithChangeDetector<Estimator>>>();
   };
-  for_each_estimator(both);
-  both.template operator()<VariableProjection>();
-  both.template operator()<VariableProjectionWithSurface>();
-  both.template operator()<DriftTracking>();
+  for_each_estimator(all);
+  all.template operator()<VariableProjection>();
+  all.template operator()<VariableProjectionWithSurface>();
+  all.template operator()<DriftTracking>();
 }
 
 // A material for each law, near the paper's ball.

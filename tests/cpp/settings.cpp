@@ -61,6 +61,14 @@ TEST("a detector's settings are checked where there is one") {
         "changes.adaptation must be in [0, 1]");
 }
 
+TEST("a rejection's threshold is checked where there is one") {
+  using Estimator = WithOutlierRejection<SingleStageRLS>;
+  for (const double bad : {2.0, 2e6, infinity, not_a_number}) {
+    CHECK(fault<Estimator>([=](auto& s) { s.outliers.threshold = bad; }) ==
+          "outliers.threshold must be in [3, 1e6] deviations");
+  }
+}
+
 TEST("a method's own settings are checked") {
   CHECK(fault<SingleStageRLS>([](auto& s) { s.method.initial.stiffness = 0.0; }) ==
         "method.initial must have stiffness > 0, for its logarithm");

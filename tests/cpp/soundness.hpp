@@ -68,8 +68,8 @@ void check_covariance(const Matrix<Size>& covariance) {
   }
 }
 
-template <class Method, class Detector>
-void check_sound(const RecursiveEstimator<Method, Detector>& estimator) {
+template <class Method, class Detector, class Rejection>
+void check_sound(const RecursiveEstimator<Method, Detector, Rejection>& estimator) {
   check_sound(estimator.method());
   const auto now = estimator.estimate();
   for (const double parameter : now.parameters) CHECK(std::isfinite(parameter));

@@ -36,10 +36,13 @@ static_assert(fit_for_a_controller<VariableProjection>());
 static_assert(fit_for_a_controller<VariableProjectionWithSurface>());
 static_assert(fit_for_a_controller<DriftTracking>());
 static_assert(fit_for_a_controller<WithChangeDetector<SingleStageRLS>>());
+static_assert(fit_for_a_controller<WithOutlierRejection<SingleStageRLS>>());
 
-// A detector that is switched off costs no memory: what holds it is larger by it.
+// A detector or a rejection that is switched off costs no memory: what holds it is larger by it.
 static_assert(sizeof(SingleStageRLS) + sizeof(ChangeDetector) <=
               sizeof(WithChangeDetector<SingleStageRLS>));
+static_assert(sizeof(SingleStageRLS) + sizeof(OutlierRejection) <=
+              sizeof(WithOutlierRejection<SingleStageRLS>));
 
 static_assert(std::is_trivially_copyable_v<LeastSquares<1>>);
 static_assert(std::is_trivially_copyable_v<LeastSquares<8>>);

@@ -46,7 +46,11 @@ def compare(
 
         check_figure(figure, inputs=[file])
     contact = reading.contact(file)
-    results = run(contact, gate=reading.gate(contact))
+    results = run(
+        contact,
+        gate=reading.gate(contact),
+        outlier_rejection=None if reading.reject_outliers else False,
+    )
     if depth is not None:
         results = {name: result.at_depth(depth) for name, result in results.items()}
     if figure is not None:

@@ -48,6 +48,8 @@ class Reading:
     "Take off the mean force between these times, START:STOP, s."
     delay: Signed = None
     "How late the force is, such as 5ms; negative where it is early."
+    reject_outliers: bool = True
+    "Leave lost positions, spikes and the end of the sensor's range out."
     surface: Signed = None
     "Where the material begins: estimate, or a penetration such as 0.7mm."
 
@@ -87,6 +89,8 @@ class Reading:
     def settings(self, contact: "Contact") -> dict[str, Any]:
         """Return what an estimator is to be made with."""
         settings: dict[str, Any] = {"gate": self.gate(contact)}
+        if not self.reject_outliers:
+            settings["outlier_rejection"] = False
         if self.surface == "estimate":
             settings["surface"] = "estimate"
         return settings

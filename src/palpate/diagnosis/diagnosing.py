@@ -24,6 +24,7 @@ from palpate.diagnosis.finding import (
 )
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.flat import flat
+from palpate.diagnosis.left_out import left_out
 from palpate.diagnosis.marking import Judged, judge
 from palpate.diagnosis.memory import memory
 from palpate.diagnosis.misfit import (
@@ -79,7 +80,8 @@ def _diagnosed(fit: Fit, found: list[Finding]) -> Diagnosis:
     if changed is not None:
         causes.append(changed.cause)
     judged = judge(causes, ratio(fit), unexplained(fit))
-    wide = [check(fit) for check in (flat, method, excitation, offset, velocity_noise, misfit)]
+    checks = (flat, left_out, method, excitation, offset, velocity_noise, misfit)
+    wide = [check(fit) for check in checks]
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"

@@ -1,7 +1,7 @@
 """The law fitted once more, in the motion's band, and all that its checks ask of that fit."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -88,6 +88,8 @@ class Fit:
         self.with_offset = estimate.offset_standard_error > 0.0
         self.penetration = data.penetration - estimate.surface
         self.inside: NDArray[np.bool_] = trace.taken[data.known] & (self.penetration > 0.0)
+        self.rejected: NDArray[np.bool_] = trace.rejected[data.known]  # left out as outliers
+        self.outside: NDArray[np.bool_] = ~(self.inside | self.rejected)
         x, v = self.penetration[self.inside], data.velocity[self.inside]
         self.reference = float(np.median(x)) if x.size else math.nan
         self.depth = self.reference if depth is None else depth
@@ -95,11 +97,18 @@ class Fit:
         self.period = 2.0 * math.pi * float(np.std(x)) / self.speed
         hunt_crossley = isinstance(estimate.law, HuntCrossley)
         self.units = Units(self.reference, self.speed) if hunt_crossley else Units(1.0, 1.0)
-        self.band: Band = band_of(self.inside, data.segment, self.period, data.sample_time)
+        self.band: Band = self._band()
         self.x = self.penetration[self.band.samples] / self.units.depth
         self.v = data.velocity[self.band.samples] / self.units.speed
         self.time = self.band.mean(data.time[self.band.samples])
         self.force = self.band.mean(data.force[self.band.samples])
+
+    def _band(self) -> Band:
+        """Windows over the samples taken; one that was left out ends none."""
+        kept = np.flatnonzero(~self.rejected)
+        segment, sample_time = self.data.segment[kept], self.data.sample_time
+        band = band_of(self.inside[kept], segment, self.period, sample_time)
+        return replace(band, samples=kept[band.samples])
 
     @cached_property
     def finite(self) -> bool:

@@ -16,15 +16,15 @@ def flat(fit: Fit) -> Finding | None:
 
     Of a force that is held, which has a check of its own, runs of more than two beats.
     """
-    force = fit.data.force
+    force, inside = fit.data.force, fit.inside | (fit.rejected & (fit.penetration > 0.0))
     shortest = max(SHORTEST, 2 * beat_of(force) + 1)
     borders = np.flatnonzero(np.diff(force, prepend=np.nan, append=np.nan) != 0.0)
     lengths = np.diff(borders)
-    long = np.flatnonzero((lengths >= shortest) & fit.inside[borders[:-1]])
+    long = np.flatnonzero((lengths >= shortest) & inside[borders[:-1]])
     if not long.size:
         return None
     moving = MOVES * max(fit.data.force_noise, fit.data.force_step)
-    top = float(force[fit.inside].max())
+    top = float(force[inside].max())
     at_top = elsewhere = 0
     for start, length in zip(borders[long].tolist(), lengths[long].tolist(), strict=True):
         part = slice(start, start + length)
@@ -32,7 +32,7 @@ def flat(fit: Fit) -> Finding | None:
         if np.ptp(fit.law.force(x, fit.data.velocity[part])) > moving:
             at_top += length * (force[start] >= top)
             elsewhere += length * (force[start] < top)
-    count = int(np.count_nonzero(fit.inside))
+    count = int(np.count_nonzero(inside))
     return _said(at_top / count, elsewhere / count, top)
 
 

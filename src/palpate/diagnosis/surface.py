@@ -47,7 +47,7 @@ class Placed:
 
 def free_samples(fit: Fit) -> NDArray[np.bool_]:
     """Samples above the surface, by the penetration."""
-    free: NDArray[np.bool_] = fit.penetration < 0.0
+    free: NDArray[np.bool_] = (fit.penetration < 0.0) & ~fit.rejected
     return free
 
 
@@ -56,7 +56,7 @@ def has_free_air(fit: Fit) -> bool:
 
     A probe that rests 0.5 mm above the material has none above a surface that is 0.7 mm off.
     """
-    return int(np.count_nonzero(~fit.inside)) >= FEWEST_FREE
+    return int(np.count_nonzero(fit.outside)) >= FEWEST_FREE
 
 
 def surface(fit: Fit) -> list[Cause]:
@@ -106,7 +106,7 @@ def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
 def _samples(fit: Fit) -> Samples:
     free = np.flatnonzero(free_samples(fit))
     inside = np.flatnonzero(fit.inside)
-    between = np.flatnonzero(~fit.inside & (fit.penetration >= 0.0))
+    between = np.flatnonzero(fit.outside & (fit.penetration >= 0.0))
     chosen = np.sort(
         np.concatenate(
             [

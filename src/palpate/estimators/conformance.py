@@ -17,6 +17,7 @@ from palpate.settings import (
     ChangeDetector,
     ConstantForgetting,
     ContactGate,
+    OutlierRejection,
     Scale,
     SelfPerturbation,
 )
@@ -27,6 +28,7 @@ _OTHER: dict[str, Any] = {
     "scale": Scale(5e-3, 50e-3, 10.0),
     "sample_time": 2e-3,
     "change_detector": ChangeDetector(warm_up=50),
+    "outlier_rejection": OutlierRejection(threshold=20.0),
     "forgetting": ConstantForgetting(0.999),
     "perturbation": SelfPerturbation(),
     "noise": 0.05,

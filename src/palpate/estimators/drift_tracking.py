@@ -4,7 +4,7 @@ from typing import Any
 
 from palpate import _core
 from palpate.estimators.contact_estimator import CompiledEstimator
-from palpate.estimators.loop_settings import loop_settings
+from palpate.estimators.loop_settings import Rejection, loop_settings
 from palpate.estimators.registry import register
 from palpate.estimators.variable_projection import PROBING, projection_settings
 from palpate.force_laws import HuntCrossley
@@ -37,7 +37,7 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
     noise, offset, offset_deviation, exponent_range
         As in :class:`VariableProjection`; but an offset is not estimated unless asked for, since
         beside a drifting stiffness few motions make it identifiable.
-    change_detector, gate, sample_time, scale
+    change_detector, outlier_rejection, gate, sample_time, scale
         As in :class:`VariableProjection`.
 
     Raises
@@ -61,6 +61,7 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
         offset_deviation: float | None = None,
         exponent_range: tuple[float, float] = _DEFAULTS["exponent_range"],
         change_detector: ChangeDetector | None = None,
+        outlier_rejection: Rejection = None,
         gate: ContactGate | None = None,
         sample_time: float = SAMPLE_TIME,
         scale: Scale | None = None,
@@ -74,6 +75,7 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
             "offset_deviation": offset_deviation,
             "exponent_range": exponent_range,
             "change_detector": change_detector,
+            "outlier_rejection": outlier_rejection,
             "gate": gate,
             "sample_time": sample_time,
             "scale": scale,
@@ -86,5 +88,12 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
         super().__init__(
             *projection_settings(noise, exponent_range, offset, offset_deviation),
             drift,
-            *loop_settings(change_detector, gate, scale, sample_time, default_scale=PROBING),
+            *loop_settings(
+                change_detector,
+                outlier_rejection,
+                gate,
+                scale,
+                sample_time,
+                default_scale=PROBING,
+            ),
         )

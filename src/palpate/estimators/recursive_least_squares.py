@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import CompiledEstimator
-from palpate.estimators.loop_settings import loop_settings
+from palpate.estimators.loop_settings import Rejection, loop_settings
 from palpate.estimators.registry import register
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
 from palpate.settings import (
@@ -42,6 +42,8 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
         Reopens the covariance when the material changes (section VII); None never does.
     change_detector : ChangeDetector, optional
         Restarts the estimate when another material is touched; None never does.
+    outlier_rejection : OutlierRejection or False, optional
+        Leaves lost positions and spikes out. None: off, and in :func:`identify` on; False: off.
     gate : ContactGate, optional
         Which samples are contact. None: every sample with x > 0 and F > 0, and in :func:`identify`
         a gate chosen from the data.
@@ -68,6 +70,7 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
         forgetting: Forgetting | None = None,
         perturbation: SelfPerturbation | None = None,
         change_detector: ChangeDetector | None = None,
+        outlier_rejection: Rejection = None,
         gate: ContactGate | None = None,
         sample_time: float = SAMPLE_TIME,
         scale: Scale | None = None,
@@ -80,6 +83,7 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
             "forgetting": FadingForgetting() if forgetting is None else forgetting,
             "perturbation": perturbation,
             "change_detector": change_detector,
+            "outlier_rejection": outlier_rejection,
             "gate": gate,
             "sample_time": sample_time,
             "scale": scale,
@@ -105,6 +109,7 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
             (given["perturbation"] or SelfPerturbation(gain=0.0, sensitivity=0.0))._plain(),
             *loop_settings(
                 given["change_detector"],
+                given["outlier_rejection"],
                 given["gate"],
                 given["scale"],
                 given["sample_time"],

@@ -5,7 +5,7 @@ from typing import Any, Literal
 from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import CompiledEstimator
-from palpate.estimators.loop_settings import loop_settings
+from palpate.estimators.loop_settings import Rejection, loop_settings
 from palpate.estimators.registry import register
 from palpate.force_laws import HuntCrossley
 from palpate.settings import (
@@ -43,6 +43,8 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         None forgets nothing.
     change_detector : ChangeDetector, optional
         Restarts the estimate when another material is touched; None never does.
+    outlier_rejection : OutlierRejection or False, optional
+        Leaves lost positions and spikes out. None: off, and in :func:`identify` on; False: off.
     offset : bool
         Estimate a constant force offset beside the law: what the removal of the sensor's bias left.
     offset_deviation : float, optional
@@ -82,6 +84,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         noise: float | None = None,
         forgetting: Forgetting | None = None,
         change_detector: ChangeDetector | None = None,
+        outlier_rejection: Rejection = None,
         offset: bool = _DEFAULTS["offset"],
         offset_deviation: float | None = None,
         exponent_range: tuple[float, float] = _DEFAULTS["exponent_range"],
@@ -96,6 +99,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
             "noise": noise,
             "forgetting": forgetting,
             "change_detector": change_detector,
+            "outlier_rejection": outlier_rejection,
             "offset": offset,
             "offset_deviation": offset_deviation,
             "exponent_range": exponent_range,
@@ -105,7 +109,9 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
             "sample_time": sample_time,
             "scale": scale,
         }
-        loop = loop_settings(change_detector, gate, scale, sample_time, default_scale=PROBING)
+        loop = loop_settings(
+            change_detector, outlier_rejection, gate, scale, sample_time, default_scale=PROBING
+        )
         super().__init__(
             *projection_settings(noise, exponent_range, offset, offset_deviation),
             _checked_surfaces(surface, surface_range, scale or PROBING),

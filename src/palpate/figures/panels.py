@@ -43,6 +43,11 @@ def draw_force(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
     keep = _shown(contact)
     measured = _broken(contact.force, contact, keep)
     axes.plot(time[keep], measured, color=theme.measured, linewidth=2.4, label="measured")
+    left_out = np.flatnonzero(shown[0].trace.rejected)
+    if left_out.size:
+        some = left_out[:: -(-left_out.size // MOST_POINTS)]
+        look = {"color": theme.measured, "linestyle": "none", "markersize": 4.0}
+        axes.plot(time[some], contact.force[some], marker="x", label="left out", **look)
     for result, look in zip(shown, theme.looks(len(shown)), strict=True):
         inside = np.where(result.trace.taken, result.trace.predicted_force, np.nan)
         predicted = _broken(inside, contact, keep)

@@ -15,7 +15,8 @@ from palpate.estimators import (
 )
 from palpate.estimators.contact_estimator import ContactEstimator
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
-from palpate.identification import Identification, identify
+from palpate.identification import Identification
+from palpate.paper.identifying import identify
 from palpate.paper.sessions import GATE, SI
 from palpate.validation import Floats
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from palpate.estimators import VariableProjection
 from palpate.figures.style import DARK, LIGHT, style
-from palpate.identification import identify
 from palpate.lab import THREE_SINES, Measurement, Sensors
 from palpate.paper.experiment import Claim, Experiment, Finding, Outcome, Table
+from palpate.paper.identifying import identify
 from palpate.paper.panels import LABELS
 from palpate.paper.report.verdicts import readable
 from palpate.paper.sessions import GATE, START, session, thinned

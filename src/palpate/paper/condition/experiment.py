@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from palpate.contact import Contact
 from palpate.estimators import SingleStageRLS, VariableProjection
 from palpate.figures.style import DARK, LIGHT, Theme, style
-from palpate.identification import Identification, identify
+from palpate.identification import Identification
 from palpate.lab import MATERIALS, THREE_SINES, Bench
 from palpate.paper.condition.claims import CLAIMS, TITLES, findings_of
 from palpate.paper.experiment import Experiment, Finding, Outcome, Table
+from palpate.paper.identifying import identify
 from palpate.paper.panels import LABELS
 from palpate.paper.report.verdicts import readable
 from palpate.paper.sessions import GATE, SI, START, pressed, thinned

@@ -9,9 +9,10 @@ import numpy as np
 from palpate.contact import Contact
 from palpate.estimators import DoubleStageRLS, SingleStageRLS, VariableProjection
 from palpate.force_laws import HuntCrossley
-from palpate.identification import Identification, identify
+from palpate.identification import Identification
 from palpate.paper.curves import median_and_range, plain, traced
 from palpate.paper.experiment import Claim, Finding, Outcome, Table
+from palpate.paper.identifying import identify
 from palpate.paper.judged import Curves, Judged, JudgedExperiment, Numbers
 from palpate.paper.near_truth.figure import draw_near_truth
 from palpate.paper.sessions import GATE, SI, pressed

@@ -15,9 +15,10 @@ from palpate.estimators import (
 )
 from palpate.figures.style import DARK, LIGHT, Theme, style
 from palpate.force_laws import HuntCrossley
-from palpate.identification import Identification, identify
+from palpate.identification import Identification
 from palpate.lab import MATERIALS, Homogeneous
 from palpate.paper.experiment import Experiment, Finding, Outcome, Table
+from palpate.paper.identifying import identify
 from palpate.paper.panels import LABELS, draw_course, draw_finals
 from palpate.paper.repetitions.claims import CLAIMS, TITLES
 from palpate.paper.report.verdicts import readable

@@ -1,0 +1,283 @@
+// Samples that no probe and no material can have made: lost positions, spikes of velocity and
+// force, and forces beyond the sensor's range. They are left out before a method learns them.
+//
+//   force:   |F − F′| > max(10 σ, a tenth of the median force),     three in a row at most
+//   motion:  |x − x′ − ½(v + v′)T| > max(10 σ, 1.2 T median |v|),   twenty in a row at most
+//   range:   F = F_max, from the fifth of equal forces at the top of what was seen on, while the
+//            law's force moved
+//
+// x′, v′, F′ is the last sample that was not left out, T the time since then; σ is the running
+// median of the left side in contact, over 0.6745. What was off by as much before is a fast motion,
+// not an outlier: the left side counts from there where that makes it less. A longer run is another
+// material, place or speed, and is taken, so that a change is found a few samples late.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <utility>
+
+#include "palpate/sample.hpp"
+
+namespace palpate {
+
+// In place of a rejection where nothing is left out: it costs no memory and no time.
+class NoOutlierRejection {
+ public:
+  static constexpr bool active = false;
+
+  struct Settings {
+    bool operator==(const Settings&) const = default;
+  };
+
+  constexpr explicit NoOutlierRejection(const Settings&) noexcept {}
+
+  constexpr std::uint64_t rejected() const noexcept { return 0; }
+};
+
+constexpr const char* validate(const NoOutlierRejection::Settings&) noexcept { return nullptr; }
+
+namespace detail {
+
+// The median of sizes: up by a ratio where one is larger, down where it is smaller. No size moves
+// it far, however large; a size of zero is that of a held or rounded value and says nothing.
+class RunningMedian {
+ public:
+  // Sizes before it can be relied on; the median of 30 normal ones is within a quarter.
+  static constexpr std::uint32_t enough = 30;
+
+  double value() const noexcept { return value_; }
+  bool known() const noexcept { return seen_ >= enough; }
+
+  void learn(double size) noexcept {
+    if (!(size > smallest)) return;
+    if (seen_ >= slow) [[likely]] {
+      // Looked up: which way it goes no processor can guess, and a wrong guess costs 5 ns.
+      value_ *= steps[size > value_];
+      return;
+    }
+    if (++seen_ == 1) value_ = std::min(size, largest);
+    const double ratio = 1.0 + std::min(1.0, 8.0 / static_cast<double>(seen_));
+    value_ = size > value_ ? value_ * ratio : value_ / ratio;
+  }
+
+  // What it was learned from is no longer so.
+  void raise_to(double size) noexcept { value_ = std::clamp(size, value_, largest); }
+
+ private:
+  // The k-th size moves it by 8/k, at most twofold as a motion may begin slowly, and later ones by
+  // a 256th.
+  static constexpr std::uint32_t slow = 2048;
+  static constexpr double steps[2] = {1.0 / (1.0 + 8.0 / slow), 1.0 + 8.0 / slow};
+  static constexpr double smallest = 1e-150, largest = 1e150;
+
+  double value_ = 0.0;
+  std::uint32_t seen_ = 0;
+};
+
+}  // namespace detail
+
+class OutlierRejection {
+ public:
+  static constexpr bool active = true;
+
+  struct Settings {
+    double threshold = 10.0;  // standard deviations
+
+    bool operator==(const Settings&) const = default;
+  };
+
+  explicit OutlierRejection(const Settings& settings) noexcept
+      : factor_(settings.threshold / normal_median) {}
+
+  // Contact ends here: the next sample does not follow the last one.
+  void interrupt() noexcept { following_ = false; }
+
+  // Whether a sample [SI] is left out, `dt` [s] after the one before it; `touching` is what the
+  // contact gate says of it, and law(x, v) the force by the present estimate, which is seldom
+  // asked.
+  template <class Law>
+  bool rejects(const Sample& sample, double dt, bool touching, const Law& law) noexcept {
+    step_.learn(dt);
+    const bool free = !touching && !touched_;
+    if (!following_ || free || dt > longest_gap * step_.value()) return follow(sample, touching);
+    // Stamps that come in bursts make no speed.
+    elapsed_ += std::max(dt, 0.5 * step_.value());
+    ++steps_;
+
+    // A position that is held or rounded says nothing: the velocity alone may be astray.
+    const double travelled = sample.penetration - last_.penetration;
+    const bool held = travelled == 0.0;
+    const double start = held ? -last_.velocity : last_.velocity;
+    const Departure now{travelled - 0.5 * (sample.velocity + start) * elapsed_,
+                        sample.force - last_.force};
+    const double astray =
+        std::min(std::abs(now.motion), std::abs(now.motion - last_departure_.motion));
+    const double rise =
+        std::min(std::abs(now.force), std::abs(now.force - steps_ * last_departure_.force));
+    const double most_astray =
+        std::max(factor_ * astray_.value(), least_speed * elapsed_ * speed_.value());
+    const double most_rise = std::max(factor_ * rise_.value(), least_force * force_.value());
+    const bool moved = astray > most_astray && speed_.known();
+    const bool jumped = rise > most_rise && rise_.known();
+    if (touching) learn(sample, now, held, moved);
+    if (moved || jumped) [[unlikely]] {
+      if (within_runs(sample, now, moved, jumped)) return reject();
+    } else {
+      moved_ = jumped_ = 0;
+    }
+    if (out_of_range(sample, touching, law)) return reject();
+    accept(sample, now, dt, touching);
+    return false;
+  }
+
+  // Of the latest samples that were taken, how many turn out to have been outliers, now that one
+  // was left out: those with which a run at the end of the range began. Asked once.
+  std::size_t withdrawn() noexcept { return std::exchange(withdrawn_, 0); }
+
+  // Samples left out so far.
+  std::uint64_t rejected() const noexcept { return rejected_; }
+
+ private:
+  // Median of |e| of normal errors, over their deviation.
+  static constexpr double normal_median = 0.6745;
+  // Off by a tenth, a sample of a hundred moves the mean force by 0.1 %; and where a fast probe
+  // turns round, damping makes such steps.
+  static constexpr double least_force = 0.1;
+  // A motion may turn round between two samples: its mean is then off by the speed itself.
+  static constexpr double least_speed = 1.2;
+  static constexpr double longest_gap = 8.0;    // median steps
+  static constexpr double longest_hold = 16.0;  // samples of one position
+  static constexpr std::uint32_t most_jumped = 3, most_moved = 20;
+  // Equal forces that are no chance, and by how many median steps the law's force moved meanwhile.
+  static constexpr std::uint32_t flat = 5;
+  static constexpr double flat_steps = 4.0;
+  static constexpr std::uint32_t most_withdrawn = 8;
+
+  // How far a sample is off what the one before it lets expect, m and N.
+  struct Departure {
+    double motion;
+    double force;
+  };
+
+  bool follow(const Sample& sample, bool touching) noexcept {
+    last_ = sample;
+    last_departure_ = {};
+    elapsed_ = 0.0;
+    steps_ = 0.0;
+    following_ = true;
+    touched_ = touching;
+    moved_ = jumped_ = 0;
+    equal_ = 1;
+    flat_start_ = sample;
+    return false;
+  }
+
+  void learn(const Sample& sample, const Departure& now, bool held, bool moved) noexcept {
+    if (!held) astray_.learn(std::abs(now.motion));
+    // While the probe is held, its speed in motion is remembered.
+    const double speed = std::abs(sample.velocity);
+    if (!moved && speed > 0.5 * speed_.value()) speed_.learn(speed);
+    const double rise = std::abs(now.force);
+    rise_.learn(rise);
+    if (rise > 0.0) least_rise_ = std::min(least_rise_, rise);
+    force_.learn(std::abs(sample.force));
+  }
+
+  // Whether the runs of outliers that it belongs to are not too long yet.
+  bool within_runs(const Sample& sample, const Departure& now, bool moved, bool jumped) noexcept {
+    if (moved && ++moved_ > most_moved) {
+      moved = false;
+      moved_ = 0;
+      astray_.raise_to(std::abs(now.motion));
+      speed_.raise_to(std::abs(sample.velocity));
+    }
+    if (jumped && ++jumped_ > most_jumped) {
+      jumped = false;
+      jumped_ = 0;
+      rise_.raise_to(2.0 * rise_.value());
+    }
+    return moved || jumped;
+  }
+
+  // A force at which the sensor ends, or the fifth of a run of equal ones at the top of what was
+  // seen while the law's force moved.
+  template <class Law>
+  bool out_of_range(const Sample& sample, bool touching, const Law& law) noexcept {
+    if (sample.force == range_) return true;
+    if (sample.force > range_) range_ = unlimited;
+    if (sample.force != last_.force || !touching) {
+      if (last_.force != range_) longest_ = std::max(longest_, equal_);
+      equal_ = 1;
+      flat_start_ = sample;
+      highest_ = std::max(highest_, sample.force);
+      return false;
+    }
+    if (++equal_ < flat || sample.force < highest_) return false;
+    // Rounding makes runs within which the force moves by a step, a sensor that holds its values
+    // such of one length.
+    const double least = equal_ > 2 * longest_ ? 2.0 * least_rise_ : flat_steps * rise_.value();
+    const double travelled = std::abs(sample.penetration - flat_start_.penetration);
+    if (!(travelled * sample.force > least * sample.penetration)) return false;
+    const double moved = law(sample.penetration, sample.velocity) -
+                         law(flat_start_.penetration, flat_start_.velocity);
+    if (!(std::abs(moved) > least)) return false;
+    range_ = sample.force;
+    withdrawn_ = std::min(equal_ - 1, most_withdrawn);
+    return true;
+  }
+
+  void accept(const Sample& sample, const Departure& now, double dt, bool touching) noexcept {
+    last_.force = sample.force;
+    last_departure_.force = steps_ == 1.0 ? now.force : now.force / steps_;
+    steps_ = 0.0;
+    touched_ = touching;
+    if (sample.penetration == last_.penetration && elapsed_ < longest_hold * dt) return;
+    last_.penetration = sample.penetration;
+    last_.velocity = sample.velocity;
+    last_departure_.motion = now.motion;
+    elapsed_ = 0.0;
+  }
+
+  bool reject() noexcept {
+    ++rejected_;
+    return true;
+  }
+
+  static constexpr double unlimited = std::numeric_limits<double>::infinity();
+
+  double factor_;                  // of a median
+  Sample last_{};                  // not left out
+  Departure last_departure_{};     // of its motion; of its force, a sample
+  double elapsed_ = 0.0;           // s since then, or since its position came
+  double steps_ = 0.0;             // samples since then
+  detail::RunningMedian step_;     // dt, s
+  detail::RunningMedian astray_;   // |x − x′ − ½(v + v′)T|, m
+  detail::RunningMedian speed_;    // |v|, m/s
+  detail::RunningMedian rise_;     // |F − F′|, N
+  detail::RunningMedian force_;    // |F|, N
+  double range_ = unlimited;       // the sensor's, N
+  double highest_ = 0.0;           // force so far, N
+  Sample flat_start_{};            // with which equal forces began
+  double least_rise_ = unlimited;  // N, above zero: of a rounded force its step
+  std::uint64_t rejected_ = 0;
+  std::uint32_t moved_ = 0;    // in a row
+  std::uint32_t jumped_ = 0;   // in a row
+  std::uint32_t equal_ = 0;    // forces in a row
+  std::uint32_t longest_ = 1;  // such row, of a sensor that holds its values
+  std::uint32_t withdrawn_ = 0;
+  bool following_ = false;
+  bool touched_ = false;
+};
+
+constexpr const char* validate(const OutlierRejection::Settings& settings) noexcept {
+  // Below 3 noise alone would be left out.
+  if (!(settings.threshold >= 3.0 && settings.threshold <= 1e6)) {
+    return "outliers.threshold must be in [3, 1e6] deviations";
+  }
+  return nullptr;
+}
+
+}  // namespace palpate

@@ -1,0 +1,115 @@
+// Samples that no probe can have made change nothing but their count.
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "check.hpp"
+#include "estimators.hpp"
+#include "random_numbers.hpp"
+
+using namespace palpate;
+
+namespace {
+
+template <class Estimator>
+using Rejecting = WithOutlierRejection<Estimator>;
+
+// Calls test.operator()<Rejecting<Estimator>>() with every bare estimator, and with a detector.
+template <class Test>
+void for_every_rejection(Test&& test) {
+  for_every_estimator([&]<class Estimator>() {
+    if constexpr (!Estimator::Outliers::active) test.template operator()<Rejecting<Estimator>>();
+  });
+}
+
+// `seconds` of probing with 0.05 N of noise.
+template <class Estimator>
+void probe_noisily(Estimator& estimator, double seconds) {
+  RandomNumbers random(7);
+  const auto law = ball<typename Estimator::Law>;
+  for (int k = 0; k < static_cast<int>(1e3 * seconds); ++k) {
+    Sample s = probed(law, 1e-3 * k);
+    s.force += random.between(-0.05, 0.05);
+    update(estimator, s);
+  }
+}
+
+// A method that counts what it is to forget.
+struct Forgetful : KelvinVoigtRLS::Method {
+  using Base = KelvinVoigtRLS::Method;
+  using Base::Base;
+
+  void withdraw(std::size_t count) noexcept { withdrawn += count; }
+
+  std::size_t withdrawn = 0;
+};
+
+}  // namespace
+
+TEST("without outliers a rejection changes nothing") {
+  for_every_rejection([]<class Estimator>() {
+    using Plain = RecursiveEstimator<typename Estimator::Method, typename Estimator::Changes>;
+    Plain plain;
+    Estimator rejecting;
+    probe_noisily(plain, 1.0);
+    probe_noisily(rejecting, 1.0);
+    CHECK(rejecting.estimate().rejected == 0);
+    CHECK(plain.estimate().parameters == rejecting.estimate().parameters);
+    CHECK(plain.estimate().covariance == rejecting.estimate().covariance);
+  });
+}
+
+TEST("an outlier changes nothing that the method knows, and is counted") {
+  for_every_rejection([]<class Estimator>() {
+    Estimator estimator;
+    probe_noisily(estimator, 1.0);
+    const auto before = bytes_of(estimator.method());
+    const auto known = estimator.estimate();
+    const Sample next = probed(ball<typename Estimator::Law>, 1.0);
+    std::uint64_t count = 0;
+    for (const Sample& bad : {Sample{0.0, next.velocity, next.force},
+                              Sample{next.penetration, next.velocity + 1.0, next.force},
+                              Sample{next.penetration, next.velocity, next.force + 500.0},
+                              Sample{next.penetration, next.velocity, -500.0}}) {
+      CHECK(update(estimator, bad) == Status::rejected);
+      const auto now = estimator.estimate();
+      CHECK(now.rejected == ++count);
+      CHECK(now.samples == known.samples);
+      CHECK(now.status == known.status);
+      CHECK(bytes_of(estimator.method()) == before);
+      CHECK(now.parameters == known.parameters);
+    }
+    CHECK(taken(update(estimator, probed(ball<typename Estimator::Law>, 1.004))));
+    estimator.reset();
+    CHECK(estimator.estimate().rejected == 0);
+  });
+}
+
+TEST("what lasts longer than three forces is taken") {
+  for_each_estimator([]<class Plain>() {
+    Rejecting<Plain> estimator;
+    probe_noisily(estimator, 1.0);
+    int left_out = 0;
+    for (int k = 1000; k < 1100; ++k) {
+      Sample s = probed(ball<typename Plain::Law>, 1e-3 * k);
+      s.force *= 3.0;
+      left_out += update(estimator, s) == Status::rejected;
+    }
+    CHECK(left_out == 3);
+  });
+}
+
+TEST("the first samples at the end of the range are withdrawn, once it is known") {
+  RecursiveEstimator<Forgetful, NoChangeDetector, OutlierRejection> estimator;
+  RandomNumbers random(3);
+  std::size_t clipped = 0;
+  for (int k = 0; k < 3000; ++k) {
+    Sample s = probed(ball<KelvinVoigt>, 1e-3 * k);
+    s.force = std::min(s.force + random.between(-0.05, 0.05), 22.0);
+    clipped += s.force == 22.0;
+    update(estimator, s);
+  }
+  CHECK(estimator.method().withdrawn == 4);
+  CHECK(estimator.estimate().rejected == clipped - 4);
+}

@@ -1,0 +1,256 @@
+"""Lost positions, spikes and the end of a sensor's range are left out, and nothing else is."""
+
+import json
+
+import numpy as np
+import pytest
+from probing import BALL, PVC, Floats, Motion, fed, switched, three_sines, white
+
+from palpate import (
+    ESTIMATORS,
+    ChangeDetector,
+    Contact,
+    ContactGate,
+    HuntCrossley,
+    InvalidParameterError,
+    OutlierRejection,
+    SingleStageRLS,
+    Status,
+    VariableProjection,
+    compare,
+    identify,
+    write_contact,
+)
+from palpate.preparation.velocity import velocity_of
+
+SECONDS = 6.0
+WITH = VariableProjection(outlier_rejection=OutlierRejection())
+
+
+def rejected(estimator: VariableProjection, x: Floats, v: Floats, force: Floats) -> Floats:
+    return np.flatnonzero(estimator.replace().replay(x, v, force).status == Status.REJECTED)
+
+
+def probed(law: HuntCrossley = BALL, seed: int = 1) -> tuple[Motion, Floats]:
+    motion = three_sines(SECONDS)
+    return motion, law.force(motion.x, motion.v) + white(len(motion), seed)
+
+
+def contact_of(motion: Motion, force: Floats) -> Contact:
+    time = 1e-3 * np.arange(len(motion))
+    return Contact(time, penetration=motion.x, velocity=motion.v, force=force)
+
+
+@pytest.mark.parametrize("spike", [50.0, -50.0])
+def test_a_spike_of_the_force_is_left_out_alone(spike: float) -> None:
+    motion, force = probed()
+    hit = np.array([40, 1000, 2500, 2501, 4000, 4001, 4002])
+    force[hit] += spike
+    assert rejected(WITH, motion.x, motion.v, force).tolist() == hit.tolist()
+
+
+def test_a_spike_of_the_velocity_is_left_out_alone() -> None:
+    motion, force = probed()
+    v = motion.v.copy()
+    hit = np.array([60, 1000, 2500, 4000])
+    v[hit] += [1.0, -1.0, 1.0, -1.0]
+    assert rejected(WITH, motion.x, v, force).tolist() == hit.tolist()
+
+
+@pytest.mark.parametrize("lost", [0.0, -5e-3])
+def test_a_lost_position_ends_no_contact(lost: float) -> None:
+    motion, force = probed()
+    x = motion.x.copy()
+    hit = np.array([100, 1000, 1001, 2500])
+    x[hit] = lost
+    estimator = WITH.replace()
+    status = estimator.replay(x, motion.v, force).status
+    assert np.flatnonzero(status == Status.REJECTED).tolist() == hit.tolist()
+    assert (np.delete(status, hit) == Status.UPDATED).all()
+    assert estimator.estimate().rejected == hit.size
+    assert estimator.estimate().samples == len(motion) - hit.size
+
+
+@pytest.mark.parametrize("law", [BALL, PVC])
+def test_what_is_left_out_is_as_if_it_had_never_been(law: HuntCrossley) -> None:
+    motion, force = probed(law)
+    hit = np.arange(100, len(motion), 97)
+    spiked = force.copy()
+    spiked[hit] += 50.0
+    found = fed(WITH.replace(), motion, spiked).estimate()
+    kept = np.delete(np.arange(len(motion)), hit)
+    expected = VariableProjection()
+    expected.replay(motion.x[kept], motion.v[kept], force[kept])
+    assert found.rejected == hit.size
+    assert np.array_equal(found.parameters, expected.estimate().parameters)
+    assert np.array_equal(found.covariance, expected.estimate().covariance)
+
+
+@pytest.mark.parametrize("law", [BALL, PVC])
+@pytest.mark.parametrize("part", [0.95, 0.8])
+def test_the_end_of_the_sensors_range_is_found(law: HuntCrossley, part: float) -> None:
+    motion, force = probed(law)
+    clipped = np.minimum(force, part * force.max())
+    result = identify(contact_of(motion, clipped))
+    at_end = np.flatnonzero(clipped == clipped.max())
+    missed = np.setdiff1d(at_end, np.flatnonzero(result.trace.rejected))
+    assert missed.tolist() == at_end[:4].tolist()  # it takes five to know
+    assert np.abs(result.law.parameters[:2] / law.parameters[:2] - 1.0).max() < 0.05
+    assert any(finding.check == "saturation" for finding in result.diagnosis.findings)
+
+
+def test_positions_lost_under_a_velocity_that_is_worked_out_cost_little() -> None:
+    motion, force = probed()
+    random = np.random.default_rng(3)
+    x = motion.x + 1e-6 * random.standard_normal(len(motion))
+    x[random.random(len(motion)) < 1e-3] = 0.0
+    v = velocity_of(1e-3 * np.arange(len(motion)), x, 15e-3)
+    contact = contact_of(Motion(x, v), force)
+    for estimator, worst in ((None, 0.03), (VariableProjection(outlier_rejection=False), 0.9)):
+        law = identify(contact, estimator).law
+        error = abs(law.damping / BALL.damping - 1.0)
+        assert error < worst
+    assert error > 0.2
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+@pytest.mark.parametrize("law", [BALL, PVC])
+def test_of_a_clean_recording_nothing_is_left_out(law: HuntCrossley, noise: float) -> None:
+    motion = three_sines(SECONDS)
+    force = law.force(motion.x, motion.v) + noise * white(len(motion), 2)
+    assert rejected(WITH, motion.x, motion.v, force).size == 0
+
+
+@pytest.mark.parametrize("hold", [2, 10])
+def test_a_sensor_that_rounds_or_holds_its_values_makes_no_outliers(hold: int) -> None:
+    motion, force = probed()
+    held = np.arange(len(motion)) // hold * hold
+    assert rejected(WITH, motion.x, motion.v, force[held]).size == 0
+    assert rejected(WITH, motion.x[held], motion.v[held], force[held]).size == 0
+    assert rejected(WITH, motion.x, motion.v, 0.125 * np.round(8.0 * force)).size == 0
+    clean = BALL.force(motion.x, motion.v)
+    assert rejected(WITH, motion.x, motion.v, 0.125 * np.round(8.0 * clean)).size == 0
+
+
+def test_making_and_losing_contact_is_no_outlier() -> None:
+    time = 1e-3 * np.arange(6000)
+    x, v = -2e-3 + 6e-3 * np.sin(12.0 * time), 72e-3 * np.cos(12.0 * time)
+    for law in (BALL, PVC, HuntCrossley(1e7, 5e6, 1.5)):
+        force = law.force(x, v) + white(time.size, 4)
+        gated = WITH.replace(gate=ContactGate(make_force=0.25))
+        assert rejected(gated, x, v, force).size == 0
+
+
+def test_uneven_time_steps_and_gaps_make_no_outliers() -> None:
+    steps = np.random.default_rng(5).choice(
+        [0.5e-3, 1e-3, 1.5e-3, 0.3], 4000, p=[0.3, 0.4, 0.29, 0.01]
+    )
+    time = np.cumsum(steps)
+    x, v = 10e-3 + 3e-3 * np.sin(11.0 * time), 33e-3 * np.cos(11.0 * time)
+    force = BALL.force(x, v) + white(time.size, 5)
+    trace = WITH.replace().replay(x, v, force, steps)
+    assert not trace.rejected.any()
+
+
+def test_after_leaving_contact_the_next_sample_follows_nothing() -> None:
+    motion, force = probed()
+    estimator = WITH.replace()
+    estimator.replay(motion.x, motion.v, force)
+    estimator.leave_contact()
+    status = estimator.update(2e-3, 0.0, float(BALL.force(2e-3, 0.0)))
+    assert status == Status.UPDATED
+
+
+@pytest.mark.parametrize(
+    "after", [HuntCrossley(2100.0, 2100.0, 1.0), HuntCrossley(300.0, 3000.0, 1.0)]
+)
+def test_another_material_is_not_swallowed(after: HuntCrossley) -> None:
+    at = 3000
+    estimator = WITH.replace(change_detector=ChangeDetector())
+    for seed in range(5):
+        motion = three_sines(SECONDS)
+        force = switched(BALL, after, motion, at) + white(len(motion), seed)
+        status = estimator.replace().replay(motion.x, motion.v, force).status
+        (found,) = np.flatnonzero(status == Status.RESTARTED)
+        assert at <= found <= at + 20
+        assert np.count_nonzero(status == Status.REJECTED) <= 3
+
+
+def test_a_probe_that_is_put_elsewhere_is_followed_after_twenty_samples() -> None:
+    motion, force = probed()
+    x = motion.x.copy()
+    x[3000:] += 5e-3
+    force[3000:] = BALL.force(x[3000:], motion.v[3000:])
+    assert rejected(WITH, x, motion.v, force).tolist() == list(range(3000, 3020))
+
+
+def test_any_estimator_leaves_the_same_samples_out() -> None:
+    motion, force = probed()
+    hit = np.array([500, 1500, 3000])
+    force[hit] += 50.0
+    for name, result in compare(contact_of(motion, force)).items():
+        assert np.flatnonzero(result.trace.rejected).tolist() == hit.tolist(), name
+        assert "3 samples were left out as outliers (0.05 %)" in result.flags
+        assert result.as_dict()["rejected_samples"] == 3
+
+
+def test_identify_turns_it_on_and_false_turns_it_off() -> None:
+    motion, force = probed()
+    force[1000] += 50.0
+    contact = contact_of(motion, force)
+    assert identify(contact).estimate.rejected == 1
+    assert identify(contact).estimator.settings["outlier_rejection"] == OutlierRejection()
+    off = VariableProjection(outlier_rejection=False)
+    assert identify(contact, off).estimate.rejected == 0
+    assert all(r.estimate.rejected == 0 for r in compare(contact, outlier_rejection=False).values())
+    assert fed(VariableProjection(), motion, force).estimate().rejected == 0
+
+
+def test_few_outliers_are_a_note_and_many_call_for_care() -> None:
+    motion, force = probed()
+    severities = []
+    for every in (1000, 20):
+        spiked = force.copy()
+        spiked[100::every] += 50.0
+        found = identify(contact_of(motion, spiked)).diagnosis.findings
+        (finding,) = [each for each in found if each.check == "outliers"]
+        severities.append(finding.severity)
+    assert severities == ["note", "with-care"]
+
+
+@pytest.mark.parametrize("kind", ESTIMATORS.values(), ids=list(ESTIMATORS))
+@pytest.mark.parametrize("nonsense", [True, 10.0, "on", ChangeDetector()])
+def test_what_is_no_rejection_is_refused_by_name(kind: type, nonsense: object) -> None:
+    with pytest.raises(InvalidParameterError, match="outlier_rejection"):
+        kind(outlier_rejection=nonsense)
+
+
+@pytest.mark.parametrize("threshold", [2.9, np.nan, np.inf, "ten"])
+def test_a_threshold_that_noise_exceeds_is_refused(threshold: object) -> None:
+    with pytest.raises(InvalidParameterError, match="threshold"):
+        OutlierRejection(threshold=threshold)  # type: ignore[arg-type]
+
+
+def test_the_command_line_turns_it_off_and_says_what_was_left_out(run, tmp_path) -> None:
+    motion, force = probed()
+    force[1000] += 50.0
+    path = tmp_path / "spiked.csv"
+    write_contact(contact_of(motion, force), path)
+    for command in ("identify", "compare", "diagnose"):
+        for option, expected in ((), 1), (("--no-reject-outliers",), 0):
+            status, out, err = run(command, path, "--json", *option)
+            assert (status, err) == (0, "")
+            counts = {result["rejected_samples"] for result in json.loads(out)["results"]}
+            assert counts == {expected}
+    assert "1 sample was left out as an outlier" in run("identify", path)[1]
+
+
+def test_a_saved_state_goes_on_where_it_was() -> None:
+    motion, force = probed()
+    force[[500, 3001]] += 50.0
+    one = SingleStageRLS(outlier_rejection=OutlierRejection())
+    one.replay(motion.x[:3000], motion.v[:3000], force[:3000])
+    other = one.copy()
+    for estimator in (one, other):
+        estimator.replay(motion.x[3000:], motion.v[3000:], force[3000:])
+        assert estimator.estimate().rejected == 2
