@@ -62,8 +62,8 @@ def _too_slow(campaign: Campaign) -> Group:
     return Group(
         "A walk that is too slow",
         "ln K walks at random for 20 s of three sines, 0.05 N of noise. Share of runs, %, at whose "
-        "end `DriftTracking()`, whose walk is 0.02/√s, says that it is too slow. Noise of AR(1) 0.9 "
-        "is taken for a drift where the filter cannot follow it, as on a soft material.",
+        "end `DriftTracking()`, whose walk is 0.02/√s, says that it is too slow. Noise of "
+        "AR(1) 0.9 is taken for a drift where the filter cannot follow it, as on a soft material.",
         ("walk of 0.2/√s", "of 0.02/√s"),
         lines,
         ("of 0.04/√s", "of 0.1/√s", "of 0.02/√s, AR(1) 0.9"),
