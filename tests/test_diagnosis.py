@@ -144,6 +144,14 @@ def test_a_change_gives_its_time_and_a_law_for_each_stretch():
     assert stiffness[1] / stiffness[0] == pytest.approx(1.2, abs=0.01)
 
 
+def test_a_change_is_found_in_a_recording_of_few_periods():
+    """Two borders around it, a block apart, would leave episodes that are too short to tell."""
+    time, x, v = faults.motion(4.6)
+    force = faults.noisy(np.where(time > 2.77, 1.2, 1.0) * faults.pushed(x, v))
+    _, second = palpate.diagnose(faults.contact(time, x, force)).episodes
+    assert second.start == pytest.approx(2.77, abs=0.05)
+
+
 def test_a_wrong_surface_moves_the_parameters_and_not_the_working_depth():
     [finding] = [f for f in palpate.diagnose(CAUSES["surface"]).findings if f.check == "surface"]
     assert "0.793 mm" in finding.sentence

@@ -33,6 +33,7 @@ from palpate import (
 )
 
 NOT_YET = "not tracking yet"
+TOO_SLOW = "the material drifts faster than the walk allows"
 
 # rms of the force scale; the sponge's force is 3 N, so that 0.05 N of noise weigh seven times more.
 LIMITS = {"ball": 0.005, "pvc": 0.005, "sponge": 0.01}
@@ -70,6 +71,40 @@ def test_a_material_that_does_not_drift_is_not_lost(name: str) -> None:
     estimate = estimator.estimate()
     assert not estimate.flags
     assert (np.abs(estimate.parameters - law.parameters) < 4 * estimate.standard_errors).all()
+
+
+def says_too_slow(law: HuntCrossley, walk: float, seed: int, motion: Motion) -> bool:
+    """Whether a random walk of ln k, of this deviation after a second, is said to be too fast."""
+    random = np.random.default_rng([seed, 14])
+    scale = np.exp(np.cumsum(walk * np.sqrt(1e-3) * random.standard_normal(len(motion))))
+    force = law.force(motion.x, motion.v) * scale + white(len(motion), seed)
+    flags = fed(DriftTracking(), motion, force).estimate().flags
+    return any(flag.startswith(TOO_SLOW) for flag in flags)
+
+
+@pytest.mark.parametrize("name", WELL_EXCITED)
+def test_a_walk_that_is_too_slow_for_the_material_says_so(name: str) -> None:
+    law, motion = WELL_EXCITED[name], three_sines(8.0)
+    assert all(says_too_slow(law, 0.2, seed, motion) for seed in range(3))
+    assert not any(says_too_slow(law, 0.02, seed, motion) for seed in range(3))
+
+
+def test_a_walk_that_was_too_slow_is_enough_again_once_the_material_rests() -> None:
+    motion = three_sines(12.0)
+    steps = 0.2 * np.sqrt(1e-3) * np.random.default_rng(15).standard_normal(len(motion))
+    scale = np.exp(np.cumsum(np.where(motion.time < 4.0, steps, 0.0)))
+    force = PVC.force(motion.x, motion.v) * scale + white(len(motion), 15)
+    estimator = fed(DriftTracking(), motion[:4000], force[:4000])
+    assert any(flag.startswith(TOO_SLOW) for flag in estimator.estimate().flags)
+    assert not fed(estimator, motion[4000:], force[4000:]).estimate().flags
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WELL_EXCITED)
+def test_over_seeds_a_walk_ten_times_too_slow_is_found_and_the_right_one_is_not(name: str) -> None:
+    law, motion = WELL_EXCITED[name], three_sines(15.0)
+    assert np.mean([says_too_slow(law, 0.2, seed, motion) for seed in range(100)]) >= 0.98
+    assert np.mean([says_too_slow(law, 0.02, seed, motion) for seed in range(100)]) <= 0.01
 
 
 def test_it_cannot_be_started_cold() -> None:

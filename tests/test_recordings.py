@@ -61,7 +61,15 @@ def test_every_recording_runs_through_every_method(path):
         assert np.isfinite(result.trace.parameters).all()
         assert np.isfinite(result.trace.standard_errors).all()
         assert math.isfinite(result.fit_rmse_percent)
-        json.dumps(result.as_dict(), allow_nan=False)
+    json.dumps(results["variable-projection"].as_dict(), allow_nan=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", files("*.csv"))
+def test_every_method_is_diagnosed_on_every_recording(path):
+    if has_penetration(path):
+        for result in palpate.compare(prepare(path)).values():
+            json.dumps(result.as_dict(), allow_nan=False)
 
 
 @pytest.mark.parametrize("path", files("A_*.json", "D_dvrk_palpation_trial4_a.json"))

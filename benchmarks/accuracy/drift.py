@@ -10,6 +10,7 @@ from benchmarks.accuracy.probing import MATERIALS, MEAN_DEPTH, noise, sines
 from benchmarks.accuracy.table import Group, Limit, Line
 from palpate import ConstantForgetting, DriftTracking, VariableProjection
 from palpate.estimators import ContactEstimator
+from palpate.validation import Floats
 
 DURATION, SETTLED = 40.0, 2000  # s; samples left out
 METHODS: dict[str, Callable[[], ContactEstimator]] = {
@@ -40,8 +41,58 @@ def drift(campaign: Campaign) -> list[Group]:
             ("worst seed", *(f"VP, {name}" for name in ("no forgetting", *list(METHODS)[2:]))),
             precision=".3f",
             notes=[f"{campaign.seeds} seeds."],
-        )
+        ),
+        _too_slow(campaign),
     ]
+
+
+# Deviation of ln K after a second, 1/√s, and correlation of the noise: the first is told of, the
+# second is what `DriftTracking()` assumes.
+WALKS = ((0.2, 0.0), (0.02, 0.0), (0.04, 0.0), (0.1, 0.0), (0.02, 0.9))
+
+
+def _too_slow(campaign: Campaign) -> Group:
+    lines = []
+    for material in MATERIALS:
+        runs = campaign.map(f"walk, {material}", partial(_flagged, material), range(campaign.seeds))
+        fast, assumed, *others = (100.0 * np.mean(np.array(runs), axis=0)).tolist()
+        lines.append(
+            Line(material, (fast, assumed), (Limit(100.0, 98.0), Limit(1.0)), tuple(others))
+        )
+    return Group(
+        "A walk that is too slow",
+        "ln K walks at random for 20 s of three sines, 0.05 N of noise. Share of runs, %, at whose "
+        "end `DriftTracking()`, whose walk is 0.02/√s, says that it is too slow. Noise of "
+        "AR(1) 0.9 is taken for a drift where the filter cannot follow it, as on a soft material.",
+        ("walk of 0.2/√s", "of 0.02/√s"),
+        lines,
+        ("of 0.04/√s", "of 0.1/√s", "of 0.02/√s, AR(1) 0.9"),
+        precision=".1f",
+        notes=[f"{campaign.seeds} seeds."],
+    )
+
+
+def _flagged(material: str, seed: int) -> list[bool]:
+    law, motion = MATERIALS[material], sines(20.0)
+    x, v = motion.penetration, motion.velocity
+    found = []
+    for walk, correlation in WALKS:
+        random = np.random.default_rng([seed, 1])
+        steps = walk * np.sqrt(1e-3) * random.standard_normal(len(x))
+        f = np.exp(np.cumsum(steps)) * law.force(x, v) + _noise(random, len(x), correlation)
+        method = DriftTracking()
+        method.replay(x, v, f)
+        found.append(any("faster than the walk" in flag for flag in method.estimate().flags))
+    return found
+
+
+def _noise(random: np.random.Generator, count: int, correlation: float) -> Floats:
+    """AR(1) of 0.05 N rms."""
+    made, state = np.empty(count), 0.0
+    for k, fresh in enumerate(noise(random, count).tolist()):
+        state = correlation * state + np.sqrt(1.0 - correlation**2) * fresh
+        made[k] = state
+    return made
 
 
 def _errors(material: str, seed: int) -> list[float]:

@@ -12,6 +12,7 @@
 #include <cstdint>
 
 #include "palpate/methods/variable_projection.hpp"
+#include "palpate/methods/walk_check.hpp"
 
 namespace palpate {
 
@@ -97,7 +98,8 @@ class DriftTrackingMethod {
                  .covariance = {},
                  .offset = {state_[3] * units.force, joint[3][3], {}},
                  .surface = {},
-                 .flags = 0};
+                 .flags = {}};
+    if (walk_.too_slow()) fit.flags |= walk_too_slow;
     for (std::size_t i = 0; i < order; ++i) {
       for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
       fit.offset.covariance[i] = joint[3][i];
@@ -156,6 +158,7 @@ class DriftTrackingMethod {
     }
     state_ = state;
     noise_variance_ = start_.noise_variance();
+    walk_ = {};
     tracking_ = true;
   }
 
@@ -204,6 +207,7 @@ class DriftTrackingMethod {
       if (!(predicted[i][i] < largest_input)) return Status::out_of_range;
     }
     if (!detail::is_positive_definite(predicted)) return Status::out_of_range;
+    walk_.observe(bounded, innovation - noise_variance_, innovation);
     state_ = next;
     covariance_ = predicted;
     return Status::updated;
@@ -231,6 +235,7 @@ class DriftTrackingMethod {
   Vector<4> state_{};
   Matrix<4> covariance_{};
   double noise_variance_ = 0.0;
+  detail::WalkCheck walk_;
   std::uint64_t learned_ = 0;
   bool tracking_ = false;
 };

@@ -71,17 +71,15 @@ def changes(fit: Fit) -> Changes | None:
     starts = (law.parameters[2], *EXPONENTS) if isinstance(law, HuntCrossley) else (math.nan,)
     cuts = [_best_cut(fit, float(n)) for n in starts]
     found = None
-    energy = fit.solution.energy
+    energy, duration = fit.solution.energy, float(fit.time[-1] - fit.time[0])
     for count in range(MOST_CHANGES):
+        if duration / (count + 2) <= FEWEST_PERIODS * fit.period:
+            break
         best = min((cut[count] for cut in cuts), key=lambda cut: cut.energy)
         if best.energy > (1.0 - WORTH_ANOTHER) * energy and found is not None:
             break
         found, energy = best, best.energy
-    assert found is not None
-    duration = float(fit.time[-1] - fit.time[0])
-    if duration / (len(found.borders) + 1) <= FEWEST_PERIODS * fit.period:
-        return None
-    return _judged(fit, _sharpened(fit, found))
+    return None if found is None else _judged(fit, _sharpened(fit, found))
 
 
 def _basis(fit: Fit, exponent: float) -> Floats:
