@@ -18,6 +18,7 @@ from palpate import (
     ContactGate,
     HuntCrossley,
     InvalidParameterError,
+    OutlierRejection,
     RecordingError,
     Scale,
     SingleStageRLS,
@@ -47,7 +48,13 @@ def test_identify_chooses_the_gate_and_the_scale_it_is_not_given(kind):
 
 def test_identify_keeps_the_settings_it_is_given(kind):
     gate, scale = ContactGate(5e-4, 0.5), Scale(1e-3, 1e-2, 1.0)
-    given = kind(gate=gate, scale=scale, forgetting=ConstantForgetting(1.0), sample_time=2e-3)
+    given = kind(
+        outlier_rejection=OutlierRejection(20.0),
+        gate=gate,
+        scale=scale,
+        forgetting=ConstantForgetting(1.0),
+        sample_time=2e-3,
+    )
     result = identify(CONTACT, given)
     assert result.estimator.settings == given.settings
     assert (result.gate, result.scale) == (gate, scale)
@@ -89,7 +96,7 @@ def test_a_segments_border_ends_contact(kind):
 
 
 def test_an_identification_can_go_on(kind):
-    result = identify(CONTACT, kind())
+    result = identify(CONTACT, kind(outlier_rejection=False))  # a jump to another place is one
     before = result.estimate.samples
     result.estimator.update(5e-3, 0.0, 10.0)
     assert result.estimate.samples == before + 1

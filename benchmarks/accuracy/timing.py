@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.probing import BALL, noise, sines
 from benchmarks.accuracy.table import Group, Limit, Line
-from palpate import ChangeDetector, SingleStageRLS, VariableProjection
+from palpate import ChangeDetector, OutlierRejection, SingleStageRLS, VariableProjection
 from palpate.estimators import ContactEstimator
 
 REPEATS = 60
@@ -29,6 +29,10 @@ def timing(campaign: Campaign) -> list[Group]:
         "single-stage": SingleStageRLS,
         "default": VariableProjection,
         "detector": lambda: VariableProjection(change_detector=ChangeDetector()),
+        "rejection": lambda: VariableProjection(outlier_rejection=OutlierRejection()),
+        "both": lambda: VariableProjection(
+            change_detector=ChangeDetector(), outlier_rejection=OutlierRejection()
+        ),
     }
     best = {name: [np.inf, np.inf, np.inf] for name in makers}
     for _ in range(REPEATS):  # interleaved, so that all meet the same machine
@@ -37,7 +41,7 @@ def timing(campaign: Campaign) -> list[Group]:
             update, estimate = _update_ns(estimator, samples), _estimate_ns(estimator)
             early = _update_ns(make(), samples[:EARLY])
             best[name] = np.minimum(best[name], [update, estimate, early]).tolist()
-    return [_group(best)]
+    return [_group(best), _watching(best)]
 
 
 def _group(best: dict[str, list[float]]) -> Group:
@@ -62,6 +66,25 @@ def _group(best: dict[str, list[float]]) -> Group:
         ("ratio",),
         lines,
         ("ns", "single-stage update ns"),
+    )
+
+
+def _watching(best: dict[str, list[float]]) -> Group:
+    bare = best["default"][0]
+    rows = (
+        ("with a ChangeDetector", "detector", None),
+        ("with an OutlierRejection", "rejection", None),
+        ("with both", "both", Limit(1.4)),
+    )
+    return Group(
+        "Watching, over a bare update",
+        "`VariableProjection.update()` from Python, of the same runs.",
+        ("ratio",),
+        [
+            Line(words, (best[name][0] / bare,), (limit,), (best[name][0],))
+            for words, name, limit in rows
+        ],
+        ("ns",),
     )
 
 

@@ -45,11 +45,13 @@ namespace detail {
 // it far, however large; a size of zero is that of a held or rounded value and says nothing.
 class RunningMedian {
  public:
-  // Sizes before it can be relied on; the median of 30 normal ones is within a quarter.
-  static constexpr std::uint32_t enough = 30;
-
   double value() const noexcept { return value_; }
-  bool known() const noexcept { return seen_ >= enough; }
+
+  // What it is to be multiplied by to be relied on: the median of 30 normal sizes is within a
+  // quarter, that of the first few within four times.
+  double doubt() const noexcept { return seen_ >= few ? 1.0 : seen_ >= 4 ? 4.0 : unknown; }
+  // Whether one outlier moves it by little.
+  bool settled() const noexcept { return seen_ >= 2 * few; }
 
   void learn(double size) noexcept {
     if (!(size > smallest)) return;
@@ -59,7 +61,8 @@ class RunningMedian {
       return;
     }
     if (++seen_ == 1) value_ = std::min(size, largest);
-    const double ratio = 1.0 + std::min(1.0, 8.0 / static_cast<double>(seen_));
+    const double part = (seen_ < few ? 8.0 : 2.0) / static_cast<double>(seen_);
+    const double ratio = 1.0 + std::min(1.0, part);
     value_ = size > value_ ? value_ * ratio : value_ / ratio;
   }
 
@@ -67,11 +70,12 @@ class RunningMedian {
   void raise_to(double size) noexcept { value_ = std::clamp(size, value_, largest); }
 
  private:
-  // The k-th size moves it by 8/k, at most twofold as a motion may begin slowly, and later ones by
-  // a 256th.
-  static constexpr std::uint32_t slow = 2048;
-  static constexpr double steps[2] = {1.0 / (1.0 + 8.0 / slow), 1.0 + 8.0 / slow};
+  // The first sizes move it twofold, as a motion may begin slowly, then the k-th by 8/k, from the
+  // thirtieth on by 2/k, and in the end by a 256th: a burst of outliers moves it little.
+  static constexpr std::uint32_t few = 30, slow = 512;
+  static constexpr double steps[2] = {1.0 / (1.0 + 2.0 / slow), 1.0 + 2.0 / slow};
   static constexpr double smallest = 1e-150, largest = 1e150;
+  static constexpr double unknown = std::numeric_limits<double>::infinity();
 
   double value_ = 0.0;
   std::uint32_t seen_ = 0;
@@ -120,9 +124,9 @@ class OutlierRejection {
     const double most_astray =
         std::max(factor_ * astray_.value(), least_speed * elapsed_ * speed_.value());
     const double most_rise = std::max(factor_ * rise_.value(), least_force * force_.value());
-    const bool moved = astray > most_astray && speed_.known();
-    const bool jumped = rise > most_rise && rise_.known();
-    if (touching) learn(sample, now, held, moved);
+    const bool moved = astray > speed_.doubt() * most_astray;
+    const bool jumped = rise > rise_.doubt() * most_rise;
+    if (touching) learn(sample, now, held, moved, jumped);
     if (moved || jumped) [[unlikely]] {
       if (within_runs(sample, now, moved, jumped)) return reject();
     } else {
@@ -175,13 +179,15 @@ class OutlierRejection {
     return false;
   }
 
-  void learn(const Sample& sample, const Departure& now, bool held, bool moved) noexcept {
-    if (!held) astray_.learn(std::abs(now.motion));
+  void learn(const Sample& sample, const Departure& now, bool held, bool moved,
+             bool jumped) noexcept {
+    if (!held && !moved) astray_.learn(std::abs(now.motion));
     // While the probe is held, its speed in motion is remembered.
     const double speed = std::abs(sample.velocity);
-    if (!moved && speed > 0.5 * speed_.value()) speed_.learn(speed);
+    const bool moving = speed > 0.5 * speed_.value() || !speed_.settled();
+    if (!moved && moving) speed_.learn(speed);
     const double rise = std::abs(now.force);
-    rise_.learn(rise);
+    if (!jumped) rise_.learn(rise);
     if (rise > 0.0) least_rise_ = std::min(least_rise_, rise);
     force_.learn(std::abs(sample.force));
   }
@@ -191,7 +197,7 @@ class OutlierRejection {
     if (moved && ++moved_ > most_moved) {
       moved = false;
       moved_ = 0;
-      astray_.raise_to(std::abs(now.motion));
+      astray_.raise_to(std::abs(now.motion) / factor_);  // so that the like of it is taken
       speed_.raise_to(std::abs(sample.velocity));
     }
     if (jumped && ++jumped_ > most_jumped) {

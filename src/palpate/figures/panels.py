@@ -46,8 +46,15 @@ def draw_force(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
     left_out = np.flatnonzero(shown[0].trace.rejected)
     if left_out.size:
         some = left_out[:: -(-left_out.size // MOST_POINTS)]
-        look = {"color": theme.measured, "linestyle": "none", "markersize": 4.0}
-        axes.plot(time[some], contact.force[some], marker="x", label="left out", **look)
+        axes.plot(
+            time[some],
+            contact.force[some],
+            color=theme.measured,
+            linestyle="none",
+            marker="x",
+            markersize=4.0,
+            label="left out",
+        )
     for result, look in zip(shown, theme.looks(len(shown)), strict=True):
         inside = np.where(result.trace.taken, result.trace.predicted_force, np.nan)
         predicted = _broken(inside, contact, keep)
@@ -55,10 +62,11 @@ def draw_force(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
     known = contact.force[np.isfinite(contact.force)]
     low, high = float(known.min()), float(known.max())
     span = (high - low) or abs(high)
-    rows = -(-(1 + len(shown)) // 3)  # of the legend, above the data
+    entries = 1 + len(shown) + bool(left_out.size)
+    rows = -(-entries // 3)  # of the legend, above the data
     axes.set_ylim(low - 0.1 * span, high + max(0.25, 0.13 * rows) * span)
     axes.set(xlabel=label, ylabel="force [N]", title="Force, and what was predicted of it")
-    axes.legend(loc="upper right", ncols=min(3, 1 + len(shown)))
+    axes.legend(loc="upper right", ncols=min(3, entries))
 
 
 def _label(result: Identification, shown: list[Identification]) -> str:
