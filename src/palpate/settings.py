@@ -144,8 +144,8 @@ class ChangeDetector:
 
     On an alarm the estimate restarts with the samples since g was last zero, and with the old value
     as a prior. Variable projection keeps the exponent it had, n ~ N(n̂, 0.02²), where it was
-    identifiable and until the samples reject it (then N(n̂, 0.3²)), and the force offset; a recursive
-    least squares keeps θ̂ with its initial covariance.
+    identifiable and until the samples reject it (then N(n̂, 0.3²)), and the force offset; a
+    recursive least squares keeps θ̂ with its initial covariance.
 
     Parameters
     ----------
