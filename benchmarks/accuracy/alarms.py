@@ -2,14 +2,25 @@
 
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from scipy.signal import butter, lfilter
 
 from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.probing import BALL, NOISE, PVC, SPONGE, Floats, sines
+from benchmarks.accuracy.recordings import recorded
 from benchmarks.accuracy.table import Group, Limit, Line
-from palpate import ChangeDetector, ContactGate, HuntCrossley, Status, VariableProjection
+from palpate import (
+    ChangeDetector,
+    ContactGate,
+    HuntCrossley,
+    RecordingError,
+    Status,
+    VariableProjection,
+    identify,
+    lab,
+)
 
 GEL = HuntCrossley(5e4, 1.5e5, 2.2)
 MATERIALS = {"ball": BALL, "PVC": PVC, "sponge": SPONGE, "gel": GEL}
@@ -27,10 +38,12 @@ UNCHANGED = {
 CHANGES = {"K + 5 %": (1.05, 1.0), "B + 50 %": (1.0, 1.5), "B + 10 %": (1.0, 1.1)}
 BARS = {"K + 5 %": 10.0, "B + 50 %": 200.0, "B + 10 %": 1500.0}  # ms, of the 95th percentile
 LOOKED = 3.0  # s after a change
+ROBOT = {material.name: material for material in (lab.BALL, lab.PVC, lab.SPONGE)}
+ROBOT_RUN = 60.0  # s
 
 
 def alarms(campaign: Campaign) -> list[Group]:
-    return [_false(campaign), _delays(campaign)]
+    return [_false(campaign), _robot(campaign), _recordings(campaign), _delays(campaign)]
 
 
 def _false(campaign: Campaign) -> Group:
@@ -108,6 +121,60 @@ def _noise(name: str, rng: np.random.Generator, count: int) -> Floats:
         noise = lfilter(*butter(2, FILTERED[name], fs=RATE), noise)
         noise *= NOISE / noise.std()
     return np.asarray(noise)
+
+
+def _robot(campaign: Campaign) -> Group:
+    seeds = range(max(1, campaign.seeds // 50))
+    lines = []
+    for name in ROBOT:
+        counts = campaign.map(f"alarms, robot, {name}", partial(_robot_alarms, name), seeds)
+        hours = len(counts) * ROBOT_RUN / 3600.0
+        lines.append(Line(name, (float(sum(counts)),), (Limit(0.0),), (hours,)))
+    return Group(
+        "False alarms with the robot",
+        f"Nothing changes: the lab's robot and sensors, three sines, {ROBOT_RUN:g} s a run. "
+        "`identify(contact, VariableProjection(change_detector=ChangeDetector()))`.",
+        ("alarms",),
+        lines,
+        ("hours",),
+        precision=".3g",
+    )
+
+
+def _robot_alarms(name: str, seed: int) -> int:
+    measured = lab.Bench(ROBOT[name], lab.THREE_SINES).run(seed, seconds=ROBOT_RUN)
+    return identify(measured.contact, _watching()).changes.size
+
+
+def _recordings(campaign: Campaign) -> Group:
+    files = recorded()
+    counts = campaign.map("alarms, recordings", _recorded_alarms, files)
+    known = [(file, count) for file, count in zip(files, counts, strict=True) if count is not None]
+    found = ", ".join(f"{file.stem} {count}" for file, count in known if count)
+    total = float(sum(count for _, count in known))
+    notes = [f"Alarms: {found}." if found else "No alarms."] if known else ["No recordings here."]
+    return Group(
+        "Alarms in recordings",
+        "Real contacts of skin, heels, polymers, silicone, a robot's phantom and cells, whole "
+        "files; none is known to change. "
+        "`identify(contact, VariableProjection(change_detector=ChangeDetector()))`.",
+        ("alarms",),
+        [Line(f"{len(known)} recordings", (total,), (Limit(2.0),), ())] if known else [],
+        (),
+        precision=".3g",
+        notes=notes,
+    )
+
+
+def _recorded_alarms(file: Path) -> int | None:
+    try:
+        return identify(file, _watching()).changes.size
+    except RecordingError:
+        return None
+
+
+def _watching() -> VariableProjection:
+    return VariableProjection(change_detector=ChangeDetector())
 
 
 def _delays(campaign: Campaign) -> Group:

@@ -37,8 +37,7 @@ class Fit:
 
 
 def recordings(campaign: Campaign) -> list[Group]:
-    folder = _folder()
-    files = sorted(folder.glob("*.csv")) if folder else []
+    files = recorded()
     if not files:
         return [
             _group(
@@ -64,11 +63,12 @@ def recordings(campaign: Campaign) -> list[Group]:
     return groups
 
 
-def _folder() -> Path | None:
+def recorded() -> list[Path]:
+    """Return the recordings of PALPATE_DATA or beside the checkout; none where there are none."""
     given = os.environ.get("PALPATE_DATA")
     beside = Path(__file__).resolve().parents[3] / "shared" / "data"
     folder = Path(given) if given else beside
-    return folder if folder.is_dir() else None
+    return sorted(folder.glob("*.csv"))
 
 
 def _group(part: str, what: str, lines: list[Line], notes: list[str]) -> Group:

@@ -1,11 +1,14 @@
-// A change of what is touched, from the a-priori force errors, whitened by their own correlation.
+// A change of what is touched, from the a-priori force errors, whitened by their own correlation
+// (autoregression.hpp). Three tests look at them:
 //
-//   z = min(e²/s², 25);  g ← max(0, g + z − drift);  alarm at g > threshold
+//   a cumulative sum of white errors, for abrupt changes (cumulative_sum.hpp);
+//   a second one of errors as they are: those of a law outside the material's class are as smooth
+//   as the motion, so that whitening explains them away however large a change makes them; scores
+//   of blocks of white errors, for changes too small to show in single ones, as of the damping
+//   alone (score_blocks.hpp).
 //
-// is a cumulative sum (Page 1954) for abrupt changes; for those too small to show in single errors,
-// as of the damping alone, blocks of errors are compared with what a change would look like
-// (score_blocks.hpp). s² follows the clipped e² slowly, and both alarm only beyond what they have
-// come back from before, so that a material outside the model class raises the bar instead of
+// Each alarms only beyond what it has come back from before, and only where an earlier stroke has
+// been (known_ground.hpp), so that a material outside the model class raises the bar instead of
 // alarms for ever.
 #pragma once
 
@@ -15,6 +18,8 @@
 #include <cstdint>
 
 #include "palpate/autoregression.hpp"
+#include "palpate/cumulative_sum.hpp"
+#include "palpate/known_ground.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/sample.hpp"
 #include "palpate/score_blocks.hpp"
@@ -54,8 +59,9 @@ class ChangeDetector {
     // Fraction of the way from s² to e², a sample: a memory of 2 s at 1 kHz, which is longer than
     // any change takes to be found and shorter than the relaxation of most soft materials.
     double adaptation = 5e-4;
-    // Samples without alarms at the start, and up to 300 of them after a change. The later half
-    // tells the correlation: of AR(1) 0.98 that is ten lengths.
+    // Samples without alarms at the start. The first half tells the noise and its correlation: of
+    // AR(1) 0.98 that is ten lengths. The later half, and it again from 300 samples after a change
+    // on, tells how large errors are where nothing changes.
     std::uint32_t warm_up = 1000;
     // Samples over which a velocity filter smears a change; at most memory / 2. Once twice as many
     // have come after an alarm, only the latest count.
@@ -69,8 +75,7 @@ class ChangeDetector {
   // ones.
   static constexpr std::size_t memory = 256;
 
-  explicit ChangeDetector(const Settings& settings) noexcept
-      : settings_(settings), quiet_left_(settings.warm_up) {}
+  explicit ChangeDetector(const Settings& settings) noexcept : settings_(settings) {}
 
   // Contact was lost: the next error does not follow the last one.
   void interrupt() noexcept { correlation_.interrupt(); }
@@ -79,22 +84,30 @@ class ChangeDetector {
   // true is an alarm. The first two are joined here only: on the way they would be stored as
   // numbers and loaded as pairs, a stall of 5 ns.
   bool observe(const Sample& sample, double dt, double predicted, double error) noexcept {
+    const double square = error * error;
     recent_[seen_ % memory] = {sample, dt};
-    squares_[seen_ % memory] = error * error;
+    squares_[seen_ % memory] = square;
     ++seen_;
     transient_over_ = transient_left_ > 0 && --transient_left_ == 0;
-    const White white = whitened(error, {predicted, predicted * sample.velocity});
-    const double square = white.error * white.error;
-    correlation_.learn(error);
+    const bool known = ground_.visit(sample.penetration, sample.velocity);
+    const detail::Regressed white =
+        correlation_.whiten({error, {predicted, predicted * sample.velocity}});
     if (!correlation_.knows_past()) return false;
-    if (quiet_left_ > 0) return settle(square);
-    const double clipped = std::min(square, clip * variance_);
-    variance_ += settings_.adaptation * (clipped - variance_);
-    variance_ = std::max(variance_, least_variance());
-    block_ = blocks_.add(white.error, white.regressor, variance_);
-    if (!jumped(square)) return block_ > 0;
-    block_ = 0;  // the sum tells better when the change came
-    return true;
+    if (quiet_left_ > 0) {
+      --quiet_left_;
+      const double gain = std::min(1.0, 10.0 * settings_.adaptation);
+      sum_.learn(white.error * white.error, gain);
+      level_.learn(square, gain);
+      last_zero_ = last_level_zero_ = seen_;
+      return false;
+    }
+    const bool warming = warmed_ < settings_.warm_up;
+    if (warming && ++warmed_ <= settings_.warm_up / 2) {
+      settle(white.error * white.error, square);
+      return false;
+    }
+    if (!known && !warming) return false;
+    return compare(white, square, warming);
   }
 
   // How many of the latest samples are post-change: those since the sum was last zero. By chance it
@@ -102,9 +115,7 @@ class ChangeDetector {
   // old material spoils the new fit for hundreds of milliseconds; so the first ones are left out
   // while their error is below half the deviation of what came after them.
   std::size_t post_change_samples() const noexcept {
-    // A small change came somewhere in the block that shows it, or before: its later half is new.
-    const std::uint64_t back = block_ > 0 ? block_ / 2 : seen_ - last_zero_;
-    const auto since = static_cast<std::size_t>(std::min<std::uint64_t>(back, memory));
+    const auto since = static_cast<std::size_t>(std::min<std::uint64_t>(seen_ - begun_, memory));
     double later = 0.0;
     std::size_t count = since;
     for (std::size_t age = 0; age < since; ++age) {
@@ -129,78 +140,52 @@ class ChangeDetector {
     return recent_[(seen_ - 1 - age) % memory];
   }
 
-  // After an alarm was acted on. The noise is still the sensor's.
+  // After an alarm was acted on. The noise is still the sensor's, but the law is another.
   void rearm() noexcept {
-    sum_ = 0.0;
-    peak_ = 0.0;
-    quiet_left_ = std::min(settings_.warm_up, quiet);
-    transient_left_ = 2 * settings_.transition;
-    last_zero_ = seen_;
+    sum_.restart();
+    level_.restart();
     blocks_.restart();
+    ground_.forget();
+    quiet_left_ = std::min(settings_.warm_up, quiet);
+    warmed_ = settings_.warm_up / 2;
+    transient_left_ = 2 * settings_.transition;
   }
 
  private:
-  struct White {
-    double error;
-    Vector<2> regressor;
-  };
-
-  // z beyond this is an outlier, of which it takes three to alarm.
-  static constexpr double largest_score = 25.0;
-  // e² counts for s² up to three deviations: 99.7 % of white noise, and little of a change.
-  static constexpr double clip = 9.0;
   // Samples without alarms after one: by then the estimate of well excited materials is within its
   // noise, which is known already.
   static constexpr std::uint32_t quiet = 300;
-
-  // The error and what it is compared with, less what the errors before let expect.
-  White whitened(double error, const Vector<2>& regressor) noexcept {
-    White white{error, regressor};
-    const auto& a = correlation_.coefficients();
-    for (std::size_t i = 0; i < a.size(); ++i) {
-      const White& past = past_[(seen_ - 1 - i) % past_.size()];
-      white.error -= a[i] * past.error;
-      white.regressor[0] -= a[i] * past.regressor[0];
-      white.regressor[1] -= a[i] * past.regressor[1];
-    }
-    past_[seen_ % past_.size()] = {error, regressor};
-    return white;
-  }
-
-  // The cumulative sum: true where it is beyond the threshold and thrice what it ever came back
-  // from.
-  bool jumped(double square) noexcept {
-    sum_ = std::max(0.0, sum_ + std::min(square / variance_, largest_score) - settings_.drift);
-    if (sum_ == 0.0) {
-      last_zero_ = seen_;
-      highest_ = std::max(highest_, peak_);
-      peak_ = 0.0;
-    }
-    peak_ = std::max(peak_, sum_);
-    return sum_ > settings_.threshold && sum_ > 3.0 * highest_;
-  }
+  // Of the sum of errors as they are: a second of three deviations, or 50 ms of five.
+  static constexpr double level_threshold = 1000.0;
 
   // The first errors are those of an estimate that is still on its way: what they say of
-  // correlation is forgotten after a fifth and a half, and s² is the mean of the later half.
-  bool settle(double square) noexcept {
-    --quiet_left_;
-    last_zero_ = seen_;
-    if (started_) {
-      const double clipped = std::min(square, clip * variance_);
-      variance_ += std::min(1.0, 10.0 * settings_.adaptation) * (clipped - variance_);
-      variance_ = std::max(variance_, least_variance());
-      return false;
-    }
-    const std::uint32_t settled = settings_.warm_up - quiet_left_;
-    const std::uint32_t half = settings_.warm_up / 2;
-    if (settled == settings_.warm_up / 5 || settled == half) correlation_.relearn();
-    if (settled > half) variance_ += square;
-    if (quiet_left_ == 0) {
-      variance_ =
-          std::max(variance_ / static_cast<double>(settings_.warm_up - half), least_variance());
-      started_ = true;
-    }
-    return false;
+  // correlation is forgotten after a fifth of the warm-up, and once more after half of it; s² is
+  // the mean in between.
+  void settle(double white_square, double square) noexcept {
+    const std::uint32_t fifth = settings_.warm_up / 5, half = settings_.warm_up / 2;
+    if (warmed_ == fifth || warmed_ == half) correlation_.relearn();
+    if (warmed_ <= fifth) return;
+    const double gain = 1.0 / static_cast<double>(warmed_ - fifth);
+    const auto mean = [&](detail::CumulativeSum& sum, double next) noexcept {
+      sum.set_variance(sum.variance() + gain * (next - sum.variance()), least_variance());
+    };
+    mean(sum_, white_square);
+    mean(level_, square);
+  }
+
+  // True where one of the three tests finds a change; what is withheld tells them how large errors
+  // are without one.
+  bool compare(const detail::Regressed& white, double square, bool withheld) noexcept {
+    const auto& [drift, threshold, noise, gain, warm_up, transition] = settings_;
+    const std::size_t block = blocks_.add(white.error, white.regressor, sum_.variance(), withheld);
+    const bool jumped = sum_.add(white.error * white.error, gain, drift, threshold, withheld);
+    const bool risen = level_.add(square, gain, drift, level_threshold, withheld);
+    if (sum_.zero()) last_zero_ = seen_;
+    if (level_.zero()) last_level_zero_ = seen_;
+    // The sum of white errors tells best when the change came. A small one came somewhere in the
+    // block that shows it, or before: its later half is new.
+    begun_ = jumped ? last_zero_ : block > 0 ? seen_ - block / 2 : last_level_zero_;
+    return jumped || block > 0 || risen;
   }
 
   // A variance of zero is a noise-free signal: any error is then an infinite one.
@@ -212,19 +197,18 @@ class ChangeDetector {
   std::array<TakenSample, memory> recent_{};
   std::array<double, memory> squares_{};  // of their errors
   std::uint64_t seen_ = 0;
-  std::uint64_t last_zero_ = 0;       // samples seen when the sum was last zero
-  std::uint32_t quiet_left_;          // samples without alarms that are still to come
+  std::uint32_t warmed_ = 0;          // samples of the warm-up so far
+  std::uint32_t quiet_left_ = 0;      // samples without alarms that are still to come
   std::uint32_t transient_left_ = 0;  // samples until the transient of a change is over
   bool transient_over_ = false;
-  bool started_ = false;  // the first of them are over
-  double variance_ = 0.0;
-  double sum_ = 0.0;
-  double peak_ = 0.0;     // of the sum since it was last zero
-  double highest_ = 0.0;  // of the peaks that it came back from
   detail::Autoregression correlation_;
-  std::array<White, 8> past_{};  // a power of two, above the order
-  detail::ScoreBlocks blocks_;
-  std::size_t block_ = 0;  // length of the one that alarmed
+  detail::KnownGround ground_;
+  detail::CumulativeSum sum_;          // of white errors
+  detail::CumulativeSum level_;        // of errors as they are
+  detail::ScoreBlocks blocks_;         // of white errors and their regressors
+  std::uint64_t last_zero_ = 0;        // samples seen when the one sum was last zero …
+  std::uint64_t last_level_zero_ = 0;  // … and the other
+  std::uint64_t begun_ = 0;            // samples seen before the change that alarmed
 };
 
 constexpr const char* validate(const ChangeDetector::Settings& settings) noexcept {

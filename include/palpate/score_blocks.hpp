@@ -1,5 +1,5 @@
 // Changes that are too small to show in single errors: the score of the errors against what a
-// change of stiffness or of damping would look like, over blocks of 8, 16 … 4096 samples.
+// change of stiffness or of damping would look like, over blocks of 32, 64 … 4096 samples.
 //
 //   q = sᵀ M⁻¹ s / σ²,   s = Σ φ e,   M = Σ φ φᵀ,   φ = (F̂, F̂ v)
 //
@@ -18,12 +18,14 @@ namespace palpate::detail {
 
 class ScoreBlocks {
  public:
-  static constexpr std::size_t shortest = 8;
-  static constexpr std::size_t levels = 10;  // the longest block: 4096
+  // Changes that show in fewer samples the cumulative sum finds.
+  static constexpr std::size_t shortest = 32;
+  static constexpr std::size_t levels = 8;  // the longest block: 4096
 
   // Takes an error and its regressors, all white, and σ². Gives the length of a block whose score
   // is beyond all that came before; else 0.
-  std::size_t add(double error, const Vector<2>& regressor, double variance) noexcept {
+  std::size_t add(double error, const Vector<2>& regressor, double variance,
+                  bool withheld) noexcept {
     // An outlier counts as one of four deviations.
     const double most = 16.0 * variance;
     const bool beyond = error * error > most;
@@ -35,7 +37,7 @@ class ScoreBlocks {
     block_.information[1] += a * b;
     block_.information[2] += b * b;
     if (++samples_ % shortest != 0) return 0;
-    return close(variance);
+    return close(variance, withheld);
   }
 
   // Begins new blocks; what earlier ones were like is kept.
@@ -66,7 +68,7 @@ class ScoreBlocks {
     bool waiting = false;
   };
 
-  std::size_t close(double variance) noexcept {
+  std::size_t close(double variance, bool withheld) noexcept {
     Block block = block_;
     block_ = {};
     std::size_t found = 0;
@@ -75,7 +77,7 @@ class ScoreBlocks {
       const double ratio = squared(block) / variance;
       // Not what sums beyond a double make.
       const double score = ratio >= 0.0 ? std::min(ratio, largest_score) : 0.0;
-      if (beyond(i, score)) {
+      if (!withheld && beyond(i, score)) {
         found = shortest << i;
       } else {
         ++level.blocks;

@@ -137,11 +137,16 @@ class ChangeDetector:
 
     z = min(e²/s², 25);  g ← max(0, g + z − drift);  alarm at g > threshold   (Page's CUSUM)
 
-    e is the a-priori force error, whitened by its own correlation; s² follows e² slowly, so that a
-    material outside the model class raises the bar instead of alarms for ever. Changes too small to
-    show in single errors, as of the damping alone, are found from blocks of them. On an alarm the estimate restarts with the samples
-    since g was last zero, and the old value as a weak prior: variable projection keeps
-    n ~ N(n̂, 0.3²); a recursive least squares keeps θ̂ with its initial covariance.
+    e is the a-priori force error, whitened by its own correlation; s² follows e² slowly. A second
+    sum takes errors as they are, for laws outside the material's class, and blocks of errors show
+    changes too small for single ones, as of the damping alone. All three alarm only beyond what
+    they have come back from before, and only at depths and speeds of earlier strokes: elsewhere an
+    error says more of the law than of a change.
+
+    On an alarm the estimate restarts with the samples since g was last zero, and with the old value
+    as a prior. Variable projection keeps the exponent it had, n ~ N(n̂, 0.02²), where it was
+    identifiable and until the samples reject it (then N(n̂, 0.3²)), and the force offset; a
+    recursive least squares keeps θ̂ with its initial covariance.
 
     Parameters
     ----------
@@ -154,8 +159,9 @@ class ChangeDetector:
     adaptation : float
         Fraction of the way from s² to e² a sample, in [0, 1].
     warm_up : int
-        Samples without alarms at the start, 10 to 1e6, and up to 300 of them after each change.
-        The later half of them tells the noise and its correlation.
+        Samples without alarms at the start, 10 to 1e6. The first half tells the noise and its
+        correlation; the later half, and it again from 300 samples after each change on, tells how
+        large errors are where nothing changes.
     transition : int
         Samples over which a velocity filter smears a change, 0 to 100: the length of a centred
         filter. Once twice as many have come after an alarm, a second reset leaves the latest of

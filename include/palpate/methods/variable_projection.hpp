@@ -8,6 +8,7 @@
 #include "palpate/contact_gate.hpp"
 #include "palpate/estimate.hpp"
 #include "palpate/forgetting.hpp"
+#include "palpate/projection/kept_exponent.hpp"
 #include "palpate/projection/projection_solver.hpp"
 #include "palpate/projection/residual_blocks.hpp"
 #include "palpate/projection/solution.hpp"
@@ -73,20 +74,22 @@ class VariableProjectionMethod {
     return Status::updated;
   }
 
-  // With the old answer as a weak prior: another material of the same kind has an exponent within
-  // 0.3 or so, and at the speed of the scale a damping force within a tenth of the elastic one.
+  // With the old answer as a prior (kept_exponent.hpp).
   void reinitialise() noexcept {
-    const Solution now = solver_.solve();
+    const Solution now = solve();
     open_flags_ = flags(now, inflation_);
     open_until_ = std::max(open_until_, solver_.weight());
-    solver_.restart(now, 0.3, 0.1);
-    forget_residuals();
+    const bool open = (open_flags_ & (exponent_not_identifiable | exponent_at_edge)) != 0;
+    kept_ = detail::KeptExponent(now, !open, inflation_);
+    reinitialise_after_transient();
   }
 
-  // The same once more: the weak prior is still that of before the change.
+  // The same once more, from the same prior.
   void reinitialise_after_transient() noexcept {
-    solver_.clear();
-    forget_residuals();
+    kept_.begin(solver_);
+    residuals_.clear();
+    inflation_ = 1.0;
+    samples_since_solve_ = 1;
   }
 
   Law law(const Units& units) const noexcept { return law(solve(), units); }
@@ -135,12 +138,6 @@ class VariableProjectionMethod {
  private:
   using Solution = detail::ProjectionSolution;
 
-  void forget_residuals() noexcept {
-    residuals_.clear();
-    inflation_ = 1.0;
-    samples_since_solve_ = 1;
-  }
-
   // The global search is due again after every 64th part of the samples, which moves an answer by
   // an eighth of its standard error at most (1/√64), but at least every 64 samples, as its cost of
   // ten updates is a sixth of theirs then.
@@ -156,7 +153,7 @@ class VariableProjectionMethod {
   // Renews the solution that errors are measured against, and solving starts from, where it is due.
   void refresh() noexcept {
     if (!due()) return;
-    last_solution_ = solver_.solve();
+    last_solution_ = kept_.solve(solver_);
     inflation_ = residuals_.inflation();
     samples_since_solve_ = 0;
   }
@@ -214,7 +211,8 @@ class VariableProjectionMethod {
   std::uint64_t samples_since_solve_ = 1;
   detail::LatterResiduals residuals_;
   double inflation_ = 1.0;       // theirs, at the last solution
-  std::uint8_t open_flags_ = 0;  // of before a restart …
+  detail::KeptExponent kept_;    // of before a restart
+  std::uint8_t open_flags_ = 0;  // of then …
   double open_until_ = 0.0;      // … until the samples weigh as much as those did
 };
 

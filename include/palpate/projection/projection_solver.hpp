@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 
 #include "palpate/contact_gate.hpp"
 #include "palpate/matrix.hpp"
@@ -40,14 +41,14 @@ class ProjectionSolver {
   double lowest_exponent() const noexcept { return sums_.lowest(); }
   double highest_exponent() const noexcept { return sums_.highest(); }
 
-  // Forgets the samples; the prior is the old answer with these deviations.
-  void restart(const ProjectionSolution& old, double exponent_deviation,
-               double dissipation_deviation) noexcept {
+  // The prior is an old answer with these deviations.
+  void set_prior(const ProjectionSolution& old, double exponent_deviation,
+                 double dissipation_deviation) noexcept {
     settings_.prior_exponent = old.n;
     settings_.prior_exponent_deviation = exponent_deviation;
     settings_.prior_dissipation = old.k > 0.0 ? old.c / old.k : 0.0;
     settings_.prior_dissipation_deviation = dissipation_deviation;
-    clear();
+    settings_.offset_deviation = std::sqrt(old.offset * old.offset + dot(old.root[3], old.root[3]));
   }
 
   // Forgets the samples and keeps the prior.

@@ -69,10 +69,10 @@ class SurfaceSolver {
   double weight() const noexcept { return bank_[0].weight(); }
   double highest_exponent() const noexcept { return bank_[0].highest_exponent(); }
 
-  void restart(const ProjectionSolution& old, double exponent_deviation,
-               double dissipation_deviation) noexcept {
+  void set_prior(const ProjectionSolution& old, double exponent_deviation,
+                 double dissipation_deviation) noexcept {
     for (ProjectionSolver& candidate : bank_) {
-      candidate.restart(old, exponent_deviation, dissipation_deviation);
+      candidate.set_prior(old, exponent_deviation, dissipation_deviation);
     }
   }
 
