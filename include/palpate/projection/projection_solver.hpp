@@ -40,6 +40,17 @@ class ProjectionSolver {
   double lowest_exponent() const noexcept { return sums_.lowest(); }
   double highest_exponent() const noexcept { return sums_.highest(); }
 
+  // What the priors of (k, c, k n, F₀) weigh beside samples in the root of a solution; an offset
+  // that there is none of is known.
+  Vector<4> prior_weights(const ProjectionSolution& s) const noexcept {
+    const double variance = s.root_variance;
+    const double of_exponent = problem().exponent_weight(variance) / (s.k * s.k + tiny);
+    const double of_offset =
+        settings_.offset ? problem().offset_weight(variance) : largest_parameter;
+    return {0.0, problem().damping_weight(s.k, variance),
+            std::min(of_exponent, largest_parameter), std::min(of_offset, largest_parameter)};
+  }
+
   // Forgets the samples; the prior is the old answer with these deviations.
   void restart(const ProjectionSolution& old, double exponent_deviation,
                double dissipation_deviation) noexcept {
@@ -92,8 +103,8 @@ class ProjectionSolver {
     r.cost = cost(point, start);
     r.at_edge = at_edge(point.n);
     r.surface_found = true;
-    const InverseRoot<4> inverse =
-        covariance_root(problem(), point, std::max(r.noise_variance, least_variance()));
+    r.root_variance = std::max(r.noise_variance, least_variance());
+    const InverseRoot<4> inverse = covariance_root(problem(), point, r.root_variance);
     for (std::size_t i = 0; i < 4; ++i) {
       for (std::size_t j = 0; j < 4; ++j) r.root[i][j] = inverse.root[i][j];
     }

@@ -68,6 +68,9 @@ class SurfaceSolver {
 
   double weight() const noexcept { return bank_[0].weight(); }
   double highest_exponent() const noexcept { return bank_[0].highest_exponent(); }
+  Vector<4> prior_weights(const ProjectionSolution& solution) const noexcept {
+    return bank_[0].prior_weights(solution);
+  }
 
   void restart(const ProjectionSolution& old, double exponent_deviation,
                double dissipation_deviation) noexcept {
