@@ -78,31 +78,31 @@ struct LevelNoise {
   double scatter = 0.0;  // relative variance of the last measured level and of what goes by it
 };
 
-// Where R Rᵀ = σ² (Σ JJᵀ + diag(prior))⁻¹ is the covariance for white residuals, (R W)(R W)ᵀ is the
-// one to print. `variance` is σ²; `rows` of R are those of the parameters that are printed. The
-// slopes that went into the levels need not be those of the fit, only to depend on the motion alike.
+// Where R Rᵀ is the covariance for white residuals, (R W)(R W)ᵀ is the one to print. `prior` is
+// what priors weigh over what samples do, on the diagonal of the information; `variance` is σ²;
+// `rows` of R are those of the parameters that are printed. The slopes that went into the levels
+// need not be those of the fit, only to depend on the motion alike.
 template <std::size_t Size, std::size_t Rows>
 class ErrorWidening {
  public:
   ErrorWidening(const HaarLevels<Size>& levels, const Vector<Size>& prior, double variance) noexcept
-      : levels_(levels), rest_(levels.rest()), noise_(levels, variance), root_(inverse_root(prior)) {}
+      : levels_(levels),
+        rest_(levels.rest()),
+        noise_(levels, variance),
+        root_(inverse_root(prior)) {}
 
   // The lower triangle W; the unit matrix while too few samples tell.
   [[gnu::noinline]] Matrix<Size> root(const std::array<Vector<Size>, Rows>& rows) const noexcept {
-    Matrix<Size> result{};
-    for (std::size_t i = 0; i < Size; ++i) result[i][i] = 1.0;
-    if (noise_.measured == 0) return result;
-    const Matrix<Size> widened = cholesky(whitened());
-    double freedom = 1e6;
+    Matrix<Size> unit{};
+    for (std::size_t i = 0; i < Size; ++i) unit[i][i] = 1.0;
+    if (noise_.measured == 0) return unit;
+    double freedom = most_freedom;
     for (const Vector<Size>& row : rows) freedom = std::min(freedom, degrees(multiply(root_, row)));
-    const double quantile = widened_quantile(freedom);
+    const Matrix<Size> widened = cholesky(whitened(widened_quantile(freedom)));
     for (std::size_t i = 0; i < Size; ++i) {
-      if (!(widened[i][i] >= 0.5 && widened[i][i] < LevelNoise::largest)) return result;
+      if (!(widened[i][i] >= 0.5 && widened[i][i] <= LevelNoise::largest)) return unit;
     }
-    for (std::size_t i = 0; i < Size; ++i) {
-      for (std::size_t j = 0; j <= i; ++j) result[i][j] = quantile * widened[i][j];
-    }
-    return result;
+    return widened;
   }
 
  private:
@@ -110,12 +110,12 @@ class ErrorWidening {
     return k < noise_.used ? levels_[k].information : rest_;
   }
 
-  // 1 + Rᵀ Σ (d_k/σ² − 1) D_k R, with R the root in the slopes of the levels.
-  Matrix<Size> whitened() const noexcept {
+  // 1 + Rᵀ Σ (q² d_k/σ² − 1) D_k R, with R the root in the slopes of the levels: what priors know
+  // grows with neither.
+  Matrix<Size> whitened(double quantile) const noexcept {
     Matrix<Size> excess{};
     for (std::size_t k = 0; k <= noise_.used; ++k) {
-      const double more = noise_.ratio[k] - 1.0;
-      if (more > 0.0) add(excess, part(k), more);
+      add(excess, part(k), quantile * quantile * noise_.ratio[k] - 1.0);
     }
     mirror(excess);
     Matrix<Size> transposed{};
@@ -127,20 +127,22 @@ class ErrorWidening {
     return result;
   }
 
-  // Satterthwaite's of yᵀ (Σ d_k D_k) y: of levels that are measured, and of all that go by the last.
+  // Satterthwaite's of yᵀ (Σ d_k D_k) y: levels that are measured have their own scatter, and all
+  // that go by the last of these one in common; those that count as σ² have next to none.
   double degrees(const Vector<Size>& y) const noexcept {
-    double whole = 0.0, spread = 0.0, top = 0.0;
+    double whole = 0.0, spread = 0.0, common = 0.0;
     for (std::size_t k = 0; k <= noise_.used; ++k) {
       const double term = noise_.ratio[k] * quadratic(part(k), y);
       whole += term;
+      if (!(noise_.ratio[k] > 1.0)) continue;
       if (k + 1 < noise_.measured) {
         spread += term * term * 2.0 / noise_.pairs[k];
       } else {
-        top += term;
+        common += term;
       }
     }
-    spread += top * top * noise_.scatter;
-    return spread > 0.0 ? 2.0 * whole * whole / spread : 1e6;
+    spread += common * common * noise_.scatter;
+    return spread > 0.0 ? std::min(2.0 * whole * whole / spread, most_freedom) : most_freedom;
   }
 
   // From a unit diagonal, so that nothing overflows. Where rounding has eaten a pivot the samples
@@ -151,9 +153,9 @@ class ErrorWidening {
     mirror(m);
     Vector<Size> unit{}, kept{};
     for (std::size_t i = 0; i < Size; ++i) {
-      m[i][i] += prior[i];
+      m[i][i] += prior[i] * m[i][i];
       unit[i] = m[i][i] > 0.0 ? 1.0 / std::sqrt(m[i][i]) : 0.0;
-      kept[i] = std::max(prior[i] * unit[i] * unit[i], 1e-30);
+      kept[i] = std::max(prior[i] / (1.0 + prior[i]), 1e-30);
     }
     for (std::size_t i = 0; i < Size; ++i) {
       for (std::size_t j = 0; j < Size; ++j) m[i][j] *= unit[i] * unit[j];
@@ -166,6 +168,8 @@ class ErrorWidening {
     }
     return inverse.root;
   }
+
+  static constexpr double most_freedom = 1e6;
 
   static void add(Matrix<Size>& sum, const Matrix<Size>& upper, double factor) noexcept {
     for (std::size_t i = 0; i < Size; ++i) {

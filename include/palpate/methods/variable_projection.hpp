@@ -45,8 +45,9 @@ class VariableProjectionMethod {
   // ξⁿ squared, times w², summed and multiplied by its like three times, stays finite below it.
   static constexpr double largest_power = 1e29;
 
-  VariableProjectionMethod(const Settings& settings, const Units&) noexcept
+  VariableProjectionMethod(const Settings& settings, const Units& units) noexcept
       : solver_(settings),
+        log_penetration_(units.log_penetration),
         largest_penetration_(std::pow(largest_power, 1.0 / solver_.highest_exponent())) {}
 
   ContactGate::Settings gate(const ContactGate::Settings& given,
@@ -168,15 +169,19 @@ class VariableProjectionMethod {
     return {depth, depth * s.velocity, depth * std::log(depth), 1.0};
   }
 
-  // Of K, B and n as of (k, c, n, F₀): at the depth of the unit they are the same but for their
-  // units. What is left is as wide as the widest of these: the surface, whose slope is not kept.
+  // By how sure K, B and n are, in SI but for their units. The surface, whose slope is not kept, is
+  // as much wider as the widest of the others.
   [[gnu::noinline]] void widen() noexcept {
     samples_since_widening_ = 0;
     const Solution& p = last_solution_;
     std::array<Vector<4>, order> rows{};
-    for (std::size_t i = 0; i < order; ++i) std::copy_n(p.root[i].begin(), 4, rows[i].begin());
+    for (std::size_t j = 0; j < 4; ++j) {
+      rows[0][j] = p.root[0][j] - p.k * log_penetration_ * p.root[2][j];
+      rows[1][j] = p.root[1][j] - p.c * log_penetration_ * p.root[2][j];
+      rows[2][j] = p.root[2][j];
+    }
     const Matrix<4> root =
-        detail::ErrorWidening<4, order>(levels_, solver_.prior_weights(p), p.root_variance)
+        detail::ErrorWidening<4, order>(levels_, solver_.prior_fractions(p), p.root_variance)
             .root(rows);
     double widest = 1.0;
     for (std::size_t i = 0; i < 4; ++i) {
@@ -245,6 +250,7 @@ class VariableProjectionMethod {
   }
 
   Solver solver_;
+  double log_penetration_;      // of the unit
   double largest_penetration_;  // in scaled units
   Solution last_solution_{};
   std::uint64_t samples_since_solve_ = 1;

@@ -40,15 +40,19 @@ class ProjectionSolver {
   double lowest_exponent() const noexcept { return sums_.lowest(); }
   double highest_exponent() const noexcept { return sums_.highest(); }
 
-  // What the priors of (k, c, k n, F₀) weigh beside samples in the root of a solution; an offset
-  // that there is none of is known.
-  Vector<4> prior_weights(const ProjectionSolution& s) const noexcept {
+  // What the priors of (k, c, n, F₀) weigh, over what the samples do, in the root of a solution. An
+  // offset that there is none of is known.
+  Vector<4> prior_fractions(const ProjectionSolution& s) const noexcept {
     const double variance = s.root_variance;
-    const double of_exponent = problem().exponent_weight(variance) / (s.k * s.k + tiny);
-    const double of_offset =
-        settings_.offset ? problem().offset_weight(variance) : largest_parameter;
-    return {0.0, problem().damping_weight(s.k, variance),
-            std::min(of_exponent, largest_parameter), std::min(of_offset, largest_parameter)};
+    const ProjectionPoint point{s.n, sums_.at(s.n), {s.k, s.c, s.offset, s.cost, true}};
+    const Matrix<4> samples = information(problem(), point, variance);
+    const auto fraction = [](double prior, double data) noexcept {
+      return std::clamp(prior / (data + tiny), 0.0, largest_parameter);
+    };
+    return {0.0, fraction(problem().damping_weight(s.k, variance), samples[1][1]),
+            fraction(problem().exponent_weight(variance), samples[2][2]),
+            settings_.offset ? fraction(problem().offset_weight(variance), sums_.weight())
+                             : largest_parameter};
   }
 
   // Forgets the samples; the prior is the old answer with these deviations.
