@@ -5,7 +5,15 @@ import pytest
 from probing import MATERIALS, NOISE, PVC, Motion, coloured, fed, sines, three_sines
 from scipy.stats import binom
 
-from palpate import ConstantForgetting, ContactGate, HuntCrossley, VariableProjection
+from palpate import (
+    ConstantForgetting,
+    Contact,
+    ContactGate,
+    HuntCrossley,
+    KelvinVoigt,
+    VariableProjection,
+    identify,
+)
 from palpate.design import Motion as Planned
 
 # What the benchmark `bars` holds itself to for a cell; a count below it that a true 85 % has once
@@ -55,3 +63,36 @@ def test_bars_under_forgetting_are_those_of_the_memory() -> None:
     # √(10000/1000) = 3.2, times how unlike the latest second is to ten.
     assert (ratio > 2.0).all()
     assert (ratio < 20.0).all()
+
+
+@pytest.mark.parametrize(
+    ("method", "law"),
+    [
+        ("kelvin-voigt", KelvinVoigt(2000.0, 20.0)),
+        # Where condition 10 holds, it is the least squares of ln F.
+        ("single-stage", HuntCrossley(2000.0, 20.0, 1.0)),
+    ],
+)
+def test_identification_widens_the_bars_of_the_papers_methods(
+    method: str, law: HuntCrossley | KelvinVoigt
+) -> None:
+    motion, seeds = three_sines(5.0), 100
+    own, held = np.zeros(len(law.parameters)), np.zeros(len(law.parameters))
+    for seed in range(seeds):
+        force = law.force(motion.x, motion.v) + coloured(len(motion), seed, memory=0.9)
+        found = identify(
+            Contact(motion.time, penetration=motion.x, velocity=motion.v, force=force), method
+        )
+        error = np.abs(found.estimate.parameters - law.parameters)
+        own += error < 1.96 * found.estimate.standard_errors
+        held += error < 1.96 * found.standard_errors
+    assert (held >= binom.ppf(1e-3, seeds, LEAST)).all()
+    # The recursion's own take the noise for white.
+    assert own.min() < 70
+
+
+def test_identification_leaves_the_bars_of_variable_projection_as_they_are() -> None:
+    motion = three_sines(1.0)
+    force = PVC.force(motion.x, motion.v) + coloured(len(motion), 1)
+    found = identify(Contact(motion.time, penetration=motion.x, velocity=motion.v, force=force))
+    assert np.array_equal(found.standard_errors, found.estimate.standard_errors)

@@ -89,7 +89,8 @@ class ErrorWidening {
       : levels_(levels),
         rest_(levels.rest()),
         noise_(levels, variance),
-        root_(inverse_root(prior)) {}
+        root_(inverse_root(prior)),
+        variance_(variance) {}
 
   // The lower triangle W; the unit matrix while too few samples tell.
   [[gnu::noinline]] Matrix<Size> root(const std::array<Vector<Size>, Rows>& rows) const noexcept {
@@ -103,6 +104,17 @@ class ErrorWidening {
       if (!(widened[i][i] >= 0.5 && widened[i][i] <= LevelNoise::largest)) return unit;
     }
     return widened;
+  }
+
+  // Variance of yᵀ Σ J e, of an influence y on the scores of the levels' own slopes and residuals,
+  // with its own quantile.
+  double variance(const Vector<Size>& influence) const noexcept {
+    double whole = 0.0;
+    for (std::size_t k = 0; k <= noise_.used; ++k) {
+      whole += noise_.ratio[k] * quadratic(part(k), influence);
+    }
+    const double quantile = noise_.measured > 0 ? widened_quantile(degrees(influence)) : 1.0;
+    return quantile * quantile * variance_ * whole;
   }
 
  private:
@@ -197,6 +209,7 @@ class ErrorWidening {
   Matrix<Size> rest_;
   LevelNoise noise_;
   Matrix<Size> root_;
+  double variance_;
 };
 
 }  // namespace palpate::detail
