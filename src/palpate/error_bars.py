@@ -45,6 +45,7 @@ def widening(
     if not (0.0 < noise < np.inf and (white > 0.0).all()):
         return none
     scores = np.ascontiguousarray(weight[:, None] / unit * slopes).reshape(-1)
-    found = correlated_variances(scores, residual / noise, (inverse * unit).reshape(-1))
+    influence: Floats = np.ascontiguousarray(inverse * unit).reshape(-1)
+    found: Floats = np.asarray(correlated_variances(scores, residual / noise, influence))
     factors: Floats = np.sqrt(np.maximum(found * noise**2 / white, 1.0))
     return np.where(np.isfinite(factors), factors, 1.0)
