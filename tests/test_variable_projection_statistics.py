@@ -53,8 +53,8 @@ def check_coverage(name: str, noise: float | None, seeds: range) -> None:
     inside = np.count_nonzero(np.abs(errors) < 1.96 * deviations, axis=0)
     # Beyond them a true 95 % would be one time in 500 on each side.
     assert (inside >= binom.ppf(0.002, len(seeds), 0.95)).all()
-    # The priors and a bar that allows for correlation only ever add: 97 % at most.
-    assert (inside <= binom.ppf(0.998, len(seeds), 0.97)).all()
+    # A bar that allows for correlation pays for not knowing that there is none: 98 % in a second.
+    assert (inside <= binom.ppf(0.998, len(seeds), 0.985)).all()
 
 
 @pytest.mark.parametrize("noise", [None, NOISE])

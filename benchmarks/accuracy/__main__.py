@@ -10,6 +10,7 @@ from cyclopts import App
 from benchmarks.accuracy import (
     alarms,
     approaches,
+    bars,
     changes,
     contact_point,
     convergence,
@@ -50,6 +51,7 @@ PARTS = {
     "outliers": Part("Outliers", outliers.outliers),
     "contact-point": Part("A surface that is unknown", contact_point.contact_point),
     "coverage": Part("Whether the error bars are true", coverage.coverage),
+    "bars": Part("Error bars where noise is correlated", bars.bars),
     "recordings": Part("Recordings, beside offline least squares", recordings.recordings),
     "holding": Part("A contact that is held", holding.holding),
     "drift": Part("A material that drifts", drift.drift),

@@ -22,6 +22,7 @@ inline nb::object copied_array(const double* data, std::initializer_list<std::si
 
 void bind_force_laws(nb::module_& module);
 void bind_estimate(nb::module_& module);
+void bind_error_bars(nb::module_& module);
 void bind_estimators(nb::module_& module);
 void bind_projection(nb::module_& module);
 void bind_least_squares(nb::module_& module);

@@ -6,6 +6,7 @@ NB_MODULE(_core, module) {
   module.attr("defaults") = palpate::bindings::nb::dict();
   palpate::bindings::bind_force_laws(module);
   palpate::bindings::bind_estimate(module);
+  palpate::bindings::bind_error_bars(module);
   palpate::bindings::bind_least_squares(module);
   palpate::bindings::bind_estimators(module);
   palpate::bindings::bind_projection(module);

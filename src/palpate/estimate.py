@@ -38,7 +38,10 @@ class Estimate:
         Joint covariance of the law's parameters, in their order: the recursion's P times the
         variance of its residual, taken from θ to the law by the delta method.
     standard_errors : numpy.ndarray, shape (p,)
-        Square roots of its diagonal.
+        Square roots of its diagonal. Variable projection makes them so wide that ± 1.96 of them
+        hold the truth in 95 of 100 although the noise is correlated and itself only estimated:
+        they contain the factor t₀.₉₇₅(ν)/1.96. The paper's methods take the noise for white here;
+        :attr:`Identification.standard_errors` does not.
     offset, offset_standard_error : float
         Force that the sensor shows without contact, N, by methods that estimate it; else 0.
     surface, surface_standard_error : float

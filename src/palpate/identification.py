@@ -13,6 +13,7 @@ import numpy as np
 from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis, Episode, diagnose_parts
+from palpate.error_bars import widening
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.estimate import Estimate
 from palpate.estimators import (
@@ -119,6 +120,30 @@ class Identification:
         """The contact model, SI."""
         return self.estimate.law
 
+    @cached_property
+    def standard_errors(self) -> Floats:
+        """Standard errors of the law's parameters, SI, as wide as a correlated residual asks for.
+
+        Those of the estimate, but for methods that take their residual for white, the paper's:
+        there as much wider as its correlation makes the least squares of the samples that they took
+        since their last restart.
+        """
+        estimate, contact = self.estimate, self.contact
+        if self.estimator.minimises is None:
+            return estimate.standard_errors
+        taken = np.flatnonzero(self.trace.taken)
+        restarts = np.flatnonzero(self.trace.status == Status.RESTARTED)
+        if restarts.size:
+            taken = taken[taken >= restarts[-1]]
+        factors = widening(
+            estimate.law,
+            contact.penetration[taken],
+            contact.velocity[taken],
+            contact.force[taken],
+            logarithmic=self.estimator.minimises == "logarithm",
+        )
+        return estimate.standard_errors * factors
+
     @property
     def gate(self) -> ContactGate:
         """The gate that chose the samples."""
@@ -176,7 +201,7 @@ class Identification:
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and words; what is not defined is None."""
         law = self.law
-        errors = self.estimate.standard_errors.tolist()
+        errors = self.standard_errors.tolist()
         estimate, beside = self.estimate, {}
         if estimate.offset_standard_error > 0.0:
             beside["offset"] = estimate.offset

@@ -2,15 +2,18 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 
 #include "palpate/contact_gate.hpp"
+#include "palpate/error_widening.hpp"
 #include "palpate/estimate.hpp"
 #include "palpate/forgetting.hpp"
+#include "palpate/haar_levels.hpp"
 #include "palpate/projection/kept_exponent.hpp"
 #include "palpate/projection/projection_solver.hpp"
-#include "palpate/projection/residual_blocks.hpp"
 #include "palpate/projection/solution.hpp"
 #include "palpate/projection/surface_solver.hpp"
 #include "palpate/sample.hpp"
@@ -43,8 +46,9 @@ class VariableProjectionMethod {
   // ξⁿ squared, times w², summed and multiplied by its like three times, stays finite below it.
   static constexpr double largest_power = 1e29;
 
-  VariableProjectionMethod(const Settings& settings, const Units&) noexcept
+  VariableProjectionMethod(const Settings& settings, const Units& units) noexcept
       : solver_(settings),
+        log_penetration_(units.log_penetration),
         largest_penetration_(std::pow(largest_power, 1.0 / solver_.highest_exponent())) {}
 
   ContactGate::Settings gate(const ContactGate::Settings& given,
@@ -64,11 +68,8 @@ class VariableProjectionMethod {
   double predict(const Row& row) const noexcept { return row.predicted; }
 
   Status learn(const Row& row, double, double forgetting_factor, double) noexcept {
-    // Before that the answer is mostly the priors', and its errors say nothing of the noise.
-    constexpr double fewest_samples = 20.0;
-    if (solver_.weight() >= fewest_samples) {
-      residuals_.add(detail::saturate(row.sample.force - row.predicted));
-    }
+    levels_.add(slope(row.sample), detail::saturate(row.sample.force - row.predicted),
+                forgetting_factor);
     solver_.add(row.sample, forgetting_factor);
     ++samples_since_solve_;
     return Status::updated;
@@ -77,19 +78,20 @@ class VariableProjectionMethod {
   // With the old answer as a prior (kept_exponent.hpp).
   void reinitialise() noexcept {
     const Solution now = solve();
-    open_flags_ = flags(now, inflation_);
+    const Matrix<5> root = widened(now);
+    open_flags_ = flags(now, root);
     open_until_ = std::max(open_until_, solver_.weight());
     const bool open = (open_flags_ & (exponent_not_identifiable | exponent_at_edge)) != 0;
-    kept_ = detail::KeptExponent(now, !open, inflation_);
+    const double white_variance = detail::dot(now.root[2], now.root[2]);
+    const double inflation = detail::dot(root[2], root[2]) / (white_variance + detail::tiny);
+    kept_ = detail::KeptExponent(now, !open, inflation);
     reinitialise_after_transient();
   }
 
   // The same once more, from the same prior.
   void reinitialise_after_transient() noexcept {
     kept_.begin(solver_);
-    residuals_.clear();
-    inflation_ = 1.0;
-    samples_since_solve_ = 1;
+    forget_noise();
   }
 
   Law law(const Units& units) const noexcept { return law(solve(), units); }
@@ -102,17 +104,14 @@ class VariableProjectionMethod {
   Fit<Law> fit(const Units& units) const noexcept {
     const Solution now = solve();
     const Law law = this->law(now, units);
-    const double inflation = inflation_;
-    Matrix<5> joint = detail::squared(in_si(now.root, law, units));
-    for (auto& row : joint) {
-      for (double& entry : row) entry *= inflation;
-    }
+    const Matrix<5> root = widened(now);
+    Matrix<5> joint = detail::squared(in_si(root, law, units));
     detail::bound_variances(joint, detail::largest_variance);
     Fit<Law> fit{.law = law,
                  .covariance = {},
                  .offset = {now.offset * units.force, joint[3][3], {}},
                  .surface = {now.surface * units.penetration, joint[4][4]},
-                 .flags = flags(now, inflation)};
+                 .flags = flags(now, root)};
     for (std::size_t i = 0; i < order; ++i) {
       for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
       fit.offset.covariance[i] = joint[3][i];
@@ -123,11 +122,10 @@ class VariableProjectionMethod {
   Snapshot<Law> snapshot(const Units& units) const noexcept {
     const Solution now = solve();
     const Law law = this->law(now, units);
-    const double inflation = inflation_;
-    const Matrix<5> root = in_si(now.root, law, units);
+    const Matrix<5> root = in_si(widened(now), law, units);
     Snapshot<Law> snapshot{law, {}};
     for (std::size_t i = 0; i < order; ++i) {
-      snapshot.variances[i] = detail::bounded_variance(inflation * detail::dot(root[i], root[i]));
+      snapshot.variances[i] = detail::bounded_variance(detail::dot(root[i], root[i]));
     }
     return snapshot;
   }
@@ -137,6 +135,13 @@ class VariableProjectionMethod {
 
  private:
   using Solution = detail::ProjectionSolution;
+
+  void forget_noise() noexcept {
+    levels_.clear();
+    widening_ = white;
+    samples_since_widening_ = 0;
+    samples_since_solve_ = 1;
+  }
 
   // The global search is due again after every 64th part of the samples, which moves an answer by
   // an eighth of its standard error at most (1/√64), but at least every 64 samples, as its cost of
@@ -153,18 +158,61 @@ class VariableProjectionMethod {
   // Renews the solution that errors are measured against, and solving starts from, where it is due.
   void refresh() noexcept {
     if (!due()) return;
+    samples_since_widening_ += samples_since_solve_;
     last_solution_ = kept_.solve(solver_);
-    inflation_ = residuals_.inflation();
     samples_since_solve_ = 0;
+    // A tenth of the samples more moves an error bar by a twentieth.
+    if (static_cast<double>(samples_since_widening_) > 0.1 * solver_.weight()) widen();
   }
 
-  std::uint8_t flags(const Solution& p, double inflation) const noexcept {
+  // F = ξⁿ (k + c w) + F₀ by k, c, n/k and F₀, at n = 1 and c = 0 whatever they are: slopes that
+  // change while an answer is still on its way would look like quick motion.
+  static Vector<4> slope(const Sample& s) noexcept {
+    const double depth = s.penetration;
+    if (!(depth > 0.0)) return {0.0, 0.0, 0.0, 1.0};
+    return {depth, depth * s.velocity, depth * std::log(depth), 1.0};
+  }
+
+  // By how sure K, B and n are, in SI but for their units. The surface, whose slope is not kept, is
+  // as much wider as the widest of the others.
+  [[gnu::noinline]] void widen() noexcept {
+    samples_since_widening_ = 0;
+    const Solution& p = last_solution_;
+    std::array<Vector<4>, order> rows{};
+    for (std::size_t j = 0; j < 4; ++j) {
+      rows[0][j] = p.root[0][j] - p.k * log_penetration_ * p.root[2][j];
+      rows[1][j] = p.root[1][j] - p.c * log_penetration_ * p.root[2][j];
+      rows[2][j] = p.root[2][j];
+    }
+    const Matrix<4> root =
+        detail::ErrorWidening<4, order>(levels_, solver_.prior_fractions(p), p.root_variance)
+            .root(rows);
+    double widest = 1.0;
+    for (std::size_t i = 0; i < 4; ++i) {
+      std::copy_n(root[i].begin(), 4, widening_[i].begin());
+      widest = std::max(widest, detail::dot(root[i], root[i]));
+    }
+    widening_[4][4] = std::sqrt(widest);
+  }
+
+  // The root of the covariance that is printed.
+  Matrix<5> widened(const Solution& p) const noexcept {
+    Matrix<5> result{};
+    for (std::size_t i = 0; i < 5; ++i) {
+      for (std::size_t k = 0; k < 5; ++k) {
+        for (std::size_t j = 0; j <= k; ++j) result[i][j] += p.root[i][k] * widening_[k][j];
+      }
+    }
+    return result;
+  }
+
+  std::uint8_t flags(const Solution& p, const Matrix<5>& root) const noexcept {
     // Twice this and a sphere (1.5) is not distinct from a cone (2) or a spring (1).
     constexpr double largest_exponent_error = 0.2;
     // Of the elastic force: B v is unknown to a quarter of K at the speed of the scale.
     constexpr double largest_damping_error = 0.25;
-    const double exponent = std::sqrt(inflation * detail::dot(p.root[2], p.root[2]));
-    const double damping = std::sqrt(inflation * detail::dot(p.root[1], p.root[1]));
+    const double exponent = std::sqrt(detail::dot(root[2], root[2]));
+    const double damping = std::sqrt(detail::dot(root[1], root[1]));
     std::uint8_t found = p.at_edge ? exponent_at_edge : 0;
     if (!(exponent < largest_exponent_error) || !p.exponent_identifiable) {
       found |= exponent_not_identifiable;
@@ -206,11 +254,14 @@ class VariableProjectionMethod {
   }
 
   Solver solver_;
+  double log_penetration_;      // of the unit
   double largest_penetration_;  // in scaled units
   Solution last_solution_{};
   std::uint64_t samples_since_solve_ = 1;
-  detail::LatterResiduals residuals_;
-  double inflation_ = 1.0;       // theirs, at the last solution
+  detail::HaarLevels<4> levels_;
+  static constexpr Matrix<5> white = diagonal<5>({1.0, 1.0, 1.0, 1.0, 1.0});
+  Matrix<5> widening_ = white;  // of the root, as the levels told when it was last due
+  std::uint64_t samples_since_widening_ = 0;
   detail::KeptExponent kept_;    // of before a restart
   std::uint8_t open_flags_ = 0;  // of then …
   double open_until_ = 0.0;      // … until the samples weigh as much as those did

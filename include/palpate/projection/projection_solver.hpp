@@ -41,6 +41,21 @@ class ProjectionSolver {
   double lowest_exponent() const noexcept { return sums_.lowest(); }
   double highest_exponent() const noexcept { return sums_.highest(); }
 
+  // What the priors of (k, c, n, F₀) weigh, over what the samples do, in the root of a solution. An
+  // offset that there is none of is known.
+  Vector<4> prior_fractions(const ProjectionSolution& s) const noexcept {
+    const double variance = s.root_variance;
+    const ProjectionPoint point{s.n, sums_.at(s.n), {s.k, s.c, s.offset, s.cost, true}};
+    const Matrix<4> samples = information(problem(), point, variance);
+    const auto fraction = [](double prior, double data) noexcept {
+      return std::clamp(prior / (data + tiny), 0.0, largest_parameter);
+    };
+    return {0.0, fraction(problem().damping_weight(s.k, variance), samples[1][1]),
+            fraction(problem().exponent_weight(variance), samples[2][2]),
+            settings_.offset ? fraction(problem().offset_weight(variance), sums_.weight())
+                             : largest_parameter};
+  }
+
   // The prior is an old answer with these deviations.
   void set_prior(const ProjectionSolution& old, double exponent_deviation,
                  double dissipation_deviation) noexcept {
@@ -93,8 +108,8 @@ class ProjectionSolver {
     r.cost = cost(point, start);
     r.at_edge = at_edge(point.n);
     r.surface_found = true;
-    const InverseRoot<4> inverse =
-        covariance_root(problem(), point, std::max(r.noise_variance, least_variance()));
+    r.root_variance = std::max(r.noise_variance, least_variance());
+    const InverseRoot<4> inverse = covariance_root(problem(), point, r.root_variance);
     for (std::size_t i = 0; i < 4; ++i) {
       for (std::size_t j = 0; j < 4; ++j) r.root[i][j] = inverse.root[i][j];
     }

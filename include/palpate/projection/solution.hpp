@@ -20,10 +20,11 @@ struct ScaledLaw {
 };
 
 struct ProjectionSolution : ScaledLaw {
-  double noise_variance;       // of the force
-  double prior_variance;       // the same as the priors were weighted with
-  Matrix<5> root;              // R Rᵀ is the covariance of (k, c, n, offset, surface)
-  double cost;                 // J: the weighted residual sum less Σ F², with the priors
+  double noise_variance;  // of the force
+  double prior_variance;  // the same as the priors were weighted with
+  double root_variance;   // the same as the root below takes it, with its floor
+  Matrix<5> root;  // R Rᵀ is the covariance of (k, c, n, offset, surface) for white residuals
+  double cost;     // J: the weighted residual sum less Σ F², with the priors
   bool damping_identifiable;   // false where v says nothing that ξ does not, but for rounding
   bool exponent_identifiable;  // false where the depth has hardly varied
   bool at_edge;                // the exponent ended at the edge of its range

@@ -68,6 +68,12 @@ class SurfaceSolver {
 
   double weight() const noexcept { return bank_[0].weight(); }
   double highest_exponent() const noexcept { return bank_[0].highest_exponent(); }
+  Vector<4> prior_fractions(const ProjectionSolution& solution) const noexcept {
+    const double nearest = std::round((solution.surface - settings_.lowest_surface) / step());
+    const double last = static_cast<double>(candidates - 1);
+    return bank_[static_cast<std::size_t>(std::clamp(nearest, 0.0, last))].prior_fractions(
+        solution);
+  }
 
   void set_prior(const ProjectionSolution& old, double exponent_deviation,
                  double dissipation_deviation) noexcept {

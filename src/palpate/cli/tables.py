@@ -147,7 +147,7 @@ def _in_two_lines(method: str) -> str:
 
 
 def _parameters(result: Identification) -> list[str]:
-    law, errors = result.law, result.estimate.standard_errors
+    law, errors = result.law, result.standard_errors
     return [
         f"{symbol} = {value:.4g} ± {error:.2g} {unit}".rstrip()
         for symbol, value, error, unit in zip(

@@ -1,7 +1,7 @@
 """The face that every estimator of a contact shows."""
 
 import copy
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +28,8 @@ class ContactEstimator:
     law_type: ClassVar[type[ForceLaw]]
     #: Whether its answer is biased where condition 10 of the paper does not hold.
     needs_condition_10: ClassVar[bool] = False
+    #: Of what it minimises the squares, where its error bars take that for white noise.
+    minimises: ClassVar[Literal["force", "logarithm"] | None] = None
 
     if TYPE_CHECKING:  # the compiled class, or a method of one's own, brings these
         _settings: dict[str, Any]

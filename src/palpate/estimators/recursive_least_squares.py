@@ -3,7 +3,7 @@
 The estimator's own numbers (θ, P) live in the units of its ``scale``.
 """
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from numpy.typing import ArrayLike
 
@@ -59,6 +59,7 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
     """
 
     __slots__ = ()
+    minimises: ClassVar[Literal["force", "logarithm"] | None] = "force"
     default_initial: ClassVar[ForceLaw]
     default_covariance: ClassVar[ArrayLike]
 
@@ -134,6 +135,7 @@ class SingleStageRLS(RecursiveLeastSquaresEstimator, _core.SingleStageRLS):
     __slots__ = ("_settings",)
     method = "single-stage"
     law_type = HuntCrossley
+    minimises = "logarithm"
     needs_condition_10 = True
     default_initial = HuntCrossley(*_core.defaults["SingleStageRLS"]["initial"])
     default_covariance = _core.defaults["SingleStageRLS"]["initial_covariance"]

@@ -150,7 +150,7 @@ def draw_parameter(
     # The start-up leaves any scale; show the second half of the estimate, and the final value.
     settled = value[np.isfinite(value)]
     settled = settled[settled.size // 4 :]
-    last = float(result.estimate.standard_errors[index])
+    last = float(result.standard_errors[index])
     spread = max(float(np.ptp(settled)), 4.0 * last, 0.1 * abs(final), 1e-300)
     middle = 0.5 * float(settled.max() + settled.min())
     axes.set_ylim(middle - spread, middle + spread)

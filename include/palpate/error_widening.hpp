@@ -1,0 +1,215 @@
+// By how much error bars must be wider because the residual is not white, and because of how few
+// blocks that is known:
+//
+//   C = I⁻¹ [Σ d_k D_k] I⁻¹ in place of σ² I⁻¹,   d_k ≥ σ²,
+//
+// of the levels of haar_levels.hpp, and standard errors times t₀.₉₇₅(ν)/1.96.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "palpate/haar_levels.hpp"
+#include "palpate/matrix.hpp"
+
+namespace palpate::detail {
+
+// t₀.₉₇₅(ν)/1.96 after Cornish & Fisher, to 1 % from ν = 3 on. Of ν below 2, where noise still
+// grows with the longest blocks, as of 2: the order of approximation says no more.
+inline double widened_quantile(double freedom) noexcept {
+  const double r = 1.0 / std::max(freedom, 2.0);
+  return 1.0 + r * (1.210365 + r * (1.440077 + r * 1.304029));
+}
+
+// d_k/σ² ≥ 1 of each level and, last, of what has no partner.
+struct LevelNoise {
+  // The largest that counts: error bars a million times those of white noise.
+  static constexpr double largest = 1e12;
+
+  template <std::size_t Size>
+  LevelNoise(const HaarLevels<Size>& levels, double variance) noexcept : used(levels.used()) {
+    // Eight pairs tell a variance to a half.
+    constexpr double fewest_pairs = 8.0;
+    for (; measured < used && levels[measured].older_pairs >= fewest_pairs; ++measured) {
+      const HaarLevel<Size>& level = levels[measured];
+      pairs[measured] = level.older_pairs;
+      // p/2m of residuals goes into a fit of p parameters; into one of earlier samples only, which
+      // a-priori errors are of, half of it. (AR(1) 0.98, 1 s: covers 94, without it 92 %.)
+      const double lost = static_cast<double>(Size) / (4.0 * level.older_pairs);
+      ratio[measured] = level.residual_variance() * (1.0 + lost) / variance;
+    }
+    if (measured > 0) extrapolate();
+    for (double& value : ratio) value = value > 1.0 ? std::min(value, largest) : 1.0;
+  }
+
+  // Noise that grew by g a level up to the last one measured, K, goes on as that of an
+  // Ornstein–Uhlenbeck process, d_j = d_K (1 + u)/(1 + u 4^(K−j)) with u = (g − 1)/(4 − g).
+  // g = √(d_K/d_{K−2}) counts where it exceeds 1 by half its own deviation.
+  void extrapolate() noexcept {
+    const std::size_t last = measured - 1;
+    scatter = 2.0 / pairs[last];
+    double u = 0.0;
+    if (last >= 2 && ratio[last - 2] > 0.0) {
+      const double growth = std::sqrt(ratio[last] / ratio[last - 2]);
+      const double before = 2.0 / pairs[last - 2];
+      if (growth > 1.0 + 0.5 * std::sqrt(scatter + before)) {
+        // A random walk grows by 4, without end; of 3.5 the end is 6 times what was measured.
+        const double bounded = std::min(growth, 3.5);
+        u = (bounded - 1.0) / (4.0 - bounded);
+        // By ∂ln d_∞/∂ln g = g/(4 − g), in first order: of g up to 3.
+        const double slope = 0.5 * std::min(growth, 3.0) / (4.0 - std::min(growth, 3.0));
+        scatter = scatter * (1.0 + slope) * (1.0 + slope) + before * slope * slope;
+      }
+    }
+    double still = 1.0;  // 4^(K−j)
+    for (std::size_t j = measured; j < used; ++j) {
+      still *= 0.25;
+      ratio[j] = ratio[last] * (1.0 + u) / (1.0 + u * still);
+    }
+    if (measured <= used) ratio[used] = ratio[last] * (1.0 + u);
+  }
+
+  std::array<double, HaarLevels<1>::most + 1> ratio{};
+  std::array<double, HaarLevels<1>::most + 1> pairs{};
+  std::size_t used;
+  std::size_t measured = 0;
+  double scatter = 0.0;  // relative variance of the last measured level and of what goes by it
+};
+
+// Where R Rᵀ is the covariance for white residuals, (R W)(R W)ᵀ is the one to print. `prior` is
+// what priors weigh over what samples do, on the diagonal of the information; `variance` is σ²;
+// `rows` of R are those of the parameters that are printed. The slopes that went into the levels
+// need not be those of the fit, only to depend on the motion alike.
+template <std::size_t Size, std::size_t Rows>
+class ErrorWidening {
+ public:
+  ErrorWidening(const HaarLevels<Size>& levels, const Vector<Size>& prior, double variance) noexcept
+      : levels_(levels),
+        rest_(levels.rest()),
+        noise_(levels, variance),
+        root_(inverse_root(prior)),
+        variance_(variance) {}
+
+  // The lower triangle W; the unit matrix while too few samples tell.
+  [[gnu::noinline]] Matrix<Size> root(const std::array<Vector<Size>, Rows>& rows) const noexcept {
+    Matrix<Size> unit{};
+    for (std::size_t i = 0; i < Size; ++i) unit[i][i] = 1.0;
+    if (noise_.measured == 0) return unit;
+    double freedom = most_freedom;
+    for (const Vector<Size>& row : rows) freedom = std::min(freedom, degrees(multiply(root_, row)));
+    const Matrix<Size> widened = cholesky(whitened(widened_quantile(freedom)));
+    for (std::size_t i = 0; i < Size; ++i) {
+      if (!(widened[i][i] >= 0.5 && widened[i][i] <= LevelNoise::largest)) return unit;
+    }
+    return widened;
+  }
+
+  // Variance of yᵀ Σ J e, of an influence y on the scores of the levels' own slopes and residuals,
+  // with its own quantile.
+  double variance(const Vector<Size>& influence) const noexcept {
+    double whole = 0.0;
+    for (std::size_t k = 0; k <= noise_.used; ++k) {
+      whole += noise_.ratio[k] * quadratic(part(k), influence);
+    }
+    const double quantile = noise_.measured > 0 ? widened_quantile(degrees(influence)) : 1.0;
+    return quantile * quantile * variance_ * whole;
+  }
+
+ private:
+  const Matrix<Size>& part(std::size_t k) const noexcept {
+    return k < noise_.used ? levels_[k].information : rest_;
+  }
+
+  // 1 + Rᵀ Σ (q² d_k/σ² − 1) D_k R, with R the root in the slopes of the levels: what priors know
+  // grows with neither.
+  Matrix<Size> whitened(double quantile) const noexcept {
+    Matrix<Size> excess{};
+    for (std::size_t k = 0; k <= noise_.used; ++k) {
+      add(excess, part(k), quantile * quantile * noise_.ratio[k] - 1.0);
+    }
+    mirror(excess);
+    Matrix<Size> transposed{};
+    for (std::size_t i = 0; i < Size; ++i) {
+      for (std::size_t j = 0; j < Size; ++j) transposed[i][j] = root_[j][i];
+    }
+    Matrix<Size> result = multiply(transposed, multiply(excess, root_));
+    for (std::size_t i = 0; i < Size; ++i) result[i][i] += 1.0;
+    return result;
+  }
+
+  // Satterthwaite's of yᵀ (Σ d_k D_k) y: levels that are measured have their own scatter, and all
+  // that go by the last of these one in common; those that count as σ² have next to none.
+  double degrees(const Vector<Size>& y) const noexcept {
+    double whole = 0.0, spread = 0.0, common = 0.0;
+    for (std::size_t k = 0; k <= noise_.used; ++k) {
+      const double term = noise_.ratio[k] * quadratic(part(k), y);
+      whole += term;
+      if (!(noise_.ratio[k] > 1.0)) continue;
+      if (k + 1 < noise_.measured) {
+        spread += term * term * 2.0 / noise_.pairs[k];
+      } else {
+        common += term;
+      }
+    }
+    spread += common * common * noise_.scatter;
+    return spread > 0.0 ? std::min(2.0 * whole * whole / spread, most_freedom) : most_freedom;
+  }
+
+  // From a unit diagonal, so that nothing overflows. Where rounding has eaten a pivot the samples
+  // say nothing, and the noise neither.
+  Matrix<Size> inverse_root(const Vector<Size>& prior) const noexcept {
+    Matrix<Size> m = rest_;
+    for (std::size_t k = 0; k < noise_.used; ++k) add(m, part(k), 1.0);
+    mirror(m);
+    Vector<Size> unit{}, kept{};
+    for (std::size_t i = 0; i < Size; ++i) {
+      m[i][i] += prior[i] * m[i][i];
+      unit[i] = m[i][i] > 0.0 ? 1.0 / std::sqrt(m[i][i]) : 0.0;
+      kept[i] = std::max(prior[i] / (1.0 + prior[i]), 1e-30);
+    }
+    for (std::size_t i = 0; i < Size; ++i) {
+      for (std::size_t j = 0; j < Size; ++j) m[i][j] *= unit[i] * unit[j];
+    }
+    InverseRoot<Size> inverse = guarded_inverse_root(m, kept);
+    for (std::size_t i = 0; i < Size; ++i) {
+      for (std::size_t j = 0; j < Size; ++j) {
+        inverse.root[i][j] *= inverse.guarded[j] ? 0.0 : unit[i];
+      }
+    }
+    return inverse.root;
+  }
+
+  static constexpr double most_freedom = 1e6;
+
+  static void add(Matrix<Size>& sum, const Matrix<Size>& upper, double factor) noexcept {
+    for (std::size_t i = 0; i < Size; ++i) {
+      for (std::size_t j = i; j < Size; ++j) sum[i][j] += factor * upper[i][j];
+    }
+  }
+
+  static void mirror(Matrix<Size>& upper) noexcept {
+    for (std::size_t i = 0; i < Size; ++i) {
+      for (std::size_t j = 0; j < i; ++j) upper[i][j] = upper[j][i];
+    }
+  }
+
+  static double quadratic(const Matrix<Size>& upper, const Vector<Size>& y) noexcept {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < Size; ++i) {
+      double line = 0.5 * upper[i][i] * y[i];
+      for (std::size_t j = i + 1; j < Size; ++j) line += upper[i][j] * y[j];
+      sum += 2.0 * y[i] * line;
+    }
+    return sum;
+  }
+
+  const HaarLevels<Size>& levels_;
+  Matrix<Size> rest_;
+  LevelNoise noise_;
+  Matrix<Size> root_;
+  double variance_;
+};
+
+}  // namespace palpate::detail

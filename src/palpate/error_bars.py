@@ -1,0 +1,51 @@
+"""Error bars of methods that take their residual for white, widened where it is not."""
+
+import numpy as np
+
+from palpate._core import correlated_variances
+from palpate.force_laws import ForceLaw
+from palpate.validation import Floats
+
+
+def widening(
+    law: ForceLaw, penetration: Floats, velocity: Floats, force: Floats, *, logarithmic: bool
+) -> Floats:
+    """Factors ≥ 1 on the standard errors of a law's parameters, shape (p,).
+
+    C = (Σ w JJᵀ)⁻¹ [Σ w² d D] (Σ w JJᵀ)⁻¹ over (Σ w JJᵀ)⁻¹ Σ w r²/(N − p), with the residual of
+    force r, its slopes J, and w = 1, or 1/F̂² for a least squares of ln F. D and d are information
+    and noise by how quick they are (``docs/variable-projection.md``), with t₀.₉₇₅(ν)/1.96 in C.
+
+    Parameters
+    ----------
+    law : force law
+        What the method ended with, of two or three parameters.
+    penetration, velocity, force : numpy.ndarray, shape (k,)
+        The samples that it took, SI.
+    logarithmic : bool
+        Whether it minimises the residual of ln F rather than of F.
+    """
+    none = np.ones(len(law.parameters))
+    slopes = law.parameter_gradient(penetration, velocity)
+    model = law.force(penetration, velocity)
+    if logarithmic:
+        usable = (model > 0.0) & (force > 0.0)
+        slopes, model, force = slopes[usable], model[usable], force[usable]
+    residual = force - model
+    weight = 1.0 / model**2 if logarithmic else np.ones(len(model))
+    size = np.sqrt(weight @ slopes**2)
+    freedom = len(residual) - len(size)
+    if freedom < 1 or not (np.isfinite(size).all() and (size > 0.0).all()):
+        return none
+    slopes = slopes / size
+    inverse = np.linalg.pinv(slopes.T @ (weight[:, None] * slopes), hermitian=True)
+    white = np.diag(inverse) * (weight @ residual**2) / freedom
+    # Neither squares nor sums leave the range of a double in units of their own.
+    noise, unit = float(np.sqrt(np.mean(residual**2))), float(weight.max())
+    if not (0.0 < noise < np.inf and (white > 0.0).all()):
+        return none
+    scores = np.ascontiguousarray(weight[:, None] / unit * slopes).reshape(-1)
+    influence: Floats = np.ascontiguousarray(inverse * unit).reshape(-1)
+    found: Floats = np.asarray(correlated_variances(scores, residual / noise, influence))
+    factors: Floats = np.sqrt(np.maximum(found * noise**2 / white, 1.0))
+    return np.where(np.isfinite(factors), factors, 1.0)
