@@ -32,6 +32,7 @@ enum IdentifiabilityFlag : std::uint8_t {
   exponent_at_edge = 4,
   surface_at_edge = 8,
   still_starting = 16,
+  tare_refuted = 64,
 };
 
 // A force offset that is estimated beside the law: what the removal of the sensor's bias left.

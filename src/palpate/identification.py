@@ -202,7 +202,9 @@ def identify(
     estimator : ContactEstimator or str, optional
         Method and settings; it is left as it is. Or the name of a method, such as
         ``"single-stage"``. :class:`VariableProjection` unless given. A ``gate`` or ``scale`` it
-        leaves open (None) is chosen from the data: see :mod:`palpate.preparation.suggestions`.
+        leaves open (None) is chosen from the data: see :mod:`palpate.preparation.suggestions`; but
+        variable projection chooses its samples itself, and knows what a tare left of the offset by
+        the contact's ``tare_deviation``.
 
     Raises
     ------
@@ -219,11 +221,11 @@ def identify(
 
 def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identification:
     contact, given = data.contact, _estimator(estimator)
-    fresh = given.replace(**_chosen(contact, given.settings))
+    fresh = given.replace(**_chosen(contact, given))
     trace = _replay_segments(contact, fresh)
     flags = tuple(flags_of(contact, trace, fresh))
     result = Identification(contact, fresh, trace, flags, data)
-    if not trace.taken.any():
+    if not (trace.taken & ~(contact.force <= 0.0)).any():
         raise RecordingError(why_nothing(data, result.gate))
     if fresh.settings.get("surface") == "estimate":
         check_approach(contact, trace, result.estimate.surface)
@@ -254,14 +256,15 @@ def diagnose(
 def compare(
     source: Contact | Recorded, *, gate: ContactGate | None = None
 ) -> dict[str, Identification]:
-    """Identify a contact with every method, on the same samples.
+    """Identify a contact with every method.
 
     Parameters
     ----------
     source : Contact, Recording, path or frame
         As for :func:`identify`.
     gate : ContactGate, optional
-        Which samples are contact; chosen from the data unless given.
+        Which samples are contact, for every method. Unless given it is chosen from the data, the
+        same for all but variable projection, which chooses its samples itself.
 
     Returns
     -------
@@ -274,15 +277,20 @@ def compare(
     results = {}
     for name, kind in ESTIMATORS.items():
         estimator = kind()
-        if "gate" in estimator.settings:
+        if "gate" in estimator.settings and (gate is not None or not kind.chooses_samples):
             estimator = estimator.replace(gate=chosen)
         results[name] = _identified(data, estimator)
     return results
 
 
-def _chosen(contact: Contact, settings: dict[str, Any]) -> dict[str, Any]:
+def _chosen(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
     """What an estimator leaves open and the data can choose."""
-    choices: dict[str, Callable[[Contact], object]] = {"gate": choose_gate, "scale": suggest_scale}
+    settings = given.settings
+    choices: dict[str, Callable[[Contact], object]] = {"scale": suggest_scale}
+    if not given.chooses_samples:
+        choices["gate"] = choose_gate
+    elif settings.get("surface") is None:  # a search for the surface has the free approach
+        choices["offset_deviation"] = lambda contact: contact.tare_deviation
     return {
         name: choose(contact)
         for name, choose in choices.items()

@@ -8,6 +8,7 @@
 #include "palpate/contact_gate.hpp"
 #include "palpate/estimate.hpp"
 #include "palpate/forgetting.hpp"
+#include "palpate/projection/contact_solver.hpp"
 #include "palpate/projection/projection_solver.hpp"
 #include "palpate/projection/residual_blocks.hpp"
 #include "palpate/projection/solution.hpp"
@@ -17,7 +18,8 @@
 
 namespace palpate {
 
-// `Solver` is ProjectionSolver, or SurfaceSolver where the surface is unknown.
+// `Solver` is ContactSolver, which chooses the samples; ProjectionSolver, which takes what it is
+// given; or SurfaceSolver where the surface is unknown.
 template <class Solver>
 class VariableProjectionMethod {
  public:
@@ -46,8 +48,7 @@ class VariableProjectionMethod {
       : solver_(settings),
         largest_penetration_(std::pow(largest_power, 1.0 / solver_.highest_exponent())) {}
 
-  ContactGate::Settings gate(const ContactGate::Settings& given,
-                             const Units& units) const noexcept {
+  ContactGate::Settings gate(const ContactGate::Settings& given, const Units& units) noexcept {
     return solver_.gate(given, units);
   }
   bool in_range(const Sample& s) const noexcept {
@@ -65,12 +66,29 @@ class VariableProjectionMethod {
   Status learn(const Row& row, double, double forgetting_factor, double) noexcept {
     // Before that the answer is mostly the priors', and its errors say nothing of the noise.
     constexpr double fewest_samples = 20.0;
-    if (solver_.weight() >= fewest_samples) {
-      residuals_.add(detail::saturate(row.sample.force - row.predicted));
-    }
-    solver_.add(row.sample, forgetting_factor);
+    const bool told = solver_.weight() >= fewest_samples;
+    const bool counts = add(row.sample, forgetting_factor);
     ++samples_since_solve_;
+    if (!counts) return Status::held;
+    if (told) residuals_.add(detail::saturate(row.sample.force - row.predicted));
     return Status::updated;
+  }
+
+  // A sample out of contact tells of the force's offset.
+  void free(const Sample& sample, double forgetting_factor) noexcept {
+    if constexpr (requires { solver_.free(sample, forgetting_factor); }) {
+      if (detail::within(sample, largest_input)) solver_.free(sample, forgetting_factor);
+    }
+  }
+
+  // The latest samples, at most eight, were bad after all.
+  void withdraw(std::size_t count) noexcept {
+    if constexpr (requires { solver_.withdraw(count); }) solver_.withdraw(count);
+  }
+
+  // The next sample does not follow upon the latest.
+  void interrupt() noexcept {
+    if constexpr (requires { solver_.interrupt(); }) solver_.interrupt();
   }
 
   // With the old answer as a weak prior: another material of the same kind has an exponent within
@@ -135,6 +153,16 @@ class VariableProjectionMethod {
  private:
   using Solution = detail::ProjectionSolution;
 
+  // False where the solver leaves the sample out of its answer.
+  bool add(const Sample& sample, double forgetting_factor) noexcept {
+    if constexpr (requires { solver_.add(sample, forgetting_factor, last_solution_); }) {
+      return solver_.add(sample, forgetting_factor, last_solution_);
+    } else {
+      solver_.add(sample, forgetting_factor);
+      return true;
+    }
+  }
+
   void forget_residuals() noexcept {
     residuals_.clear();
     inflation_ = 1.0;
@@ -176,6 +204,7 @@ class VariableProjectionMethod {
       found |= damping_not_identifiable;
     }
     if (!p.surface_found) found |= surface_at_edge;
+    if (p.tare_refuted) found |= tare_refuted;
     // What the samples before a restart left open, few after it do not settle: the prior that is
     // made of the old answer would hide it. Nine tenths, as with forgetting a weight only nears its
     // limit.

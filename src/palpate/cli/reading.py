@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 if TYPE_CHECKING:
     from palpate.contact import Contact
+    from palpate.estimators import ContactEstimator
     from palpate.settings import ContactGate
 
 #: A text that may begin with a minus sign: -3ms is no option.
@@ -84,16 +85,23 @@ class Reading:
             given["surface"] = quantity("--surface", str(self.surface), "penetration")
         return given
 
-    def settings(self, contact: "Contact") -> dict[str, Any]:
-        """Return what an estimator is to be made with."""
+    def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
+        """Return what an estimator of this kind is to be made with."""
+        from palpate.settings import ContactGate
+
         settings: dict[str, Any] = {"gate": self.gate(contact)}
+        if kind.chooses_samples and self.min_force is None and settings["gate"] is not None:
+            settings["gate"] = ContactGate(minimum_penetration=settings["gate"].minimum_penetration)
         if self.surface == "estimate":
             settings["surface"] = "estimate"
         return settings
 
-    def gate(self, contact: "Contact") -> "ContactGate":
-        """Return the gate asked for; what is not asked for is chosen from the data."""
+    def gate(self, contact: "Contact") -> "ContactGate | None":
+        """Return the gate asked for, the rest of it chosen from the data; None where none is."""
         from palpate.preparation import choose_gate
+
+        if self.min_penetration is None and self.min_force is None:
+            return None
 
         return choose_gate(
             contact, minimum_penetration=self.min_penetration, minimum_force=self.min_force

@@ -28,6 +28,8 @@ class ContactEstimator:
     law_type: ClassVar[type[ForceLaw]]
     #: Whether its answer is biased where condition 10 of the paper does not hold.
     needs_condition_10: ClassVar[bool] = False
+    #: Whether it chooses its samples itself, and wants no gate chosen from the data.
+    chooses_samples: ClassVar[bool] = False
 
     if TYPE_CHECKING:  # the compiled class, or a method of one's own, brings these
         _settings: dict[str, Any]
