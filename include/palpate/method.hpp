@@ -5,8 +5,8 @@
 // range only, and answers in SI.
 //
 // Where it has them, the loop also calls `free(sample, λ)` for a finite sample out of contact and
-// `interrupt()` where contact ends without one; a learned sample that is left out of the answer for
-// want of contact has status `held`.
+// `interrupt()` where contact ends without one. A sample of which it is in doubt whether it touches
+// has status `held` from learn(), whatever the method keeps of it.
 #pragma once
 
 #include <concepts>

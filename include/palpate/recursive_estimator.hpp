@@ -177,8 +177,8 @@ class RecursiveEstimator {
     if (perturbation > 0.0) forgetting.rearm();
 
     Status status = method_.learn(row, dt, forgetting.factor(), perturbation);
-    if (status == Status::held) {
-      enter(gate_.without_contact());
+    if (status == Status::held) {  // in doubt: the method keeps it, and contact is as it was
+      enter(gate_.phase());
       return {status_, predicted};
     }
     if (!taken(status)) return {status, predicted};

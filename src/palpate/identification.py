@@ -66,7 +66,21 @@ class Identification:
     def diagnosis(self) -> Diagnosis:
         """What may be wrong, and how far to trust it; worked out when it is first asked for."""
         data = self.data or Data(self.contact)
-        return diagnose_parts(data, self.trace, self.estimate, depth=self.depth)
+        depth = self._firm_depth() if self.depth is None else self.depth
+        return diagnose_parts(data, self.trace, self.estimate, depth=depth)
+
+    def _firm_depth(self) -> float | None:
+        """Median penetration of the samples taken that a gate would take, m.
+
+        A method that chooses its samples takes light ones too: a probe that rests at the surface
+        would leave its working depth there, and that of no other method. None: of all taken.
+        """
+        if not self.estimator.chooses_samples:
+            return None
+        gate, contact = choose_gate(self.contact), self.contact
+        firm = (contact.penetration > gate.minimum_penetration) & (contact.force > gate.make_force)
+        depth = contact.penetration[firm & self.trace.taken] - self.estimate.surface
+        return float(np.median(depth)) if depth.size and np.median(depth) > 0.0 else None
 
     def at_depth(self, depth: float) -> "Identification":
         """Return the same with another working depth, m, for its diagnosis."""

@@ -67,9 +67,9 @@ class VariableProjectionMethod {
     // Before that the answer is mostly the priors', and its errors say nothing of the noise.
     constexpr double fewest_samples = 20.0;
     const bool told = solver_.weight() >= fewest_samples;
-    const bool counts = add(row.sample, forgetting_factor);
+    const bool firm = add(row.sample, forgetting_factor);
     ++samples_since_solve_;
-    if (!counts) return Status::held;
+    if (!firm) return Status::held;
     if (told) residuals_.add(detail::saturate(row.sample.force - row.predicted));
     return Status::updated;
   }
@@ -153,7 +153,7 @@ class VariableProjectionMethod {
  private:
   using Solution = detail::ProjectionSolution;
 
-  // False where the solver leaves the sample out of its answer.
+  // Whether the sample is taken as contact: a solver may keep one that is in doubt beside.
   bool add(const Sample& sample, double forgetting_factor) noexcept {
     if constexpr (requires { solver_.add(sample, forgetting_factor, last_solution_); }) {
       return solver_.add(sample, forgetting_factor, last_solution_);

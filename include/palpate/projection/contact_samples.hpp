@@ -59,12 +59,12 @@ class ContactSamples {
     }
   }
 
-  // Whether the neighbours of the sample of `age` ago press, beside a force `zero` in free air.
+  // Whether the neighbours of the sample of `age` ago press, beside a force `zero` in free air. One
+  // without neighbours is not doubted.
   bool pressed(std::size_t age, double zero) const noexcept {
     const Side before = between(age + side + 1, age + 1);
     const Side after = between(age, age - std::min(age, side));
-    const bool any = before.count > 0.0 || after.count > 0.0;
-    return any && exceeds(before, zero) && exceeds(after, zero);
+    return exceeds(before, zero) && exceeds(after, zero);
   }
 
   void forget(double factor) noexcept {

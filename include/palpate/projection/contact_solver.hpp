@@ -70,7 +70,7 @@ class ContactSolver {
   }
   static bool in_range(const Sample& s) noexcept { return s.penetration > 0.0; }
 
-  // False where the sample is left out of the answer: light, and contact is lost above the surface.
+  // Whether the sample is firm contact, by the neighbours before it; a light one is kept too.
   bool add(const Sample& sample, double forgetting_factor,
            const ProjectionSolution& latest) noexcept {
     forget(forgetting_factor);
@@ -89,7 +89,7 @@ class ContactSolver {
       put(recent_.ago(0), 1.0);
     }
     settle();
-    return role == Role::sure || !latest.lost_above;
+    return role == Role::sure;
   }
 
   // A sample out of contact: it tells of its neighbours, and of the offset.
@@ -141,8 +141,8 @@ class ContactSolver {
     PowerSums sums = firm();
     ProjectionSolution best = fitted(sums, tare.prior);
     best.tare_refuted = tare.refuted;
-    if (tare.prior.deviation < 1.0) {
-      const OffsetPrior wide{tare.prior.mean, 1.0};
+    if (settings_.offset && tare.prior.deviation > 0.0) {
+      const OffsetPrior wide{tare.prior.mean, 0.0};
       const ProjectionSolution open = fitted(sums, wide);
       if (beyond(open, tare.prior)) {
         best = open;
@@ -186,7 +186,7 @@ class ContactSolver {
   Tare offset_prior() const noexcept {
     const double declared = settings_.offset_deviation;
     const bool told = declared > 0.0;
-    if (!settings_.offset || !air_.known()) return {{0.0, told ? declared : 1.0}, !told, false};
+    if (!settings_.offset || !air_.known()) return {{0.0, declared}, !told, false};
     const OffsetPrior air = air_.prior(recent_.least_step());
     const bool refuted = told && std::abs(air.mean) > 3.0 * std::hypot(declared, air.deviation);
     const bool tare = told && !refuted && declared < air.deviation;

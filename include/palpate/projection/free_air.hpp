@@ -10,7 +10,7 @@ namespace palpate::detail {
 
 struct OffsetPrior {
   double mean;
-  double deviation;
+  double deviation;  // 0: nothing is known
 };
 
 class FreeAir {

@@ -33,9 +33,9 @@ class Reading:
     stop: float | None = None
     "Use samples up to this time, s."
     min_penetration: float | None = None
-    "Contact is deeper than this, m; chosen from the data unless given."
+    "Contact is deeper than this, m; unless given chosen by the method, or from the data for it."
     min_force: float | None = None
-    "Contact is firmer than this, N; chosen from the data unless given."
+    "Contact is firmer than this, N; unless given chosen by the method, or from the data for it."
     velocity_window: float | None = None
     "Length of the velocity filter, s; 15 samples but at most 15 ms unless given."
 
@@ -89,9 +89,11 @@ class Reading:
         """Return what an estimator of this kind is to be made with."""
         from palpate.settings import ContactGate
 
-        settings: dict[str, Any] = {"gate": self.gate(contact)}
-        if kind.chooses_samples and self.min_force is None and settings["gate"] is not None:
-            settings["gate"] = ContactGate(minimum_penetration=settings["gate"].minimum_penetration)
+        gate = self.gate(contact)
+        if gate is not None and kind.chooses_samples:  # nothing beside what is asked for
+            force = self.min_force or 0.0
+            gate = ContactGate(self.min_penetration or 0.0, force, force)
+        settings: dict[str, Any] = {"gate": gate}
         if self.surface == "estimate":
             settings["surface"] = "estimate"
         return settings
