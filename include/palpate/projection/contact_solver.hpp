@@ -135,8 +135,9 @@ class ContactSolver {
     recent_.clear();
   }
 
-  // The global minimum, from the samples and with the prior of the offset that hold together.
-  ProjectionSolution solve() const noexcept {
+  // The global minimum, from the samples and with the prior of the offset that hold together. Not
+  // inlined, like what it calls: a replay would hold the search a dozen times.
+  [[gnu::noinline]] ProjectionSolution solve() const noexcept {
     const Tare tare = offset_prior();
     PowerSums sums = firm();
     ProjectionSolution best = fitted(sums, tare.prior);
@@ -162,7 +163,8 @@ class ContactSolver {
   }
 
   // The same from an answer of a little while ago, by its choice of samples and prior.
-  ProjectionSolution solve_near(const ProjectionSolution& earlier) const noexcept {
+  [[gnu::noinline]] ProjectionSolution solve_near(
+      const ProjectionSolution& earlier) const noexcept {
     PowerSums sums = firm();
     if (!earlier.lost_above) sums.include(light_.sums(), light_.factor());
     sums.shift(earlier.prior_mean);
@@ -229,7 +231,8 @@ class ContactSolver {
   }
 
   // Of sums whose forces count from the prior's mean.
-  ProjectionSolution unshifted(const PowerSums& sums, const OffsetPrior& prior) const noexcept {
+  [[gnu::noinline]] ProjectionSolution unshifted(const PowerSums& sums,
+                                                 const OffsetPrior& prior) const noexcept {
     ProjectionSettings settings = settings_;
     settings.offset_deviation = prior.deviation;
     ProjectionSolution r = ProjectionFit(sums, settings).solve();
