@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.probing import BALL, PVC, SPONGE, SYMBOLS, Floats, feed
@@ -51,16 +52,16 @@ class Path:
 @lru_cache(maxsize=8)
 def path(kind: str) -> Path:
     """One of the motions, which all leave the material."""
-    t: Floats = 1e-3 * np.arange(round(1e3 * SECONDS))
+    t: Floats = 1e-3 * np.arange(round(1e3 * SECONDS), dtype=np.float64)
     if kind == "chirp":  # 0.5 to 3 Hz
-        rate = 2.0 * math.pi * (0.5 + 2.5 * t / SECONDS)
+        rates = 2.0 * math.pi * (0.5 + 2.5 * t / SECONDS)
         phase = 2.0 * math.pi * (0.5 * t + 1.25 * t**2 / SECONDS)
-        return Path(0.4 - 0.6 * np.cos(phase), 0.6 * rate * np.sin(phase))
+        return Path(0.4 - 0.6 * np.cos(phase), 0.6 * rates * np.sin(phase))
     if kind == "random":
         random = np.random.default_rng(5)
-        rates = 2.0 * math.pi * random.uniform(0.3, 3.0, 12)[:, None]
+        each = 2.0 * math.pi * random.uniform(0.3, 3.0, 12)[:, None]
         phases = random.uniform(0.0, 2.0 * math.pi, 12)[:, None]
-        waves = 0.13 * np.sin(rates * t + phases), 0.13 * rates * np.cos(rates * t + phases)
+        waves = 0.13 * np.sin(each * t + phases), 0.13 * each * np.cos(each * t + phases)
         return Path(0.35 + waves[0].sum(axis=0), waves[1].sum(axis=0))
     if kind == "taps":  # at 1.3 Hz, of three depths
         reach = 0.15 + np.array([0.4, 0.7, 1.0])[(1.3 * t).astype(int) % 3]
@@ -123,12 +124,14 @@ def _efficiency(campaign: Campaign) -> list[Group]:
     ]
     median = Line("the worst of K, B and n", (float(np.median(worst)),), (Limit(1.05),))
     return [
-        Group(title, definition, SYMBOLS, lines, tuple(f"covers {s}" for s in SYMBOLS), notes=notes),
+        Group(
+            title, definition, SYMBOLS, lines, tuple(f"covers {s}" for s in SYMBOLS), notes=notes
+        ),
         Group("Its median", "Over the lines of the table above.", ("median",), [median]),
     ]
 
 
-def _errors(name: str, kind: str, level: float, seed: int) -> tuple[Floats, Floats]:
+def _errors(name: str, kind: str, level: float, seed: int) -> tuple[Floats, NDArray[np.bool_]]:
     """Errors of K, B and n, and whether the intervals hold the truth."""
     material, motion = MATERIALS[name], path(kind)
     x, v = motion.x * material.depth, motion.v * material.depth
@@ -180,7 +183,7 @@ def _after_loss(name: str, kind: str, below: float, air: bool, seed: int) -> Flo
     return estimate.parameters / material.law.parameters - 1.0
 
 
-def _recovering(motion: Path, below: float) -> np.ndarray:
+def _recovering(motion: Path, below: float) -> NDArray[np.bool_]:
     """Where the material has not come back yet."""
     lost, reached = np.zeros(motion.x.size, dtype=bool), 0.0
     for k, (x, v) in enumerate(zip(motion.x.tolist(), motion.v.tolist(), strict=True)):
@@ -224,7 +227,7 @@ def _offsets(campaign: Campaign) -> Group:
         lines,
         ("K, % rms",),
         precision=".1f",
-        notes=[f"{campaign.seeds} seeds from {FIRST_SEED}; a good tare is drawn from its deviation."],
+        notes=[f"{campaign.seeds} seeds from {FIRST_SEED}; a good tare leaves N(0, (5 mN)²)."],
     )
 
 

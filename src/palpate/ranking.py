@@ -60,9 +60,7 @@ def fails(result: Identification) -> bool:
     return any(f.check == "method" and f.severity != "note" for f in result.diagnosis.findings)
 
 
-def _badness(
-    result: Identification, common: NDArray[np.bool_]
-) -> tuple[int, int, int, float]:
+def _badness(result: Identification, common: NDArray[np.bool_]) -> tuple[int, int, int, float]:
     verdict = result.diagnosis.verdict
     marks = [MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)]
     # On the samples that every method took: variable projection takes light ones too.

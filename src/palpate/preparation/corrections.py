@@ -105,9 +105,7 @@ class Corrections:
         left = deviation_left(contact.force, free)
         made = dict(contact.provenance)
         _add(made, "force", f"less its mean from {start:g} s to {stop:g} s, {zero:.3g} N")
-        return replace(
-            contact, force=contact.force - zero, provenance=made, tare_deviation=left
-        )
+        return replace(contact, force=contact.force - zero, provenance=made, tare_deviation=left)
 
     def in_step(self, contact: Contact) -> Contact:
         """Read the force earlier by its delay, between samples by a straight line.
