@@ -144,11 +144,19 @@ THRESHOLDS = [
 
 @pytest.mark.parametrize("option, value, name", THRESHOLDS)
 def test_a_threshold_that_is_not_given_is_chosen_from_the_data(run, good, option, value, name):
-    chosen = json.loads(run("identify", good, "--json")[1])["gate"]
-    gate = json.loads(run("identify", good, "--json", option, value)[1])["gate"]
+    method = ("--method", "single-stage")
+    chosen = json.loads(run("identify", good, "--json", *method)[1])["gate"]
+    gate = json.loads(run("identify", good, "--json", *method, option, value)[1])["gate"]
     assert gate[name] == value
     other = {"make_force": "minimum_penetration", "minimum_penetration": "make_force"}[name]
     assert gate[other] == chosen[other]
+
+
+@pytest.mark.parametrize("option, value, name", THRESHOLDS)
+def test_variable_projection_has_no_threshold_that_is_not_given(run, good, option, value, name):
+    gate = json.loads(run("identify", good, "--json", option, value)[1])["gate"]
+    assert gate.pop(name) == value
+    assert gate["make_force" if name == "minimum_penetration" else "minimum_penetration"] == 0.0
 
 
 def test_a_velocity_window_is_taken(run, good):

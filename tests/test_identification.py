@@ -124,12 +124,13 @@ def test_a_material_is_found_in_its_own_recording():
     assert np.all(error < 4.0 * result.estimate.standard_errors + 3e-3 * law.parameters)
 
 
-def test_compare_gives_every_method_on_the_same_samples():
+def test_compare_gives_every_method_and_the_regressions_the_same_samples():
     results = compare(CONTACT)
     assert list(results) == list(ESTIMATORS)
     for method, result in results.items():
         assert result.method == method
-        assert np.array_equal(result.trace.taken, results["single-stage"].trace.taken)
+        if not result.estimator.chooses_samples:
+            assert np.array_equal(result.trace.taken, results["single-stage"].trace.taken)
         assert bits(result.trace) == bits(identify(CONTACT, ESTIMATORS[method]()).trace)
 
 

@@ -17,6 +17,7 @@ from palpate import (
     Identification,
     RecordingError,
     VariableProjection,
+    choose_gate,
     identify,
     prepare,
 )
@@ -57,7 +58,7 @@ def recordings(campaign: Campaign) -> list[Group]:
         what = (
             "The window and the gate that the notes beside each recording give."
             if noted
-            else "The whole file, with the gate that `identify` chooses."
+            else "The whole file, with the gate that `choose_gate` gives."
         )
         groups.append(_group(part, what, lines, notes))
     return groups
@@ -74,7 +75,7 @@ def recorded() -> list[Path]:
 def _group(part: str, what: str, lines: list[Line], notes: list[str]) -> Group:
     return Group(
         f"Recordings, against SciPy, {part}",
-        f"{what} RMSE% of `identify(contact)`'s final law over that of "
+        f"{what} RMSE% of `identify`'s final law over that of "
         "`scipy.optimize.least_squares` on the same samples: K, B, n and an offset, n from "
         f"{EXPONENTS[0]} to {EXPONENTS[1]}, best of {len(STARTS)} starts. The limit holds where "
         "no flag concerns the exponent.",
@@ -103,7 +104,7 @@ def _compared(item: tuple[Path, bool]) -> Fit | str:
         return "no notes"
     try:
         contact = prepare(file)
-        gate = None
+        gate = choose_gate(contact)
         if window:
             gate = ContactGate(window["x_min"], window["F_min"], window["F_min"])
             contact = contact.window(*window["time"]) if "time" in window else contact

@@ -33,6 +33,7 @@ enum IdentifiabilityFlag : std::uint8_t {
   surface_at_edge = 8,
   still_starting = 16,
   walk_too_slow = 32,
+  tare_refuted = 64,
 };
 
 // A force offset that is estimated beside the law: what the removal of the sensor's bias left.

@@ -18,7 +18,7 @@ using KelvinVoigtRLS = RecursiveEstimator<RegressionMethod<KelvinVoigtRegression
 using ExtendedKelvinVoigtRLS = RecursiveEstimator<RegressionMethod<ExtendedKelvinVoigtRegression>>;
 using SingleStageRLS = RecursiveEstimator<RegressionMethod<HuntCrossleyLogRegression>>;
 using DoubleStageRLS = RecursiveEstimator<DoubleStageMethod>;
-using VariableProjection = RecursiveEstimator<VariableProjectionMethod<detail::ProjectionSolver>>;
+using VariableProjection = RecursiveEstimator<VariableProjectionMethod<detail::ContactSolver>>;
 // Searches for the surface too; it holds forty-one banks of sums, some 90 kB.
 using VariableProjectionWithSurface =
     RecursiveEstimator<VariableProjectionMethod<detail::SurfaceSolver>>;

@@ -3,6 +3,10 @@
 // A method knows one force law and how samples teach it: an object with state, trivially copyable,
 // that neither allocates nor throws. It sees samples in scaled units, within contact and within its
 // range only, and answers in SI.
+//
+// Where it has them, the loop also calls `free(sample, λ)` for a finite sample out of contact and
+// `interrupt()` where contact ends without one. A sample of which it is in doubt whether it touches
+// has status `held` from learn(), whatever the method keeps of it.
 #pragma once
 
 #include <concepts>
@@ -41,9 +45,8 @@ concept Method = std::is_trivially_copyable_v<M> &&
                    // force() for its predictions.
                    { M::predicts_exactly } -> std::convertible_to<bool>;
 
-                   // The gate that it works behind: the given one, unless it wants the free
-                   // approach too.
-                   { known.gate(gate, units) } -> std::same_as<ContactGate::Settings>;
+                   // The gate that it works behind: the given one, unless it wants more samples.
+                   { method.gate(gate, units) } -> std::same_as<ContactGate::Settings>;
                    // Whether its arithmetic can take a sample.
                    { known.in_range(sample) } -> std::same_as<bool>;
 

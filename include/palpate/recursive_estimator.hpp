@@ -94,8 +94,9 @@ class RecursiveEstimator {
   // Contact ends here, as where a recording breaks off or a tool is changed: what was learned is
   // held until contact is made again.
   void leave_contact() noexcept {
-    enter(gate_.without_contact());
+    if constexpr (requires { method_.interrupt(); }) method_.interrupt();
     if constexpr (Rejection::active) outliers_.interrupt();
+    enter(gate_.without_contact());
   }
 
   // The force that the sensor would show by the present estimate, N; no law acts out of contact.
@@ -162,6 +163,7 @@ class RecursiveEstimator {
     const double predicted = Predicted ? predict(sample.penetration, sample.velocity) : unknown;
     if (!valid_step) return {Status::invalid_step, predicted};
     if (touching) return {Status::out_of_range, predicted};
+    if constexpr (requires { method_.free(inner, 1.0); }) method_.free(inner, forgetting_.factor());
     enter(phase);
     return {status_, predicted};
   }
@@ -194,6 +196,10 @@ class RecursiveEstimator {
     if (perturbation > 0.0) forgetting.rearm();
 
     Status status = method_.learn(row, dt, forgetting.factor(), perturbation);
+    if (status == Status::held) {  // in doubt: the method keeps it, and contact is as it was
+      enter(gate_.phase());
+      return {status_, predicted};
+    }
     if (!taken(status)) return {status, predicted};
 
     if constexpr (Detector::active) {

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.validation import Floats, number, signals
+from palpate.validation import Floats, number, number_in, signals
 
 # s. A metre within less is a velocity beyond 1e100 m/s, which no estimator takes.
 SHORTEST_STEP = 1e-100
@@ -38,6 +38,9 @@ class Contact:
         Where it came from: a file's name.
     provenance : mapping
         How each channel was made, and what else is known of its origin, in words.
+    tare_deviation : float, optional
+        Where the force was tared: standard deviation of the offset that this left, N, > 0. None:
+        nothing is known of the offset.
 
     Raises
     ------
@@ -52,6 +55,7 @@ class Contact:
     segment: NDArray[np.int64]
     source: str
     provenance: Mapping[str, str]
+    tare_deviation: float | None
 
     def __init__(
         self,
@@ -63,12 +67,17 @@ class Contact:
         segment: ArrayLike | None = None,
         source: str = "",
         provenance: Mapping[str, str] | None = None,
+        tare_deviation: float | None = None,
     ) -> None:
         t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
         labels = _numbered(segment, t.size)
         _check_time(t, labels)
         values: dict[str, Any] = {"time": t, "penetration": x, "velocity": v, "force": f}
         values |= {"segment": labels, "source": source, "provenance": dict(provenance or {})}
+        left = tare_deviation
+        values["tare_deviation"] = (
+            None if left is None else number_in("tare_deviation", left, 0.0, 1e30, open_low=True)
+        )
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
@@ -116,6 +125,7 @@ class Contact:
             segment=self.segment[keep],
             source=self.source,
             provenance={**self.provenance, "window": f"{low:g} s to {high:g} s"},
+            tare_deviation=self.tare_deviation,
         )
 
 

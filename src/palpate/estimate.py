@@ -17,6 +17,7 @@ ADVICE = {
     2: "damping not identifiable: pass the same depths at different speeds, both ways",
     4: "exponent at the edge of its range: widen exponent_range, or check the surface",
     8: "surface at the edge of its range: widen surface_range, or record the approach",
+    64: "offset beyond what the tare left: tare again out of contact, or check the surface",
     16: "not tracking yet: the start still waits for a motion that makes the exponent identifiable",
     32: "the material drifts faster than the walk allows, or the noise is correlated: the error "
     "bars are too narrow; raise stiffness_drift, or the dissipation's and the exponent's",

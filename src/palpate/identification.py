@@ -71,7 +71,21 @@ class Identification:
     def diagnosis(self) -> Diagnosis:
         """What may be wrong, and how far to trust it; worked out when it is first asked for."""
         data = self.data or Data(self.contact)
-        return diagnose_parts(data, self.trace, self.estimate, depth=self.depth)
+        depth = self._firm_depth() if self.depth is None else self.depth
+        return diagnose_parts(data, self.trace, self.estimate, depth=depth)
+
+    def _firm_depth(self) -> float | None:
+        """Median penetration of the samples taken that a gate would take, m.
+
+        A method that chooses its samples takes light ones too: a probe that rests at the surface
+        would leave its working depth there, and that of no other method. None: of all taken.
+        """
+        if not self.estimator.chooses_samples:
+            return None
+        gate, contact = choose_gate(self.contact), self.contact
+        firm = (contact.penetration > gate.minimum_penetration) & (contact.force > gate.make_force)
+        depth = contact.penetration[firm & self.trace.taken] - self.estimate.surface
+        return float(np.median(depth)) if depth.size and np.median(depth) > 0.0 else None
 
     def at_depth(self, depth: float) -> "Identification":
         """Return the same with another working depth, m, for its diagnosis."""
@@ -256,8 +270,10 @@ def identify(
     estimator : ContactEstimator or str, optional
         Method and settings; it is left as it is. Or the name of a method, such as
         ``"single-stage"``. :class:`VariableProjection` unless given. A ``gate`` or ``scale`` it
-        leaves open (None) is chosen from the data: see :mod:`palpate.preparation.suggestions`.
-        Outliers are left out by :class:`OutlierRejection` unless ``outlier_rejection`` is False.
+        leaves open (None) is chosen from the data: see :mod:`palpate.preparation.suggestions`; but
+        variable projection chooses its samples itself, and knows what a tare left of the offset by
+        the contact's ``tare_deviation``. Outliers are left out by :class:`OutlierRejection` unless
+        ``outlier_rejection`` is False.
 
     Raises
     ------
@@ -274,11 +290,11 @@ def identify(
 
 def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identification:
     contact, given = data.contact, _estimator(estimator)
-    fresh = given.replace(**_chosen(contact, given.settings))
+    fresh = given.replace(**_chosen(contact, given))
     trace = _replay_segments(contact, fresh)
     flags = tuple(flags_of(contact, trace, fresh))
     result = Identification(contact, fresh, trace, flags, data)
-    if not trace.taken.any():
+    if not (trace.taken & ~(contact.force <= 0.0)).any():
         raise RecordingError(why_nothing(data, result.gate))
     if fresh.settings.get("surface") == "estimate":
         check_approach(contact, trace, result.estimate.surface)
@@ -312,14 +328,15 @@ def compare(
     gate: ContactGate | None = None,
     outlier_rejection: Rejection = None,
 ) -> dict[str, Identification]:
-    """Identify a contact with every method, on the same samples.
+    """Identify a contact with every method.
 
     Parameters
     ----------
     source : Contact, Recording, path or frame
         As for :func:`identify`.
     gate : ContactGate, optional
-        Which samples are contact; chosen from the data unless given.
+        Which samples are contact, for every method. Unless given it is chosen from the data, the
+        same for all but variable projection, which chooses its samples itself.
     outlier_rejection : OutlierRejection or False, optional
         How outliers are left out; False takes them all.
 
@@ -334,20 +351,26 @@ def compare(
     results = {}
     for name, kind in ESTIMATORS.items():
         estimator = kind()
-        shared = {"gate": chosen, "outlier_rejection": outlier_rejection}
+        shared: dict[str, object] = {"outlier_rejection": outlier_rejection}
+        if gate is not None or not kind.chooses_samples:
+            shared["gate"] = chosen
         own = {setting: value for setting, value in shared.items() if setting in estimator.settings}
         estimator = estimator.replace(**own)
         results[name] = _identified(data, estimator)
     return results
 
 
-def _chosen(contact: Contact, settings: dict[str, Any]) -> dict[str, Any]:
+def _chosen(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
     """What an estimator leaves open and the data can choose."""
+    settings = given.settings
     choices: dict[str, Callable[[Contact], object]] = {
-        "gate": choose_gate,
         "scale": suggest_scale,
         "outlier_rejection": lambda _: OutlierRejection(),
     }
+    if not given.chooses_samples:
+        choices["gate"] = choose_gate
+    elif settings.get("surface") is None:  # a search for the surface has the free approach
+        choices["offset_deviation"] = lambda contact: contact.tare_deviation
     return {
         name: choose(contact)
         for name, choose in choices.items()

@@ -12,6 +12,7 @@
 #include "palpate/estimate.hpp"
 #include "palpate/forgetting.hpp"
 #include "palpate/haar_levels.hpp"
+#include "palpate/projection/contact_solver.hpp"
 #include "palpate/projection/kept_exponent.hpp"
 #include "palpate/projection/projection_solver.hpp"
 #include "palpate/projection/solution.hpp"
@@ -21,7 +22,8 @@
 
 namespace palpate {
 
-// `Solver` is ProjectionSolver, or SurfaceSolver where the surface is unknown.
+// `Solver` is ContactSolver, which chooses the samples; ProjectionSolver, which takes what it is
+// given; or SurfaceSolver where the surface is unknown.
 template <class Solver>
 class VariableProjectionMethod {
  public:
@@ -51,8 +53,7 @@ class VariableProjectionMethod {
         log_penetration_(units.log_penetration),
         largest_penetration_(std::pow(largest_power, 1.0 / solver_.highest_exponent())) {}
 
-  ContactGate::Settings gate(const ContactGate::Settings& given,
-                             const Units& units) const noexcept {
+  ContactGate::Settings gate(const ContactGate::Settings& given, const Units& units) noexcept {
     return solver_.gate(given, units);
   }
   bool in_range(const Sample& s) const noexcept {
@@ -68,11 +69,29 @@ class VariableProjectionMethod {
   double predict(const Row& row) const noexcept { return row.predicted; }
 
   Status learn(const Row& row, double, double forgetting_factor, double) noexcept {
+    const bool firm = add(row.sample, forgetting_factor);
+    ++samples_since_solve_;
+    if (!firm) return Status::held;
     levels_.add(slope(row.sample), detail::saturate(row.sample.force - row.predicted),
                 forgetting_factor);
-    solver_.add(row.sample, forgetting_factor);
-    ++samples_since_solve_;
     return Status::updated;
+  }
+
+  // A sample out of contact tells of the force's offset.
+  void free(const Sample& sample, double forgetting_factor) noexcept {
+    if constexpr (requires { solver_.free(sample, forgetting_factor); }) {
+      if (detail::within(sample, largest_input)) solver_.free(sample, forgetting_factor);
+    }
+  }
+
+  // The latest samples, at most eight, were bad after all.
+  void withdraw(std::size_t count) noexcept {
+    if constexpr (requires { solver_.withdraw(count); }) solver_.withdraw(count);
+  }
+
+  // The next sample does not follow upon the latest.
+  void interrupt() noexcept {
+    if constexpr (requires { solver_.interrupt(); }) solver_.interrupt();
   }
 
   // With the old answer as a prior (kept_exponent.hpp).
@@ -135,6 +154,16 @@ class VariableProjectionMethod {
 
  private:
   using Solution = detail::ProjectionSolution;
+
+  // Whether the sample is taken as contact: a solver may keep one that is in doubt beside.
+  bool add(const Sample& sample, double forgetting_factor) noexcept {
+    if constexpr (requires { solver_.add(sample, forgetting_factor, last_solution_); }) {
+      return solver_.add(sample, forgetting_factor, last_solution_);
+    } else {
+      solver_.add(sample, forgetting_factor);
+      return true;
+    }
+  }
 
   void forget_noise() noexcept {
     levels_.clear();
@@ -221,6 +250,7 @@ class VariableProjectionMethod {
       found |= damping_not_identifiable;
     }
     if (!p.surface_found) found |= surface_at_edge;
+    if (p.tare_refuted) found |= tare_refuted;
     // What the samples before a restart left open, few after it do not settle: the prior that is
     // made of the old answer would hide it. Nine tenths, as with forgetting a weight only nears its
     // limit.

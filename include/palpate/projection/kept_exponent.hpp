@@ -44,7 +44,9 @@ class KeptExponent {
     constexpr double known = 0.25 * exponent_deviation;
     if (dot(open.root[2], open.root[2]) < known * known) return open;
     const double tolerance = std::max(tolerance_, 9.0 * open.noise_variance);
-    if (!(kept.cost - open.cost <= tolerance)) return open;
+    // Of other samples their costs say nothing.
+    const bool alike = kept.lost_above == open.lost_above;
+    if (!alike || !(kept.cost - open.cost <= tolerance)) return open;
     kept_ = true;
     give(solver);
     return kept;

@@ -55,11 +55,52 @@ class PowerSums {
 
   // Adds a sample in scaled units; one that does not touch (ξ ≤ 0) informs F₀ only.
   void add(const Sample& s, double forgetting_factor) noexcept {
-    if (forgetting_factor != 1.0) scale(forgetting_factor);
-    weight_ += 1.0;
-    force_ += s.force;
-    force_squared_ += s.force * s.force;
-    if (s.penetration > 0.0) add_powers(std::log(s.penetration), s.velocity, s.force);
+    if (forgetting_factor != 1.0) forget(forgetting_factor);
+    accumulate<false>(s, 1.0);
+  }
+
+  // The same with a weight; with a negative one it is taken out again. What rounding leaves of the
+  // last sample is no sample.
+  [[gnu::noinline]] void add_weighted(const Sample& s, double weight) noexcept {
+    accumulate<true>(s, weight);
+    constexpr double smallest = 1e-6;
+    if (weight_ < smallest) clear();
+  }
+
+  // Adds all samples of another's, each with this weight.
+  void include(const PowerSums& other, double weight) noexcept {
+    weight_ += weight * other.weight_;
+    force_ += weight * other.force_;
+    force_squared_ += weight * other.force_squared_;
+    touching_ += weight * other.touching_;
+    depth_ += weight * other.depth_;
+    depth_squared_ += weight * other.depth_squared_;
+    for (std::size_t power = 0; power < power_count; ++power) {
+      for (std::size_t j = 0; j < nodes; ++j) sums_[power][j] += weight * other.sums_[power][j];
+    }
+  }
+
+  // Counts every force from here.
+  void shift(double zero) noexcept {
+    force_squared_ += zero * (zero * weight_ - 2.0 * force_);
+    force_ -= zero * weight_;
+    for (std::size_t j = 0; j < nodes; ++j) {
+      sums_[pf][j] -= zero * sums_[p1][j];
+      sums_[pwf][j] -= zero * sums_[pw][j];
+    }
+  }
+
+  void forget(double factor) noexcept {
+    for (double* sum : {&weight_, &force_, &force_squared_, &touching_, &depth_, &depth_squared_}) {
+      *sum = faded(*sum * factor);
+    }
+    for (auto& column : sums_) {
+      for (double& sum : column) sum *= factor;
+      // From node to node a column grows or shrinks, so that an end of it fades first. Looking at
+      // two numbers of 34 costs 8 ns a sample of 420; looking at each cost 33.
+      if (faded(column.front()) != 0.0 && faded(column.back()) != 0.0) continue;
+      for (double& sum : column) sum = faded(sum);
+    }
   }
 
   void clear() noexcept { *this = PowerSums(lowest_, highest()); }
@@ -107,19 +148,6 @@ class PowerSums {
     return local;
   }
 
-  void scale(double factor) noexcept {
-    for (double* sum : {&weight_, &force_, &force_squared_, &touching_, &depth_, &depth_squared_}) {
-      *sum = faded(*sum * factor);
-    }
-    for (auto& column : sums_) {
-      for (double& sum : column) sum *= factor;
-      // From node to node a column grows or shrinks, so that an end of it fades first. Looking at
-      // two numbers of 34 costs 8 ns a sample of 420; looking at each cost 33.
-      if (faded(column.front()) != 0.0 && faded(column.back()) != 0.0) continue;
-      for (double& sum : column) sum = faded(sum);
-    }
-  }
-
   // What fades without new energy, as Σ p²w² while the probe is held, would end in subnormal
   // numbers, on which processors are slow: an update took 578 ns while the probe was held, not 307.
   // Below 1e-150, where a product of two would be subnormal and a column counts as not there
@@ -129,8 +157,18 @@ class PowerSums {
     return sum < smallest && sum > -smallest ? 0.0 : sum;
   }
 
-  void add_powers(double depth, double w, double f) noexcept {
+  // `Weighted` false leaves the weight's multiplications out.
+  template <bool Weighted>
+  void accumulate(const Sample& s, double weight) noexcept {
+    const auto times = [weight](double value) noexcept {
+      return Weighted ? value * weight : value;
+    };
+    weight_ += times(1.0);
+    force_ += times(s.force);
+    force_squared_ += times(s.force * s.force);
+    if (!(s.penetration > 0.0)) return;
     // ξ^(n₀ + jh) as products of two exponentials, in four chains so that they overlap.
+    const double depth = std::log(s.penetration);
     std::array<double, nodes + 2> powers;
     const double ratio = std::exp(step_ * depth);
     powers[0] = std::exp(lowest_ * depth);
@@ -139,19 +177,19 @@ class PowerSums {
     powers[3] = powers[2] * ratio;
     const double fourth = (ratio * ratio) * (ratio * ratio);
     for (std::size_t j = 4; j < powers.size(); ++j) powers[j] = powers[j - 4] * fourth;
-    touching_ += 1.0;
-    depth_ += depth;
-    depth_squared_ += depth * depth;
-    const double ww = w * w, wf = w * f;
+    touching_ += times(1.0);
+    depth_ += times(depth);
+    depth_squared_ += times(depth * depth);
+    const double w = s.velocity, f = s.force, ww = w * w, wf = w * f;
     for (std::size_t j = 0; j < nodes; ++j) {
-      const double p = powers[j], square = p * p;
+      const double once = times(powers[j]), square = times(powers[j] * powers[j]);
       sums_[pp][j] += square;
       sums_[ppw][j] += square * w;
       sums_[ppww][j] += square * ww;
-      sums_[p1][j] += p;
-      sums_[pw][j] += p * w;
-      sums_[pf][j] += p * f;
-      sums_[pwf][j] += p * wf;
+      sums_[p1][j] += once;
+      sums_[pw][j] += once * w;
+      sums_[pf][j] += once * f;
+      sums_[pwf][j] += once * wf;
     }
   }
 

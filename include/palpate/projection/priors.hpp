@@ -15,7 +15,7 @@ struct ProjectionSettings {
   double lowest_exponent = 0.3;
   double highest_exponent = 3.6;
   bool offset = true;
-  double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²); 0: twenty times the noise
+  double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²), as a tare leaves; 0: none was made
   // Weak priors: n ~ N(1.3, 1), between a spring and a cone, and c/k ~ N(0, 1), the damping force
   // at the speed of the scale as large as the elastic one.
   double prior_exponent = 1.3;
@@ -62,10 +62,12 @@ struct ProjectionProblem {
   const PowerSums& sums;
   const ProjectionSettings& settings;
 
-  // ρ_F = σ²/s_F² in samples; s_F = 20 σ unless given, far beyond what the mean of a pause leaves.
+  // ρ_F = σ²/s_F² in samples. Without a tare the offset may be as large as the forces are, one
+  // unit; where the unit is small beside the residual, 20 σ.
   double offset_weight(double variance) const noexcept {
     const double deviation = settings.offset_deviation;
-    return deviation > 0.0 ? variance / (deviation * deviation) : 1.0 / (20.0 * 20.0);
+    if (deviation > 0.0) return variance / (deviation * deviation);
+    return std::min(variance, 1.0 / (20.0 * 20.0));
   }
 
   // 1 / (Σ1 + ρ_F), by which the offset is eliminated; 0 without one.

@@ -1,20 +1,13 @@
-// The Hunt–Crossley law by variable projection: exact nonlinear least squares in the force domain,
-//
-//   min over (k, c, F₀, n) of Σ (F − k ξⁿ − c ξⁿ w − F₀)²,   ξ = x/x_r, w = v/V,
-//
-// with no logarithm, no condition 10 and no starting values. For a fixed n the law is linear in
-// (k, c, F₀), so what is left is a function J(n) of one variable. See docs/variable-projection.md.
+// The Hunt–Crossley law by variable projection from every sample that it is given.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 
 #include "palpate/contact_gate.hpp"
 #include "palpate/matrix.hpp"
-#include "palpate/projection/covariance.hpp"
-#include "palpate/projection/exponent_search.hpp"
 #include "palpate/projection/power_sums.hpp"
 #include "palpate/projection/priors.hpp"
+#include "palpate/projection/projection_fit.hpp"
 #include "palpate/projection/solution.hpp"
 #include "palpate/sample.hpp"
 
@@ -41,19 +34,8 @@ class ProjectionSolver {
   double lowest_exponent() const noexcept { return sums_.lowest(); }
   double highest_exponent() const noexcept { return sums_.highest(); }
 
-  // What the priors of (k, c, n, F₀) weigh, over what the samples do, in the root of a solution. An
-  // offset that there is none of is known.
-  Vector<4> prior_fractions(const ProjectionSolution& s) const noexcept {
-    const double variance = s.root_variance;
-    const ProjectionPoint point{s.n, sums_.at(s.n), {s.k, s.c, s.offset, s.cost, true}};
-    const Matrix<4> samples = information(problem(), point, variance);
-    const auto fraction = [](double prior, double data) noexcept {
-      return std::clamp(prior / (data + tiny), 0.0, largest_parameter);
-    };
-    return {0.0, fraction(problem().damping_weight(s.k, variance), samples[1][1]),
-            fraction(problem().exponent_weight(variance), samples[2][2]),
-            settings_.offset ? fraction(problem().offset_weight(variance), sums_.weight())
-                             : largest_parameter};
+  Vector<4> prior_fractions(const ProjectionSolution& solution) const noexcept {
+    return ProjectionFit(sums_, settings_).prior_fractions(solution);
   }
 
   // The prior is an old answer with these deviations.
@@ -70,81 +52,14 @@ class ProjectionSolver {
   void clear() noexcept { sums_.clear(); }
 
   // The global minimum over the whole range of exponents.
-  ProjectionSolution solve() const noexcept {
-    const Valleys valleys = search_grid(problem());
-    const SearchStart& first = valleys.start[0];
-    const ProjectionPoint point = refine(problem(), first);
-    if (valleys.count > 1) {
-      const SearchStart& second = valleys.start[1];
-      const ProjectionPoint other = refine(problem(), second);
-      if (cost(other, second) < cost(point, first)) return answer(other, second);
-    }
-    return answer(point, first);
-  }
+  ProjectionSolution solve() const noexcept { return ProjectionFit(sums_, settings_).solve(); }
 
   // The same from an answer of a little while ago, in whose basin the minimum still is.
   ProjectionSolution solve_near(const ProjectionSolution& earlier) const noexcept {
-    const double variance = earlier.prior_variance;
-    const SearchStart start{earlier.n, variance, problem().offset_fraction(variance)};
-    return answer(refine(problem(), start), start);
+    return ProjectionFit(sums_, settings_).solve_near(earlier);
   }
 
  private:
-  ProjectionProblem problem() const noexcept { return {sums_, settings_}; }
-
-  // J with the priors.
-  double cost(const ProjectionPoint& point, const SearchStart& start) const noexcept {
-    return point.linear.cost + problem().exponent_penalty(point.n, start.variance);
-  }
-
-  ProjectionSolution answer(const ProjectionPoint& point, const SearchStart& start) const noexcept {
-    ProjectionSolution r{};
-    r.k = point.linear.k;
-    r.c = point.linear.c;
-    r.offset = point.linear.offset;
-    r.n = point.n;
-    r.prior_variance = start.variance;
-    r.noise_variance = noise_variance(point, start);
-    r.cost = cost(point, start);
-    r.at_edge = at_edge(point.n);
-    r.surface_found = true;
-    r.root_variance = std::max(r.noise_variance, least_variance());
-    const InverseRoot<4> inverse = covariance_root(problem(), point, r.root_variance);
-    for (std::size_t i = 0; i < 4; ++i) {
-      for (std::size_t j = 0; j < 4; ++j) r.root[i][j] = inverse.root[i][j];
-    }
-    r.damping_identifiable = !inverse.guarded[1];
-    r.exponent_identifiable =
-        !inverse.guarded[2] && !inverse.guarded[3] && sums_.depth_spread() > smallest_spread;
-    return r;
-  }
-
-  // From the residual, once ten degrees of freedom tell it to a quarter or so (1/√20).
-  double noise_variance(const ProjectionPoint& point, const SearchStart& start) const noexcept {
-    constexpr double fewest_degrees = 10.0;
-    const double fitted = settings_.offset ? 4.0 : 3.0;
-    const double freedom = sums_.weight() - fitted;
-    if (settings_.noise != 0.0 || freedom < fewest_degrees) return start.variance;
-    // Below rounding of Σ F², some ε, there is no residual; a part of it keeps error bars above
-    // zero.
-    const double rounding = 1e-15 * sums_.force_squared();
-    return std::max(sums_.force_squared() + point.linear.cost, rounding) / freedom;
-  }
-
-  // No force sensor is better than a hundred-thousandth; without any force, one unit.
-  double least_variance() const noexcept {
-    if (!(sums_.force_squared() > 0.0)) return 1.0;
-    return 1e-10 * sums_.force_squared() / sums_.weight();
-  }
-
-  // Within a quarter of a step of the last node: there the minimum may lie beyond it.
-  bool at_edge(double n) const noexcept {
-    const double margin = 0.25 * sums_.step();
-    return n < sums_.lowest() + margin || n > sums_.highest() - margin;
-  }
-
-  static constexpr double smallest_spread = 1e-4;  // of ln ξ: 1 µm at 10 mm, beyond any sensor
-
   Settings settings_;
   PowerSums sums_;
 };

@@ -37,7 +37,7 @@ def diagnose(
     reading, judging = reading or Reading(), judging or Judging()
     depth, kind = judging.depth, estimator_named(method)
     contact = reading.contact(file)
-    result = run(contact, kind(**reading.settings(contact)))
+    result = run(contact, kind(**reading.settings(contact, kind)))
     result = result if depth is None else result.at_depth(depth)
     if as_json:
         print_json(as_dict(file, [result]))

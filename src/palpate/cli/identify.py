@@ -51,7 +51,7 @@ def identify(
 
         check_figure(figure, inputs=[file])
     contact = reading.contact(file)
-    result = run(contact, kind(**reading.settings(contact)))
+    result = run(contact, kind(**reading.settings(contact, kind)))
     result = result if depth is None else result.at_depth(depth)
     result = result.by_stretch() if changes else result
     if figure is not None:

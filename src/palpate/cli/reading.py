@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 if TYPE_CHECKING:
     from palpate.contact import Contact
+    from palpate.estimators import ContactEstimator
     from palpate.settings import ContactGate
 
 #: A text that may begin with a minus sign: -3ms is no option.
@@ -32,9 +33,9 @@ class Reading:
     stop: float | None = None
     "Use samples up to this time, s."
     min_penetration: float | None = None
-    "Contact is deeper than this, m; chosen from the data unless given."
+    "Contact is deeper than this, m; unless given chosen by the method, or from the data for it."
     min_force: float | None = None
-    "Contact is firmer than this, N; chosen from the data unless given."
+    "Contact is firmer than this, N; unless given chosen by the method, or from the data for it."
     velocity_window: float | None = None
     "Length of the velocity filter, s; 15 samples but at most 15 ms unless given."
 
@@ -86,18 +87,27 @@ class Reading:
             given["surface"] = quantity("--surface", str(self.surface), "penetration")
         return given
 
-    def settings(self, contact: "Contact") -> dict[str, Any]:
-        """Return what an estimator is to be made with."""
-        settings: dict[str, Any] = {"gate": self.gate(contact)}
+    def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
+        """Return what an estimator of this kind is to be made with."""
+        from palpate.settings import ContactGate
+
+        gate = self.gate(contact)
+        if gate is not None and kind.chooses_samples:  # nothing beside what is asked for
+            force = self.min_force or 0.0
+            gate = ContactGate(self.min_penetration or 0.0, force, force)
+        settings: dict[str, Any] = {"gate": gate}
         if not self.reject_outliers:
             settings["outlier_rejection"] = False
         if self.surface == "estimate":
             settings["surface"] = "estimate"
         return settings
 
-    def gate(self, contact: "Contact") -> "ContactGate":
-        """Return the gate asked for; what is not asked for is chosen from the data."""
+    def gate(self, contact: "Contact") -> "ContactGate | None":
+        """Return the gate asked for, the rest of it chosen from the data; None where none is."""
         from palpate.preparation import choose_gate
+
+        if self.min_penetration is None and self.min_force is None:
+            return None
 
         return choose_gate(
             contact, minimum_penetration=self.min_penetration, minimum_force=self.min_force

@@ -13,6 +13,7 @@ from palpate.cli.verdicts import print_ranking, print_verdict
 from palpate.identification import Identification
 from palpate.ranking import rank
 from palpate.recordings.truth import truth_of
+from palpate.settings import ContactGate
 
 #: Of the JSON; a field that goes, or means another thing, makes it the next.
 SCHEMA_VERSION = 1
@@ -66,7 +67,7 @@ def _noticed(result: Identification) -> str:
 def as_dict(file: Path, results: Sequence[Identification]) -> dict[str, Any]:
     """Return what a file gave as plain numbers and words."""
     first = results[0]
-    gate, scale, contact = first.gate, first.scale, first.contact
+    gate, scale, contact = _gate(results), first.scale, first.contact
     return {
         "schema_version": SCHEMA_VERSION,
         "file": str(file),
@@ -87,6 +88,12 @@ def as_dict(file: Path, results: Sequence[Identification]) -> dict[str, Any]:
     }
 
 
+def _gate(results: Sequence[Identification]) -> ContactGate:
+    """Return the gate of those methods that need one."""
+    gated = (result.gate for result in results if result.estimator.settings.get("gate"))
+    return next(gated, results[0].gate)
+
+
 def _ranking(results: Sequence[Identification]) -> dict[str, Any]:
     ranking = rank({result.method: result for result in results})
     return {
@@ -99,11 +106,13 @@ def _ranking(results: Sequence[Identification]) -> dict[str, Any]:
 
 def _print_contact(first: Identification, console: Terminal) -> None:
     contact, gate, scale = first.contact, first.gate, first.scale
+    chosen = first.estimator.chooses_samples and not gate.make_force
+    force = "chosen by the force around each" if chosen else f"force > {gate.make_force:.3g} N"
     console.print(Text(f"{contact.source or 'contact'}", style="bold"))
     console.print(
         Text(
             f"{len(contact)} samples, {first.estimate.samples} in contact (penetration > "
-            f"{gate.minimum_penetration:.3g} m, force > {gate.make_force:.3g} N); computed in "
+            f"{gate.minimum_penetration:.3g} m, {force}); computed in "
             f"units of {scale.penetration:.3g} m, {scale.velocity:.3g} m/s, {scale.force:.3g} N"
         ),
         soft_wrap=True,

@@ -30,6 +30,8 @@ class ContactEstimator:
     needs_condition_10: ClassVar[bool] = False
     #: Of what it minimises the squares, where its error bars take that for white noise.
     minimises: ClassVar[Literal["force", "logarithm"] | None] = None
+    #: Whether it chooses its samples itself, and wants no gate chosen from the data.
+    chooses_samples: ClassVar[bool] = False
 
     if TYPE_CHECKING:  # the compiled class, or a method of one's own, brings these
         _settings: dict[str, Any]

@@ -48,8 +48,11 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
     offset : bool
         Estimate a constant force offset beside the law: what the removal of the sensor's bias left.
     offset_deviation : float, optional
-        How large that offset is expected to be, N, > 0: a prior F₀ ~ N(0, offset_deviation²). None:
-        twenty times the noise. What quantisation to steps Δ leaves is (Δ/π) exp(−2π²σ²/Δ²).
+        What a tare left of that offset, N, > 0: a prior F₀ ~ N(0, offset_deviation²). None: one
+        unit of force, and in :func:`identify` the contact's ``tare_deviation`` if it has one. What
+        quantisation to steps Δ leaves is (Δ/π) exp(−2π²σ²/Δ²). Free air, ten samples and more of it
+        above the surface, says the offset too. A prior that the contact contradicts by three
+        standard errors is widened to one unit of force; of a tare that is flagged.
     exponent_range : tuple of float
         Where the exponent is looked for: (lowest, highest), within [0.1, 10], 0.2 to 5 apart.
     surface : "estimate", optional
@@ -60,8 +63,10 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         Where the surface is looked for, m, in the coordinate of the penetration: (lowest, highest).
         Forty-one candidates. None: ± a fifth of the unit of penetration, ±2 mm without a ``scale``.
     gate : ContactGate, optional
-        Which samples are contact. None: every sample with x > 0 and F > 0, and in :func:`identify`
-        a gate chosen from the data.
+        Which samples are contact. With a ``make_force`` of 0, as None has it, the estimator chooses
+        them itself among those deeper than ``minimum_penetration``: by the force of a sample's
+        neighbours and never by its own, which would bias (``docs/variable-projection.md``). A
+        ``make_force`` is honoured as it is.
     sample_time : float
         Time between samples where ``update`` is given none, s, in (0, 1e6].
     scale : Scale, optional
@@ -77,6 +82,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
     __slots__ = ("_settings",)
     method = "variable-projection"
     law_type = HuntCrossley
+    chooses_samples = True
 
     def __init__(
         self,

@@ -1,7 +1,7 @@
 """A material, a motion, a probe and its sensors, brought together."""
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from palpate.lab.probes import Probe, Progress, SimulatedMotion
 from palpate.lab.sensors import Sensors, rounded
 from palpate.lab.trajectories import Command, Trajectory
 from palpate.preparation import prepare
+from palpate.preparation.tare import deviation_left
 from palpate.validation import Floats, instance, number_in
 
 
@@ -106,13 +107,15 @@ class Bench:
         resting = time < self.trajectory.pause
         tare = float(force[resting].mean()) if resting.any() else 0.0
         penetration = rounded(motion.recorded_penetration, self.sensors.penetration_resolution)
-        return prepare(
+        contact = prepare(
             time=time,
             penetration=penetration,
             force=force - tare,
             source=f"{self.material.name}, {self.probe.name}, seed {seed}",
             provenance=self._history(tare, int(resting.sum()), seed),
         )
+        left = deviation_left(force, resting) if resting.any() else None
+        return replace(contact, tare_deviation=left)
 
     def _history(self, tare: float, samples: int, seed: int) -> dict[str, str]:
         removed = (

@@ -8,6 +8,7 @@ import numpy as np
 
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, RecordingError
+from palpate.preparation.tare import deviation_left
 from palpate.validation import number, number_in, pair_in, shown
 
 #: Units of each channel, by their size in SI.
@@ -101,9 +102,10 @@ class Corrections:
                 f"{where}no sample between {start:g} s and {stop:g} s to tare the force with"
             )
         zero = float(contact.force[free].mean())
+        left = deviation_left(contact.force, free)
         made = dict(contact.provenance)
         _add(made, "force", f"less its mean from {start:g} s to {stop:g} s, {zero:.3g} N")
-        return replace(contact, force=contact.force - zero, provenance=made)
+        return replace(contact, force=contact.force - zero, provenance=made, tare_deviation=left)
 
     def in_step(self, contact: Contact) -> Contact:
         """Read the force earlier by its delay, between samples by a straight line.
@@ -130,6 +132,7 @@ class Corrections:
             segment=contact.segment[keep],
             source=contact.source,
             provenance=made,
+            tare_deviation=contact.tare_deviation,
         )
 
 

@@ -1,0 +1,126 @@
+// Which samples are contact, by the force of their neighbours and never by their own: choosing a
+// sample because noise made its force large would bias the law.
+//
+// A sample is *sure* where the means of the eight forces before it and of the eight after it both
+// exceed F₀ + 3σ/√8. Whatever else is below the surface is *light*. Until the eighth neighbour has
+// come the neighbours that there are decide, so that nothing is learned late.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "palpate/sample.hpp"
+
+namespace palpate::detail {
+
+enum class Role : std::uint8_t {
+  none,      // not there, or withdrawn
+  free,      // above the surface
+  sure,      // firm contact
+  light,     // below the surface, in contact or not
+  unusable,  // light, where the law would pull
+};
+
+// The latest sample and seventeen before it, and how noisy their force is.
+class ContactSamples {
+ public:
+  static constexpr std::size_t side = 8;  // neighbours on each side
+
+  struct Entry {
+    Sample sample{};
+    double weight = 0.0;      // in its bank, after what was forgotten since
+    double force = 0.0;       // Σ F of all up to this one, so that a mean is a difference …
+    std::uint32_t count = 0;  // … and how many they are
+    Role role = Role::none;
+    bool pulls = false;
+  };
+
+  void push(const Sample& sample, Role role, bool pulls) noexcept {
+    const Entry& last = entries_[newest_];
+    if (last.role != Role::none) learn_noise(std::abs(sample.force - last.sample.force));
+    const std::size_t next = newest_ + 1 < entries_.size() ? newest_ + 1 : 0;
+    entries_[next] = {sample, 1.0, last.force + sample.force, last.count + 1, role, pulls};
+    newest_ = next;
+  }
+
+  Entry& ago(std::size_t age) noexcept { return entries_[place(age)]; }
+  const Entry& ago(std::size_t age) const noexcept { return entries_[place(age)]; }
+
+  // Takes a sample out of its neighbours' means.
+  void withdraw(std::size_t age) noexcept {
+    const double force = ago(age).sample.force;
+    ago(age).role = Role::none;
+    for (std::size_t later = 0; later <= age; ++later) {
+      ago(later).force -= force;
+      --ago(later).count;
+    }
+  }
+
+  // Whether the neighbours of the sample of `age` ago press, beside a force `zero` in free air. One
+  // without neighbours is not doubted.
+  bool pressed(std::size_t age, double zero) const noexcept {
+    const Side before = between(age + side + 1, age + 1);
+    const Side after = between(age, age - std::min(age, side));
+    return exceeds(before, zero) && exceeds(after, zero);
+  }
+
+  void forget(double factor) noexcept {
+    for (std::size_t age = 0; age < side; ++age) ago(age).weight *= factor;
+  }
+
+  // Forgets the samples; what is known of the noise stays.
+  void clear() noexcept { entries_ = {}; }
+
+  // The smallest step of the force seen, 0 before one: that of its resolution, if it has one.
+  double least_step() const noexcept { return least_step_; }
+
+ private:
+  struct Side {
+    double sum;
+    double count;
+  };
+
+  std::size_t place(std::size_t age) const noexcept {
+    return newest_ >= age ? newest_ - age : newest_ + entries_.size() - age;
+  }
+
+  // The samples after the elder up to the younger. What was never there adds nothing.
+  Side between(std::size_t elder, std::size_t younger) const noexcept {
+    const Entry &first = ago(elder), &last = ago(younger);
+    return {last.force - first.force, static_cast<double>(last.count - first.count)};
+  }
+
+  // Without neighbours on a side it is the other's to say.
+  bool exceeds(const Side& them, double zero) const noexcept {
+    if (!(them.count > 0.0)) return true;
+    const double excess = them.sum - them.count * zero;
+    // |ΔF| of white noise has a median of 0.6745 √2 σ.
+    const double deviations = (3.0 / 0.954) * step_;
+    return excess > 0.0 && excess * excess > deviations * deviations * them.count;
+  }
+
+  // The median of |ΔF| by steps up and down, of a 64th in the end, which leave it 8 % of scatter. A
+  // sensor of coarse steps repeats itself: no step says nothing.
+  void learn_noise(double step) noexcept {
+    if (!(step > 0.0)) return;
+    if (!(step_ > 0.0)) step_ = least_step_ = step;
+    least_step_ = std::min(least_step_, step);
+    if (pace_ < 64.0) {
+      pace_ += 1.0;
+      move_ = {pace_ / (pace_ + 1.0), (pace_ + 1.0) / pace_};
+    }
+    step_ *= move_[step > step_ ? 1 : 0];  // by place: as a branch it would be a toss-up
+  }
+
+  std::array<Entry, 2 * side + 2> entries_{};
+  std::size_t newest_ = 0;
+  double step_ = 0.0;  // median |ΔF|
+  double least_step_ = 0.0;
+  double pace_ = 0.0;             // steps are by one part in so many
+  std::array<double, 2> move_{};  // down, up
+};
+
+}  // namespace palpate::detail

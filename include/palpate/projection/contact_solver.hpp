@@ -1,0 +1,319 @@
+// Variable projection that chooses its samples itself: two banks of sums, of firm contact and of
+// the light samples beside it, and what free air says of the offset.
+//
+// Asked for an answer it joins the banks where the light samples fit the law of the firm ones; they
+// do not where a material recovers slowly and contact is lost above the surface.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "palpate/contact_gate.hpp"
+#include "palpate/projection/contact_samples.hpp"
+#include "palpate/projection/free_air.hpp"
+#include "palpate/projection/power_sums.hpp"
+#include "palpate/projection/priors.hpp"
+#include "palpate/projection/projection_fit.hpp"
+#include "palpate/projection/solution.hpp"
+#include "palpate/sample.hpp"
+
+namespace palpate::detail {
+
+// Sums that forget when they are next needed.
+class Bank {
+ public:
+  explicit Bank(const ProjectionSettings& settings) noexcept
+      : sums_(settings.lowest_exponent, settings.highest_exponent) {}
+
+  void forget(double factor) noexcept { factor_ *= factor; }
+
+  void add(const Sample& sample) noexcept {
+    sums_.add(sample, factor_);
+    factor_ = 1.0;
+  }
+
+  void add_weighted(const Sample& sample, double weight) noexcept {
+    if (factor_ != 1.0) sums_.forget(factor_);
+    factor_ = 1.0;
+    sums_.add_weighted(sample, weight);
+  }
+
+  double weight() const noexcept { return factor_ * sums_.weight(); }
+  const PowerSums& sums() const noexcept { return sums_; }
+  double factor() const noexcept { return factor_; }
+
+  void clear() noexcept {
+    sums_.clear();
+    factor_ = 1.0;
+  }
+
+ private:
+  PowerSums sums_;
+  double factor_ = 1.0;
+};
+
+class ContactSolver {
+ public:
+  using Settings = ProjectionSettings;
+
+  explicit ContactSolver(const Settings& settings) noexcept
+      : settings_(settings), sure_(settings), light_(settings) {}
+
+  // A threshold of the force is honoured, and chooses the samples alone. Without one every sample
+  // below the surface comes here.
+  ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {
+    chooses_ = !(given.make_force > 0.0);
+    if (!chooses_) return given;
+    constexpr double any_force = -std::numeric_limits<double>::infinity();
+    return {given.minimum_penetration, any_force, any_force};
+  }
+  static bool in_range(const Sample& s) noexcept { return s.penetration > 0.0; }
+
+  // Whether the sample is firm contact, by the neighbours before it; a light one is kept too.
+  bool add(const Sample& sample, double forgetting_factor,
+           const ProjectionSolution& latest) noexcept {
+    forget(forgetting_factor);
+    if (!chooses_) {
+      recent_.push(sample, Role::sure, false);
+      sure_.add(sample);
+      return true;
+    }
+    const bool pulls = latest.k + latest.c * sample.velocity < 0.0;
+    recent_.push(sample, Role::none, pulls);
+    const Role role = role_of(0);
+    recent_.ago(0).role = role;
+    if (role == Role::sure) {
+      sure_.add(sample);
+    } else {
+      put(recent_.ago(0), 1.0);
+    }
+    settle();
+    return role == Role::sure;
+  }
+
+  // A sample out of contact: it tells of its neighbours, and of the offset.
+  void free(const Sample& sample, double forgetting_factor) noexcept {
+    if (!chooses_) return;
+    recent_.push(sample, Role::free, false);
+    air_.add(sample.penetration, sample.force, forgetting_factor);
+    settle();
+  }
+
+  // The latest samples were bad after all.
+  void withdraw(std::size_t count) noexcept {
+    for (std::size_t age = 0; count > 0 && age <= ContactSamples::side; ++age) {
+      ContactSamples::Entry& entry = recent_.ago(age);
+      if (entry.role == Role::none || entry.role == Role::free) continue;
+      put(entry, -1.0);
+      recent_.withdraw(age);
+      --count;
+    }
+  }
+
+  // The next sample is no neighbour of the latest.
+  void interrupt() noexcept { recent_.clear(); }
+
+  double weight() const noexcept { return sure_.weight() + light_.weight(); }
+  double lowest_exponent() const noexcept { return sure_.sums().lowest(); }
+  double highest_exponent() const noexcept { return sure_.sums().highest(); }
+
+  // The prior is an old answer with these deviations. The sensor's offset is still what it was.
+  void set_prior(const ProjectionSolution& old, double exponent_deviation,
+                 double dissipation_deviation) noexcept {
+    settings_.prior_exponent = old.n;
+    settings_.prior_exponent_deviation = exponent_deviation;
+    settings_.prior_dissipation = old.k > 0.0 ? old.c / old.k : 0.0;
+    settings_.prior_dissipation_deviation = dissipation_deviation;
+    kept_offset_ = std::sqrt(old.offset * old.offset + dot(old.root[3], old.root[3]));
+  }
+
+  Vector<4> prior_fractions(const ProjectionSolution& solution) const noexcept {
+    const PowerSums sums = chosen(solution);
+    ProjectionSettings settings = settings_;
+    settings.offset_deviation = solution.prior_deviation;
+    return ProjectionFit(sums, settings).prior_fractions(solution);
+  }
+
+  // Forgets the samples and keeps the priors; what free air says is of the sensor, and stays.
+  void clear() noexcept {
+    sure_.clear();
+    light_.clear();
+    unusable_ = 0.0;
+    recent_.clear();
+  }
+
+  // The global minimum, from the samples and with the prior of the offset that hold together. Not
+  // inlined, like what it calls: a replay would hold the search a dozen times.
+  [[gnu::noinline]] ProjectionSolution solve() const noexcept {
+    const Tare tare = offset_prior();
+    PowerSums sums = firm();
+    ProjectionSolution best = fitted(sums, tare.prior);
+    best.tare_refuted = tare.refuted;
+    if (settings_.offset && tare.prior.deviation > 0.0) {
+      const OffsetPrior wide{tare.prior.mean, 0.0};
+      const ProjectionSolution open = fitted(sums, wide);
+      if (beyond(open, tare.prior)) {
+        best = open;
+        best.tare_refuted = tare.refuted || !tare.of_air;
+      }
+    }
+    if (!(light_.weight() > 0.0)) return best;
+    if (!mostly_usable()) {
+      best.lost_above = true;
+      return best;
+    }
+    sums.include(light_.sums(), light_.factor());
+    ProjectionSolution joined = fitted(sums, {best.prior_mean, best.prior_deviation});
+    joined.tare_refuted = best.tare_refuted;
+    best.lost_above = excess(best, joined) > largest_excess;
+    return best.lost_above ? best : joined;
+  }
+
+  // The same from an answer of a little while ago, by its choice of samples and prior.
+  [[gnu::noinline]] ProjectionSolution solve_near(
+      const ProjectionSolution& earlier) const noexcept {
+    const PowerSums sums = chosen(earlier);
+    ProjectionSettings settings = settings_;
+    settings.offset_deviation = earlier.prior_deviation;
+    ProjectionSolution r = ProjectionFit(sums, settings).solve_near(earlier);
+    return finished(r, earlier);
+  }
+
+ private:
+  static constexpr double largest_excess = 3.0;
+  static constexpr double fewest_usable = 0.9;
+
+  struct Tare {
+    OffsetPrior prior;
+    bool of_air;   // free air or an earlier answer says it, not a tare
+    bool refuted;  // a tare was made, and free air is beyond it
+  };
+
+  // The tightest of what a tare, free air and the answer before a restart say.
+  Tare offset_prior() const noexcept {
+    const Tare tare = measured_offset();
+    const double deviation = tare.prior.deviation;
+    const bool looser = kept_offset_ > 0.0 && !(deviation > 0.0 && deviation <= kept_offset_);
+    return looser ? Tare{{0.0, kept_offset_}, true, tare.refuted} : tare;
+  }
+
+  // The tighter of what a tare and free air say; free air where it contradicts the tare.
+  Tare measured_offset() const noexcept {
+    const double declared = settings_.offset_deviation;
+    const bool told = declared > 0.0;
+    if (!settings_.offset || !air_.known()) return {{0.0, declared}, !told, false};
+    const OffsetPrior air = air_.prior(recent_.least_step());
+    const bool refuted = told && std::abs(air.mean) > 3.0 * std::hypot(declared, air.deviation);
+    const bool tare = told && !refuted && declared < air.deviation;
+    return {tare ? OffsetPrior{0.0, declared} : air, !tare, refuted};
+  }
+
+  // Whether the offset of a fit that hardly knew it before contradicts a prior.
+  static bool beyond(const ProjectionSolution& open, const OffsetPrior& prior) noexcept {
+    const double error = std::sqrt(dot(open.root[3], open.root[3]));
+    return std::abs(open.offset - prior.mean) > 3.0 * std::hypot(error, prior.deviation);
+  }
+
+  // By how many deviations the light samples have more than the noise of the firm ones.
+  double excess(const ProjectionSolution& alone, const ProjectionSolution& joined) const noexcept {
+    constexpr double fewest_degrees = 10.0;
+    const double freedom = sure_.weight() - 4.0, light = light_.weight();
+    if (freedom < fewest_degrees) return 0.0;
+    const double variance = std::max(alone.noise_variance, tiny);
+    return (joined.residual - alone.residual - light * variance) /
+           (variance * std::sqrt(2.0 * light));
+  }
+
+  bool mostly_usable() const noexcept {
+    return light_.weight() >= fewest_usable * (light_.weight() + unusable_);
+  }
+
+  PowerSums firm() const noexcept {
+    PowerSums sums = sure_.sums();
+    if (sure_.factor() != 1.0) sums.forget(sure_.factor());
+    return sums;
+  }
+
+  // The sums that an answer is of, with forces that count from its prior's mean.
+  PowerSums chosen(const ProjectionSolution& answer) const noexcept {
+    PowerSums sums = firm();
+    if (!answer.lost_above) sums.include(light_.sums(), light_.factor());
+    sums.shift(answer.prior_mean);
+    return sums;
+  }
+
+  ProjectionSolution fitted(const PowerSums& sums, const OffsetPrior& prior) const noexcept {
+    if (prior.mean != 0.0) {
+      PowerSums shifted = sums;
+      shifted.shift(prior.mean);
+      return unshifted(shifted, prior);
+    }
+    return unshifted(sums, prior);
+  }
+
+  // Of sums whose forces count from the prior's mean.
+  [[gnu::noinline]] ProjectionSolution unshifted(const PowerSums& sums,
+                                                 const OffsetPrior& prior) const noexcept {
+    ProjectionSettings settings = settings_;
+    settings.offset_deviation = prior.deviation;
+    ProjectionSolution r = ProjectionFit(sums, settings).solve();
+    r.prior_mean = prior.mean;
+    r.prior_deviation = prior.deviation;
+    return finished(r, r);
+  }
+
+  static ProjectionSolution finished(ProjectionSolution r,
+                                     const ProjectionSolution& choice) noexcept {
+    r.lost_above = choice.lost_above;
+    r.tare_refuted = choice.tare_refuted;
+    r.prior_mean = choice.prior_mean;
+    r.prior_deviation = choice.prior_deviation;
+    r.offset += choice.prior_mean;
+    return r;
+  }
+
+  void forget(double factor) noexcept {
+    if (factor == 1.0) return;
+    sure_.forget(factor);
+    light_.forget(factor);
+    unusable_ *= factor;
+    air_.forget(factor);
+    recent_.forget(factor);
+  }
+
+  Role role_of(std::size_t age) const noexcept {
+    if (recent_.pressed(age, air_.mean())) return Role::sure;
+    return recent_.ago(age).pulls ? Role::unusable : Role::light;
+  }
+
+  // The sample of eight ago has all its neighbours now.
+  void settle() noexcept {
+    ContactSamples::Entry& entry = recent_.ago(ContactSamples::side);
+    if (entry.role == Role::none || entry.role == Role::free) return;
+    const Role role = role_of(ContactSamples::side);
+    if (role == entry.role) return;
+    put(entry, -1.0);
+    entry.role = role;
+    put(entry, 1.0);
+  }
+
+  // Adds a sample to the bank of its role, or takes it out with a factor of −1.
+  void put(const ContactSamples::Entry& entry, double factor) noexcept {
+    const double weight = factor * entry.weight;
+    if (entry.role == Role::sure) sure_.add_weighted(entry.sample, weight);
+    if (entry.role == Role::light) light_.add_weighted(entry.sample, weight);
+    if (entry.role == Role::unusable) unusable_ = std::max(unusable_ + weight, 0.0);
+  }
+
+  Settings settings_;
+  Bank sure_;
+  Bank light_;
+  double unusable_ = 0.0;     // light samples where the law would pull
+  double kept_offset_ = 0.0;  // deviation by the answer before a restart; 0 before one
+  ContactSamples recent_;
+  FreeAir air_;
+  bool chooses_ = true;
+};
+
+}  // namespace palpate::detail

@@ -1,0 +1,133 @@
+// Which samples count as contact, what free air says, and sums that samples are taken out of.
+#include "palpate/projection/contact_samples.hpp"
+
+#include <cmath>
+#include <cstddef>
+
+#include "check.hpp"
+#include "palpate/palpate.hpp"
+#include "palpate/projection/free_air.hpp"
+#include "random_numbers.hpp"
+
+using namespace palpate;
+using detail::ContactSamples;
+using detail::Role;
+
+namespace {
+
+double normal(RandomNumbers& random) {
+  double sum = -6.0;
+  for (int k = 0; k < 12; ++k) sum += random.between(0.0, 1.0);
+  return sum;
+}
+
+}  // namespace
+
+TEST("a sample's own force does not decide whether it counts") {
+  for (const double own : {-50.0, 0.0, 50.0}) {
+    ContactSamples recent;
+    RandomNumbers random(3);
+    for (int k = 0; k < 40; ++k) {
+      const double force = k == 30 ? own : 1.0 + 0.05 * normal(random);
+      recent.push({1e-3, 0.0, force}, Role::sure, false);
+      if (k == 38) CHECK(recent.pressed(8, 0.0));
+    }
+  }
+}
+
+TEST("neighbours in free air on either side leave a sample in doubt") {
+  ContactSamples recent;
+  RandomNumbers random(4);
+  for (int k = 0; k < 60; ++k) {
+    const double force = (k < 30 ? 0.0 : 1.0) + 0.05 * normal(random);
+    recent.push({1e-3, 0.0, force}, Role::sure, false);
+    if (k == 37) CHECK(!recent.pressed(8, 0.0));  // of sample 29: free before, pressed after
+    if (k == 30) CHECK(!recent.pressed(0, 0.0));
+    if (k == 50) CHECK(recent.pressed(8, 0.0));
+    if (k == 50) CHECK(!recent.pressed(8, 1.0));  // where free air shows 1 N
+  }
+}
+
+TEST("what is withdrawn is no neighbour") {
+  ContactSamples recent;
+  for (int k = 0; k < 20; ++k) recent.push({1e-3, 0.0, 1.0 + 0.01 * (k % 3)}, Role::sure, false);
+  for (int k = 0; k < 3; ++k) recent.push({1e-3, 0.0, -90.0}, Role::sure, false);
+  CHECK(!recent.pressed(0, 0.0));
+  for (std::size_t age = 0; age < 3; ++age) recent.withdraw(age);
+  CHECK(recent.pressed(0, 0.0));
+}
+
+TEST("free air counts after ten samples clear of the surface") {
+  detail::FreeAir air;
+  for (int k = 0; k < 1000; ++k) air.add(-0.01, 3.0, 1.0);
+  CHECK(!air.known());
+  for (int k = 0; k < 19; ++k) air.add(-0.1, 3.0, 1.0);
+  CHECK(!air.known());
+  air.add(-0.1, 3.0, 1.0);
+  CHECK(air.known());
+  CHECK(air.mean() == 3.0);
+}
+
+TEST("free air is not known better than coarse steps and correlation let it be") {
+  detail::FreeAir fine, coarse, slow;
+  RandomNumbers random(5);
+  double memory = 0.0;
+  for (int k = 0; k < 10010; ++k) {
+    const double noise = 0.05 * normal(random);
+    memory = 0.9 * memory + std::sqrt(1.0 - 0.81) * noise;
+    fine.add(-1.0, noise, 1.0);
+    coarse.add(-1.0, 0.125 * std::round((0.03 + noise) / 0.125), 1.0);
+    slow.add(-1.0, memory, 1.0);
+  }
+  const double white = 0.05 / 100.0;
+  CHECK(std::abs(fine.prior(1e-9).deviation / white - 1.0) < 0.1);
+  // (Δ/π) exp(−2π²σ²/Δ²) is 1.7 mN; √((1 + r)/(1 − r)) at 0.9 is 4.4.
+  CHECK(std::abs(coarse.prior(0.125).deviation / 1.8e-3 - 1.0) < 0.2);
+  CHECK(std::abs(slow.prior(1e-9).deviation / (4.36 * white) - 1.0) < 0.15);
+}
+
+TEST("samples that are taken out of the sums again leave what was there before") {
+  detail::PowerSums sums(0.3, 3.6);
+  RandomNumbers random(6);
+  for (int k = 0; k < 100; ++k) {
+    sums.add({random.between(0.1, 1.0), random.between(-1.0, 1.0), random.between(0.0, 1.0)}, 1.0);
+  }
+  const detail::PowerSums before = sums;
+  const Sample more{0.7, 0.3, 1.0};
+  sums.add(more, 1.0);
+  sums.add_weighted(more, -1.0);
+  CHECK(std::abs(sums.weight() - before.weight()) < 1e-12);
+  for (std::size_t j = 0; j < detail::PowerSums::nodes; ++j) {
+    for (const detail::Power p : {detail::pp, detail::ppw, detail::pf, detail::pwf}) {
+      CHECK(std::abs(sums.column(p)[j] - before.column(p)[j]) < 1e-12);
+    }
+  }
+}
+
+TEST("withdrawn samples change nothing in the end") {
+  auto solver = detail::ContactSolver(ProjectionSettings{});
+  auto clean = detail::ContactSolver(ProjectionSettings{});
+  RandomNumbers random(7);
+  const detail::ProjectionSolution none{};
+  for (int k = 0; k < 3000; ++k) {
+    const double t = 1e-3 * k, x = 0.6 + 0.3 * std::sin(4.0 * t), w = std::cos(4.0 * t);
+    const Sample sample{x, w, x * (1.0 + 0.2 * w) + 0.01 * normal(random)};
+    clean.add(sample, 1.0, none);
+    solver.add(sample, 1.0, none);
+    if (k % 700 != 699) continue;
+    for (int bad = 0; bad < 5; ++bad) solver.add({x, w, 0.4}, 1.0, none);
+    solver.withdraw(5);
+  }
+  const auto one = solver.solve(), other = clean.solve();
+  CHECK(std::abs(one.n - other.n) < 1e-9);
+  CHECK(std::abs(one.k - other.k) < 1e-9);
+}
+
+TEST("a force threshold is honoured, and a depth alone takes forces of either sign") {
+  const ContactGate::Settings force{0.0, 0.5, 0.4}, depth{1e-3, 0.0, 0.0};
+  detail::ContactSolver solver{ProjectionSettings{}};
+  const Units units{Scale{}};
+  CHECK(solver.gate(force, units) == force);
+  CHECK(solver.gate(depth, units).minimum_penetration == 1e-3);
+  CHECK(solver.gate(depth, units).make_force < -1e300);
+}
