@@ -66,7 +66,7 @@ def test_bars_under_forgetting_are_those_of_the_memory() -> None:
 
 
 @pytest.mark.parametrize(
-    ("method", "law"),
+    "method, law",
     [
         ("kelvin-voigt", KelvinVoigt(2000.0, 20.0)),
         # Where condition 10 holds, it is the least squares of ln F.
