@@ -1,6 +1,7 @@
 """Light contact, contact that is lost above the surface, and tares: which samples count."""
 
 import math
+import zlib
 from dataclasses import dataclass
 from functools import lru_cache, partial
 
@@ -16,6 +17,7 @@ from palpate.design.excitation import cramer_rao_bound
 
 SECONDS = 10.0
 LEVELS = (0.005, 0.05, 0.2)  # N
+LEVEL = 0.05  # N, where there is one only
 FIRST_SEED = 20_000  # none of these was looked at while the rule was made
 
 
@@ -82,12 +84,18 @@ def estimated(x: Floats, v: Floats, f: Floats, tare: float | None = None) -> Est
     return estimate
 
 
+def _noise(line: str, seed: int, samples: int, level: float = LEVEL) -> Floats:
+    """White noise, N, of its own for each line of a table: the lines are then independent."""
+    random = np.random.default_rng([FIRST_SEED + seed, zlib.crc32(line.encode())])
+    return random.normal(0.0, level, samples)
+
+
 def light(campaign: Campaign) -> list[Group]:
     return [*_efficiency(campaign), _lost(campaign), _offsets(campaign)]
 
 
 def _efficiency(campaign: Campaign) -> list[Group]:
-    lines, worst = [], []
+    lines, figures = [], []
     for name, material in MATERIALS.items():
         for kind in ("chirp", "random", "taps"):
             for level in LEVELS:
@@ -102,7 +110,7 @@ def _efficiency(campaign: Campaign) -> list[Group]:
                 ).standard_errors[:3]
                 ratio = rms([errors for errors, _ in found]) / bound
                 covered = np.mean([held for _, held in found], axis=0)
-                worst.append(float(ratio.max()))
+                figures.append(ratio)
                 lines.append(
                     Line(
                         f"{name}, {kind}, {level:g} N",
@@ -122,12 +130,23 @@ def _efficiency(campaign: Campaign) -> list[Group]:
         f"{campaign.seeds} seeds from {FIRST_SEED}; each ratio is known to ±{scatter:.1%} (one "
         "standard error)."
     ]
-    median = Line("the worst of K, B and n", (float(np.median(worst)),), (Limit(1.05),))
+    worst = float(np.median(np.max(figures, axis=1)))
+    median = Line(
+        "median of the table above", (float(np.median(figures)),), (Limit(1.05),), (worst,)
+    )
     return [
         Group(
             title, definition, SYMBOLS, lines, tuple(f"covers {s}" for s in SYMBOLS), notes=notes
         ),
-        Group("Its median", "Over the lines of the table above.", ("median",), [median]),
+        Group(
+            "In short",
+            "Over all figures, and over the worst of K, B and n of each line, which is above the "
+            "bound by chance.",
+            ("all",),
+            [median],
+            ("worst of K, B, n",),
+            precision=".3f",
+        ),
     ]
 
 
@@ -135,8 +154,7 @@ def _errors(name: str, kind: str, level: float, seed: int) -> tuple[Floats, NDAr
     """Errors of K, B and n, and whether the intervals hold the truth."""
     material, motion = MATERIALS[name], path(kind)
     x, v = motion.x * material.depth, motion.v * material.depth
-    random = np.random.default_rng(FIRST_SEED + seed)
-    f = material.law.force(x, v) + random.normal(0.0, level, x.size)
+    f = material.law.force(x, v) + _noise(f"{name} {kind} {level}", seed, x.size, level)
     estimate = estimated(x, v, f)
     errors = estimate.parameters - material.law.parameters
     return errors, np.abs(errors) < 1.96 * estimate.standard_errors
@@ -176,8 +194,8 @@ def _after_loss(name: str, kind: str, below: float, air: bool, seed: int) -> Flo
     material, motion = MATERIALS[name], path(kind)
     lost = _recovering(motion, below)
     x, v = motion.x * material.depth, motion.v * material.depth
-    random = np.random.default_rng(FIRST_SEED + seed)
-    f = np.where(lost, 0.0, material.law.force(x, v)) + random.normal(0.0, 0.05, x.size)
+    own = _noise(f"{name} {kind} {below}", seed, x.size)
+    f = np.where(lost, 0.0, material.law.force(x, v)) + own
     seen = np.full(x.size, True) if air else x > 0.0
     estimate = estimated(x[seen], v[seen], f[seen])
     return estimate.parameters / material.law.parameters - 1.0
@@ -239,9 +257,9 @@ def _with_offset(
     deep = where == "deep"
     x = material.depth * (0.6 + 0.2 * (motion.x - 0.35) if deep else motion.x)
     v = material.depth * (0.2 * motion.v if deep else motion.v)
-    random = np.random.default_rng(FIRST_SEED + seed)
-    left = random.normal(0.0, tare or 0.0) if offset is None else offset
-    f = material.law.force(x, v) + left + random.normal(0.0, 0.05, x.size)
+    own = _noise(f"{name} {where} {offset} {tare}", seed, x.size + 1)
+    left = own[-1] * (tare or 0.0) / LEVEL if offset is None else offset
+    f = material.law.force(x, v) + left + own[:-1]
     estimate = estimated(x, v, f, tare)
     error = float(estimate.parameters[0] - material.law.stiffness)
     covered = abs(error) < 1.96 * float(estimate.standard_errors[0])

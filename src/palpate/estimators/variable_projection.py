@@ -51,8 +51,8 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         What a tare left of that offset, N, > 0: a prior F₀ ~ N(0, offset_deviation²). None: one
         unit of force, and in :func:`identify` the contact's ``tare_deviation`` if it has one. What
         quantisation to steps Δ leaves is (Δ/π) exp(−2π²σ²/Δ²). Free air, ten samples and more of it
-        above the surface, says the offset too. A prior that the contact contradicts by three
-        standard errors is widened to one unit of force; of a tare that is flagged.
+        above the surface, says the offset too. A tare that the contact contradicts by three
+        deviations is flagged; a prior that it contradicts by five is dropped.
     exponent_range : tuple of float
         Where the exponent is looked for: (lowest, highest), within [0.1, 10], 0.2 to 5 apart.
     surface : "estimate", optional
