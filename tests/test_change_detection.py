@@ -23,6 +23,7 @@ from palpate import (
     ChangeDetector,
     Contact,
     ContactEstimator,
+    ExtendedKelvinVoigtRLS,
     FadingForgetting,
     HuntCrossley,
     KelvinVoigt,
@@ -246,12 +247,12 @@ def test_a_law_outside_the_class_does_not_hide_a_change() -> None:
 
 
 def test_a_way_in_a_rest_and_a_way_out_are_no_changes() -> None:
-    # Kelvin–Voigt on a cone: its errors jump where the probe stops and where it turns.
+    # Errors of a law outside the class jump where the probe stops and where it turns.
     time = 1e-3 * np.arange(9000)
     depth = 10e-3 * np.interp(time, [0.0, 3.0, 6.0, 9.0], [0.05, 1.0, 1.0, 0.05])
     velocity = np.gradient(depth, 1e-3)
     clean = HuntCrossley(1e5, 3e6, 2.0).force(depth, velocity)
-    for kind in (KelvinVoigtRLS, SingleStageRLS, VariableProjection):
+    for kind in (ExtendedKelvinVoigtRLS, SingleStageRLS, VariableProjection):
         estimator = kind(change_detector=ChangeDetector())
         status = estimator.replay(depth, velocity, clean + white(len(time), 8)).status
         assert not alarms(status).size
