@@ -23,6 +23,7 @@ from palpate import (
     ChangeDetector,
     Contact,
     ContactEstimator,
+    ExtendedKelvinVoigtRLS,
     FadingForgetting,
     HuntCrossley,
     KelvinVoigt,
@@ -195,6 +196,69 @@ def test_what_was_not_identifiable_stays_flagged_after_a_restart() -> None:
         estimate = fed(estimator, still[part], force[part]).estimate()
         assert set(before) <= set(estimate.flags)
     assert estimate.restarts == 1
+
+
+def test_a_false_alarm_where_the_exponent_is_not_identifiable_leaves_it_flagged() -> None:
+    time = 1e-3 * np.arange(7000)
+    still = Motion(10e-3 + 1e-5 * np.sin(11.0 * time), 1.1e-4 * np.cos(11.0 * time))
+    force = PVC.force(still.x, still.v) + white(len(still), 5)
+    force[4000:] += 0.5  # the sensor's doing: nothing else changes
+    estimator = fed(
+        VariableProjection(change_detector=ChangeDetector()), still[:4000], force[:4000]
+    )
+    for start in range(4000, 7000, 50):
+        part = slice(start, start + 50)
+        estimate = fed(estimator, still[part], force[part]).estimate()
+        assert any("exponent" in flag for flag in estimate.flags)
+    assert estimate.restarts == 1
+
+
+def test_the_exponent_is_kept_over_a_change_that_leaves_it() -> None:
+    for seed in range(5):
+        motion, force = recording("onto the inclusion", seed, 4.0)
+        trace = VariableProjection(change_detector=ChangeDetector()).replay(
+            motion.x, motion.v, force
+        )
+        after = trace.parameters[SWITCH + 60 :]
+        # Four deviations of its prior; without it half a unit off.
+        assert (np.abs(after[:, 2] - INCLUSION.exponent) < 0.08).all()
+
+
+@pytest.mark.parametrize("before, after", [(BALL, PVC), (PVC, BALL)])
+def test_another_exponent_is_found_all_the_same(before: HuntCrossley, after: HuntCrossley) -> None:
+    motion = three_sines(4.5)
+    for seed in range(3):
+        force = switched(before, after, motion, SWITCH) + white(len(motion), seed)
+        trace = VariableProjection(change_detector=ChangeDetector()).replay(
+            motion.x, motion.v, force
+        )
+        assert (np.abs(trace.parameters[SWITCH + 600 :, 2] - after.exponent) < 0.05).all()
+
+
+def test_a_law_outside_the_class_does_not_hide_a_change() -> None:
+    # Its own errors are a third of the force, and as smooth as the motion.
+    motion = three_sines(10.0)
+    softer = HuntCrossley(PVC.stiffness / 3.0, PVC.damping / 3.0, PVC.exponent)
+    clean = switched(PVC, softer, motion, 6000)
+    for seed in range(3):
+        estimator = KelvinVoigtRLS(change_detector=ChangeDetector())
+        found = alarms(
+            estimator.replay(motion.x, motion.v, clean + white(len(motion), seed)).status
+        )
+        assert found.size
+        assert (found >= 6000).all()
+
+
+def test_a_way_in_a_rest_and_a_way_out_are_no_changes() -> None:
+    # Errors of a law outside the class jump where the probe stops and where it turns.
+    time = 1e-3 * np.arange(9000)
+    depth = 10e-3 * np.interp(time, [0.0, 3.0, 6.0, 9.0], [0.05, 1.0, 1.0, 0.05])
+    velocity = np.gradient(depth, 1e-3)
+    clean = HuntCrossley(1e5, 3e6, 2.0).force(depth, velocity)
+    for kind in (ExtendedKelvinVoigtRLS, SingleStageRLS, VariableProjection):
+        estimator = kind(change_detector=ChangeDetector())
+        status = estimator.replay(depth, velocity, clean + white(len(time), 8)).status
+        assert not alarms(status).size
 
 
 def test_without_a_detector_nothing_restarts() -> None:

@@ -155,7 +155,7 @@ def _recovered(trace: Trace, true: Floats, f: Floats, at: int) -> Recovery:
 
 
 def _overshoots(campaign: Campaign) -> Group:
-    seeds = range(max(2, campaign.seeds // 5))
+    seeds = range(max(2, campaign.seeds // 3))
     lines = []
     for name, (_, _, limit) in ROBOT.items():
         runs = np.array(campaign.map(f"robot, {name}", partial(_overshoot, name), seeds))

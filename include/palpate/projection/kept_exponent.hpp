@@ -4,6 +4,8 @@
 //
 //   n ~ N(n_old, 0.02²), c/k ~ N(old, 0.5²)   while   J_kept − J_open ≤ 9 σ²,
 //   n ~ N(n_old, 0.3²),  c/k ~ N(old, 0.1²)   from then on (J_open).
+//
+// An exponent that was not identifiable is no knowledge: the priors stay those that it had.
 #pragma once
 
 #include <algorithm>
@@ -29,7 +31,7 @@ class KeptExponent {
   void begin(Solver& solver) noexcept {
     solver.clear();
     kept_ = identifiable_;
-    give(solver);
+    if (identifiable_) give(solver);
   }
 
   // The solution with the old exponent, or without it once the samples reject it.
