@@ -87,8 +87,9 @@ def test_each_stretch_between_changes_is_identified_by_itself(run, write):
     words = run("identify", path, "--changes")[1]
     assert f"{first['stop']:.4g} s: trust" in words
     assert whole["changes"] == []  # a plain estimator looks for none
-    # White noise and half as much stiffness again: the detector needs a few samples.
-    assert parts["changes"] == pytest.approx([3.5], abs=0.02)
+    # Half as much stiffness again shows in a sample or two, but the probe has to come to where it
+    # was before: within a tenth of the slowest sine, which takes 1.6 s.
+    assert parts["changes"] == pytest.approx([3.5], abs=0.16)
     assert "in a control loop, alarms at 3.5" in words
     assert "motion" not in words  # which is not to blame for what two materials leave open
 

@@ -145,8 +145,9 @@ def test_a_result_is_plain_numbers_and_words(kind):
     law = result.law
     assert plain["method"] == kind.method
     assert plain["law"] == {"kind": law.kind, **law.as_dict()}
-    errors = dict(zip(law.as_dict(), result.estimate.standard_errors.tolist(), strict=True))
+    errors = dict(zip(law.as_dict(), result.standard_errors.tolist(), strict=True))
     assert plain["standard_errors"] == errors
+    assert (result.standard_errors >= result.estimate.standard_errors).all()
     assert plain["fit_rmse_percent"] == result.fit_rmse_percent
     assert plain["prediction_rmse_percent"] == result.prediction_rmse_percent
     assert plain["contact_samples"] == result.estimate.samples

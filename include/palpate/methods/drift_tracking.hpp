@@ -127,7 +127,8 @@ class DriftTrackingMethod {
 
   void track_if_known() noexcept {
     if (++learned_ % samples_between_looks != 0 || learned_ < fewest_samples) return;
-    const Fit<Law> fit = start_.fit(units_);
+    // What drifts widens the bars of a law that does not: by these it would never start.
+    const Fit<Law> fit = start_.fit_in_white_noise(units_);
     constexpr double most_variance = largest_exponent_error * largest_exponent_error;
     const bool known =
         fit.flags == 0 && fit.law.stiffness > 0.0 && fit.covariance[2][2] < most_variance;

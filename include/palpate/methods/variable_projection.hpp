@@ -122,20 +122,13 @@ class VariableProjectionMethod {
 
   Fit<Law> fit(const Units& units) const noexcept {
     const Solution now = solve();
-    const Law law = this->law(now, units);
-    const Matrix<5> root = widened(now);
-    Matrix<5> joint = detail::squared(in_si(root, law, units));
-    detail::bound_variances(joint, detail::largest_variance);
-    Fit<Law> fit{.law = law,
-                 .covariance = {},
-                 .offset = {now.offset * units.force, joint[3][3], {}},
-                 .surface = {now.surface * units.penetration, joint[4][4]},
-                 .flags = flags(now, root)};
-    for (std::size_t i = 0; i < order; ++i) {
-      for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
-      fit.offset.covariance[i] = joint[3][i];
-    }
-    return fit;
+    return fit(now, widened(now), units);
+  }
+
+  // As if the errors were white noise: a filter that lets the material drift starts from it.
+  Fit<Law> fit_in_white_noise(const Units& units) const noexcept {
+    const Solution now = solve();
+    return fit(now, now.root, units);
   }
 
   Snapshot<Law> snapshot(const Units& units) const noexcept {
@@ -154,6 +147,23 @@ class VariableProjectionMethod {
 
  private:
   using Solution = detail::ProjectionSolution;
+
+  // By a solution and the root of its covariance, in scaled units.
+  Fit<Law> fit(const Solution& now, const Matrix<5>& root, const Units& units) const noexcept {
+    const Law law = this->law(now, units);
+    Matrix<5> joint = detail::squared(in_si(root, law, units));
+    detail::bound_variances(joint, detail::largest_variance);
+    Fit<Law> fit{.law = law,
+                 .covariance = {},
+                 .offset = {now.offset * units.force, joint[3][3], {}},
+                 .surface = {now.surface * units.penetration, joint[4][4]},
+                 .flags = flags(now, root)};
+    for (std::size_t i = 0; i < order; ++i) {
+      for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
+      fit.offset.covariance[i] = joint[3][i];
+    }
+    return fit;
+  }
 
   // Whether the sample is taken as contact: a solver may keep one that is in doubt beside.
   bool add(const Sample& sample, double forgetting_factor) noexcept {
