@@ -24,7 +24,6 @@ from palpate.paper.report.writing import write_report
 from palpate.paper.workers import (
     Drawing,
     Failure,
-    deaf_to_interrupts,
     drawn,
     measured,
     portable,
@@ -166,10 +165,9 @@ class PaperRun:
 def _submitted(pool: ProcessPoolExecutor, task: _Task, outcomes: list[Outcome]) -> Future[Any]:
     sent = portable(task.experiment)
     try:
-        with deaf_to_interrupts():  # a submission may start a process
-            if task.seed is not None:
-                return pool.submit(measured, sent, task.seed)
-            return pool.submit(drawn, sent, outcomes)
+        if task.seed is not None:
+            return pool.submit(measured, sent, task.seed)
+        return pool.submit(drawn, sent, outcomes)
     except BrokenExecutor as error:  # another worker died
         failed: Future[Any] = Future()
         failed.set_exception(error)

@@ -43,6 +43,11 @@ def processes(count: int, sessions: Path) -> Iterator[ProcessPoolExecutor]:
         count, mp_context=context, initializer=_prepare_worker, initargs=(sessions,)
     )
     try:
+        # A pool starts a process where a submission finds none idle: all of them here, so that no
+        # interrupt is lost later.
+        with _deaf_to_interrupts():
+            for _ in range(count):
+                pool.submit(int)
         yield pool
     except BaseException:
         for worker in set(multiprocessing.active_children()) - others:
@@ -53,7 +58,7 @@ def processes(count: int, sessions: Path) -> Iterator[ProcessPoolExecutor]:
 
 
 @contextmanager
-def deaf_to_interrupts() -> Iterator[None]:
+def _deaf_to_interrupts() -> Iterator[None]:
     """Start processes that ignore Ctrl-C, which a terminal sends to them too."""
     if threading.current_thread() is not threading.main_thread():
         yield
