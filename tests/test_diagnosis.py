@@ -12,8 +12,9 @@ from palpate.diagnosis.covariance import block_variance, mean_error, robust_cova
 from palpate.diagnosis.delay import _within_segment, delay
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.inputs import CHECKS, input_findings
-from palpate.diagnosis.inputs.spikes import SOME, _spiked
+from palpate.diagnosis.inputs.spikes import SOME
 from palpate.diagnosis.memory import relaxed
+from palpate.preparation.spikes import spiked
 
 
 def grave(contact: palpate.Contact, method: str | None = None) -> list[str]:
@@ -85,7 +86,7 @@ def test_friction_that_jumps_as_the_probe_turns_is_not_called_spikes():
     rubbed = 0.2 * faults.pushed(x, np.zeros_like(x)) * np.sign(unsteady)
     contact = faults.contact(time, x, faults.noisy(faults.pushed(x, v) + rubbed))
     assert grave(contact)[0] == "friction"
-    assert np.mean(_spiked(contact.force, 10.0)) > SOME  # as jumps they are spikes
+    assert np.mean(spiked(contact.force)) > SOME  # as jumps they are spikes
 
 
 def test_each_sign_has_its_own_remedy():

@@ -8,12 +8,9 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.diagnosis.finding import Finding
+from palpate.preparation.spikes import largest_of, step_of
 from palpate.preparation.suggestions import noise_of
 from palpate.preparation.velocity import window_samples
-from palpate.validation import Floats
-
-# Distinct values are sought among so many samples; noise fills the gaps of a fine channel by then.
-MOST_DISTINCT = 20_000
 
 
 class Data:
@@ -86,18 +83,12 @@ class Data:
     @cached_property
     def peak_force(self) -> float:
         """99.9th percentile of the force's size, N, so that a spike sets nothing."""
-        return float(np.percentile(np.abs(self.force), 99.9)) if len(self) else 0.0
+        return largest_of(self.force)
 
     @cached_property
     def peak_penetration(self) -> float:
         """99.9th percentile of the penetration, m."""
         return float(np.percentile(self.penetration, 99.9)) if len(self) else 0.0
-
-
-def step_of(values: Floats) -> float:
-    """Median gap between the distinct values of a channel; 0 of a constant one."""
-    distinct = np.unique(values[:MOST_DISTINCT])
-    return float(np.median(np.diff(distinct))) if distinct.size > 1 else 0.0
 
 
 def in_words(value: float, unit: str) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate.contact import Contact, first_wrong_time
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.corrections import Corrections
-from palpate.preparation.velocity import velocity_of
+from palpate.preparation.velocity import lost_positions, velocity_of
 from palpate.recordings import Recording, open_recording
 from palpate.validation import instance, signals
 
@@ -227,11 +227,15 @@ def _contact_of(channels: _Channels, window: float | None) -> Contact:
     )
     if "velocity" in channels.values:
         return contact
-    parts = [velocity_of(time[part], penetration[part], window) for part in contact.segments()]
+    segments = list(contact.segments())
+    parts = [velocity_of(time[part], penetration[part], window) for part in segments]
+    words = "centred quadratic Savitzky–Golay filter"
+    if lost := sum(lost_positions(penetration[part]) for part in segments):
+        words += f", without {lost} lost position{'s' if lost > 1 else ''}"
     return dataclasses.replace(
         contact,
         velocity=np.concatenate([np.empty(0), *parts]),
-        provenance={**channels.provenance, "velocity": "centred quadratic Savitzky–Golay filter"},
+        provenance={**channels.provenance, "velocity": words},
     )
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from palpate.preparation.spikes import spiked
 from palpate.validation import Floats, number_in
 
 # Longer than this and the filter flattens the motion of a probe (methods: B within 0.5 % at 15 ms).
@@ -28,7 +29,8 @@ def velocity_of(time: Floats, penetration: Floats, window: float | None = None) 
 
     At each sample a parabola is fitted, by least squares, to the samples of the window around it;
     its slope there is the velocity. Near an end the window stays whole and the sample sits off its
-    centre. On an even time base this is the classic filter.
+    centre. On an even time base this is the classic filter. A lost position is left out, for it
+    would spoil the velocity of a whole window; its own is between its neighbours'.
 
     Parameters
     ----------
@@ -46,9 +48,17 @@ def velocity_of(time: Floats, penetration: Floats, window: float | None = None) 
         if t.size < 3:
             velocity[known] = np.gradient(x, t) if t.size == 2 else 0.0
             return velocity
-        width = min(window_samples(float(np.median(np.diff(t))), window), t.size)
-        velocity[known] = _local_slope(t, x, width)
+        kept = ~spiked(x)
+        width = min(window_samples(float(np.median(np.diff(t))), window), int(kept.sum()))
+        slope = _local_slope(t[kept], x[kept], width)
+        velocity[known] = slope if kept.all() else np.interp(t, t[kept], slope)
     return velocity
+
+
+def lost_positions(penetration: Floats) -> int:
+    """Count the samples that :func:`velocity_of` leaves out."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return int(np.count_nonzero(spiked(penetration[np.isfinite(penetration)])))
 
 
 def _local_slope(t: Floats, x: Floats, width: int) -> Floats:

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from palpate.diagnosis.data import Data, in_words, step_of
+from palpate.diagnosis.data import Data, in_words
 from palpate.diagnosis.finding import Finding
+from palpate.preparation.spikes import step_of
 from palpate.validation import Floats
 
 FORCE_STEP = 0.04  # of the largest force
