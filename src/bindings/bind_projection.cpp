@@ -26,11 +26,12 @@ using ProjectionFace = Handle<Plain, WithChangeDetector<Plain>, WithOutlierRejec
 
 void make_projection(ProjectionFace* self, double noise, const Pair& exponents, bool offset,
                      double offset_deviation, const std::optional<Pair>& surfaces,
-                     const Pair& forgetting, const std::optional<Detector>& changes,
-                     const std::optional<double>& outliers, const Triple& gate, const Triple& scale,
-                     double sample_time) {
+                     double surface_deviation, const Pair& forgetting,
+                     const std::optional<Detector>& changes, const std::optional<double>& outliers,
+                     const Triple& gate, const Triple& scale, double sample_time) {
   new (self) ProjectionFace();
-  const auto projection = projection_settings(noise, exponents, offset, offset_deviation, scale[2]);
+  auto projection = projection_settings(noise, exponents, offset, offset_deviation, scale[2]);
+  projection.surface_deviation = surface_deviation / scale[0];
   const Loop loop{forgetting, not_perturbed, changes, outliers, gate, scale, sample_time};
   if (surfaces) {
     const SurfaceSettings surface{projection, (*surfaces)[0] / scale[0], (*surfaces)[1] / scale[0]};
@@ -67,8 +68,8 @@ nb::dict projection_defaults(const ProjectionSettings& settings, const Scale& sc
 void bind_projection(nb::module_& module) {
   bind_face<ProjectionFace>(module, "VariableProjection")
       .def("__init__", &make_projection, nb::arg(), nb::arg(), nb::arg(), nb::arg(),
-           nb::arg().none(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(),
-           nb::arg());
+           nb::arg().none(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(),
+           nb::arg(), nb::arg());
   bind_face<DriftFace>(module, "DriftTracking")
       .def("__init__", &make_drift_tracking, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
            nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg());

@@ -26,6 +26,7 @@ from palpate.estimators.loop_settings import Rejection
 from palpate.flags import flags_of
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.preparing import Recorded, prepare
+from palpate.preparation.resolution import suggest_surface_deviation
 from palpate.preparation.suggestions import choose_gate, suggest_scale
 from palpate.preparation.velocity import window_samples
 from palpate.refusals import check_approach, why_nothing
@@ -371,6 +372,7 @@ def _chosen(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
         choices["gate"] = choose_gate
     elif settings.get("surface") is None:  # a search for the surface has the free approach
         choices["offset_deviation"] = lambda contact: contact.tare_deviation
+        choices["surface_deviation"] = suggest_surface_deviation
     return {
         name: choose(contact)
         for name, choose in choices.items()

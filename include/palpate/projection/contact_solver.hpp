@@ -196,8 +196,9 @@ class ContactSolver {
 
   // The tightest of what a tare, free air and the answer before a restart say.
   Tare offset_prior() const noexcept {
-    const Tare tare = measured_offset();
-    const double deviation = tare.prior.deviation;
+    Tare tare = measured_offset();
+    double& deviation = tare.prior.deviation;
+    if (deviation > 0.0) deviation = std::hypot(deviation, settings_.surface_deviation);
     const bool looser = kept_offset_ > 0.0 && !(deviation > 0.0 && deviation <= kept_offset_);
     return looser ? Tare{{0.0, kept_offset_}, true, tare.refuted} : tare;
   }

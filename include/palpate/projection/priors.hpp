@@ -16,6 +16,9 @@ struct ProjectionSettings {
   double highest_exponent = 3.6;
   bool offset = true;
   double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²), as a tare leaves; 0: none was made
+  // Of the surface, in scaled units. A surface that is off looks like an offset, of the force's
+  // unit over the penetration's in the middle of the depth: no offset is known better.
+  double surface_deviation = 0.0;
   // Weak priors: n ~ N(1.3, 1), between a spring and a cone, and c/k ~ N(0, 1), the damping force
   // at the speed of the scale as large as the elastic one.
   double prior_exponent = 1.3;
@@ -31,6 +34,9 @@ constexpr const char* validate(const ProjectionSettings& s) noexcept {
   if (!deviation(s.noise)) return "method.noise must be in [0, 1e60] units of force";
   if (!deviation(s.offset_deviation)) {
     return "method.offset_deviation must be in [0, 1e60] units of force";
+  }
+  if (!deviation(s.surface_deviation)) {
+    return "method.surface_deviation must be in [0, 1e60] units of penetration";
   }
   if (!(s.lowest_exponent >= 0.1 && s.highest_exponent <= 10.0)) {
     return "method.lowest_exponent and highest_exponent must be in [0.1, 10]";

@@ -62,6 +62,11 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
     surface_range : tuple of float, optional
         Where the surface is looked for, m, in the coordinate of the penetration: (lowest, highest).
         Forty-one candidates. None: ± a fifth of the unit of penetration, ±2 mm without a ``scale``.
+    surface_deviation : float, optional
+        How well the position of the surface is known, m, > 0. A surface that is off looks like an
+        offset, so what free air or a tare says of that is taken as no better than this depth times
+        the mean stiffness. None: it is known exactly; in :func:`identify` to twice the noise and
+        rounding of the penetration, which the zero of an encoder shares.
     gate : ContactGate, optional
         Which samples are contact. With a ``make_force`` of 0, as None has it, the estimator chooses
         them itself among those deeper than ``minimum_penetration``: by the force of a sample's
@@ -96,6 +101,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         exponent_range: tuple[float, float] = _DEFAULTS["exponent_range"],
         surface: Literal["estimate"] | None = None,
         surface_range: tuple[float, float] | None = None,
+        surface_deviation: float | None = None,
         gate: ContactGate | None = None,
         sample_time: float = SAMPLE_TIME,
         scale: Scale | None = None,
@@ -111,6 +117,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
             "exponent_range": exponent_range,
             "surface": surface,
             "surface_range": surface_range,
+            "surface_deviation": surface_deviation,
             "gate": gate,
             "sample_time": sample_time,
             "scale": scale,
@@ -121,6 +128,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         super().__init__(
             *projection_settings(noise, exponent_range, offset, offset_deviation),
             _checked_surfaces(surface, surface_range, scale or PROBING),
+            _positive("surface_deviation", surface_deviation),
             (forgetting or ConstantForgetting())._plain(),
             *loop,
         )
