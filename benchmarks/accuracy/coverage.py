@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.probing import MATERIALS, SYMBOLS
 from benchmarks.accuracy.table import Group, Limit, Line
-from benchmarks.accuracy.trials import OFFSET_LEFT, TIMES, Trial, run
+from benchmarks.accuracy.trials import OFFSET_LEFT, SURFACE_LEFT, TIMES, Trial, run
 
 
 def coverage(campaign: Campaign) -> list[Group]:
@@ -30,18 +30,23 @@ def coverage(campaign: Campaign) -> list[Group]:
         *(
             _group(
                 campaign,
-                f"Coverage under the paper's sensor chain, {known}",
+                f"Coverage under the paper's sensor chain, {words}",
                 chain.format(settings),
-                [Trial(name, "chain", deviation, single_stage=False) for name in MATERIALS],
+                [Trial(name, "chain", *known, single_stage=False) for name in MATERIALS],
                 (),
                 campaign.seeds,
             )
-            for known, settings, deviation in (
-                ("offset unknown", "`VariableProjection()`", None),
+            for words, settings, known in (
+                ("offset unknown", "`VariableProjection()`", ()),
                 (
                     "offset known from the pause",
                     "`offset_deviation` set to what the pause leaves",
-                    OFFSET_LEFT,
+                    (OFFSET_LEFT,),
+                ),
+                (
+                    "offset known from the pause, the surface to the encoder's step",
+                    "the same, and `surface_deviation` to what `identify` makes of the steps",
+                    (OFFSET_LEFT, SURFACE_LEFT),
                 ),
             )
         ),

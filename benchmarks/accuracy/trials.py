@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.accuracy.probing import MATERIALS, NOISE, Floats, feed, noise, sines
-from palpate import SingleStageRLS, VariableProjection
+from palpate import Scale, SingleStageRLS, VariableProjection
 from palpate.design.excitation import cramer_rao_bound
 from palpate.preparation.velocity import velocity_of
 
@@ -22,6 +22,8 @@ PAUSE = 2000  # samples in which the force bias is measured
 OFFSET_LEFT = FORCE_STEP / math.pi * math.exp(
     -2.0 * math.pi**2 * NOISE**2 / FORCE_STEP**2
 ) + math.hypot(NOISE, FORCE_STEP / math.sqrt(12.0)) / math.sqrt(PAUSE)
+# As `identify` takes it of the encoder's steps.
+SURFACE_LEFT = 2.0 * ENCODER_STEP / math.sqrt(12.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,7 @@ class Trial:
     material: str
     sensor: str = "true"
     offset_deviation: float | None = None
+    surface_deviation: float | None = None
     single_stage: bool = True
 
 
@@ -52,7 +55,11 @@ def run(trial: Trial, seed: int) -> Outcome:
     law = MATERIALS[trial.material]
     x, v, f = _measured(trial, np.random.default_rng(seed))
     estimator = VariableProjection(
-        offset=trial.sensor != "true", offset_deviation=trial.offset_deviation
+        offset=trial.sensor != "true",
+        offset_deviation=trial.offset_deviation,
+        surface_deviation=trial.surface_deviation,
+        # By its stiffness a surface that is off looks like an offset.
+        scale=Scale(10e-3, 20e-3, law.force(10e-3, 0.0)) if trial.surface_deviation else None,
     )
     errors, covered = np.empty((2, len(ENDS), 3))
     single = np.full((len(ENDS), 3), np.nan)

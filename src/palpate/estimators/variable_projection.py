@@ -65,8 +65,9 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
     surface_deviation : float, optional
         How well the position of the surface is known, m, > 0. A surface that is off looks like an
         offset, so what free air or a tare says of that is taken as no better than this depth times
-        the mean stiffness. None: it is known exactly; in :func:`identify` to twice the noise and
-        rounding of the penetration, which the zero of an encoder shares.
+        the stiffness F/x of the ``scale``, which has to be near the largest values. None: it is
+        known exactly; in :func:`identify` to twice the noise and rounding of the penetration, as
+        the zero of an encoder lies anywhere within its step.
     gate : ContactGate, optional
         Which samples are contact. With a ``make_force`` of 0, as None has it, the estimator chooses
         them itself among those deeper than ``minimum_penetration``: by the force of a sample's
