@@ -32,21 +32,23 @@ def coverage(campaign: Campaign) -> list[Group]:
                 campaign,
                 f"Coverage under the paper's sensor chain, {words}",
                 chain.format(settings),
-                [Trial(name, "chain", *known, single_stage=False) for name in MATERIALS],
+                [Trial(name, "chain", offset, surface, single_stage=False) for name in MATERIALS],
                 (),
                 campaign.seeds,
             )
-            for words, settings, known in (
-                ("offset unknown", "`VariableProjection()`", ()),
+            for words, settings, offset, surface in (
+                ("offset unknown", "`VariableProjection()`", None, None),
                 (
                     "offset known from the pause",
                     "`offset_deviation` set to what the pause leaves",
-                    (OFFSET_LEFT,),
+                    OFFSET_LEFT,
+                    None,
                 ),
                 (
                     "offset known from the pause, the surface to the encoder's step",
                     "the same, and `surface_deviation` to what `identify` makes of the steps",
-                    (OFFSET_LEFT, SURFACE_LEFT),
+                    OFFSET_LEFT,
+                    SURFACE_LEFT,
                 ),
             )
         ),

@@ -41,16 +41,18 @@ def unknown_offset(campaign: Campaign) -> list[Group]:
 
 def sensor_chain(campaign: Campaign) -> list[Group]:
     variants = (
-        ("offset unknown", "`VariableProjection()`", ()),
+        ("offset unknown", "`VariableProjection()`", None, None),
         (
             "offset known from the pause",
             f"`offset_deviation={OFFSET_LEFT:.4f}`, what the pause leaves",
-            (OFFSET_LEFT,),
+            OFFSET_LEFT,
+            None,
         ),
         (
             "offset known from the pause, the surface to the encoder's step",
             "The same, and `surface_deviation` as `identify` takes it of the steps",
-            (OFFSET_LEFT, SURFACE_LEFT),
+            OFFSET_LEFT,
+            SURFACE_LEFT,
         ),
     )
     return [
@@ -62,11 +64,11 @@ def sensor_chain(campaign: Campaign) -> list[Group]:
             "by a Savitzky–Golay filter of 15 ms. The bound has white noise of 0.05 N and the "
             "offset as a nuisance; quantisation of the force alone gives 1.23 times it, and what "
             "is known of the offset is not in it, so that ratios below 1 are no wonder.",
-            [Trial(name, "chain", *known) for name in MATERIALS],
+            [Trial(name, "chain", offset, surface) for name in MATERIALS],
             lambda time: Limit(1.3 if time <= 5.0 else 1.5),
             seeds=campaign.seeds,
         )
-        for words, settings, known in variants
+        for words, settings, offset, surface in variants
     ]
 
 
