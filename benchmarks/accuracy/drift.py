@@ -46,8 +46,8 @@ def drift(campaign: Campaign) -> list[Group]:
     ]
 
 
-# Deviation of ln K after a second, 1/√s, and correlation of the noise: the first is told of, the
-# second is what `DriftTracking()` assumes.
+# Deviation of ln K after a second, 1/√s, and correlation of the noise: the first has to be flagged,
+# the second is what `DriftTracking()` assumes.
 WALKS = ((0.2, 0.0), (0.02, 0.0), (0.04, 0.0), (0.1, 0.0), (0.02, 0.9))
 
 

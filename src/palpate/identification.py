@@ -1,7 +1,6 @@
 """Identify a whole contact, with one estimator or with all of them side by side."""
 
 import math
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,25 +13,20 @@ from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis, Episode, diagnose_parts
 from palpate.error_bars import widening
-from palpate.errors import InvalidParameterError, RecordingError
+from palpate.errors import RecordingError
 from palpate.estimate import Estimate
-from palpate.estimators import (
-    ESTIMATORS,
-    ContactEstimator,
-    VariableProjection,
-    estimator_named,
-)
+from palpate.estimators import ESTIMATORS, ContactEstimator
 from palpate.estimators.loop_settings import Rejection
 from palpate.flags import flags_of
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.preparing import Recorded, prepare
-from palpate.preparation.resolution import suggest_surface_deviation
-from palpate.preparation.suggestions import choose_gate, suggest_scale
+from palpate.preparation.suggestions import choose_gate
 from palpate.preparation.velocity import window_samples
 from palpate.refusals import check_approach, why_nothing
-from palpate.settings import ChangeDetector, ContactGate, OutlierRejection, Scale
+from palpate.replaying import choices, estimator_of, replayed
+from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.trace import Trace
-from palpate.validation import Floats, number_in, shown
+from palpate.validation import Floats, number_in
 
 
 @dataclass(frozen=True, eq=False)  # no slots: the diagnosis is kept in the instance
@@ -118,7 +112,7 @@ class Identification:
         if settings.get("change_detector", self) is not None:
             return self.trace
         watched = self.estimator.replace(change_detector=ChangeDetector())
-        return _replay_segments(self.contact, watched)
+        return replayed(self.contact, watched)
 
     @property
     def method(self) -> str:
@@ -290,9 +284,9 @@ def identify(
 
 
 def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identification:
-    contact, given = data.contact, _estimator(estimator)
-    fresh = given.replace(**_chosen(contact, given))
-    trace = _replay_segments(contact, fresh)
+    contact, given = data.contact, estimator_of(estimator)
+    fresh = given.replace(**choices(contact, given))
+    trace = replayed(contact, fresh)
     flags = tuple(flags_of(contact, trace, fresh))
     result = Identification(contact, fresh, trace, flags, data)
     if not (trace.taken & ~(contact.force <= 0.0)).any():
@@ -359,53 +353,6 @@ def compare(
         estimator = estimator.replace(**own)
         results[name] = _identified(data, estimator)
     return results
-
-
-def _chosen(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
-    """What an estimator leaves open and the data can choose."""
-    settings = given.settings
-    choices: dict[str, Callable[[Contact], object]] = {
-        "scale": suggest_scale,
-        "outlier_rejection": lambda _: OutlierRejection(),
-    }
-    if not given.chooses_samples:
-        choices["gate"] = choose_gate
-    elif settings.get("surface") is None:  # a search for the surface has the free approach
-        choices["offset_deviation"] = lambda contact: contact.tare_deviation
-        choices["surface_deviation"] = suggest_surface_deviation
-    return {
-        name: choose(contact)
-        for name, choose in choices.items()
-        if name in settings and settings[name] is None
-    }
-
-
-def _estimator(given: ContactEstimator | str | None) -> ContactEstimator:
-    if given is None:
-        return VariableProjection()
-    if isinstance(given, str):
-        return estimator_named(given)()
-    if not isinstance(given, ContactEstimator):
-        raise InvalidParameterError(
-            f"estimator must be a ContactEstimator or one of {', '.join(ESTIMATORS)}, "
-            f"not {shown(given)}"
-        )
-    return given
-
-
-def _replay_segments(contact: Contact, estimator: ContactEstimator) -> Trace:
-    steps = contact.time_steps
-    traces = []
-    for part in contact.segments():
-        estimator.leave_contact()
-        traces.append(
-            estimator.replay(
-                contact.penetration[part], contact.velocity[part], contact.force[part], steps[part]
-            )
-        )
-    if len(traces) == 1:
-        return traces[0]
-    return Trace.joined(traces, len(estimator.law_type.symbols))
 
 
 def _defined(value: float) -> float | None:

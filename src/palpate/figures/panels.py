@@ -96,9 +96,10 @@ def draw_error(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
 
 
 def draw_loop(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
-    """Force over penetration, measured and by the final laws."""
+    """Force over penetration, measured and by the final laws, without what was left out."""
     contact = shown[0].contact
     keep = _shown(contact)
+    keep = keep[~shown[0].trace.rejected[keep]]
     prefix, factor = _length_unit(_largest(contact.penetration))
     depth = contact.penetration * factor
     axes.plot(

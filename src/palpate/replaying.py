@@ -1,0 +1,67 @@
+"""An estimator for a whole contact: what was asked for, what the data choose, and the replay."""
+
+from collections.abc import Callable
+from typing import Any
+
+from palpate.contact import Contact
+from palpate.errors import InvalidParameterError
+from palpate.estimators import (
+    ESTIMATORS,
+    ContactEstimator,
+    VariableProjection,
+    estimator_named,
+)
+from palpate.preparation.resolution import suggest_surface_deviation
+from palpate.preparation.suggestions import choose_gate, suggest_scale
+from palpate.settings import OutlierRejection
+from palpate.trace import Trace
+from palpate.validation import shown
+
+
+def choices(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
+    """What an estimator leaves open and the data can choose."""
+    settings = given.settings
+    ways: dict[str, Callable[[Contact], object]] = {
+        "scale": suggest_scale,
+        "outlier_rejection": lambda _: OutlierRejection(),
+    }
+    if not given.chooses_samples:
+        ways["gate"] = choose_gate
+    elif settings.get("surface") is None:  # a search for the surface has the free approach
+        ways["offset_deviation"] = lambda contact: contact.tare_deviation
+        ways["surface_deviation"] = suggest_surface_deviation
+    return {
+        name: choose(contact)
+        for name, choose in ways.items()
+        if name in settings and settings[name] is None
+    }
+
+
+def estimator_of(given: ContactEstimator | str | None) -> ContactEstimator:
+    """An estimator as it was asked for: itself, by its name, or the default."""
+    if given is None:
+        return VariableProjection()
+    if isinstance(given, str):
+        return estimator_named(given)()
+    if not isinstance(given, ContactEstimator):
+        raise InvalidParameterError(
+            f"estimator must be a ContactEstimator or one of {', '.join(ESTIMATORS)}, "
+            f"not {shown(given)}"
+        )
+    return given
+
+
+def replayed(contact: Contact, estimator: ContactEstimator) -> Trace:
+    """Replay a contact, a segment at a time; the estimator has then learned all of it."""
+    steps = contact.time_steps
+    traces = []
+    for part in contact.segments():
+        estimator.leave_contact()
+        traces.append(
+            estimator.replay(
+                contact.penetration[part], contact.velocity[part], contact.force[part], steps[part]
+            )
+        )
+    if len(traces) == 1:
+        return traces[0]
+    return Trace.joined(traces, len(estimator.law_type.symbols))
