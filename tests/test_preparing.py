@@ -3,6 +3,8 @@
 import dataclasses
 import math
 import pickle
+import sys
+import types
 
 import numpy as np
 import pandas
@@ -22,6 +24,7 @@ from palpate import (
     prepare,
 )
 from palpate.preparation.velocity import velocity_of
+from palpate.recordings import opening
 
 CHANNELS = ("time", "penetration", "velocity", "force")
 ARRAYS = {name: getattr(SIGNALS, name) for name in ("time", "penetration", "force")}
@@ -241,8 +244,12 @@ def test_a_channel_of_several_numbers_a_sample_is_refused(name, filling):
         prepare(recorded(**{name: np.full((600, 3), filling)}))
 
 
-def test_a_format_is_one_function_and_one_row(monkeypatch, tmp_path):
-    monkeypatch.setitem(palpate.recordings.READERS, ".toy", lambda path: recorded())
+def test_a_format_is_one_module_and_one_row(monkeypatch, tmp_path):
+    module = types.ModuleType("toy_format")
+    module.read = lambda path, request: recorded()
+    monkeypatch.setitem(sys.modules, "toy_format", module)
+    row = palpate.recordings.Format("toy", (".toy",), "toy_format")
+    monkeypatch.setattr(opening, "FORMATS", [*opening.FORMATS, row])
     assert numbers(prepare(tmp_path / "a.TOY")) == numbers(prepare(recorded()))
 
 

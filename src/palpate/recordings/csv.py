@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.errors import RecordingError
+from palpate.recordings.formats import Request
 from palpate.recordings.recording import Recording, number_in_text, printable
 from palpate.writing import write_text
 
@@ -29,7 +30,7 @@ _MARKS = {  # UTF-32 before UTF-16, whose mark it begins with
 }
 
 
-def read_csv(path: Path) -> Recording:
+def read(path: Path, request: Request) -> Recording:
     """Read a CSV file: every column of its header, as numbers where all of it are.
 
     Text in UTF-8 with commas, semicolons or tabs between values. Lines that begin with ``#`` before
@@ -40,6 +41,8 @@ def read_csv(path: Path) -> Recording:
     ----------
     path : Path
         The file.
+    request : Request
+        What is asked for.
 
     Raises
     ------

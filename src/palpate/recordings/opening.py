@@ -1,34 +1,71 @@
-"""From a file's suffix to the function that reads it."""
+"""From a file to the format that reads it: by its content, else by the suffix of its name."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from palpate.errors import InvalidParameterError
-from palpate.recordings.csv import read_csv
+from palpate.recordings.formats import FORMATS, TEXT, Format, Request
 from palpate.recordings.recording import Recording
 
-#: The function that reads a file, by the suffix of its name. Any other suffix is read as CSV.
-READERS: dict[str, Callable[[Path], Recording]] = {
-    ".csv": read_csv,
-}
 
-
-def open_recording(path: str | os.PathLike[str]) -> Recording:
-    """Read a file as it is, by the reader that :data:`READERS` has for its suffix.
+def open_recording(
+    path: str | os.PathLike[str],
+    channels: Sequence[str] | None = None,
+    *,
+    strict: bool = False,
+    curve: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Recording:
+    """Read a file as it is.
 
     Parameters
     ----------
     path : str or path-like
-        The file. A suffix that is not known, or none, is read as CSV.
+        The file; ``-`` is standard input. Its format is known by its content, else by the suffix of
+        its name; what is neither is read as text.
+    channels : sequence of str, optional
+        Read these only: whole names, or a topic or group with all below it, such as ``"/ft"``.
+        Unless given, all that hold numbers.
+    strict : bool
+        Refuse a file that is damaged, where else what can be read of it is, and
+        ``Recording.losses`` says what could not.
+    curve : int, optional
+        Which curve, from 0, of a file that holds many.
+    progress : callable, optional
+        Called now and then with the fraction that has been read.
 
     Raises
     ------
     RecordingError
-        The file cannot be read, or is not of the format that its suffix says.
+        The file cannot be read, or is not of the format that it seems to be.
+    MissingExtraError
+        The packages that read the format are not installed: the message says how.
     """
     try:
         file = Path(path)
+        wanted = None if channels is None else tuple(channels)
     except TypeError:
         raise InvalidParameterError(f"path must be a path, not {path!r}") from None
-    return READERS.get(file.suffix.lower(), read_csv)(file)
+    return format_of(file).read(file, Request(wanted, strict, curve, progress))
+
+
+def format_of(path: Path) -> Format:
+    """Return the format of a file; text where it is none that is known."""
+    begin = _beginning(path)
+    for each in FORMATS:
+        if any(begin.startswith(mark) for mark in each.marks):
+            return each
+    name = path.name.lower()
+    return next((each for each in FORMATS if name.endswith(each.suffixes)), TEXT)
+
+
+def _beginning(path: Path) -> bytes:
+    """The first bytes of a regular file; none of anything else, which may be read but once."""
+    try:
+        if not path.is_file():
+            return b""
+        with path.open("rb") as file:
+            return file.read(1024)
+    except (OSError, ValueError):  # whoever reads it says what is wrong
+        return b""

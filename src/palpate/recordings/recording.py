@@ -13,6 +13,25 @@ from palpate.errors import InvalidParameterError, MissingChannelError, Recording
 from palpate.validation import Floats, unmasked
 
 
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """Cells of a channel of numbers that hold none.
+
+    Attributes
+    ----------
+    count : int
+        How many.
+    sample : int
+        The first one.
+    text : str
+        What that holds.
+    """
+
+    count: int
+    sample: int
+    text: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
     """Channels as recorded, with their units and their origin; :func:`palpate.prepare` goes on.
@@ -29,11 +48,32 @@ class Recording:
         What the file says of itself, in words.
     rows : sequence of int, optional
         The row of the file that each sample stands in, for messages; None where there are none.
+    clocks : mapping
+        The channel that holds the times of a channel, where that has a clock of its own; channels
+        on one clock have one length. Those that are not named are on the clock of the file, whose
+        channel the names or :func:`palpate.prepare` tell.
+    frames : mapping
+        The coordinate frame that a channel is in, where the file says it.
+    types : mapping
+        The type of a topic or of a group of channels, by what their names begin with:
+        ``{"/ft": "geometry_msgs/msg/WrenchStamped"}``.
+    faults : mapping
+        Cells of a channel of numbers that hold none, which are NaN.
+    losses : sequence of str
+        What of the file could not be read, in sentences.
+    omissions : sequence of str
+        What was not read because it holds no numbers, or was not asked for.
 
     Raises
     ------
     InvalidParameterError
         A channel is no array, or a mask hides some of it.
+
+    Notes
+    -----
+    A channel has one value a sample. A vector is several channels, whose names end with ``.x``,
+    ``.y``, ``.z`` (and ``.w``), as messages have it, or with ``[0]``, ``[1]``, ``[2]``, as arrays.
+    Times may be whole nanoseconds (unit ``"ns"``): seconds since 1970 in a float are not exact.
     """
 
     channels: Mapping[str, NDArray[Any]]
@@ -41,6 +81,12 @@ class Recording:
     source: str = ""
     notes: Mapping[str, str] = field(default_factory=dict)
     rows: Sequence[int] | None = None
+    clocks: Mapping[str, str] = field(default_factory=dict)
+    frames: Mapping[str, str] = field(default_factory=dict)
+    types: Mapping[str, str] = field(default_factory=dict)
+    faults: Mapping[str, Faults] = field(default_factory=dict)
+    losses: Sequence[str] = ()
+    omissions: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         channels = {}
