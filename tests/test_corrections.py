@@ -31,10 +31,9 @@ def test_units_bring_channels_to_si():
 def test_a_unit_given_has_the_last_word_over_the_recordings():
     channels = {"time_s": TIME, "penetration_m": 1e3 * DEPTH, "force_N": FORCE}
     recording = palpate.Recording(channels, units={"penetration_m": "mm"})
-    with pytest.raises(palpate.RecordingError, match="is in mm"):
-        palpate.prepare(recording)
-    contact = palpate.prepare(recording, units={"penetration": "mm"})
-    np.testing.assert_allclose(contact.penetration, DEPTH)
+    np.testing.assert_allclose(palpate.prepare(recording).penetration, DEPTH)
+    contact = palpate.prepare(recording, units={"penetration": "um"})
+    np.testing.assert_allclose(contact.penetration, 1e-3 * DEPTH)
 
 
 def test_a_turned_penetration_turns_its_velocity():

@@ -113,14 +113,17 @@ def test_a_frame_with_text_in_a_cell_is_refused_by_column_and_sample(frame):
     assert (prepare(frame({**TABLE, "force_N": force})).force == 1.5).all()
     force[7] = "n/a"
     with pytest.raises(RecordingError, match=r"^column 'force_N', sample 7: 'n/a' is not a number"):
-        prepare(frame({**TABLE, "force_N": force}))
+        prepare(frame({**TABLE, "force_N": force}), strict=True)
+    lenient = prepare(frame({**TABLE, "force_N": force}))
+    assert np.flatnonzero(np.isnan(lenient.force)).tolist() == [7]
+    assert "'force_N' holds no number in 1 sample, first 'n/a'" in lenient.remarks[0].sentence
 
 
-def test_a_time_of_day_is_no_number_of_seconds():
+def test_a_time_of_day_is_counted_from_the_first():
     days = pandas.Series(pandas.date_range("2026-01-01", periods=600, freq="ms"))
     for time in (days, days - days[0]):
-        with pytest.raises(RecordingError, match="column 'time_s': numbers are needed, and this"):
-            prepare(pandas.DataFrame({**TABLE, "time_s": time}))
+        contact = prepare(pandas.DataFrame({**TABLE, "time_s": time}))
+        np.testing.assert_array_equal(contact.time, 1e-9 * (1_000_000 * np.arange(600)))
 
 
 @pytest.mark.parametrize("bad", [3, [1.0, 2.0], {"time_s": [1.0]}, polars.DataFrame(TABLE).lazy()])
@@ -176,11 +179,13 @@ def test_a_mask_that_hides_nothing_is_not_worth_a_word():
     assert list(contact.provenance) == ["velocity"]
 
 
-def test_a_unit_that_is_not_si_is_refused_by_column():
-    milli = dataclasses.replace(recorded(), units={"force_N": "mN"})
-    words = "probe.bag: column 'force_N': the force is in mN; convert it to N"
-    with pytest.raises(RecordingError, match=words):
-        prepare(milli)
+def test_a_unit_is_converted_and_one_that_is_not_known_refused_by_column():
+    milli = prepare(dataclasses.replace(recorded(), units={"force_N": "mN"}))
+    np.testing.assert_array_equal(milli.force, 1e-3 * prepare(recorded()).force)
+    assert milli.provenance["force"] == "column 'force_N', in mN"
+    pounds = dataclasses.replace(recorded(), units={"force_N": "lbf"})
+    with pytest.raises(RecordingError, match=r"probe.bag: column 'force_N': the force is in lbf"):
+        prepare(pounds)
 
 
 def test_a_column_that_is_not_there_is_an_error_that_can_be_asked():
@@ -209,7 +214,8 @@ def test_steps_too_short_for_any_velocity_are_refused_by_row(tmp_path, window):
     rows = [[repr(5e-324 * k), repr(1e-3 * k), "1"] for k in range(30)]
     path = written(tmp_path / "s.csv", text_of(rows, HEADER))
     with pytest.raises(RecordingError, match=r"column 'time_s', row 3: 4\.94066e-324 s is hardly"):
-        prepare(path, velocity_window=window)
+        prepare(path, velocity_window=window, strict=True)
+    assert len(prepare(path, velocity_window=window)) == 1
 
 
 def test_depths_beyond_all_measure_give_no_warning():

@@ -1,15 +1,19 @@
 """Penetration, velocity and force on one clock."""
 
 import itertools
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import InvalidParameterError, RecordingError
+from palpate.remarks import Remark
 from palpate.validation import Floats, number, number_in, signals
+
+if TYPE_CHECKING:
+    from palpate.preparation.prepared import Prepared
 
 # s. A metre within less is a velocity beyond 1e100 m/s, which no estimator takes.
 SHORTEST_STEP = 1e-100
@@ -41,6 +45,12 @@ class Contact:
     tare_deviation : float, optional
         Where the force was tared: standard deviation of the offset that this left, N, > 0. None:
         nothing is known of the offset.
+    surface_deviation : float, optional
+        Where the surface was found: standard deviation of its position, m, > 0.
+    remarks : sequence of Remark
+        What was assumed, found or left out on the way from a recording to here.
+    prepared : Prepared, optional
+        The recording and the settings that it was made of, where it was; and what was found.
 
     Raises
     ------
@@ -56,6 +66,9 @@ class Contact:
     source: str
     provenance: Mapping[str, str]
     tare_deviation: float | None
+    surface_deviation: float | None
+    remarks: tuple[Remark, ...]
+    prepared: "Prepared | None"
 
     def __init__(
         self,
@@ -68,16 +81,19 @@ class Contact:
         source: str = "",
         provenance: Mapping[str, str] | None = None,
         tare_deviation: float | None = None,
+        surface_deviation: float | None = None,
+        remarks: Sequence[Remark] = (),
+        prepared: "Prepared | None" = None,
     ) -> None:
         t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
         labels = _numbered(segment, t.size)
         _check_time(t, labels)
         values: dict[str, Any] = {"time": t, "penetration": x, "velocity": v, "force": f}
         values |= {"segment": labels, "source": source, "provenance": dict(provenance or {})}
-        left = tare_deviation
-        values["tare_deviation"] = (
-            None if left is None else number_in("tare_deviation", left, 0.0, 1e30, open_low=True)
-        )
+        values |= {"remarks": tuple(remarks), "prepared": prepared}
+        known = {"tare_deviation": tare_deviation, "surface_deviation": surface_deviation}
+        for name, left in known.items():
+            values[name] = None if left is None else number_in(name, left, 0.0, 1e30, open_low=True)
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
@@ -117,16 +133,13 @@ class Contact:
                 f"{where}no sample between {low:g} s and {high:g} s; time runs from "
                 f"{self.time.min(initial=np.inf):g} s to {self.time.max(initial=-np.inf):g} s"
             )
-        return Contact(
-            self.time[keep],
-            penetration=self.penetration[keep],
-            velocity=self.velocity[keep],
-            force=self.force[keep],
-            segment=self.segment[keep],
-            source=self.source,
-            provenance={**self.provenance, "window": f"{low:g} s to {high:g} s"},
-            tare_deviation=self.tare_deviation,
-        )
+        words = f"{low:g} s to {high:g} s"
+        return replace(self.taken(keep), provenance={**self.provenance, "window": words})
+
+    def taken(self, samples: "slice | NDArray[np.bool_]") -> "Contact":
+        """Return some of the samples; all else stays as it is."""
+        cut = ("time", "penetration", "velocity", "force", "segment")
+        return replace(self, **{name: getattr(self, name)[samples] for name in cut})
 
 
 def first_wrong_time(time: Floats, segment: ArrayLike | None = None) -> int | None:

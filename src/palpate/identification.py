@@ -1,11 +1,12 @@
 """Identify a whole contact, with one estimator or with all of them side by side."""
 
 import math
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from palpate.estimators import ESTIMATORS, ContactEstimator
 from palpate.estimators.loop_settings import Rejection
 from palpate.flags import flags_of
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
+from palpate.preparation.places import at_places
+from palpate.preparation.prepared import Place
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate
 from palpate.preparation.velocity import window_samples
@@ -27,6 +30,8 @@ from palpate.replaying import choices, estimator_of, replayed
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.trace import Trace
 from palpate.validation import Floats, number_in
+
+_Placed: TypeAlias = tuple[Place, Contact]
 
 
 @dataclass(frozen=True, eq=False)  # no slots: the diagnosis is kept in the instance
@@ -51,6 +56,10 @@ class Identification:
         One for each stretch between changes of the material, by :meth:`by_stretch`.
     noticed : Trace, optional
         With a change detector, by :meth:`by_stretch`.
+    place : Place, optional
+        Where on the material it is, by :meth:`by_place`.
+    chosen : tuple of str
+        The settings that were left open, and chosen from the data.
     """
 
     contact: Contact
@@ -61,6 +70,8 @@ class Identification:
     depth: float | None = None
     stretches: tuple["Identification", ...] = ()
     noticed: Trace | None = field(default=None, repr=False)
+    place: Place | None = field(default=None, repr=False)
+    chosen: tuple[str, ...] = ()
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -97,6 +108,29 @@ class Identification:
         parts = (self._stretch(episode) for episode in self.diagnosis.episodes)
         found = tuple(part for part in parts if part is not None)
         return replace(self, stretches=found, noticed=self._watched())
+
+    def by_place(
+        self, watch: Callable[[Sequence[_Placed]], Iterable[_Placed]] = iter
+    ) -> "Identification":
+        """Return the same with each place of a probe that travels by itself.
+
+        Each is identified afresh with the same settings, and diagnosed at its own working depth; a
+        place that cannot be identified is left out. Of a probe that stays at one there are none.
+
+        Parameters
+        ----------
+        watch : callable
+            Goes through the places, such as with a progress bar.
+        """
+        found = []
+        for place, contact in watch(list(at_places(self.contact))):
+            with suppress(RecordingError):
+                found.append(replace(identify(contact, self._fresh()), place=place))
+        return replace(self, stretches=tuple(found))
+
+    def _fresh(self) -> ContactEstimator:
+        """An estimator of the same settings, but for those that were chosen from these data."""
+        return self.estimator.replace(**dict.fromkeys(self.chosen))
 
     def _stretch(self, episode: Episode) -> "Identification | None":
         smear = window_samples(self.contact.sample_time) * self.contact.sample_time
@@ -248,7 +282,10 @@ class Identification:
         """Return it as one of the episodes of a longer contact."""
         found, time = self.diagnosis, self.contact.time
         own = Episode(float(time[0]), float(time[-1]), self.law, found.working_depth)
-        return {**own.as_dict(), "verdict": found.verdict.as_dict()}
+        there: dict[str, Any] = {}
+        if self.place is not None:
+            there = {"kind": "place", "place": self.place.as_dict()}
+        return {**own.as_dict(), "verdict": found.verdict.as_dict(), **there}
 
 
 def identify(
@@ -285,10 +322,11 @@ def identify(
 
 def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identification:
     contact, given = data.contact, estimator_of(estimator)
-    fresh = given.replace(**choices(contact, given))
+    chosen = choices(contact, given)
+    fresh = given.replace(**chosen)
     trace = replayed(contact, fresh)
     flags = tuple(flags_of(contact, trace, fresh))
-    result = Identification(contact, fresh, trace, flags, data)
+    result = Identification(contact, fresh, trace, flags, data, chosen=tuple(chosen))
     if not (trace.taken & ~(contact.force <= 0.0)).any():
         raise RecordingError(why_nothing(data, result.gate))
     if fresh.settings.get("surface") == "estimate":

@@ -1,5 +1,6 @@
 """An estimator for a whole contact: what was asked for, what the data choose, and the replay."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -29,12 +30,20 @@ def choices(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
         ways["gate"] = choose_gate
     elif settings.get("surface") is None:  # a search for the surface has the free approach
         ways["offset_deviation"] = lambda contact: contact.tare_deviation
-        ways["surface_deviation"] = suggest_surface_deviation
+        ways["surface_deviation"] = _surface_deviation
     return {
         name: choose(contact)
         for name, choose in ways.items()
         if name in settings and settings[name] is None
     }
+
+
+def _surface_deviation(contact: Contact) -> float | None:
+    """How well the surface is known: as it was found, and as the position is resolved."""
+    resolved = suggest_surface_deviation(contact)
+    if contact.surface_deviation is None:
+        return resolved
+    return math.hypot(contact.surface_deviation, resolved or 0.0)
 
 
 def estimator_of(given: ContactEstimator | str | None) -> ContactEstimator:

@@ -45,8 +45,12 @@ def run(arguments: Sequence[str]) -> None:
     """
     prepare_output()
     try:
-        status = application()(
-            arguments, exit_on_error=False, print_error=False, result_action="return_value"
+        app = application()
+        status = app(
+            _with_config(app, arguments),
+            exit_on_error=False,
+            print_error=False,
+            result_action="return_value",
         )
         finish_output()
     except (PalpateError, CycloptsError) as error:
@@ -61,6 +65,19 @@ def run(arguments: Sequence[str]) -> None:
         sys.exit(2)
     if isinstance(status, int) and status:
         sys.exit(status)
+
+
+def _with_config(app: App, arguments: Sequence[str]) -> Sequence[str]:
+    """The arguments, with the options of a file that they name."""
+    from palpate.cli.config import READ, expanded
+
+    if not any(argument.partition("=")[0] == READ for argument in arguments):
+        return arguments
+    name = arguments[0] if arguments else ""
+    if name not in COMMANDS:
+        return arguments
+    known = [option for each in app[name].assemble_argument_collection() for option in each.names]
+    return [name, *expanded(arguments[1:], known)]
 
 
 def _version() -> str:

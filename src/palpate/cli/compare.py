@@ -4,11 +4,11 @@ from pathlib import Path
 
 from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
-from palpate.cli.reading import Reading
+from palpate.cli.reading import Files, Reading
 
 
 def compare(
-    file: Path,
+    files: Files,
     /,
     *,
     figure: Path | None = None,
@@ -21,9 +21,8 @@ def compare(
 
     Parameters
     ----------
-    file
-        CSV with a header and, unless named otherwise, columns time_s, penetration_m, force_N and
-        optionally velocity_m_s and segment.
+    files
+        A recording, or several contacts with one object, as for palpate identify.
     figure
         Draw it to this file (.svg, .pdf or .png).
     dark
@@ -44,8 +43,8 @@ def compare(
     if figure is not None:
         from palpate.figures import check_figure
 
-        check_figure(figure, inputs=[file])
-    contact = reading.contact(file)
+        check_figure(figure, inputs=list(files))
+    contact = reading.contact(files)
     results = run(
         contact,
         gate=reading.gate(contact),
@@ -56,6 +55,6 @@ def compare(
     if figure is not None:
         from palpate import figures
 
-        figures.save(figures.draw_comparison(results, dark=dark), figure, inputs=[file])
-    print_identifications(file, list(results.values()), figure, as_json=as_json)
+        figures.save(figures.draw_comparison(results, dark=dark), figure, inputs=list(files))
+    print_identifications(files, list(results.values()), figure, as_json=as_json)
     return judging.status([result.diagnosis.verdict for result in results.values()])

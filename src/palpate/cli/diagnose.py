@@ -1,14 +1,12 @@
 """The command ``palpate diagnose``."""
 
-from pathlib import Path
-
 from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
-from palpate.cli.reading import Reading
+from palpate.cli.reading import Files, Reading
 
 
 def diagnose(
-    file: Path,
+    files: Files,
     /,
     *,
     method: str = "variable-projection",
@@ -20,9 +18,8 @@ def diagnose(
 
     Parameters
     ----------
-    file
-        CSV with a header and, unless named otherwise, columns time_s, penetration_m, force_N and
-        optionally velocity_m_s and segment.
+    files
+        A recording, or several contacts with one object, as for palpate identify.
     method
         The estimator, such as single-stage.
     as_json
@@ -36,11 +33,11 @@ def diagnose(
 
     reading, judging = reading or Reading(), judging or Judging()
     depth, kind = judging.depth, estimator_named(method)
-    contact = reading.contact(file)
+    contact = reading.contact(files)
     result = run(contact, kind(**reading.settings(contact, kind)))
     result = result if depth is None else result.at_depth(depth)
     if as_json:
-        print_json(as_dict(file, [result]))
+        print_json(as_dict(files, [result]))
     else:
         print_diagnosis(result)
     return judging.status([result.diagnosis.verdict])

@@ -7,11 +7,11 @@ from cyclopts import Parameter
 
 from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
-from palpate.cli.reading import Reading
+from palpate.cli.reading import Files, Reading
 
 
 def identify(
-    file: Path,
+    files: Files,
     /,
     *,
     method: str = "variable-projection",
@@ -26,9 +26,9 @@ def identify(
 
     Parameters
     ----------
-    file
-        CSV with a header and, unless named otherwise, columns time_s, penetration_m, force_N and
-        optionally velocity_m_s and segment.
+    files
+        A recording, or several contacts with one object; - is standard input. CSV, Parquet, HDF5,
+        MATLAB, ROS bags, MCAP, force curves: palpate info FILE shows what is in it.
     method
         The estimator, such as single-stage; ``palpate compare`` shows them all.
     changes
@@ -40,6 +40,9 @@ def identify(
     as_json
         Print one JSON object instead of a table.
     """
+    from functools import partial
+
+    from palpate.cli.progress import counted
     from palpate.cli.tables import print_identifications
     from palpate.estimators import estimator_named
     from palpate.identification import identify as run
@@ -49,14 +52,16 @@ def identify(
     if figure is not None:
         from palpate.figures import check_figure
 
-        check_figure(figure, inputs=[file])
-    contact = reading.contact(file)
+        check_figure(figure, inputs=list(files))
+    contact = reading.contact(files)
     result = run(contact, kind(**reading.settings(contact, kind)))
     result = result if depth is None else result.at_depth(depth)
     result = result.by_stretch() if changes else result
+    if not changes and contact.prepared is not None and contact.prepared.places:
+        result = result.by_place(partial(counted, words="identifying each place"))
     if figure is not None:
         from palpate import figures
 
-        figures.save(figures.draw(result, dark=dark), figure, inputs=[file])
-    print_identifications(file, [result], figure, as_json=as_json)
+        figures.save(figures.draw(result, dark=dark), figure, inputs=list(files))
+    print_identifications(files, [result], figure, as_json=as_json)
     return judging.status([result.diagnosis.verdict])

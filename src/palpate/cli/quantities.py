@@ -3,7 +3,7 @@
 import re
 
 from palpate.errors import InvalidParameterError
-from palpate.preparation.corrections import UNITS
+from palpate.recordings.units import UNITS
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D*?)\s*$")
 
@@ -30,9 +30,9 @@ def span(option: str, text: str) -> tuple[float, float]:
 
 
 def units_of(option: str, pairs: tuple[str, ...]) -> dict[str, str]:
-    """Channels and their units, CHANNEL=UNIT each."""
+    """Channels and their units, CHANNEL=UNIT each, or several with commas between them."""
     units = {}
-    for pair in pairs:
+    for pair in (each for given in pairs for each in given.split(",")):
         channel, sign, unit = pair.partition("=")
         if not sign:
             raise InvalidParameterError(

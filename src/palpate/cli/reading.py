@@ -1,8 +1,9 @@
 """The options that say how a file is read, and which of its samples are used."""
 
-from dataclasses import dataclass
+import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -11,27 +12,35 @@ if TYPE_CHECKING:
     from palpate.estimators import ContactEstimator
     from palpate.settings import ContactGate
 
+#: One file or several.
+Files = Annotated[tuple[Path, ...], Parameter(allow_leading_hyphen=True, negative="")]
 #: A text that may begin with a minus sign: -3ms is no option.
 Signed = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 
 
 @Parameter(name="*")
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Reading:
     """How a file is read, and which of its samples are used."""
 
     time: str = "time_s"
-    "Column of the time, s."
+    "Channel of the time; what is not named, and not there, is looked for."
     penetration: str = "penetration_m"
-    "Column of the penetration, m, positive inside the material."
+    "Channel of the penetration, positive inside the material."
     force: str = "force_N"
-    "Column of the force, N, compression positive."
+    "Channel of the force, compression positive; or x,y,z, or a topic such as /ft."
     velocity: str = "velocity_m_s"
-    "Column of the velocity, m/s; where the file has none it is worked out from the penetration."
+    "Channel of the velocity; where there is none it is worked out from the penetration."
+    position: str | None = None
+    "Channel of the probe's position in place of the penetration; or x,y,z, or a topic."
+    orientation: str | None = None
+    "Channels of the probe's orientation, a quaternion x,y,z,w; or a topic."
     start: float | None = None
     "Use samples from this time on, s."
     stop: float | None = None
     "Use samples up to this time, s."
+    rate: float | None = None
+    "Samples a second, where the file has no time."
     min_penetration: float | None = None
     "Contact is deeper than this, m; unless given chosen by the method, or from the data for it."
     min_force: float | None = None
@@ -40,52 +49,121 @@ class Reading:
     "Length of the velocity filter, s; 15 samples but at most 15 ms unless given."
 
     unit: Annotated[tuple[str, ...], Parameter(negative="")] = ()
-    "Unit of a channel, such as penetration=mm; once for each channel that is not in SI."
+    "Units of channels, such as penetration=mm,force=mN; else as the file or its names say, or SI."
     flip_force: Annotated[bool, Parameter(negative="")] = False
     "Turn the sign of the force: compression is to be positive."
     flip_penetration: Annotated[bool, Parameter(negative="")] = False
     "Turn the sign of the penetration: into the material is to be positive."
     tare: Signed = None
-    "Take off the mean force between these times, START:STOP, s."
+    "Take off the mean force between these times, START:STOP, s; or find such times: find."
     delay: Signed = None
     "How late the force is, such as 5ms; negative where it is early."
     reject_outliers: bool = True
     "Leave lost positions, spikes and the end of the sensor's range out."
     surface: Signed = None
-    "Where the material begins: estimate, or a penetration such as 0.7mm."
+    "Where the material begins: a penetration such as 0.7mm, threshold, baseline, or estimate."
+    normal: Signed = None
+    "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers; else it is found."
+    force_frame: Literal["tool", "base"] | None = None
+    "Frame of the force: the tool's, which its orientation turns, or the position's."
+    tool_weight: str | None = None
+    "Weight that the sensor carries, such as 1.2N, along -z of the position's frame."
+    spot: str | None = None
+    "How far a travelling probe may go within an episode, such as 5mm; or inf; 2 mm unless given."
+    curve: int | None = None
+    "Which curve, from 0, of a file of many."
+    strict: Annotated[bool, Parameter(negative="")] = False
+    "Refuse bad rows and damaged files, which are else left out and said."
+    config: Path | None = None
+    "Take options from this TOML file; those on the command line have the last word."
+    save_config: Path | None = None
+    "Write the options to this TOML file, with what was found as comments."
 
-    def contact(self, file: Path) -> "Contact":
-        """Read the file and cut the time window."""
+    def contact(self, files: Sequence[Path]) -> "Contact":
+        """Read the files, each a contact with one object."""
+        from palpate.preparation.joining import joined
+
+        contact = joined([self._contact(file) for file in files])
+        if self.save_config is not None:
+            self._save(contact, files)
+        return contact
+
+    def _contact(self, file: Path) -> "Contact":
+        from palpate.cli.progress import opened
         from palpate.errors import MissingChannelError, RecordingError
-        from palpate.preparation import Columns, prepare
+        from palpate.preparation import prepare
 
-        columns = Columns(self.time, self.penetration, self.force, self.velocity)
         try:
-            contact = prepare(
-                file, columns=columns, velocity_window=self.velocity_window, **self.corrections
-            )
+            recording = opened(file, self._channels, strict=self.strict, curve=self.curve)
+            return prepare(recording, **self._preparation)
         except MissingChannelError as error:
-            hint = "map other names with --time, --penetration, --force, --velocity"
-            raise RecordingError(f"{error} ({hint})") from None
-        if self.start is None and self.stop is None:
-            return contact
-        return contact.window(self.start, self.stop)
+            hint = "name others with --time, --penetration or --position, --force, --velocity"
+            raise RecordingError(f"{error} ({hint}; palpate info FILE shows them)") from None
 
     @property
-    def corrections(self) -> dict[str, Any]:
-        """What is corrected, as :func:`palpate.prepare` takes it."""
-        from palpate.cli.quantities import quantity, span, units_of
+    def _channels(self) -> list[str] | None:
+        """The topics to read, where all that is needed is named by topics."""
+        named = [self.force, self.position or self.penetration]
+        if not all(name.startswith("/") for name in named):
+            return None
+        more = (self.orientation, self.velocity, self.time)
+        return [*named, *(name for name in more if name and name.startswith("/"))]
 
-        given: dict[str, Any] = {"units": units_of("--unit", self.unit)}
-        turned = {"force": self.flip_force, "penetration": self.flip_penetration}
-        given["flip"] = [channel for channel, turn in turned.items() if turn]
+    @property
+    def _preparation(self) -> dict[str, Any]:
+        """What :func:`palpate.prepare` is to do."""
+        from palpate.cli.quantities import quantity, span, units_of
+        from palpate.preparation import Columns
+
+        names = ("time", "penetration", "force", "velocity", "position", "orientation")
+        given: dict[str, Any] = {
+            "columns": Columns(**{name: getattr(self, name) for name in names}),
+            "units": units_of("--unit", self.unit),
+            "flip": self._turned,
+            "surface": self._surface,
+            "window": (self.start, self.stop),
+        }
+        for name in ("velocity_window", "rate", "normal", "force_frame", "strict"):
+            given[name] = getattr(self, name)
         if self.tare is not None:
-            given["tare"] = span("--tare", self.tare)
+            given["tare"] = self.tare if self.tare == "find" else span("--tare", self.tare)
         if self.delay is not None:
             given["delay"] = quantity("--delay", self.delay, "time")
-        if self.surface not in (None, "estimate"):
-            given["surface"] = quantity("--surface", str(self.surface), "penetration")
+        if self.tool_weight is not None:
+            given["tool_weight"] = quantity("--tool-weight", self.tool_weight, "force")
+        if self.spot is not None:
+            wide = self.spot == "inf"
+            given["spot"] = 1e6 if wide else quantity("--spot", self.spot, "penetration")
         return given
+
+    @property
+    def _turned(self) -> tuple[str, ...]:
+        turned = {"force": self.flip_force, "penetration": self.flip_penetration}
+        return tuple(channel for channel, turn in turned.items() if turn)
+
+    @property
+    def _surface(self) -> Any:
+        from palpate.cli.quantities import quantity
+
+        if self.surface in (None, "estimate", "baseline", "threshold"):
+            return self.surface
+        return quantity("--surface", str(self.surface), "penetration")
+
+    def _save(self, contact: "Contact", files: Sequence[Path]) -> None:
+        from palpate.cli.config import as_toml
+        from palpate.writing import write_text
+
+        usual = Reading()
+        options = {
+            field.name.replace("_", "-"): getattr(self, field.name)
+            for field in dataclasses.fields(self)
+            if field.name not in ("config", "save_config")
+            and getattr(self, field.name) != getattr(usual, field.name)
+        }
+        found = [f"{channel}: {words}" for channel, words in contact.provenance.items()]
+        found += [f"{remark.step}: {remark.sentence}" for remark in contact.remarks]
+        text = as_toml(options, ["", *(f"of {file}" for file in files), *found])
+        write_text(Path(str(self.save_config)), text, inputs=list(files))
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
         """Return what an estimator of this kind is to be made with."""

@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from palpate.cli.places import print_places
 from palpate.cli.printing import Terminal, print_json
 from palpate.cli.verdicts import print_ranking, print_verdict
 from palpate.identification import Identification
@@ -25,20 +26,26 @@ def new_table() -> Table:
 
 
 def print_identifications(
-    file: Path, results: Sequence[Identification], figure: Path | None, *, as_json: bool
+    files: Sequence[Path],
+    results: Sequence[Identification],
+    figure: Path | None,
+    *,
+    as_json: bool,
 ) -> None:
     """Print what a file gave: its identifications side by side, and what to know about them."""
     if as_json:
-        print_json(as_dict(file, results))
+        print_json(as_dict(files, results))
         return
     console = Terminal()
     _print_contact(results[0], console)
+    _print_remarks(results[0], console)
     if len(results) > 1:
         results = print_ranking(results, console)
     else:
         print_verdict(results[0], console)
-        for part in results[0].stretches:
+        for part in _stretches(results[0]):
             print_verdict(part, console, name=_when(part).replace("\n", " "))
+        _print_surface(results[0], console)
     console.print(_table(results))
     console.print(
         Text(
@@ -48,6 +55,8 @@ def print_identifications(
         ),
         soft_wrap=True,
     )
+    if any(part.place for part in results[0].stretches):
+        print_places(results[0], console)
     if results[0].noticed is not None:
         console.print(Text(_noticed(results[0])), soft_wrap=True)
     for result in results:
@@ -64,13 +73,14 @@ def _noticed(result: Identification) -> str:
     return f"the change detector, in a control loop, alarms at {times or 'no time'}"
 
 
-def as_dict(file: Path, results: Sequence[Identification]) -> dict[str, Any]:
+def as_dict(files: Sequence[Path], results: Sequence[Identification]) -> dict[str, Any]:
     """Return what a file gave as plain numbers and words."""
     first = results[0]
     gate, scale, contact = _gate(results), first.scale, first.contact
     return {
         "schema_version": SCHEMA_VERSION,
-        "file": str(file),
+        "file": ", ".join(map(str, files)),
+        "files": [str(file) for file in files],
         "samples": len(contact),
         "provenance": dict(contact.provenance),
         "gate": {
@@ -119,6 +129,27 @@ def _print_contact(first: Identification, console: Terminal) -> None:
     )
 
 
+def _stretches(result: Identification) -> list[Identification]:
+    """Those between changes of the material; places have a table of their own."""
+    return [part for part in result.stretches if part.place is None]
+
+
+def _print_remarks(first: Identification, console: Terminal) -> None:
+    """What was assumed on the way from the recording; what calls for care is in the verdict too."""
+    for remark in first.contact.remarks:
+        words = Text(f"{remark.step}: {remark.sentence}")
+        if remark.remedy:
+            words.append(f" ({remark.remedy})", "dim")
+        console.print(words, soft_wrap=True)
+
+
+def _print_surface(result: Identification, console: Terminal) -> None:
+    """That the surface is an assumption, which is no fault of the stiffness at working depth."""
+    for finding in result.diagnosis.findings:
+        if finding.check == "surface" and finding.severity == "note":
+            console.print(Text(f"note: {finding.sentence}"), soft_wrap=True)
+
+
 def _table(results: Sequence[Identification]) -> Table:
     table = new_table()
     table.add_column("method", no_wrap=True)
@@ -126,7 +157,7 @@ def _table(results: Sequence[Identification]) -> Table:
     for heading in ("predicted", "fit", "cond. 10"):
         table.add_column(heading, justify="right", no_wrap=True)
     shown = [(result, _in_two_lines(result.method)) for result in results]
-    shown += [(part, _when(part)) for result in results for part in result.stretches]
+    shown += [(part, _when(part)) for result in results for part in _stretches(result)]
     for result, label in shown:
         table.add_row(
             label,

@@ -135,17 +135,24 @@ def _notes(fit: Fit) -> list[Finding]:
             severity="note",
         ),
     ]
-    if not has_free_air(fit):
+    if not has_free_air(fit) and not _surface_said(fit):
         notes.append(
             Finding(
                 "surface",
-                "there is no free approach, so an error of the surface cannot be seen; stiffness "
-                "and damping at working depth hold all the same",
+                "the probe is never out of contact: where the surface lies is an assumption, and "
+                "K, B and n are for it; stiffness and damping at working depth hold all the same",
                 "record from before the touch",
                 severity="note",
             )
         )
     return notes
+
+
+def _surface_said(fit: Fit) -> bool:
+    """Whether the preparation found a surface, or said that it is an assumption."""
+    contact = fit.data.contact
+    said = any(remark.step == "surface" for remark in contact.remarks)
+    return said or contact.surface_deviation is not None
 
 
 def _working_depth(fit: Fit, judged: Judged, *, known: bool) -> WorkingDepth:

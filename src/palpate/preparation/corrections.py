@@ -9,15 +9,9 @@ import numpy as np
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.tare import deviation_left
+from palpate.recordings.units import UNITS
 from palpate.validation import number, number_in, pair_in, shown
 
-#: Units of each channel, by their size in SI.
-UNITS: dict[str, dict[str, float]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9},
-    "penetration": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9},
-    "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-6},
-    "force": {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "nN": 1e-9},
-}
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s
 
@@ -73,16 +67,16 @@ class Corrections:
         for channel, unit in self.units.items():
             if channel in values and unit != _si(channel):
                 values[channel] = np.asarray(values[channel], dtype=float) * UNITS[channel][unit]
-                _add(made, channel, f"in {unit}")
+                add(made, channel, f"in {unit}")
         for channel in self.flip:
             for turned in (channel, "velocity") if channel == "penetration" else (channel,):
                 if turned in values:
                     values[turned] = -np.asarray(values[turned], dtype=float)
-                    _add(made, turned, "its sign turned")
+                    add(made, turned, "its sign turned")
 
         if self.surface and "penetration" in values:
             values["penetration"] = np.asarray(values["penetration"], dtype=float) - self.surface
-            _add(made, "penetration", f"counted from {self.surface:g} m")
+            add(made, "penetration", f"counted from {self.surface:g} m")
 
     def tared(self, contact: Contact) -> Contact:
         """Take the mean force between two times off.
@@ -104,7 +98,7 @@ class Corrections:
         zero = float(contact.force[free].mean())
         left = deviation_left(contact.force, free)
         made = dict(contact.provenance)
-        _add(made, "force", f"less its mean from {start:g} s to {stop:g} s, {zero:.3g} N")
+        add(made, "force", f"less its mean from {start:g} s to {stop:g} s, {zero:.3g} N")
         return replace(contact, force=contact.force - zero, provenance=made, tare_deviation=left)
 
     def in_step(self, contact: Contact) -> Contact:
@@ -123,22 +117,14 @@ class Corrections:
             force[part] = np.interp(wanted, time, contact.force[part])
             keep[part] = (wanted >= time[0]) & (wanted <= time[-1])
         made = dict(contact.provenance)
-        _add(made, "force", f"read {abs(late) * 1e3:g} ms {'earlier' if late > 0 else 'later'}")
-        return Contact(
-            contact.time[keep],
-            penetration=contact.penetration[keep],
-            velocity=contact.velocity[keep],
-            force=force[keep],
-            segment=contact.segment[keep],
-            source=contact.source,
-            provenance=made,
-            tare_deviation=contact.tare_deviation,
-        )
+        add(made, "force", f"read {abs(late) * 1e3:g} ms {'earlier' if late > 0 else 'later'}")
+        return replace(contact, force=force, provenance=made).taken(keep)
 
 
 def _si(channel: str) -> str:
     return next(iter(UNITS[channel]))
 
 
-def _add(made: dict[str, str], channel: str, words: str) -> None:
+def add(made: dict[str, str], channel: str, words: str) -> None:
+    """Add to what is said of a channel."""
     made[channel] = f"{made[channel]}, {words}" if channel in made else words

@@ -3,38 +3,23 @@
 import dataclasses
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.contact import Contact, first_wrong_time
-from palpate.errors import InvalidParameterError, RecordingError
-from palpate.preparation.corrections import Corrections
-from palpate.preparation.velocity import lost_positions, velocity_of
+from palpate.contact import Contact
+from palpate.errors import InvalidParameterError
+from palpate.preparation.along_normal import along_normal
+from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
+from palpate.preparation.clocks import signals_of
+from palpate.preparation.episodes import RADIUS
+from palpate.preparation.roles import Columns, roles_of
+from palpate.preparation.settings import Preparation
+from palpate.preparation.surfaces import SurfaceRule
+from palpate.preparation.wrenches import ForceFrame
 from palpate.recordings import Recording, open_recording
-from palpate.validation import instance, signals
-
-_SI = {"time": "s", "penetration": "m", "velocity": "m/s", "force": "N"}
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Columns:
-    """Which column is which; ``velocity`` and ``segment`` may be absent under their default names.
-
-    Parameters
-    ----------
-    time, penetration, force, velocity : str
-        Columns in s, m, N and m/s.
-    segment : str
-        A label that changes where a separate contact begins.
-    """
-
-    time: str = "time_s"
-    penetration: str = "penetration_m"
-    force: str = "force_N"
-    velocity: str = "velocity_m_s"
-    segment: str = "segment"
+from palpate.remarks import Remark
 
 
 class Frame(Protocol):
@@ -66,21 +51,32 @@ def prepare(
     provenance: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
     flip: Sequence[str] = (),
-    tare: tuple[float, float] | None = None,
+    tare: tuple[float, float] | Literal["find"] | None = None,
     delay: float = 0.0,
-    surface: float = 0.0,
+    surface: float | SurfaceRule | None = None,
+    normal: str | Sequence[float] | None = None,
+    force_frame: ForceFrame | None = None,
+    tool_weight: float | None = None,
+    rate: float | None = None,
+    spot: float = RADIUS,
+    window: tuple[float | None, float | None] | None = None,
+    strict: bool = False,
 ) -> Contact:
     """Make a contact of a recording, a file, a pandas or polars frame, or of arrays.
 
-    Where there is no velocity it is worked out from the penetration, a segment at a time, by
+    A recording of a penetration is taken as it is. One of a position has its force tared where the
+    probe is seen out of contact, both are projected on the contact normal, and the surface is
+    found; a probe that travels is cut into episodes at one place each, which are the segments of
+    the contact. What is done, found and assumed is in ``provenance``, ``remarks`` and ``prepared``.
+    Where there is no velocity it is worked out, a segment at a time, by
     :func:`palpate.preparation.velocity.velocity_of`.
 
     Parameters
     ----------
     recording : Recording, path or frame, optional
-        What was recorded, in SI. None: the arrays say it.
+        What was recorded. None: the arrays say it.
     columns : Columns, optional
-        Names of the recording's columns.
+        Names of the recording's channels; what is not named is looked for.
     time, penetration, force : array_like, shape (k,), optional
         s, m (positive inside the material) and N (compression positive), in place of a recording.
     velocity : array_like, shape (k,), optional
@@ -95,15 +91,38 @@ def prepare(
     provenance : mapping, optional
         How the arrays were made. What is done here is added, and has the last word.
     units : mapping, optional
-        Units of channels that are not in SI, such as ``{"penetration": "mm", "force": "mN"}``.
+        Units of channels, such as ``{"penetration": "mm", "force": "mN"}``; unless given they are
+        those that the recording or the channels' names say, else SI.
     flip : sequence of str
         Channels whose sign is turned: ``"force"``, ``"penetration"``, or both.
-    tare : tuple of float, optional
-        (start, stop), s: the mean force between them is taken off; a time without contact.
+    tare : tuple of float or "find", optional
+        (start, stop), s: the mean force between them is taken off; a time without contact. Or
+        ``"find"``: such times are found, and a drift between them is taken off too. A recording of
+        a position has that done where it can be.
     delay : float
         How late the force is, s; negative where it is early. It is read that much earlier.
-    surface : float
-        Where the material begins, m, in the penetration as corrected.
+    surface : float or str, optional
+        Where the material begins: m, in the penetration as corrected; or found: ``"threshold"``,
+        ``"baseline"``, or ``"estimate"``, which begins as ``"baseline"`` where the surface is not
+        near zero, and leaves the rest to the estimator. Unless given, 0 of a penetration, and
+        ``"baseline"`` of a position.
+    normal : str or sequence of float, optional
+        Out of the material, in the position's frame: ``"z"``, ``"-z"`` or three numbers; unless
+        given, the force-weighted mean direction of the force.
+    force_frame : "tool" or "base", optional
+        A force in the tool's frame is turned by the orientation; unless given, as the recording's
+        frames say, else the force is taken to be in the position's frame.
+    tool_weight : float, optional
+        N, along −z of the position's frame; taken off.
+    rate : float, optional
+        Samples a second, where the recording has no time.
+    spot : float
+        How far the probe may go across the normal within an episode, m; ``math.inf`` for none.
+    window : tuple of float, optional
+        (start, stop), s, either of them None: only these samples.
+    strict : bool
+        Refuse values that are no number and times that do not increase; else the samples are left
+        out, and ``remarks`` say so.
 
     Returns
     -------
@@ -113,41 +132,83 @@ def prepare(
     Raises
     ------
     RecordingError
-        The recording cannot be read, lacks a column, holds something other than numbers, has no
-        sample, or its time does not increase within a segment.
+        The recording cannot be read, lacks a channel, holds something other than numbers, has no
+        sample, or its time runs backward.
     MissingChannelError
-        The recording has no column of a name that was looked for, or was asked for.
+        The recording has no channel of a name that was asked for, or none that could be it.
     InvalidParameterError
         Arrays are missing, of another type or of different lengths, or their time does not increase
-        within a segment; or a correction is not one of those.
+        within a segment; or a setting is outside its range.
     """
-    corrections = Corrections(units or {}, flip, tare, delay, surface)
+    settings = Preparation(
+        columns=Columns() if columns is None else columns,
+        velocity_window=velocity_window,
+        units=units or {},
+        flip=flip,
+        tare=tare,
+        delay=delay,
+        surface=surface,
+        normal=normal,
+        force_frame=force_frame,
+        tool_weight=tool_weight,
+        rate=rate,
+        spot=spot,
+        window=window,
+        strict=strict,
+    )
     arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
     arrays["segment"] = segment
     given = {name: values for name, values in arrays.items() if values is not None}
     if recording is None:
-        channels = _of_arrays(given)
+        contact = contact_of_arrays(given, settings)
     elif given:
         raise InvalidParameterError(
             f"{next(iter(given))} must not be given beside a recording; name its column in columns"
         )
     else:
-        names = Columns() if columns is None else columns
-        instance("columns", names, Columns)
-        channels = _of_recording(as_recording(recording), names, corrections)
-    corrections.rescaled(channels.values, channels.provenance)
-    contact = _contact_of(channels, velocity_window)
-    contact = corrections.in_step(corrections.tared(contact))
-    done = contact.provenance
-    notes = {f"note on {key}" if key in done else key: v for key, v in channels.notes.items()}
+        contact = prepared_contact(as_recording(recording, strict=strict), settings)
+    if source is None and provenance is None:
+        return contact
     return dataclasses.replace(
         contact,
-        source=channels.source if source is None else source,
-        provenance={**notes, **(provenance or {}), **done},
+        source=contact.source if source is None else source,
+        provenance={**(provenance or {}), **contact.provenance},
     )
 
 
-def as_recording(recorded: Recorded) -> Recording:
+def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
+    """Make a contact of a recording, by settings that :func:`prepare` collects.
+
+    Raises
+    ------
+    RecordingError, MissingChannelError
+        As :func:`prepare`.
+    """
+    roles = roles_of(recording, settings.columns)
+    signals = signals_of(
+        recording, roles, settings.units, rate=settings.rate, strict=settings.strict
+    )
+    way = along_penetration if roles.is_penetration and signals.force.ndim == 1 else along_normal
+    contact = way(recording, roles, signals, settings)
+    done = contact.provenance
+    notes = {f"note on {key}" if key in done else key: v for key, v in recording.notes.items()}
+    return dataclasses.replace(
+        contact,
+        source=recording.source,
+        provenance={**notes, **done},
+        remarks=(*_lost(recording), *signals.remarks, *contact.remarks),
+    )
+
+
+def _lost(recording: Recording) -> list[Remark]:
+    """What of the file could not be read."""
+    return [
+        Remark("file", words, "what could be read is used; --strict refuses the file", "with-care")
+        for words in recording.losses
+    ]
+
+
+def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
     """Return what was recorded as a :class:`Recording`: a file is opened, a frame taken as it is.
 
     Raises
@@ -160,7 +221,7 @@ def as_recording(recorded: Recorded) -> Recording:
     if isinstance(recorded, Recording):
         return recorded
     if isinstance(recorded, str | os.PathLike):
-        return open_recording(recorded)
+        return open_recording(recorded, strict=strict)
     try:
         names = list(recorded.columns)
         channels = {str(name): _array(recorded[name]) for name in names}
@@ -170,93 +231,6 @@ def as_recording(recorded: Recorded) -> Recording:
             f"{type(recorded).__name__}"
         ) from None
     return Recording(channels)
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class _Channels:
-    values: dict[str, ArrayLike]  # by the names that Contact gives them
-    provenance: dict[str, str]
-    source: str = ""
-    notes: Mapping[str, str] = dataclasses.field(default_factory=dict)
-
-
-def _of_arrays(given: dict[str, ArrayLike]) -> _Channels:
-    missing = [name for name in ("time", "penetration", "force") if name not in given]
-    if missing:
-        raise InvalidParameterError(
-            f"{missing[0]} must be given, as an array, or a recording in place of all arrays"
-        )
-    return _Channels(given, {})
-
-
-def _of_recording(recording: Recording, columns: Columns, corrections: Corrections) -> _Channels:
-    names = dataclasses.asdict(columns)
-    for channel in ("velocity", "segment"):
-        if names[channel] == getattr(Columns(), channel) not in recording.channels:
-            del names[channel]
-    segment = names.pop("segment", None)
-    values: dict[str, ArrayLike] = {}
-    made = {}
-    for channel, name in names.items():
-        numbers = recording.numbers(name)
-        unit = recording.units.get(name, _SI[channel])
-        if unit != _SI[channel] and channel not in corrections.units:
-            raise RecordingError(
-                f"{recording.place(name)}: the {channel} is in {unit}; convert it to {_SI[channel]}"
-            )
-        made[channel] = f"column {name!r}"
-        values[channel] = numbers
-    made.pop("time")
-    if segment is not None:
-        values["segment"] = recording.channel(segment)
-    _check_time(recording, columns.time, values)
-    return _Channels(values, made, recording.source, recording.notes)
-
-
-def _contact_of(channels: _Channels, window: float | None) -> Contact:
-    """The contact, with a velocity where there is none."""
-    measured = {name: channels.values[name] for name in ("time", "penetration", "force")}
-    time, penetration, force = signals(**measured)
-    contact = Contact(
-        time,
-        penetration=penetration,
-        velocity=channels.values.get("velocity", np.zeros_like(time)),
-        force=force,
-        segment=channels.values.get("segment"),
-        provenance=channels.provenance,
-    )
-    if "velocity" in channels.values:
-        return contact
-    segments = list(contact.segments())
-    parts = [velocity_of(time[part], penetration[part], window) for part in segments]
-    words = "centred quadratic Savitzky–Golay filter"
-    if lost := sum(lost_positions(penetration[part]) for part in segments):
-        words += f", without {lost} lost position{'s' if lost > 1 else ''}"
-    return dataclasses.replace(
-        contact,
-        velocity=np.concatenate([np.empty(0), *parts]),
-        provenance={**channels.provenance, "velocity": words},
-    )
-
-
-def _check_time(recording: Recording, name: str, values: dict[str, ArrayLike]) -> None:
-    time = np.asarray(values["time"])
-    if not time.size:
-        where = f"{recording.source}: " if recording.source else ""
-        raise RecordingError(f"{where}there are columns but no samples")
-    sample = first_wrong_time(time, values.get("segment"))
-    if sample is None:
-        return
-    what = "is not finite"
-    if np.isfinite(time[sample]):
-        before = time[sample - 1]
-        what = f"runs back from {before:g} s"
-        if time[sample] >= before:
-            what = "repeats the time before it" if time[sample] == before else "is hardly later"
-    raise RecordingError(
-        f"{recording.place(name, sample)}: {time[sample]:g} s {what}; time must increase within a "
-        "segment"
-    )
 
 
 def _array(column: Any) -> NDArray[Any]:

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
 from palpate.validation import Floats, unmasked
 
+MOST_TEXT = 0.5  # of a channel's values: with more it is no channel of numbers
+
 
 @dataclass(frozen=True, slots=True)
 class Faults:
@@ -112,8 +114,15 @@ class Recording:
             raise MissingChannelError(name, list(self.channels), self.source)
         return self.channels[name]
 
-    def numbers(self, name: str) -> Floats:
+    def numbers(self, name: str, *, strict: bool = True) -> Floats:
         """Return a channel as numbers.
+
+        Parameters
+        ----------
+        name : str
+            The channel.
+        strict : bool
+            Refuse a value that is no number; else it is NaN, unless hardly any is one.
 
         Raises
         ------
@@ -128,10 +137,13 @@ class Recording:
                 f"{self.place(name)}: one number a sample is needed, and this has the shape "
                 f"{values.shape}"
             )
+        if strict and name in self.faults:
+            fault = self.faults[name]
+            raise RecordingError(f"{self.place(name, fault.sample)}: {_fault(fault.text)}")
         if values.dtype.kind in "fiub":
             return np.ascontiguousarray(values, dtype=np.float64)
         if values.dtype.kind in "OUS":
-            return np.array([self._number(name, k, value) for k, value in enumerate(values)])
+            return self._numbers_of_text(name, values, strict=strict)
         raise RecordingError(
             f"{self.place(name)}: numbers are needed, and this holds {values.dtype}"
         )
@@ -146,13 +158,22 @@ class Recording:
             return f"{words}, sample {sample}"
         return f"{words}, row {self.rows[sample]}"
 
-    def _number(self, name: str, sample: int, value: Any) -> float:
-        try:
-            return number_in_text(value) if isinstance(value, str) else float(value)
-        except (TypeError, ValueError, OverflowError):
-            blank = isinstance(value, str) and not value.strip()
-            found = "the value is missing" if blank else f"{_shown(value)} is not a number"
-            raise RecordingError(f"{self.place(name, sample)}: {found}") from None
+    def _numbers_of_text(self, name: str, values: NDArray[Any], *, strict: bool) -> Floats:
+        numbers = np.empty(values.size)
+        first = None
+        wrong = 0
+        for sample, value in enumerate(values):
+            try:
+                numbers[sample] = number_in_text(value) if isinstance(value, str) else float(value)
+            except (TypeError, ValueError, OverflowError):
+                numbers[sample] = np.nan
+                first = sample if first is None else first
+                wrong += 1
+                if strict:
+                    break
+        if first is not None and (strict or wrong > MOST_TEXT * values.size):
+            raise RecordingError(f"{self.place(name, first)}: {_fault(values[first])}")
+        return numbers
 
 
 def number_in_text(text: str) -> float:
@@ -165,6 +186,11 @@ def number_in_text(text: str) -> float:
 def printable(path: Path) -> str:
     """Return a path as text that can be encoded: bytes that are no UTF-8 in hexadecimal."""
     return os.fsencode(path).decode("utf-8", "backslashreplace")
+
+
+def _fault(value: Any) -> str:
+    blank = isinstance(value, str) and not value.strip()
+    return "the value is missing" if blank else f"{_shown(value)} is not a number"
 
 
 def _shown(value: Any) -> str:

@@ -9,6 +9,7 @@ from palpate.diagnosis.data import Data
 from palpate.diagnosis.finding import Finding
 from palpate.diagnosis.inputs.coarse import coarse
 from palpate.diagnosis.inputs.held import held
+from palpate.diagnosis.inputs.preparation import preparation
 from palpate.diagnosis.inputs.signs import signs
 from palpate.diagnosis.inputs.spikes import spikes
 from palpate.diagnosis.inputs.stamps import stamps
@@ -32,11 +33,12 @@ FEWEST = 20  # samples, below which a recording is only short
 
 
 def input_findings(data: Data) -> list[Finding]:
-    """Run every check of the data."""
+    """Run every check of the data, beside what its preparation said."""
+    said = preparation(data)
     if len(data) < FEWEST:
-        return []
+        return said
     found = (check(data) for check in CHECKS.values())
-    return [finding for finding in found if finding is not None]
+    return [*(finding for finding in found if finding is not None), *said]
 
 
 __all__ = ["CHECKS", "input_findings"]

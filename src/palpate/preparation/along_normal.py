@@ -1,0 +1,257 @@
+"""A recording of positions and forces, in space or along an axis: tared, projected, counted."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from palpate.contact import Contact
+from palpate.errors import RecordingError
+from palpate.preparation.along_penetration import assumption, velocity_filter, with_velocity
+from palpate.preparation.baselines import Baseline
+from palpate.preparation.clocks import Signals
+from palpate.preparation.corrections import add
+from palpate.preparation.episodes import Episode, episodes_of, travel
+from palpate.preparation.prepared import Place, Prepared
+from palpate.preparation.roles import Roles
+from palpate.preparation.rows import runs_of
+from palpate.preparation.settings import Preparation
+from palpate.preparation.spatial import Pressed, pressed, tared
+from palpate.preparation.surfaces import Surface, SurfaceRule, surface_of
+from palpate.preparation.tare import deviation_left
+from palpate.preparation.velocity import velocity_of
+from palpate.preparation.wrenches import frame_of, turn_remark, turned
+from palpate.recordings import Recording
+from palpate.remarks import Remark
+from palpate.validation import Floats
+
+WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
+FIRM = 0.1  # of the largest force: an episode without as much is free air
+
+
+def along_normal(
+    recording: Recording, roles: Roles, signals: Signals, settings: Preparation
+) -> Contact:
+    """Make a contact of a position and a force, tared and projected on the contact normal."""
+    made, remarks = dict(signals.made), list[Remark]()
+    signals = _windowed(_flipped(signals, settings), settings, recording.source)
+    signals = _in_frame(recording, roles, signals, settings, made, remarks)
+    signals, zero, said = tared(signals, settings, recording.source)
+    remarks += said
+    if zero is not None:
+        _say_tare(zero, made, remarks)
+    whole = pressed(signals, settings, recording.source)
+    pieces = _pieces(signals, whole, settings)
+    if len(pieces) > 1 or pieces[0][1] is not None:
+        remarks += _travelled(pieces, signals)
+    remarks += whole.remarks
+    contact, places = _joined(pieces, settings, made, remarks)
+    done = Prepared(
+        recording,
+        settings,
+        zero=None if zero is None else zero.mean,
+        drift=0.0 if zero is None else zero.drift,
+        normal=whole.normal,
+        surface=places[0].surface if places else None,
+        window=velocity_filter(contact, settings.velocity_window),
+        places=tuple(places) if pieces[0][1] is not None else (),
+    )
+    left = None if zero is None else _left(signals, zero, whole)
+    contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
+    return settings.corrections().in_step(contact)
+
+
+Piece = tuple[Signals, Episode | None, Pressed]
+
+
+def _flipped(signals: Signals, settings: Preparation) -> Signals:
+    if "force" in settings.flip:
+        signals = replace(signals, force=-signals.force)
+    if "penetration" in settings.flip:
+        signals = replace(signals, depth=-signals.depth)
+    return signals
+
+
+def _windowed(signals: Signals, settings: Preparation, source: str) -> Signals:
+    low, high = settings.window or (None, None)
+    keep = (signals.time >= (-math.inf if low is None else low)) & (
+        signals.time <= (math.inf if high is None else high)
+    )
+    if not keep.any():
+        where = f"{source}: " if source else ""
+        raise RecordingError(
+            f"{where}no sample between {low} s and {high} s; time runs from "
+            f"{signals.time.min():g} s to {signals.time.max():g} s"
+        )
+    return signals.taken(keep)
+
+
+def _in_frame(
+    recording: Recording,
+    roles: Roles,
+    signals: Signals,
+    settings: Preparation,
+    made: dict[str, str],
+    remarks: list[Remark],
+) -> Signals:
+    """The force in the frame of the position, without the tool's weight."""
+    if signals.force.ndim == 1 or signals.depth.ndim == 1:
+        return signals
+    frame = frame_of(recording, roles, settings.force_frame, remarks)
+    orientation = signals.orientation
+    if orientation is not None:
+        remarks += turn_remark(orientation, settings.tool_weight)
+    if frame == "tool":
+        if orientation is None:
+            raise RecordingError(
+                f"{recording.source}: a force in the tool's frame needs the orientation to turn "
+                "it; name its channels with --orientation x,y,z,w"
+            )
+        signals = replace(signals, force=turned(signals.force, orientation, recording.source))
+        add(made, "force", "turned by the orientation")
+    if settings.tool_weight is not None:
+        weight = settings.tool_weight * np.array(WEIGHT_DIRECTION)
+        signals = replace(signals, force=signals.force - weight)
+        add(made, "force", f"less the tool's weight of {settings.tool_weight:g} N")
+    return signals
+
+
+def _say_tare(zero: Baseline, made: dict[str, str], remarks: list[Remark]) -> None:
+    count = int(np.count_nonzero(zero.free))
+    listed = ", ".join(f"{value:.3g}" for value in zero.mean)
+    add(made, "force", f"less {listed} N, its mean over {count} samples out of contact")
+    if zero.drift:
+        words = f"the zero of the force drifts by {zero.drift:.3g} N, which was taken off"
+        remarks.append(Remark("tare", words, "let the sensor warm up"))
+        add(made, "force", f"and its drift of {zero.drift:.3g} N")
+
+
+def _left(signals: Signals, zero: Baseline, whole: Pressed) -> float:
+    """What the tare leaves of the offset, along the normal."""
+    return deviation_left(whole.force, zero.free)
+
+
+def _pieces(signals: Signals, whole: Pressed, settings: Preparation) -> list[Piece]:
+    """The whole; or its episodes, where the probe travels over the material."""
+    position, force = signals.depth, signals.force
+    if position.ndim == 1 or not math.isfinite(settings.spot):
+        return [(signals, None, whole)]
+    if force.ndim == 1 and whole.normal is not None:
+        force = force[:, None] * whole.normal.vector
+    if travel(position, force) <= settings.spot:
+        return [(signals, None, whole)]
+    peak = float(np.nanpercentile(whole.force, 99.0))
+    found: list[Piece] = []
+    for start, stop in runs_of(signals.part):
+        part = slice(start, stop)
+        for each in episodes_of(
+            signals.time[part], position[part], force[part], radius=settings.spot
+        ):
+            own = signals.taken(np.arange(start + each.start, start + each.stop))
+            if (
+                float(np.nanpercentile(whole.force[part][each.start : each.stop], 99.0))
+                > FIRM * peak
+            ):
+                found.append((own, each, pressed(own, _same_signs(settings, whole), "")))
+    if not found:
+        return [(signals, None, whole)]
+    return found
+
+
+def _same_signs(settings: Preparation, whole: Pressed) -> Preparation:
+    """The settings, with the sign that the whole recording told of the force."""
+    turned_ = whole.normal is not None and whole.normal.turned
+    return replace(settings, flip=(*settings.flip, "force")) if turned_ else settings
+
+
+def _travelled(pieces: list[Piece], signals: Signals) -> list[Remark]:
+    kept = sum(len(piece[0].time) for piece in pieces)
+    left = 1.0 - kept / len(signals.time)
+    words = f"the probe travels over the material: {len(pieces)} places, each by itself"
+    if left > 0.0:
+        words += f"; {left:.0%} of the samples were between them, or at none for a second"
+    words += "; one law of all of them is an average"
+    return [Remark("episodes", words, "--spot inf, where all of it is one material", "with-care")]
+
+
+def _joined(
+    pieces: list[Piece], settings: Preparation, made: dict[str, str], remarks: list[Remark]
+) -> tuple[Contact, list[Place]]:
+    """The pieces one after another, each from its own surface."""
+    rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "baseline"
+    depths, labels, places = [], [], []
+    for number, (signals, episode, own) in enumerate(pieces):
+        surface = _surface(signals, own, settings, rule)
+        depths.append(own.depth - surface.position)
+        part = signals.part if episode is None else np.full(len(signals.time), number)
+        labels.append(part)
+        places.append(_place(signals, episode, own, surface))
+    _say_surface(places, made, remarks)
+    normal = pieces[0][2].normal
+    if normal is not None and len(pieces) == 1:
+        add(made, "penetration", f"against the contact normal {normal}")
+        add(made, "force", f"along the contact normal {normal}")
+    time = np.concatenate([signals.time for signals, _, _ in pieces])
+    contact = Contact(
+        time,
+        penetration=np.concatenate(depths),
+        velocity=np.zeros_like(time),
+        force=np.concatenate([own.force for _, _, own in pieces]),
+        segment=np.concatenate(labels),
+        provenance=made,
+        surface_deviation=_common_deviation(places, rule),
+        remarks=remarks,
+    )
+    return with_velocity(contact, settings.velocity_window), places
+
+
+def _surface(signals: Signals, own: Pressed, settings: Preparation, rule: SurfaceRule) -> Surface:
+    if isinstance(settings.surface, float | int):
+        return Surface(float(settings.surface), 0.0, "as it was given")
+    velocity = np.concatenate(
+        [
+            velocity_of(signals.time[low:high], own.depth[low:high], settings.velocity_window)
+            for low, high in runs_of(signals.part)
+        ]
+    )
+    return surface_of(own.depth, velocity, own.force, rule)
+
+
+def _place(signals: Signals, episode: Episode | None, own: Pressed, surface: Surface) -> Place:
+    position: Floats = np.atleast_1d(np.nanmedian(signals.depth, axis=0))
+    if episode is not None:
+        position = episode.place
+    start, stop = float(signals.time[0]), float(signals.time[-1])
+    return Place(start, stop, position, own.normal, surface)
+
+
+def _say_surface(places: list[Place], made: dict[str, str], remarks: list[Remark]) -> None:
+    if len(places) == 1:
+        surface = places[0].surface
+        words = f"counted from {surface.position:.6g} m, {surface.words}"
+        if surface.deviation:
+            words += f" (± {surface.deviation:.2g} m)"
+        add(made, "penetration", words)
+        remarks += assumption(surface)
+        return
+    add(made, "penetration", "at each place along its own normal, from its own surface")
+    assumed = sum(place.surface.assumed for place in places)
+    if assumed:
+        remarks.append(
+            Remark(
+                "surface",
+                f"at {assumed} of {len(places)} places the probe is never seen out of contact: "
+                "where the surface lies is an assumption, the shallowest sample; K, B and n are "
+                "for it, stiffness and damping at working depth hold all the same",
+                "lift the probe between places",
+                "with-care",
+            )
+        )
+
+
+def _common_deviation(places: list[Place], rule: SurfaceRule) -> float | None:
+    """How well the surfaces are known, as the one number that an estimator takes."""
+    known = [place.surface.deviation for place in places if place.surface.deviation]
+    if rule == "estimate" or len(known) < len(places):
+        return None
+    return float(np.median(known))

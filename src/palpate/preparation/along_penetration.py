@@ -1,0 +1,185 @@
+"""A recording of a penetration and a compression, or arrays of them: as they are, corrected."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from palpate.contact import Contact
+from palpate.errors import InvalidParameterError, RecordingError
+from palpate.preparation.baselines import baseline_of, free_samples
+from palpate.preparation.clocks import Signals
+from palpate.preparation.corrections import add
+from palpate.preparation.prepared import Prepared
+from palpate.preparation.roles import Roles
+from palpate.preparation.settings import Preparation
+from palpate.preparation.surfaces import Surface, SurfaceRule, surface_of
+from palpate.preparation.tare import deviation_left
+from palpate.preparation.velocity import lost_positions, velocity_of, window_samples
+from palpate.recordings import Recording
+from palpate.remarks import Remark
+from palpate.validation import signals as checked_signals
+
+# m. Of the estimator's own search for the surface: nearer than this to zero it needs no help.
+SEARCHED = 2e-3
+
+
+def along_penetration(
+    recording: Recording, roles: Roles, signals: Signals, settings: Preparation
+) -> Contact:
+    """Make a contact of a penetration and a force that is a compression."""
+    values: dict[str, ArrayLike] = {
+        "time": signals.time,
+        "penetration": signals.depth,
+        "force": signals.force,
+        "segment": signals.part,
+    }
+    if signals.velocity is not None:
+        values["velocity"] = signals.velocity
+    return _prepared(recording, values, dict(signals.made), replace(settings, units={}), settings)
+
+
+def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> Contact:
+    """Make a contact of arrays.
+
+    Raises
+    ------
+    InvalidParameterError
+        One is missing, of another type or length, or time does not increase within a segment.
+    """
+    missing = [name for name in ("time", "penetration", "force") if name not in given]
+    if missing:
+        raise InvalidParameterError(
+            f"{missing[0]} must be given, as an array, or a recording in place of all arrays"
+        )
+    made: dict[str, str] = {}
+    names = {"time": "time_s", "penetration": "penetration_m", "force": "force_N"}
+    names |= {"velocity": "velocity_m_s", "segment": "segment"}
+    contact = _prepared(None, dict(given), made, settings, settings)
+    raw = Recording({names[name]: np.asarray(values) for name, values in given.items()})
+    done = contact.prepared
+    return replace(contact, prepared=None if done is None else replace(done, recording=raw))
+
+
+def with_velocity(contact: Contact, window: float | None) -> Contact:
+    """Work the velocity out, a segment at a time."""
+    time, penetration = contact.time, contact.penetration
+    segments = list(contact.segments())
+    parts = [velocity_of(time[part], penetration[part], window) for part in segments]
+    words = "centred quadratic Savitzky–Golay filter"
+    if lost := sum(lost_positions(penetration[part]) for part in segments):
+        words += f", without {lost} lost position{'s' if lost > 1 else ''}"
+    return replace(
+        contact,
+        velocity=np.concatenate([np.empty(0), *parts]),
+        provenance={**contact.provenance, "velocity": words},
+    )
+
+
+def velocity_filter(contact: Contact, window: float | None) -> float:
+    """Length of the filter that a velocity is worked out with, s."""
+    return window_samples(contact.sample_time, window) * contact.sample_time
+
+
+def _prepared(
+    recording: Recording | None,
+    values: dict[str, ArrayLike],
+    made: dict[str, str],
+    corrected: Preparation,
+    settings: Preparation,
+) -> Contact:
+    corrections = corrected.corrections()
+    corrections.rescaled(values, made)
+    measured = {name: values[name] for name in ("time", "penetration", "force")}
+    time, penetration, force = checked_signals(**measured)
+    contact = Contact(
+        time,
+        penetration=penetration,
+        velocity=values.get("velocity", np.zeros_like(time)),
+        force=force,
+        segment=values.get("segment"),
+        provenance=made,
+        source="" if recording is None else recording.source,
+    )
+    length = None
+    if "velocity" not in values:
+        length = velocity_filter(contact, settings.velocity_window)
+        contact = with_velocity(contact, settings.velocity_window)
+    contact = corrections.tared(contact)
+    done = Prepared(recording or Recording({}), settings, window=length)
+    contact, done = _tare_found(contact, done)
+    contact, done = _surface_found(contact, done)
+    contact = replace(corrections.in_step(contact), prepared=done)
+    low, high = settings.window or (None, None)
+    return contact if low is None and high is None else contact.window(low, high)
+
+
+def _tare_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
+    if done.settings.tare != "find":
+        return contact, done
+    free = free_samples(-contact.penetration, contact.force)
+    if free is None:
+        where = f"{contact.source}: " if contact.source else ""
+        raise RecordingError(
+            f"{where}the probe is never seen out of contact, so that no zero of the force can be "
+            "found; give a time without contact, --tare 0:2"
+        )
+    found = baseline_of(contact.time, contact.force, free)
+    made = dict(contact.provenance)
+    count = int(np.count_nonzero(found.free))
+    add(made, "force", f"less {float(found.mean[0]):.3g} N, its mean over {count} free samples")
+    remarks = list(contact.remarks)
+    if found.drift:
+        add(made, "force", f"and its drift of {found.drift:.3g} N")
+        words = f"the zero of the force drifts by {found.drift:.3g} N, which was taken off"
+        remarks.append(Remark("tare", words, "let the sensor warm up"))
+    force = contact.force - found.zero
+    left = deviation_left(force, found.free)
+    contact = replace(
+        contact, force=force, provenance=made, tare_deviation=left, remarks=tuple(remarks)
+    )
+    return contact, replace(done, zero=found.mean, drift=found.drift)
+
+
+def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
+    rule = done.settings.surface
+    if not isinstance(rule, str):
+        return contact, done
+    found = surface_of(contact.penetration, contact.velocity, contact.force, rule)
+    if rule == "estimate" and (found.assumed or abs(found.position) <= SEARCHED):
+        return contact, done  # the estimator finds it from here
+    return counted_from(contact, found, rule), replace(done, surface=found)
+
+
+def counted_from(contact: Contact, surface: Surface, rule: SurfaceRule) -> Contact:
+    """Count the penetration from a surface that was found; say so, and how well it is known."""
+    made = dict(contact.provenance)
+    words = f"counted from {surface.position:.6g} m, {surface.words}"
+    if surface.deviation is not None:
+        words += f" (± {surface.deviation:.2g} m)"
+    add(made, "penetration", words)
+    deviation = surface.deviation if rule != "estimate" else None
+    return replace(
+        contact,
+        penetration=contact.penetration - surface.position,
+        provenance=made,
+        surface_deviation=deviation if deviation else None,
+        remarks=(*contact.remarks, *assumption(surface)),
+    )
+
+
+def assumption(surface: Surface) -> list[Remark]:
+    """Say that a surface is assumed, where it is."""
+    if not surface.assumed:
+        return []
+    return [
+        Remark(
+            "surface",
+            "the probe is never seen out of contact: where the surface lies is an assumption, the "
+            "shallowest sample; K, B and n are for it, stiffness and damping at working depth hold "
+            "all the same",
+            "record from before the touch, or give --surface",
+            "with-care",
+        )
+    ]

@@ -1,0 +1,417 @@
+"""Channels of a recording on one clock, in SI."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import InvalidParameterError, RecordingError
+from palpate.preparation.roles import Roles
+from palpate.preparation.rows import GAP, MOST_SKIPPED, gaps, rows_of
+from palpate.recordings import Recording
+from palpate.recordings.units import UNITS, unit_in_name
+from palpate.remarks import Remark
+from palpate.validation import Floats
+
+# s. Times since 1970 are counted from the first instead: floats of them have steps of 0.2 µs.
+SINCE_LONG_AGO = 1e8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signals:
+    """What a contact is made of, on one clock and in SI.
+
+    Attributes
+    ----------
+    time : numpy.ndarray, shape (k,)
+        s, increasing within a part.
+    depth : numpy.ndarray, shape (k,) or (k, 3)
+        Penetration or position, m.
+    force : numpy.ndarray, shape (k,) or (k, 3)
+        N.
+    part : numpy.ndarray of int, shape (k,)
+        A number that changes where the recording has a gap, or starts again.
+    velocity : numpy.ndarray, shape (k,), optional
+        m/s.
+    orientation : numpy.ndarray, shape (k, 4), optional
+        Quaternion x, y, z, w.
+    segment : numpy.ndarray, shape (k,), optional
+        The label of the column.
+    made : mapping
+        How each channel was made, in words.
+    remarks : tuple of Remark
+        What was skipped, or assumed.
+    """
+
+    time: Floats
+    depth: Floats
+    force: Floats
+    part: NDArray[np.int64]
+    velocity: Floats | None = None
+    orientation: Floats | None = None
+    segment: NDArray[np.generic] | None = None
+    made: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[Remark, ...] = ()
+
+    def taken(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> "Signals":
+        """Return some of the samples."""
+        cut = {
+            name: getattr(self, name)[keep]
+            for name in ("time", "depth", "force", "part", "velocity", "orientation", "segment")
+            if getattr(self, name) is not None
+        }
+        return replace(self, **cut)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Stream:
+    """Channels on one clock."""
+
+    clock: str | None
+    time: NDArray[np.int64] | Floats  # in its own unit
+    unit: str
+    values: dict[str, NDArray[np.generic]]
+
+
+def signals_of(
+    recording: Recording,
+    roles: Roles,
+    units: Mapping[str, str] | None = None,
+    *,
+    rate: float | None = None,
+    strict: bool = False,
+) -> Signals:
+    """Bring the channels that are used to one clock, and to SI.
+
+    Where position and force have clocks of their own, the faster one is interpolated, by straight
+    lines, at the times of the slower one; not over a gap.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was recorded.
+    roles : Roles
+        Which channels are used.
+    units : mapping, optional
+        The units of ``time``, ``penetration``, ``force`` and ``velocity``, where they are given;
+        else they are those that the recording says, or the names of the channels, or SI.
+    rate : float, optional
+        Samples a second, where the recording has no time.
+    strict : bool
+        Refuse what is not a number, and time that does not increase.
+
+    Raises
+    ------
+    RecordingError
+        There is no time, or it runs backward; a channel holds no numbers; or the clocks of position
+        and force have no time in common.
+    """
+    made: dict[str, str] = {}
+    remarks: list[Remark] = []
+    values = _values(recording, roles, dict(units or {}), made, remarks, strict=strict)
+    streams = _streams(recording, roles, values, dict(units or {}), rate)
+    if len(streams) == 1:
+        signals = _together(recording, streams[0], remarks, strict=strict)
+    else:
+        signals = _interpolated(recording, streams, made, remarks, strict=strict)
+    return replace(signals, made=made, remarks=(*signals.remarks, *remarks))
+
+
+def _values(
+    recording: Recording,
+    roles: Roles,
+    units: dict[str, str],
+    made: dict[str, str],
+    remarks: list[Remark],
+    *,
+    strict: bool,
+) -> dict[str, NDArray[np.generic]]:
+    """Each role's channels as one array, in SI."""
+    channels = {"depth": roles.depth, "force": roles.force, "orientation": roles.orientation}
+    channels["velocity"] = () if roles.velocity is None else (roles.velocity,)
+    kinds = {"depth": "penetration"}
+    values: dict[str, NDArray[np.generic]] = {}
+    for role, names in channels.items():
+        if not names:
+            continue
+        columns = [recording.numbers(name, strict=strict) for name in names]
+        for name, column in zip(names, columns, strict=True):
+            remarks += _unknown(recording, name, column)
+        kind = kinds.get(role, role)
+        if kind in UNITS:
+            unit = units.get(kind) or _unit(recording, names[0], kind)
+            columns = [column * UNITS[kind][unit] for column in columns]
+            made[kind] = _made(names, unit, kind)
+        values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
+    if roles.segment is not None:
+        values["segment"] = recording.channel(roles.segment)
+    return values
+
+
+def _unknown(recording: Recording, name: str, column: Floats) -> list[Remark]:
+    """Say how many samples of a channel hold no number: no estimator takes them."""
+    count = int(np.count_nonzero(~np.isfinite(column)))
+    if not count:
+        return []
+    first = recording.channels[name][int(np.argmin(np.isfinite(column)))]
+    text = recording.faults[name].text if name in recording.faults else str(first)
+    samples = "1 sample" if count == 1 else f"{count} samples"
+    return [
+        Remark(
+            "rows",
+            f"{name!r} holds no number in {samples}, first {text.strip()[:40]!r}: left out",
+            "look at the recorder; --strict refuses them",
+            "with-care" if count > MOST_SKIPPED * column.size else "note",
+        )
+    ]
+
+
+def _made(names: tuple[str, ...], unit: str, kind: str) -> str:
+    listed = ", ".join(repr(name) for name in names)
+    words = f"column {listed}" if len(names) == 1 else f"columns {listed}"
+    return words if unit == next(iter(UNITS[kind])) else f"{words}, in {unit}"
+
+
+def _unit(recording: Recording, name: str, kind: str) -> str:
+    """The unit of a channel as the recording or its name says it; else SI."""
+    known = UNITS[kind]
+    said = recording.units.get(name)
+    if said is not None and said not in known:
+        raise RecordingError(
+            f"{recording.place(name)}: the {kind} is in {said}; palpate knows {', '.join(known)}: "
+            f"--unit {kind}=… says another"
+        )
+    told = said or unit_in_name(name)
+    return told if told in known else next(iter(known))
+
+
+def _streams(
+    recording: Recording,
+    roles: Roles,
+    values: dict[str, NDArray[np.generic]],
+    units: dict[str, str],
+    rate: float | None,
+) -> list[_Stream]:
+    """The channels that are used, by the clock that they are on."""
+    by_clock: dict[str | None, dict[str, NDArray[np.generic]]] = {}
+    for role, channel in values.items():
+        names = {"depth": roles.depth, "force": roles.force, "orientation": roles.orientation}
+        name = names.get(role, (str(getattr(roles, role, "")),))[0]
+        clock = roles.time if roles.time is not None else recording.clocks.get(name)
+        by_clock.setdefault(clock, {})[role] = channel
+    return [_stream(recording, clock, own, units, rate) for clock, own in by_clock.items()]
+
+
+def _stream(
+    recording: Recording,
+    clock: str | None,
+    values: dict[str, NDArray[np.generic]],
+    units: dict[str, str],
+    rate: float | None,
+) -> _Stream:
+    lengths = {role: len(channel) for role, channel in values.items()}
+    size = next(iter(lengths.values()))
+    where = f"{recording.source}: " if recording.source else ""
+    if clock is None:
+        if rate is None:
+            raise RecordingError(
+                f"{where}no channel looks like the time; name it with --time, or say --rate 1000 "
+                "where the samples are evenly spaced"
+            )
+        return _Stream(None, np.arange(size) / rate, "s", values)
+    time = recording.channel(clock)
+    dated = time.dtype.kind in "mM"  # of pandas, say: whole nanoseconds since 1970
+    if dated:
+        known = ~np.isnat(time)
+        time = np.where(
+            known, time.astype("M8[ns]" if time.dtype.kind == "M" else "m8[ns]").view(np.int64), 0
+        )
+        if not known.all():
+            time = np.where(known, time.astype(np.float64), np.nan)
+    elif time.dtype.kind not in "iu":
+        time = recording.numbers(clock, strict=False)
+    if any(length != len(time) for length in lengths.values()):
+        listed = ", ".join(f"{role} has {length}" for role, length in lengths.items())
+        raise RecordingError(
+            f"{where}channels of one clock must have the same length: {clock!r} has {len(time)}, "
+            f"{listed}; name the right clock with --time"
+        )
+    unit = "ns" if dated else units.get("time") or _unit(recording, clock, "time")
+    return _Stream(clock, time, unit, values)
+
+
+def _together(
+    recording: Recording, stream: _Stream, remarks: list[Remark], *, strict: bool
+) -> Signals:
+    """All channels on one clock: samples with a bad time are left out, gaps kept apart."""
+    time, values, part = _running(recording, stream, "samples", remarks, strict=strict)
+    return _signals(_seconds(time, stream.unit, _origin(stream)), values, part, remarks)
+
+
+def _signals(
+    time: Floats,
+    values: dict[str, NDArray[np.generic]],
+    part: NDArray[np.int64],
+    remarks: list[Remark],
+) -> Signals:
+    breaks = gaps(time, part)
+    if breaks.any():
+        longest = float(np.diff(time)[breaks[1:]].max())
+        count = int(np.count_nonzero(breaks))
+        many = f"{count} gaps in time, the longest" if count > 1 else "a gap in time,"
+        remarks.append(Remark("rows", f"{many} {longest:.3g} s: contacts are kept apart there"))
+    label = part + np.cumsum(breaks)
+    known = {role: values.get(role) for role in ("velocity", "orientation", "segment")}
+    depth, force = values["depth"], values["force"]
+    return Signals(time, depth, force, label, **known)  # type: ignore[arg-type]
+
+
+def _running(
+    recording: Recording, stream: _Stream, what: str, remarks: list[Remark], *, strict: bool
+) -> tuple[NDArray[np.int64] | Floats, dict[str, NDArray[np.generic]], NDArray[np.int64]]:
+    """A stream's samples whose time increases, and the part that each is of."""
+    rows = rows_of(stream.time, _labels(stream.values.get("segment")))
+    if not rows.keep.any():
+        where = f"{recording.source}: " if recording.source else ""
+        reason = "no sample has a time" if len(stream.time) else "there are columns but no samples"
+        raise RecordingError(f"{where}{reason}")
+    if rows.skipped and strict:
+        _refuse(recording, stream, int(np.argmin(rows.keep)))
+    if rows.late > 0.5 * rows.keep.size:
+        place = recording.place(stream.clock or "time", int(np.argmin(rows.keep)))
+        raise RecordingError(f"{place}: the time runs backward; give the samples in their order")
+    remarks += rows.remarks(what)
+    if not rows.skipped:
+        return stream.time, stream.values, rows.part
+    taken = {role: channel[rows.keep] for role, channel in stream.values.items()}
+    return stream.time[rows.keep], taken, rows.part[rows.keep]
+
+
+def _labels(segment: NDArray[np.generic] | None) -> NDArray[np.int64] | None:
+    """Numbers for the runs of equal labels; missing ones (NaN) are equal too."""
+    if segment is None:
+        return None
+    missing = segment != segment
+    other = (segment[1:] != segment[:-1]) & ~(missing[1:] & missing[:-1])
+    return np.concatenate([np.zeros(min(segment.size, 1), dtype=np.int64), np.cumsum(other)])
+
+
+def _refuse(recording: Recording, stream: _Stream, sample: int) -> None:
+    time, clock = stream.time, stream.clock or "time"
+    if stream.clock is not None:
+        recording.numbers(stream.clock, strict=True)  # a cell of text says it better
+    what = "is not finite"
+    if np.isfinite(time[sample]):
+        before = time[sample - 1]
+        what = f"runs back from {before:g} {stream.unit}"
+        if time[sample] >= before:
+            same = time[sample] == before
+            what = "repeats the time before it" if same else "is hardly later"
+    raise RecordingError(
+        f"{recording.place(clock, sample)}: {time[sample]:g} {stream.unit} {what}; time must "
+        "increase within a segment"
+    )
+
+
+def _origin(*streams: _Stream) -> int | float:
+    """What times are counted from: the first of all where they are whole, or since 1970; else 0."""
+    firsts = [stream.time[np.isfinite(stream.time)] for stream in streams]
+    known = [first.min() for first in firsts if first.size]
+    if not known:
+        return 0
+    whole = all(stream.time.dtype.kind in "iu" for stream in streams)
+    smallest = min(known)
+    far = abs(float(smallest)) * UNITS["time"][streams[0].unit] > SINCE_LONG_AGO
+    return (int(smallest) if whole else float(smallest)) if far or whole else 0
+
+
+def _seconds(time: NDArray[np.int64] | Floats, unit: str, origin: int | float) -> Floats:
+    return np.asarray((time - origin) * UNITS["time"][unit], dtype=np.float64)
+
+
+def _interpolated(
+    recording: Recording,
+    streams: list[_Stream],
+    made: dict[str, str],
+    remarks: list[Remark],
+    *,
+    strict: bool,
+) -> Signals:
+    units = {stream.unit for stream in streams}
+    if len(units) > 1:
+        raise RecordingError(
+            f"{recording.source}: the clocks are in {', '.join(sorted(units))}; give one unit with "
+            "--unit time=…"
+        )
+    origin = _origin(*streams)
+    running = []
+    for stream in streams:
+        what = f"samples of {stream.clock}"
+        time, values, part = _running(recording, stream, what, remarks, strict=strict)
+        if part.size and part.max() > 0:
+            raise RecordingError(
+                f"{recording.place(stream.clock or 'time')}: the time starts again, and the clocks "
+                "cannot be brought together; record anew, or cut the file there"
+            )
+        running.append((_seconds(time, stream.unit, origin), values, stream.clock))
+    running.sort(key=lambda each: _step(each[0]), reverse=True)
+    return _onto_the_slowest(recording, running, made, remarks)
+
+
+def _step(time: Floats) -> float:
+    return float(np.median(np.diff(time))) if time.size > 1 else np.inf
+
+
+def _onto_the_slowest(
+    recording: Recording,
+    running: list[tuple[Floats, dict[str, NDArray[np.generic]], str | None]],
+    made: dict[str, str],
+    remarks: list[Remark],
+) -> Signals:
+    """The first stream's samples, and the others' values at their times."""
+    # An orientation changes slowly: it sets no clock.
+    first = next(k for k, (_, own, _) in enumerate(running) if "depth" in own or "force" in own)
+    time, values, clock = running.pop(first)
+    values = dict(values)
+    keep = np.ones(time.size, dtype=bool)
+    for other, own, name in running:
+        keep &= _covered(time, other)
+        for role, channel in own.items():
+            values[role] = _at(time, other, np.asarray(channel))
+            kind = "penetration" if role == "depth" else role
+            if kind in made:
+                made[kind] += f", interpolated from {name!r} at the times of {clock!r}"
+    if not keep.any():
+        raise RecordingError(
+            f"{recording.source}: the clocks {clock!r} and {running[0][2]!r} have no time in "
+            "common; look at them with palpate info"
+        )
+    if not keep.all():
+        remarks.append(
+            Remark(
+                "clock",
+                f"{np.count_nonzero(~keep)} of {keep.size} samples of {clock} were left out: the "
+                "other clock has no sample near them",
+            )
+        )
+    taken = {role: channel[keep] for role, channel in values.items()}
+    return _signals(time[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64), remarks)
+
+
+def _covered(wanted: Floats, time: Floats) -> NDArray[np.bool_]:
+    """Whether each time lies between two samples of a clock that are no gap apart."""
+    after = np.searchsorted(time, wanted)
+    inside = (after > 0) & (after < time.size)
+    exact = (after < time.size) & (time[np.minimum(after, time.size - 1)] == wanted)
+    low, high = time[np.maximum(after - 1, 0)], time[np.minimum(after, time.size - 1)]
+    covered: NDArray[np.bool_] = (inside & (high - low <= GAP * _step(time))) | exact
+    return covered
+
+
+def _at(wanted: Floats, time: Floats, values: NDArray[np.generic]) -> NDArray[np.generic]:
+    if values.dtype.kind not in "fiu":
+        raise InvalidParameterError("a segment must be on the clock of the position or the force")
+    if values.ndim == 1:
+        return np.interp(wanted, time, values.astype(np.float64))
+    return np.column_stack([_at(wanted, time, column) for column in values.T])

@@ -1,0 +1,266 @@
+"""Which channel of a recording is the time, the position, the force, and why."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+from palpate.errors import MissingChannelError, RecordingError
+from palpate.preparation.kinds import is_wanted, kind_of
+from palpate.preparation.vectors import Vector, vectors_of
+from palpate.recordings import Recording
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Columns:
+    """Which channel is which; what is not there under its default name is looked for.
+
+    A name is that of a channel; of the channels ``x,y,z`` of a vector; or of a topic or group that
+    holds one, such as ``/ft``.
+
+    Parameters
+    ----------
+    time, penetration, force, velocity : str
+        Channels in s, m, N and m/s.
+    segment : str
+        A label that changes where a separate contact begins.
+    position : str, optional
+        The probe's position, m, along one axis or in space, in place of the penetration.
+    orientation : str, optional
+        The probe's, a quaternion x, y, z, w: it turns a wrench in the tool's frame.
+    """
+
+    time: str = "time_s"
+    penetration: str = "penetration_m"
+    force: str = "force_N"
+    velocity: str = "velocity_m_s"
+    segment: str = "segment"
+    position: str | None = None
+    orientation: str | None = None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Roles:
+    """The channels that a contact is made of.
+
+    Attributes
+    ----------
+    depth : tuple of str
+        The penetration or a position, one channel or three.
+    is_penetration : bool
+        It is counted from a surface, into the material.
+    force : tuple of str
+        One channel or three.
+    time : str or None
+        The channel of the time of all; None where the channels have clocks of their own, or none.
+    velocity, segment : str or None
+        Where there are such.
+    orientation : tuple of str
+        Four channels, or none.
+    reasons : mapping
+        Why each was taken, in words.
+    """
+
+    depth: tuple[str, ...]
+    is_penetration: bool
+    force: tuple[str, ...]
+    time: str | None = None
+    velocity: str | None = None
+    segment: str | None = None
+    orientation: tuple[str, ...] = ()
+    reasons: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every channel that is used."""
+        single = (name for name in (self.time, self.velocity, self.segment) if name is not None)
+        return (*self.depth, *self.force, *self.orientation, *single)
+
+
+def roles_of(recording: Recording, columns: Columns | None = None) -> Roles:
+    """Choose the channels that a contact is made of.
+
+    Those that are named; else those of the default names; else the only ones whose names or units
+    say that they measure it.
+
+    Raises
+    ------
+    MissingChannelError
+        There is none of a name that was given, or nothing that could be it.
+    RecordingError
+        There are several: the message names them, and the option.
+    """
+    return _Choosing(recording, Columns() if columns is None else columns).roles()
+
+
+@dataclasses.dataclass
+class _Choosing:
+    recording: Recording
+    columns: Columns
+    reasons: dict[str, str] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.vectors = vectors_of(self.recording.channels)
+
+    def roles(self) -> Roles:
+        names = self.columns
+        if names.position is not None:
+            depth, is_penetration = self._named("position", names.position), False
+        else:
+            depth, is_penetration = self._depth()
+        force = self._force(len(depth))
+        return Roles(
+            depth,
+            is_penetration,
+            force,
+            self._time(),
+            self._velocity(depth, is_penetration),
+            self._default("segment"),
+            self._orientation(),
+            self.reasons,
+        )
+
+    def _depth(self) -> tuple[tuple[str, ...], bool]:
+        given = self._given("penetration")
+        if given:
+            return given, True
+        if found := self._only("penetration", "penetration", 1):
+            return found, True
+        for size in (3, 1):
+            if found := self._only("position", "position", size):
+                return found, False
+        raise MissingChannelError("penetration_m", self._shown(), self.recording.source)
+
+    def _force(self, size: int) -> tuple[str, ...]:
+        if given := self._given("force"):
+            return given
+        for wanted in (3, 1) if size == 3 else (1, 3):
+            if found := self._only("force", "force", wanted):
+                return found
+        raise MissingChannelError("force_N", self._shown(), self.recording.source)
+
+    def _time(self) -> str | None:
+        if given := self._given("time"):
+            return given[0]
+        if self.recording.clocks:
+            return None
+        found = self._only("time", "time", 1)
+        return found[0] if found else None
+
+    def _velocity(self, depth: tuple[str, ...], is_penetration: bool) -> str | None:
+        if given := self._given("velocity"):
+            return given[0]
+        if not is_penetration or len(depth) > 1:  # of which direction, with which sign?
+            return None
+        found = self._candidates("velocity", 1)
+        if len(found) != 1:
+            return None
+        self._because("velocity", found[0], "velocity")
+        return found[0][0]
+
+    def _orientation(self) -> tuple[str, ...]:
+        if self.columns.orientation is not None:
+            return self._named("orientation", self.columns.orientation)
+        found = self._candidates("orientation", 4)
+        return found[0] if len(found) == 1 else ()
+
+    def _given(self, role: str) -> tuple[str, ...]:
+        """The channels that are named, or those of the default name; none where it is absent."""
+        name = getattr(self.columns, role)
+        if name == getattr(Columns(), role) and name not in self.recording.channels:
+            return ()
+        return self._named(role, name)
+
+    def _default(self, role: str) -> str | None:
+        given = self._given(role)
+        return given[0] if given else None
+
+    def _named(self, role: str, name: str) -> tuple[str, ...]:
+        channels = self.recording.channels
+        if name in channels:
+            self.reasons[role] = "it has this name"
+            return (name,)
+        parts = tuple(part.strip() for part in name.split(","))
+        if len(parts) > 1:
+            for part in parts:
+                self.recording.channel(part)
+            if len(parts) not in (3, 4):
+                raise RecordingError(
+                    f"{self._where()}the {role} {name!r} must be one channel or three, x,y,z"
+                )
+            self.reasons[role] = "they are named"
+            return parts
+        size = 4 if role == "orientation" else 3
+        kind = "position" if role == "penetration" else role
+        below = [
+            vector
+            for vector in self.vectors
+            if _below(vector.stem, name) and len(vector) == size and self._is(vector, kind)
+        ] or [vector for vector in self.vectors if vector.stem == name and len(vector) == size]
+        if len(below) == 1:
+            self.reasons[role] = f"the {role} of {name}"
+            return below[0].components
+        single = [each for each in channels if _below(each, name) and self._kind(each) == kind]
+        if len(single) == 1:
+            self.reasons[role] = f"the {role} of {name}"
+            return (single[0],)
+        raise MissingChannelError(name, self._shown(), self.recording.source)
+
+    def _only(self, role: str, kind: str, size: int) -> tuple[str, ...]:
+        """The one that could be it; none where there is none; several are refused."""
+        found = self._candidates(kind, size)
+        if len(found) > 1:
+            listed = ", ".join(" ".join(names) for names in found[:6])
+            more = ", …" if len(found) > 6 else ""
+            raise RecordingError(
+                f"{self._where()}{len(found)} could be the {role}: {listed}{more}; name one with "
+                f"--{role}"
+            )
+        if found:
+            self._because(role, found[0], kind)
+        return found[0] if found else ()
+
+    def _candidates(self, kind: str, size: int) -> list[tuple[str, ...]]:
+        """Channels, or components of vectors, that measure it; without what was commanded."""
+        recording = self.recording
+        if size > 1:
+            found = [v.components for v in self.vectors if len(v) == size and self._is(v, kind)]
+        else:
+            inside = {name for vector in self.vectors for name in vector.components}
+            clocks = set(recording.clocks.values())
+            found = [
+                (name,)
+                for name, values in recording.channels.items()
+                if name not in inside | clocks
+                and values.ndim == 1
+                and values.dtype.kind in "fiu"
+                and self._kind(name) == kind
+            ]
+        measured = [names for names in found if not is_wanted(names[0])]
+        if measured and kind == "time":
+            plain = [n for n in measured if n[0].lower() in ("time", "t", "timestamp", "stamp")]
+            return plain[:1] if plain else measured[:1]
+        return measured or found
+
+    def _is(self, vector: Vector, kind: str) -> bool:
+        if vector.second:
+            return kind == "orientation" and len(vector) == 4
+        name = vector.components[0]
+        return kind_of(vector.stem, self.recording.units.get(name)) == kind and (
+            len(vector) != 4 or kind == "orientation"
+        )
+
+    def _kind(self, name: str) -> str | None:
+        return kind_of(name, self.recording.units.get(name))
+
+    def _because(self, role: str, names: Sequence[str], kind: str) -> None:
+        others = "the only position" if kind == "position" else f"the only {kind}"
+        self.reasons[role] = f"{others}{' in space' if len(names) == 3 else ''}"
+
+    def _shown(self) -> list[str]:
+        return list(self.recording.channels)
+
+    def _where(self) -> str:
+        return f"{self.recording.source}: " if self.recording.source else ""
+
+
+def _below(name: str, group: str) -> bool:
+    return name == group or (name.startswith(group) and name[len(group)] in "./[")

@@ -1,0 +1,207 @@
+"""From a position and a force in space to a depth and a compression along the contact normal."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import RecordingError
+from palpate.preparation.baselines import Baseline, baseline_of, free_samples
+from palpate.preparation.clocks import Signals
+from palpate.preparation.normals import Normal, grows, normal_found, normal_given
+from palpate.preparation.settings import Preparation
+from palpate.remarks import Remark
+from palpate.validation import Floats
+
+
+@dataclass(slots=True, eq=False)
+class Pressed:
+    """Depth and compression along one normal.
+
+    Attributes
+    ----------
+    depth : numpy.ndarray, shape (k,)
+        m, growing into the material, from anywhere.
+    force : numpy.ndarray, shape (k,)
+        N, compression positive.
+    normal : Normal or None
+        None where both are along one axis already.
+    remarks : list of Remark
+        What was assumed.
+    """
+
+    depth: Floats
+    force: Floats
+    normal: Normal | None = None
+    remarks: list[Remark] = field(default_factory=list)
+
+
+def pressed(signals: Signals, settings: Preparation, source: str) -> Pressed:
+    """Project position and force on the contact normal.
+
+    Either may be along one axis already. What is not given is found: the normal by
+    :func:`~palpate.preparation.normals.normal_found`, or for a force along one axis as the
+    direction in which the probe moves when that grows; signs so that compression is positive, and
+    grows with the depth.
+
+    Parameters
+    ----------
+    signals : Signals
+        On one clock, the force tared.
+    settings : Preparation
+        Of which ``normal`` and ``flip`` count.
+    source : str
+        For messages.
+    """
+    position, force = signals.depth, signals.force
+    given = None if settings.normal is None else normal_given(settings.normal)
+    signed = "force" in settings.flip
+    if force.ndim == 2:
+        if position.ndim == 2:
+            return _in_space(position, force, given, signed=signed, source=source)
+        normal = given or normal_found(force, np.column_stack([position] * 3) * 0.0, source)
+        along = force @ normal.vector
+        return _along_axis(position, along, normal, settings)
+    if position.ndim == 2:
+        normal = given or _by_motion(position, force, source)
+        return _with_force(position, force, normal, settings, found=given is None)
+    return _along_axis(position, force, None, settings)
+
+
+def _in_space(
+    position: Floats, force: Floats, given: Normal | None, *, signed: bool, source: str
+) -> Pressed:
+    found = given or normal_found(force, position, source)
+    n, remarks = found.vector, []
+    along = force @ n
+    if given is None and found.turned and not signed:
+        along = -along
+        remarks.append(_turned("falls"))
+    elif given is None and found.turned:
+        n = -n  # what was asked for has the last word
+        found = Normal(n, found.spread)
+        along = force @ n
+    if given is not None and not grows(-(position @ n), along):
+        remarks.append(
+            Remark(
+                "direction",
+                "along the given normal the force falls as the probe goes in",
+                "--normal with the other sign, or --flip-force",
+                "do-not-trust",
+            )
+        )
+    return Pressed(-(position @ n), along, found, remarks)
+
+
+def _turned(how: str) -> Remark:
+    return Remark(
+        "direction",
+        f"the force {how} as the probe goes along it: it is that of the probe on the material, and "
+        "its sign was turned",
+        "--flip-force says so beforehand",
+    )
+
+
+def _by_motion(position: Floats, force: Floats, source: str) -> Normal:
+    """The direction against which the probe moves when the force grows: −Σ ΔF Δp."""
+    known = np.isfinite(position).all(axis=1) & np.isfinite(force)
+    p, f = position[known], np.abs(force[known])
+    stride = min(5, max(len(f) // 4, 1))
+    moved, felt = p[stride:] - p[:-stride], f[stride:] - f[:-stride]
+    total = -(felt[:, None] * moved).sum(axis=0)
+    length = float(np.linalg.norm(total))
+    if not length > 0.0:
+        where = f"{source}: " if source else ""
+        raise RecordingError(
+            f"{where}the force does not change with the position, so that the contact normal "
+            "cannot be found; give it with --normal, such as --normal z"
+        )
+    return Normal(total / length)
+
+
+def _with_force(
+    position: Floats, force: Floats, normal: Normal, settings: Preparation, *, found: bool
+) -> Pressed:
+    result = _along_axis(-(position @ normal.vector), force, normal, settings, turn_depth=False)
+    words = "the contact normal was taken from the motion in which the force grows"
+    if found:
+        result.remarks.append(Remark("direction", words, "--normal, where it is known"))
+    return result
+
+
+def _along_axis(
+    depth: Floats,
+    force: Floats,
+    normal: Normal | None,
+    settings: Preparation,
+    *,
+    turn_depth: bool = True,
+) -> Pressed:
+    """Signs of a position and a force that are along one axis."""
+    remarks = []
+    known = np.isfinite(force)
+    f = force[known]
+    if "force" not in settings.flip and f.size and float(np.sum(f * np.abs(f))) < 0.0:
+        force = -force
+        words = "the force is mostly negative, and its sign was turned: compression is positive"
+        remarks.append(Remark("direction", words, "--flip-force says so beforehand"))
+    both = known & np.isfinite(depth)
+    asked = "penetration" in settings.flip
+    if turn_depth and not asked and not grows(depth[both], force[both]):
+        depth = -depth
+        words = "the force grows as the position falls, so that its sign was turned"
+        remarks.append(Remark("direction", words, "--flip-penetration says so beforehand"))
+    return Pressed(depth, force, normal, remarks)
+
+
+def tared(
+    signals: Signals, settings: Preparation, source: str
+) -> tuple[Signals, Baseline | None, list[Remark]]:
+    """Take off what the sensor shows out of contact: between two times, or where that is found."""
+    tare = settings.tare
+    if isinstance(tare, tuple):
+        free = (signals.time >= tare[0]) & (signals.time <= tare[1])
+        free &= np.isfinite(signals.force).reshape(len(free), -1).all(axis=1)
+        if not free.any():
+            where = f"{source}: " if source else ""
+            raise RecordingError(
+                f"{where}no sample between {tare[0]:g} s and {tare[1]:g} s to tare the force with"
+            )
+        zero = np.broadcast_to(signals.force[free].mean(axis=0), signals.force.shape)
+        found = Baseline(free, zero, 0.0)
+        return replace(signals, force=signals.force - zero), found, []
+    mask = _free(signals)
+    if mask is None:
+        if tare == "find":
+            where = f"{source}: " if source else ""
+            raise RecordingError(
+                f"{where}the probe is never seen out of contact, so that no zero of the force can "
+                "be found; give a time without contact, --tare 0:2"
+            )
+        words = "no time out of contact was found: the zero of the force is the sensor's own"
+        return signals, None, [Remark("tare", words, "record a second in free air, or --tare 0:2")]
+    found = baseline_of(signals.time, signals.force, mask)
+    return replace(signals, force=signals.force - found.zero), found, []
+
+
+def _free(signals: Signals) -> NDArray[np.bool_] | None:
+    """Samples out of contact: at one end of the way along the normal, where the force is constant.
+
+    At which end follows from nothing that is known yet: the sensor may feel either side's force.
+    """
+    position, force = signals.depth, signals.force
+    height = position
+    if position.ndim == 2:
+        axis = _axis(force) if force.ndim == 2 else _by_motion(position, force, "").vector
+        height = position @ axis
+    ends = [free_samples(side * height, force) for side in (1.0, -1.0)]
+    found = [end for end in ends if end is not None]
+    return max(found, key=np.count_nonzero, default=None)
+
+
+def _axis(force: Floats) -> Floats:
+    """The direction in which a force varies most, whatever its zero is."""
+    known = force[np.isfinite(force).all(axis=1)]
+    _, _, rows = np.linalg.svd(known - known.mean(axis=0), full_matrices=False)
+    axis: Floats = rows[0]
+    return axis
