@@ -95,7 +95,7 @@ BAD_ARGUMENTS = {
     "a depth that nothing reaches": (("--min-penetration", "1"), ["never touches", "above 1 m"]),
     "a velocity window that is not a number": (("--velocity-window", "nan"), ["nan"]),
     "a negative velocity window": (("--velocity-window", "-1"), ["-1"]),
-    "a column that is not there": (("--force", "Fz"), ["no column 'Fz'", "force_N", "map other"]),
+    "a column that is not there": (("--force", "Fz"), ["no column 'Fz'", "force_N", "name others"]),
     "a velocity column that is not there": (("--velocity", "v"), ["no column 'v'"]),
     "a figure of no format": (("--figure", "out.xyz"), ["out.xyz", ".svg"]),
     "a figure without an ending": (("--figure", "out"), ["out", ".svg"]),

@@ -9,7 +9,6 @@ from palpate.cli.verdicts import COLOURS
 from palpate.diagnosis import Quantity
 from palpate.identification import Identification
 
-
 WIDTH = 100  # of a line: narrower windows wrap it, and a file holds it whole
 
 

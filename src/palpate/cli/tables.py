@@ -80,7 +80,7 @@ def as_dict(files: Sequence[Path], results: Sequence[Identification]) -> dict[st
     return {
         "schema_version": SCHEMA_VERSION,
         "file": ", ".join(map(str, files)),
-        "files": [str(file) for file in files],
+        **({"files": [str(file) for file in files]} if len(files) > 1 else {}),
         "samples": len(contact),
         "provenance": dict(contact.provenance),
         "gate": {

@@ -276,8 +276,8 @@ def _running(
         where = f"{recording.source}: " if recording.source else ""
         reason = "no sample has a time" if len(stream.time) else "there are columns but no samples"
         raise RecordingError(f"{where}{reason}")
-    if rows.skipped and strict:
-        _refuse(recording, stream, int(np.argmin(rows.keep)))
+    if strict and (rows.skipped or rows.restarts):
+        _refuse(recording, stream, rows.first_wrong)
     if rows.late > 0.5 * rows.keep.size:
         place = recording.place(stream.clock or "time", int(np.argmin(rows.keep)))
         raise RecordingError(f"{place}: the time runs backward; give the samples in their order")

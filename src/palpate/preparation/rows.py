@@ -31,6 +31,8 @@ class Rows:
         A number that grows where the label changes, or the recording starts again.
     restarts : int
         How often it starts again.
+    first_wrong : int
+        The first sample that is not taken, or with which it starts again; −1 where there is none.
     untimed, repeated, late : int
         How many have no time, the time of the one before, or an earlier one.
     """
@@ -38,6 +40,7 @@ class Rows:
     keep: NDArray[np.bool_]
     part: NDArray[np.int64]
     restarts: int
+    first_wrong: int
     untimed: int
     repeated: int
     late: int
@@ -87,10 +90,11 @@ def rows_of(time: NDArray[np.int64] | Floats, label: NDArray[np.int64] | None = 
     t, given = time[timed], np.zeros(time.size, np.int64) if label is None else label
     own = given[timed]
     keep, part = np.ones(t.size, dtype=bool), np.zeros(t.size, dtype=np.int64)
-    repeated, restarts, number = 0, 0, 0
+    repeated, number = 0, 0
+    again: list[int] = []
     for start, stop in runs_of(own):
         starts = _starts(t[start:stop])
-        restarts += len(starts)
+        again += [start + each for each in starts]
         for low, high in pairwise([0, *starts, stop - start]):
             inside = t[start + low : start + high]
             before = np.maximum.accumulate(inside)[:-1]
@@ -103,7 +107,9 @@ def rows_of(time: NDArray[np.int64] | Floats, label: NDArray[np.int64] | None = 
     late = int(np.count_nonzero(~keep)) - repeated
     taken, parts = np.zeros(time.size, dtype=bool), np.zeros(time.size, dtype=np.int64)
     taken[timed], parts[timed] = keep, part
-    return Rows(taken, parts, restarts, int(np.count_nonzero(~timed)), repeated, max(late, 0))
+    wrong = [*np.flatnonzero(timed)[again[:1]].tolist(), *np.flatnonzero(~taken)[:1].tolist()]
+    untimed = int(np.count_nonzero(~timed))
+    return Rows(taken, parts, len(again), min(wrong, default=-1), untimed, repeated, max(late, 0))
 
 
 def runs_of(label: NDArray[Any]) -> list[tuple[int, int]]:
