@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import palpate
+from palpate.covariance import block_variance, mean_error, robust_covariance
 from palpate.diagnosis import Data
-from palpate.diagnosis.covariance import block_variance, mean_error, robust_covariance
 from palpate.diagnosis.delay import _within_segment, delay
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.inputs import CHECKS, input_findings

@@ -61,7 +61,7 @@ class Reading:
     reject_outliers: bool = True
     "Leave lost positions, spikes and the end of the sensor's range out."
     surface: Signed = None
-    "Where the material begins: a penetration such as 0.7mm, threshold, baseline, or estimate."
+    "Where the material begins: a penetration such as 0.7mm, threshold, baseline, fit, or estimate."
     normal: Signed = None
     "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers; else it is found."
     force_frame: Literal["tool", "base"] | None = None
@@ -145,7 +145,7 @@ class Reading:
     def _surface(self) -> Any:
         from palpate.cli.quantities import quantity
 
-        if self.surface in (None, "estimate", "baseline", "threshold"):
+        if self.surface in (None, "estimate", "fit", "baseline", "threshold"):
             return self.surface
         return quantity("--surface", str(self.surface), "penetration")
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.diagnosis.covariance import robust_covariance
+from palpate.covariance import robust_covariance
 from palpate.diagnosis.fit import Fit
 from palpate.validation import Floats
 

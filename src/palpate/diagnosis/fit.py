@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.covariance import robust_covariance
 from palpate.diagnosis.band import Band, band_of
-from palpate.diagnosis.covariance import robust_covariance
 from palpate.diagnosis.data import Data
 from palpate.estimate import Estimate
 from palpate.force_laws import ForceLaw, HuntCrossley

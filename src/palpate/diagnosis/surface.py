@@ -1,16 +1,16 @@
 """Surface: where the material begins, against where the penetration says that it does."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.covariance import mean_error, robust_covariance
 from palpate.diagnosis.cause import Cause
-from palpate.diagnosis.covariance import mean_error, robust_covariance
 from palpate.diagnosis.data import in_words
-from palpate.diagnosis.fit import EXPONENTS, Fit, Motion
+from palpate.diagnosis.fit import Fit, Motion
 from palpate.force_laws import HuntCrossley
+from palpate.preparation.surface_fit import Samples, placed
 from palpate.validation import Floats
 
 FEWEST_FREE = 50  # samples above the surface; with fewer an error of the surface does not show
@@ -19,30 +19,6 @@ STARTS = (-1.0, -0.3, -0.1, 0.0, 0.1)  # of the working depth
 FEWEST_MOVED = 0.005  # of the working depth; less moves no number by more than noise does
 # Times the penetration's noise, its steps included: half an encoder count is no other surface.
 RESOLVED = 5.0
-STEPS = 15
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Samples:
-    """Contact, free approach and what lies between, thinned."""
-
-    x: Floats  # over the working depth
-    v: Floats  # over its rms
-    force: Floats  # N
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Placed:
-    """Least squares with the surface free: (k, c, n, F₀, d), what it leaves, and its Jacobian."""
-
-    parameters: Floats
-    residual: Floats
-    jacobian: Floats
-
-    @property
-    def energy(self) -> float:
-        """Sum of squares, N²."""
-        return float(self.residual @ self.residual)
 
 
 def free_samples(fit: Fit) -> NDArray[np.bool_]:
@@ -69,7 +45,7 @@ def surface(fit: Fit) -> list[Cause]:
     samples = _samples(fit)
     given = np.array([*law.parameters, fit.solution.offset, 0.0])
     after = min(
-        (_placed(samples, np.array([*given[:4], start])) for start in STARTS),
+        (placed(samples, np.array([*given[:4], start])) for start in STARTS),
         key=lambda placed: placed.energy,
     )
     depth = after.parameters[4]
@@ -126,45 +102,6 @@ def _samples(fit: Fit) -> Samples:
 
 def _thinned(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
     return index[:: -(-index.size // most) or 1]
-
-
-def _model(samples: Samples, parameters: Floats) -> tuple[Floats, Floats]:
-    """Force [N] and its gradient by (k, c, n, F₀, d)."""
-    k, c, n, offset, depth = parameters
-    below = samples.x - depth
-    touching = below > 1e-9
-    below = np.where(touching, below, 1.0)
-    power = np.where(touching, below**n, 0.0)
-    force = power * (k + c * samples.v)
-    gradient = np.column_stack(
-        [power, power * samples.v, np.log(below) * force, np.ones_like(force), -n * force / below]
-    )
-    return force + offset, gradient
-
-
-def _placed(samples: Samples, start: Floats) -> Placed:
-    parameters, damping = start.copy(), 1e-4
-    model, gradient = _model(samples, parameters)
-    residual = samples.force - model
-    for _ in range(STEPS):
-        size = np.linalg.norm(gradient, axis=0)
-        size[size == 0.0] = 1.0
-        unit = gradient / size
-        normal = unit.T @ unit + damping * np.eye(len(size))
-        trial = parameters + np.linalg.solve(normal, unit.T @ residual) / size
-        trial[2] = np.clip(trial[2], *EXPONENTS)
-        trial[4] = np.clip(trial[4], -3.0, 0.9)
-        model, new_gradient = _model(samples, trial)
-        new = samples.force - model
-        if float(new @ new) < float(residual @ residual):
-            ended = float(residual @ residual - new @ new) < 1e-7 * float(new @ new)
-            parameters, residual, gradient = trial, new, new_gradient
-            damping = max(damping / 10.0, 1e-9)
-            if ended:
-                break
-        else:
-            damping *= 10.0
-    return Placed(parameters, residual, gradient)
 
 
 def _band_gain(fit: Fit, found: Floats) -> float:

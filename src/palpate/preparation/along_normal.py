@@ -178,7 +178,7 @@ def _joined(
     pieces: list[Piece], settings: Preparation, made: dict[str, str], remarks: list[Remark]
 ) -> tuple[Contact, list[Place]]:
     """The pieces one after another, each from its own surface."""
-    rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "baseline"
+    rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
     depths, labels, places = [], [], []
     for number, (signals, episode, own) in enumerate(pieces):
         surface = _surface(signals, own, settings, rule)

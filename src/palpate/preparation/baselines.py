@@ -11,6 +11,8 @@ from palpate.validation import Floats
 FEWEST = 50  # samples out of contact
 BINS = 64  # of the height
 LEAST = 0.05  # of the height's range: less is no free approach, but a turning point
+# Of the bins: the lowest of them may be lightly in contact, where that grows as a square.
+SURE = 0.7
 NOISES = 6.0  # σ of a bin's mean; and what the force may wander by slow drift comes on top
 # Of the force's range. A sensor's zero wanders while it warms up; a contact is more than that.
 WANDER = 0.01
@@ -70,7 +72,7 @@ def free_samples(height: Floats, force: Floats) -> NDArray[np.bool_] | None:
         return None
     place = np.clip(((high - h) / (high - low) * BINS).astype(np.int64), 0, BINS - 1)
     depth = _free_bins(place, f)
-    within = place < depth
+    within = place < SURE * depth
     if depth < LEAST * BINS or depth == BINS or np.count_nonzero(within) < FEWEST:
         return None
     free = np.zeros(known.size, dtype=bool)

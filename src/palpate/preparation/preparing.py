@@ -102,10 +102,10 @@ def prepare(
     delay : float
         How late the force is, s; negative where it is early. It is read that much earlier.
     surface : float or str, optional
-        Where the material begins: m, in the penetration as corrected; or found: ``"threshold"``,
-        ``"baseline"``, or ``"estimate"``, which begins as ``"baseline"`` where the surface is not
-        near zero, and leaves the rest to the estimator. Unless given, 0 of a penetration, and
-        ``"baseline"`` of a position.
+        Where the material begins: m, in the penetration as corrected; or found, by
+        :func:`palpate.preparation.surfaces.surface_of`: ``"threshold"``, ``"baseline"``, ``"fit"``;
+        or ``"estimate"``, which begins so where the surface is not near zero, and leaves the rest
+        to the estimator. Unless given, 0 of a penetration, and ``"fit"`` of a position.
     normal : str or sequence of float, optional
         Out of the material, in the position's frame: ``"z"``, ``"-z"`` or three numbers; unless
         given, the force-weighted mean direction of the force.

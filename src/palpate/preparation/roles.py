@@ -7,6 +7,7 @@ from palpate.errors import MissingChannelError, RecordingError
 from palpate.preparation.kinds import is_wanted, kind_of
 from palpate.preparation.vectors import Vector, vectors_of
 from palpate.recordings import Recording
+from palpate.recordings.units import unit_in_name
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -244,9 +245,11 @@ class _Choosing:
         if vector.second:
             return kind == "orientation" and len(vector) == 4
         name = vector.components[0]
-        return kind_of(vector.stem, self.recording.units.get(name)) == kind and (
-            len(vector) != 4 or kind == "orientation"
-        )
+        unit = self.recording.units.get(name) or unit_in_name(name)
+        found = kind_of(vector.stem, unit) or kind_of(
+            name, unit
+        )  # of x, y, z the stem says nothing
+        return found == kind and (len(vector) != 4 or kind == "orientation")
 
     def _kind(self, name: str) -> str | None:
         return kind_of(name, self.recording.units.get(name))

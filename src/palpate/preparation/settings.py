@@ -46,7 +46,7 @@ class Preparation:
         self.corrections()
         if isinstance(self.surface, str) and self.surface not in get_args(SurfaceRule):
             raise InvalidParameterError(
-                f"surface must be a number of metres, threshold, baseline or estimate, not "
+                f"surface must be a number of metres, threshold, baseline, fit or estimate, not "
                 f"{shown(self.surface)}"
             )
         if self.normal is not None:

@@ -81,16 +81,27 @@ def _in_space(
         n = -n  # what was asked for has the last word
         found = Normal(n, found.spread)
         along = force @ n
-    if given is not None and not grows(-(position @ n), along):
-        remarks.append(
-            Remark(
-                "direction",
-                "along the given normal the force falls as the probe goes in",
-                "--normal with the other sign, or --flip-force",
-                "do-not-trust",
-            )
-        )
+    if given is not None:
+        remarks += _against(-(position @ n), along)
     return Pressed(-(position @ n), along, found, remarks)
+
+
+def _against(depth: Floats, force: Floats) -> list[Remark]:
+    """Say that a given normal does not fit: compression is negative, or falls with the depth."""
+    known = np.isfinite(force)
+    f = force[known]
+    pulls = float(np.sum(f * np.abs(f))) < 0.0
+    if not pulls and grows(depth[known], f):
+        return []
+    words = "is mostly negative" if pulls else "falls as the probe goes in"
+    return [
+        Remark(
+            "direction",
+            f"along the given normal the force {words}",
+            "--normal with the other sign, or --flip-force",
+            "do-not-trust",
+        )
+    ]
 
 
 def _turned(how: str) -> Remark:

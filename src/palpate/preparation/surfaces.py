@@ -6,15 +6,20 @@ from typing import Literal
 
 import numpy as np
 
+from palpate.covariance import robust_covariance
 from palpate.preparation.suggestions import noise_of
+from palpate.preparation.surface_fit import Samples, placed
 from palpate.preparation.tare import deviation_left
 from palpate.validation import Floats
 
-SurfaceRule = Literal["threshold", "baseline", "estimate"]
+SurfaceRule = Literal["threshold", "baseline", "fit", "estimate"]
 NOISES = 6.0  # σ
 LEAST, MOST = 0.01, 0.4  # of the peak force: the light branch, from which the surface is seen
 FEWEST = 8  # samples of it
 FEWEST_FREE = 20  # as many as a search for the surface asks for
+MOST_FITTED = 4000  # samples
+# Deviations of the baseline rule: what ends farther off is of another branch than the light one.
+FARTHEST = 4.0
 EXPONENTS = (1.0, 1.5, 2.0)  # of the force's growth: flat punch or foam, sphere, cone
 
 
@@ -47,7 +52,8 @@ def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule
 
     *threshold*: where the force passes max(6 σ, 1 % of its peak) on the way in; late by the depth
     at which the material gives that force. *baseline*: where the light branch, F^(1/n) over the
-    depth, comes down to zero, for n = 1.5; what n = 1 and 2 would say is its deviation. Where the
+    depth, comes down to zero, for n = 1.5; what n = 1 and 2 would say is its deviation. *fit*: from
+    there, by least squares of a Hunt–Crossley law, an offset and the surface together. Where the
     probe is never out of contact it is the shallowest depth, which is an assumption.
 
     Parameters
@@ -59,7 +65,7 @@ def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule
     force : numpy.ndarray, shape (k,)
         N, compression positive, tared.
     rule : str
-        ``"threshold"`` or ``"baseline"``; ``"estimate"`` begins as the latter.
+        ``"threshold"``, ``"baseline"`` or ``"fit"``; ``"estimate"`` begins as the latter.
     """
     known = np.isfinite(depth) & np.isfinite(force) & np.isfinite(velocity)
     x, v, f = depth[known], velocity[known], force[known]
@@ -69,12 +75,12 @@ def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule
     if np.count_nonzero(free) < FEWEST_FREE or not least < MOST * peak:
         return _assumed(x)
     going_in = v > 0.0
-    found = (
-        _crossings(x, f, least)
-        if rule == "threshold"
-        else _departure(x[going_in], f[going_in], least, peak)
-    )
-    return found or _assumed(x)
+    if rule == "threshold":
+        return _crossings(x, f, least) or _assumed(x)
+    found = _departure(x[going_in], f[going_in], least, peak)
+    if found is None or rule == "baseline":
+        return found or _assumed(x)
+    return _fitted(x, v, f, found) or found
 
 
 def _assumed(x: Floats) -> Surface:
@@ -137,3 +143,26 @@ def _intercept(x: Floats, root: Floats) -> tuple[float, float]:
     of_mean = deviation_left(left, ~zero) if left.size > 1 else math.inf
     lever = (mean / slope) ** 2 / max(float(dx @ dx) / x.size, 1e-300)
     return centre - mean / slope, of_mean / slope * math.sqrt(1.0 + lever)
+
+
+def _fitted(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
+    """Least squares of law, offset and surface; None where it ends far from where it began."""
+    depth = float(np.percentile(x, 99.0)) - start.position
+    speed, size = float(np.sqrt(np.mean(v**2))), float(np.percentile(f, 99.0))
+    if not (depth > 0.0 and speed > 0.0 and size > 0.0 and start.deviation):
+        return None
+    near = x > start.position - depth  # farther out it is free air, of which that is enough
+    kept = slice(None, None, int(np.count_nonzero(near)) // MOST_FITTED + 1)
+    samples = Samples(
+        ((x[near] - start.position) / depth)[kept], (v[near] / speed)[kept], f[near][kept]
+    )
+    found = min(
+        (placed(samples, np.array([size, 0.0, n, 0.0, 0.0])) for n in EXPONENTS),
+        key=lambda each: each.energy,
+    )
+    away = float(found.parameters[4]) * depth
+    error = math.sqrt(robust_covariance(found.jacobian, found.residual)[-1, -1]) * depth
+    if not abs(away) <= FARTHEST * start.deviation or not 0.0 < error < depth:
+        return None
+    words = "by the least squares of law and surface together"
+    return Surface(start.position + away, error, words)

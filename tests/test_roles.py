@@ -1,0 +1,109 @@
+"""Which channel is which: by its name, its unit, or the one that it can only be."""
+
+import re
+
+import numpy as np
+import pytest
+
+from palpate import MissingChannelError, Recording, RecordingError, prepare
+from palpate.preparation import Columns, roles_of
+from palpate.preparation.vectors import vectors_of
+
+SPACE = {"position": ("px_m", "py_m", "pz_m"), "force": ("fx_N", "fy_N", "fz_N")}
+
+
+def recording(*names: str, **units: str) -> Recording:
+    values = {name: np.arange(5.0) for name in names}
+    return Recording(values, units=units, source="r.csv")
+
+
+TABLES = {
+    "the names that palpate writes": (
+        "time_s penetration_m force_N velocity_m_s segment",
+        "penetration_m",
+        "force_N",
+    ),
+    "a script's own": ("t depth_mm Fz", "depth_mm", "Fz"),
+    "units in brackets": (
+        "Time [s];Displacement (mm);Force [mN]",
+        "Displacement (mm)",
+        "Force [mN]",
+    ),
+    "a testing machine's": ("Time/s;Indentation/mm;Load/N", "Indentation/mm", "Load/N"),
+    "a robot's, in space": ("time px_m py_m pz_m fx_N fy_N fz_N q0 q1 q2 q3", *SPACE.values()),
+    "what was commanded beside it": (
+        "time_s position_command_m position_m force_N",
+        "position_m",
+        "force_N",
+    ),
+    "a wrench with its torque": (
+        "time x y z Fx Fy Fz Mx My Mz",
+        ("x", "y", "z"),
+        ("Fx", "Fy", "Fz"),
+    ),
+    "arrays": (
+        "time pos[0] pos[1] pos[2] wrench[0] wrench[1] wrench[2] wrench[3] wrench[4] wrench[5]",
+        ("pos[0]", "pos[1]", "pos[2]"),
+        ("wrench[0]", "wrench[1]", "wrench[2]"),
+    ),
+    "a flattened message": (
+        "%time field.wrench.force.x field.wrench.force.y field.wrench.force.z "
+        "field.wrench.torque.x field.wrench.torque.y field.wrench.torque.z "
+        "field.pose.position.x field.pose.position.y field.pose.position.z",
+        tuple(f"field.pose.position.{axis}" for axis in "xyz"),
+        tuple(f"field.wrench.force.{axis}" for axis in "xyz"),
+    ),
+}
+
+
+@pytest.mark.parametrize("names, depth, force", TABLES.values(), ids=TABLES)
+def test_the_channels_are_known_by_their_names(names, depth, force):
+    split = names.split(";") if ";" in names else names.split()
+    roles = roles_of(recording(*split))
+    assert roles.depth == (depth if isinstance(depth, tuple) else (depth,))
+    assert roles.force == (force if isinstance(force, tuple) else (force,))
+    assert roles.time == split[0]
+    counted = ("penetration", "depth", "Indentation")
+    assert roles.is_penetration == roles.depth[0].startswith(counted)
+
+
+def test_a_unit_tells_what_a_name_does_not():
+    roles = roles_of(recording("t", "a", "b", a="mm", b="mN"))
+    assert (roles.depth, roles.force) == (("a",), ("b",))
+
+
+def test_several_that_could_be_it_are_named_with_the_option():
+    names = [f"{topic}.wrench.force.{axis}" for topic in ("/left", "/right") for axis in "xyz"]
+    both = recording("time", "x", "y", "z", *names)
+    words = r"2 could be the force: /left\.wrench\.force\.x .*--force"
+    with pytest.raises(RecordingError, match=words):
+        roles_of(both)
+    for name in ("/left", "/left.wrench", "/left.wrench.force", ",".join(names[:3])):
+        assert roles_of(both, Columns(force=name)).force == tuple(names[:3])
+
+
+def test_what_is_not_there_is_said_with_what_is():
+    with pytest.raises(MissingChannelError, match=r"r\.csv: no column 'force_N'; there are t, z$"):
+        roles_of(recording("t", "z"))
+    with pytest.raises(MissingChannelError, match="no column '/ft'"):
+        roles_of(recording("t", "z", "Fz"), Columns(force="/ft"))
+    with pytest.raises(RecordingError, match="must be one channel or three"):
+        roles_of(recording("t", "z", "Fz"), Columns(force="t,z"))
+
+
+def test_without_a_time_the_rate_has_to_be_given():
+    bare = Recording({"depth": np.linspace(0, 1e-3, 50), "Fz": np.linspace(0, 2.0, 50)})
+    with pytest.raises(RecordingError, match=r"no channel looks like the time; .*--rate"):
+        prepare(bare)
+    assert prepare(bare, rate=500.0).time[-1] == 49 / 500.0
+
+
+def test_reasons_are_given():
+    roles = roles_of(recording("time", *SPACE["position"], "force_N"))
+    assert re.match("the only position in space", roles.reasons["position"])
+    assert roles.reasons["force"] == "it has this name"
+
+
+@pytest.mark.parametrize("names", [["a1", "a2", "a3", "a4", "a5"], ["x", "y"], ["q0", "q1"], []])
+def test_a_few_numbered_or_lettered_channels_are_no_vector(names):
+    assert vectors_of(names) == []
