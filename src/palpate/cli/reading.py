@@ -30,7 +30,7 @@ class Reading:
     force: str = "force_N"
     "Channel of the force, compression positive; or x,y,z, or a topic such as /ft."
     velocity: str = "velocity_m_s"
-    "Channel of the velocity; where there is none it is worked out from the penetration."
+    "Channel of the velocity, or none; where there is none it is worked out from the penetration."
     position: str | None = None
     "Channel of the probe's position in place of the penetration; or x,y,z, or a topic."
     orientation: str | None = None

@@ -20,7 +20,7 @@ class Columns:
     Parameters
     ----------
     time, penetration, force, velocity : str
-        Channels in s, m, N and m/s.
+        Channels in s, m, N and m/s; a velocity ``"none"`` is worked out, whatever there is.
     segment : str
         A label that changes where a separate contact begins.
     position : str, optional
@@ -147,6 +147,8 @@ class _Choosing:
         return found[0] if found else None
 
     def _velocity(self, depth: tuple[str, ...], is_penetration: bool) -> str | None:
+        if self.columns.velocity == "none":
+            return None
         if given := self._given("velocity"):
             return given[0]
         if not is_penetration or len(depth) > 1:  # of which direction, with which sign?

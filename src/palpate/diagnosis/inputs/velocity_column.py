@@ -7,7 +7,7 @@ from palpate.diagnosis.finding import Finding
 from palpate.diagnosis.inputs.stop import stop
 from palpate.validation import Floats
 
-REMEDY = "leave it out: name a --velocity that the file does not have"
+REMEDY = "leave it out: --velocity none"
 MEAN = 15  # samples of a stretch, over which noise averages out
 STOP = (0.8, 1.25)  # slopes; recorded columns have 1.01 to 1.08
 CARE = 0.05  # of the damping, as for every cause
