@@ -7,7 +7,12 @@ import numpy as np
 
 from palpate.contact import Contact
 from palpate.errors import RecordingError
-from palpate.preparation.along_penetration import assumption, velocity_filter, with_velocity
+from palpate.preparation.along_penetration import (
+    assumption,
+    filter_words,
+    velocities_of,
+    velocity_filter,
+)
 from palpate.preparation.baselines import Baseline
 from palpate.preparation.clocks import Signals
 from palpate.preparation.corrections import add
@@ -19,7 +24,6 @@ from palpate.preparation.settings import Preparation
 from palpate.preparation.spatial import Pressed, pressed, tared
 from palpate.preparation.surfaces import Surface, SurfaceRule, surface_of
 from palpate.preparation.tare import deviation_left
-from palpate.preparation.velocity import velocity_of
 from palpate.preparation.wrenches import frame_of, turn_remark, turned
 from palpate.recordings import Recording
 from palpate.remarks import Remark
@@ -179,41 +183,40 @@ def _joined(
 ) -> tuple[Contact, list[Place]]:
     """The pieces one after another, each from its own surface."""
     rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
-    depths, labels, places = [], [], []
+    depths, velocities, labels, places = [], [], [], []
+    lost = 0
     for number, (signals, episode, own) in enumerate(pieces):
-        surface = _surface(signals, own, settings, rule)
+        runs = [slice(*run) for run in runs_of(signals.part)]
+        # A depth from anywhere has the velocity of one from the surface.
+        velocity, left_out = velocities_of(signals.time, own.depth, runs, settings.velocity_window)
+        surface = _surface(own, velocity, settings, rule)
         depths.append(own.depth - surface.position)
-        part = signals.part if episode is None else np.full(len(signals.time), number)
-        labels.append(part)
+        velocities.append(velocity)
+        labels.append(signals.part if episode is None else np.full(len(signals.time), number))
         places.append(_place(signals, episode, own, surface))
+        lost += left_out
     _say_surface(places, made, remarks)
     normal = pieces[0][2].normal
     if normal is not None and len(pieces) == 1:
         add(made, "penetration", f"against the contact normal {normal}")
         add(made, "force", f"along the contact normal {normal}")
-    time = np.concatenate([signals.time for signals, _, _ in pieces])
+    made["velocity"] = filter_words(lost)
     contact = Contact(
-        time,
+        np.concatenate([signals.time for signals, _, _ in pieces]),
         penetration=np.concatenate(depths),
-        velocity=np.zeros_like(time),
+        velocity=np.concatenate(velocities),
         force=np.concatenate([own.force for _, _, own in pieces]),
         segment=np.concatenate(labels),
         provenance=made,
         surface_deviation=_common_deviation(places, rule),
         remarks=remarks,
     )
-    return with_velocity(contact, settings.velocity_window), places
+    return contact, places
 
 
-def _surface(signals: Signals, own: Pressed, settings: Preparation, rule: SurfaceRule) -> Surface:
+def _surface(own: Pressed, velocity: Floats, settings: Preparation, rule: SurfaceRule) -> Surface:
     if isinstance(settings.surface, float | int):
         return Surface(float(settings.surface), 0.0, "as it was given")
-    velocity = np.concatenate(
-        [
-            velocity_of(signals.time[low:high], own.depth[low:high], settings.velocity_window)
-            for low, high in runs_of(signals.part)
-        ]
-    )
     return surface_of(own.depth, velocity, own.force, rule)
 
 

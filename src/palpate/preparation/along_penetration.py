@@ -1,6 +1,6 @@
 """A recording of a penetration and a compression, or arrays of them: as they are, corrected."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from palpate.preparation.tare import deviation_left
 from palpate.preparation.velocity import lost_positions, velocity_of, window_samples
 from palpate.recordings import Recording
 from palpate.remarks import Remark
+from palpate.validation import Floats
 from palpate.validation import signals as checked_signals
 
 # m. Of the estimator's own search for the surface: nearer than this to zero it needs no help.
@@ -64,17 +65,25 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
 
 def with_velocity(contact: Contact, window: float | None) -> Contact:
     """Work the velocity out, a segment at a time."""
-    time, penetration = contact.time, contact.penetration
-    segments = list(contact.segments())
-    parts = [velocity_of(time[part], penetration[part], window) for part in segments]
+    runs = list(contact.segments())
+    velocity, lost = velocities_of(contact.time, contact.penetration, runs, window)
+    made = {**contact.provenance, "velocity": filter_words(lost)}
+    return replace(contact, velocity=velocity, provenance=made)
+
+
+def velocities_of(
+    time: Floats, depth: Floats, runs: Sequence[slice], window: float | None
+) -> tuple[Floats, int]:
+    """The velocity, a run at a time, and how many lost positions were left out of it."""
+    parts = [velocity_of(time[run], depth[run], window) for run in runs]
+    lost = sum(lost_positions(depth[run]) for run in runs)
+    return np.concatenate([np.empty(0), *parts]), lost
+
+
+def filter_words(lost: int) -> str:
+    """Say how a velocity was worked out."""
     words = "centred quadratic Savitzky–Golay filter"
-    if lost := sum(lost_positions(penetration[part]) for part in segments):
-        words += f", without {lost} lost position{'s' if lost > 1 else ''}"
-    return replace(
-        contact,
-        velocity=np.concatenate([np.empty(0), *parts]),
-        provenance={**contact.provenance, "velocity": words},
-    )
+    return words + (f", without {lost} lost position{'s' if lost > 1 else ''}" if lost else "")
 
 
 def velocity_filter(contact: Contact, window: float | None) -> float:
