@@ -3,7 +3,7 @@
 import re
 
 from palpate.errors import InvalidParameterError
-from palpate.preparation.corrections import UNITS
+from palpate.recordings.units import UNITS
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D*?)\s*$")
 

@@ -9,15 +9,9 @@ import numpy as np
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.tare import deviation_left
+from palpate.recordings.units import UNITS
 from palpate.validation import number, number_in, pair_in, shown
 
-#: Units of each channel, by their size in SI.
-UNITS: dict[str, dict[str, float]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9},
-    "penetration": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9},
-    "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-6},
-    "force": {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "nN": 1e-9},
-}
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s
 

@@ -112,8 +112,15 @@ class Recording:
             raise MissingChannelError(name, list(self.channels), self.source)
         return self.channels[name]
 
-    def numbers(self, name: str) -> Floats:
+    def numbers(self, name: str, *, strict: bool = False) -> Floats:
         """Return a channel as numbers.
+
+        Parameters
+        ----------
+        name : str
+            Of the channel.
+        strict : bool
+            Refuse one of whose cells some hold no number: those of ``faults``, which are NaN.
 
         Raises
         ------
@@ -128,6 +135,9 @@ class Recording:
                 f"{self.place(name)}: one number a sample is needed, and this has the shape "
                 f"{values.shape}"
             )
+        if strict and name in self.faults:
+            fault = self.faults[name]
+            raise RecordingError(f"{self.place(name, fault.sample)}: {_no_number(fault.text)}")
         if values.dtype.kind in "fiub":
             return np.ascontiguousarray(values, dtype=np.float64)
         if values.dtype.kind in "OUS":
@@ -150,9 +160,7 @@ class Recording:
         try:
             return number_in_text(value) if isinstance(value, str) else float(value)
         except (TypeError, ValueError, OverflowError):
-            blank = isinstance(value, str) and not value.strip()
-            found = "the value is missing" if blank else f"{_shown(value)} is not a number"
-            raise RecordingError(f"{self.place(name, sample)}: {found}") from None
+            raise RecordingError(f"{self.place(name, sample)}: {_no_number(value)}") from None
 
 
 def number_in_text(text: str) -> float:
@@ -165,6 +173,11 @@ def number_in_text(text: str) -> float:
 def printable(path: Path) -> str:
     """Return a path as text that can be encoded: bytes that are no UTF-8 in hexadecimal."""
     return os.fsencode(path).decode("utf-8", "backslashreplace")
+
+
+def _no_number(value: Any) -> str:
+    blank = isinstance(value, str) and not value.strip()
+    return "the value is missing" if blank else f"{_shown(value)} is not a number"
 
 
 def _shown(value: Any) -> str:
