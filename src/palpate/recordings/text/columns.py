@@ -13,6 +13,7 @@ from palpate.recordings.text.times import (
     is_nanoseconds,
     is_timelike,
     iso_nanoseconds,
+    plain_iso_times,
     whole_time,
 )
 
@@ -168,13 +169,18 @@ class Times(Column):
 
     def refused(self, cells: Sequence[str]) -> list[int]:
         """Say which rows have no time."""
+        if plain_iso_times(cells) is not None:
+            return []
         wrong = [k for k, cell in enumerate(cells) if self._parse(cell) is None]
         self.filled += len(wrong)
         return wrong
 
     def take(self, cells: Sequence[str]) -> None:
         """Add some cells, all of which hold times."""
-        self.extend(np.array(list(map(self._parse, cells)), dtype=np.int64))
+        times = plain_iso_times(cells)
+        if times is None:
+            times = np.array(list(map(self._parse, cells)), dtype=np.int64)
+        self.extend(times)
 
     def channels(self) -> dict[str, NDArray[Any]]:
         """Return the times."""

@@ -39,7 +39,7 @@ class Parser:
 
     def parsed_at_once(self, block: bytes) -> list[NDArray[Any]] | None:
         """Return the columns of some lines; None where they are not so plain."""
-        if None in self._dtypes:
+        if any(dtype is None for dtype in self._dtypes):  # NumPy says that None is float64
             return None
         delimiter = self._delimiter
         if self._decimal == ",":
@@ -67,11 +67,12 @@ def _by_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArr
     types = [arrow.float64() if dtype.kind == "f" else arrow.int64() for dtype in dtypes]
     table = csv.read_csv(
         arrow.BufferReader(block),
-        csv.ReadOptions(column_names=names, block_size=len(block) + 1),
+        csv.ReadOptions(column_names=names, block_size=len(block) + 1, use_threads=False),
         csv.ParseOptions(delimiter=delimiter, quote_char=False),
         csv.ConvertOptions(column_types=dict(zip(names, types, strict=True)), null_values=[]),
     )
-    return [column.to_numpy() for column in table.columns]
+    # A copy, for the buffers are larger than what they hold.
+    return [column.to_numpy().copy() for column in table.columns]
 
 
 def _by_numpy(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:

@@ -1,7 +1,7 @@
 """Times in tables: of the calendar, and whole numbers since 1970."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -15,6 +15,7 @@ _ISO = re.compile(
     r"\s*(?:(Z|UTC)|([+-])(\d\d):?(\d\d)?)?",
     re.ASCII,
 )
+_PLAIN_ISO = re.compile(r"(?:(?:19|20)\d\d-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?\n)+", re.ASCII)
 _TIMELIKE = re.compile(r"(?:^|[^a-z])(?:time|timestamp|stamp|t|epoch|datetime|clock)(?:[^a-z]|$)")
 _WHOLE = re.compile(r"\s*\d{17,19}\s*", re.ASCII)  # what a float does not hold exactly
 _SINCE = datetime(1970, 1, 1, tzinfo=UTC)
@@ -49,6 +50,20 @@ def iso_nanoseconds(cell: str) -> int | None:
     past = whole - _SINCE
     value = (past.days * 86_400 + past.seconds) * 10**9 + int((fraction or "").ljust(9, "0"))
     return value if abs(value) < 2**63 else None
+
+
+def plain_iso_times(cells: Sequence[str]) -> Whole | None:
+    """Return what :func:`iso_nanoseconds` does, of many cells at once.
+
+    None where one is not in UTC, or looks otherwise unlike most.
+    """
+    text = "\n".join([*cells, ""]).replace("Z\n", "\n")
+    if not cells or _PLAIN_ISO.fullmatch(text) is None:
+        return None
+    try:
+        return np.array(text.split("\n")[:-1], dtype="M8[ns]").astype(np.int64)
+    except ValueError:  # the 31st of June
+        return None
 
 
 def is_timelike(name: str) -> bool:
