@@ -8,7 +8,7 @@ import sys
 import tempfile
 import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +18,7 @@ from palpate.errors import RecordingError
 from palpate.recordings.recording import printable
 
 CHUNK = 1 << 20
+SLICE = 1 << 14  # of compressed bytes: each may be gone through again, a byte at a time
 GZIP = b"\x1f\x8b"
 
 # An hour of wrench and pose at 1 kHz is 1 GB as a bag; twice that is written to a temporary file
@@ -94,13 +95,15 @@ class Source:
     def _inflated(self, first: bytes, rest: Iterator[bytes]) -> Iterator[bytes]:
         most = max(ALWAYS_EXPANDED, MOST_EXPANSION * self.size)
         inflater, made, begun = zlib.decompressobj(31), 0, True
-        for data in itertools.chain([first], rest):
+        for data in _slices(itertools.chain([first], rest)):
             while data:
-                begun = True
+                begun, before = True, inflater.copy()
                 try:
                     out = inflater.decompress(data, CHUNK)
                 except zlib.error:
-                    self._damaged(made, "are damaged")
+                    out = _until_damaged(before, data)
+                    yield out
+                    self._damaged(made + len(out), "are damaged")
                     return
                 made += len(out)
                 if made > most:
@@ -148,11 +151,39 @@ def on_disk(path: Path) -> Iterator[tuple[Path, str, list[str]]]:
     with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
         copy, losses = Path(folder) / f"recording{path.suffix}", list[str]()
         try:
-            with copy.open("wb") as file:
+            with copy.open("wb+") as file:
                 losses += _spool(path, source, file)
         except OSError as error:
             raise unreadable(source, error) from None
         yield copy, source, losses
+
+
+def _cut_to_lines(file: IO[bytes]) -> None:
+    """Take off the begin of a line, whose last number would lack digits, where this is text."""
+    file.seek(0)
+    if b"\0" in file.read(1024):
+        return
+    end = file.seek(0, os.SEEK_END)
+    file.seek(max(end - CHUNK, 0))
+    last = file.read()
+    file.truncate(end - (len(last) - last.rfind(b"\n") - 1))
+
+
+def _slices(chunks: Iterable[bytes]) -> Iterator[bytes]:
+    for chunk in chunks:
+        for k in range(0, len(chunk), SLICE):
+            yield chunk[k : k + SLICE]
+
+
+def _until_damaged(inflater: "zlib._Decompress", data: bytes) -> bytes:
+    """What compressed data give before the byte that cannot be."""
+    out = b""
+    for k in range(len(data)):
+        try:
+            out += inflater.decompress(data[k : k + 1])
+        except zlib.error:
+            break
+    return out[:CHUNK]
 
 
 def unreadable(source: str, error: Exception) -> RecordingError:
@@ -223,6 +254,7 @@ class _Spool:
                 )
             if time.monotonic() >= until:
                 if self.came < expected + PATIENCE * SLOWEST:
+                    _cut_to_lines(file)
                     return self._too_slow()
                 until, expected = until + PATIENCE, float(self.came)
 

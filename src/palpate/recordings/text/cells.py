@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from palpate.recordings.recording import number_in_text
 from palpate.recordings.text.times import is_iso_time
 
-_VECTOR = re.compile(r"(?:array)?[\s\[({]*([^\[\](){}]*?)[\s\])},]*")
+_BRACKETS = re.compile(r"^\s*(?:np\.)?array\(|,?\s*dtype=[\w.]+|[\[\](){}]")
 MOST_ELEMENTS = 1000
+LONGEST_VECTOR = 40 * MOST_ELEMENTS  # characters
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
@@ -53,13 +54,12 @@ def vector_in(cell: str, decimal: str) -> list[float] | None:
     ``[0.1, 0.2, 0.3]``, ``(0.1 0.2 0.3)``, ``array([0.1, 0.2])`` or ``0.1 0.2 0.3``; None where it
     holds something else, or one number without brackets.
     """
-    inner = _VECTOR.fullmatch(cell.strip())
-    if inner is None:
+    if len(cell) > LONGEST_VECTOR:
         return None
-    words = inner[1].replace(";", " ")
-    words = words if decimal == "," else words.replace(",", " ")
-    numbers = [parsed_number(word, decimal) for word in words.split()]
-    bracketed = cell.strip()[:1] in ("[", "(", "{", "a")
+    bare = _BRACKETS.sub(" ", cell)
+    words = (bare if decimal == "," else bare.replace(",", " ")).replace(";", " ").split()
+    numbers = [parsed_number(word, decimal) for word in words]
+    bracketed = bare != cell
     if not 1 + (not bracketed) <= len(numbers) <= MOST_ELEMENTS or None in numbers:
         return None
     return [number for number in numbers if number is not None]

@@ -73,7 +73,7 @@ class Text:
             if block:
                 yield block
         else:
-            self.cut_off = bool(rest.strip())
+            self.cut_off = bool(rest[rest.rfind(b"\n") + 1 :].strip())
             if last := _without_empty_end(empty + rest + b"\n"):
                 yield last
             return

@@ -144,7 +144,8 @@ class Filling:
         cells = [] if unclosed(text) else cells_of(text[:-1], self._delimiter)
         missing = len(cells) < len(self.columns)
         # Its last number may lack digits, which nothing else would tell.
-        killed = not self._file.compressed and self._file.size % BUFFER == 0
+        killed = self._file.size % BUFFER == 0 and not self._file.compressed
+        killed = killed or bool(self._file.losses)
         if missing or killed:
             self.losses.add("is cut off, for the file ends within it", row)
         return missing or killed

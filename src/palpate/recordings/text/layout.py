@@ -114,18 +114,24 @@ def _delimiter(lines: Sequence[str]) -> str:
         return ","
     unquoted = [re.sub(r'"[^"]*"', "", line) for line in full]
     counts = {each: [line.count(each) for line in unquoted] for each in DELIMITERS}
-    found = [each for each in DELIMITERS if counts[each][0]]
-    if not found:
-        words = [len(line.split()) for line in unquoted]
-        below = words[1:] or words
-        spaced = words[0] > 1 and below.count(words[0]) > 0.5 * len(below)
-        return SPACES if spaced else ","
+    counts[SPACES] = [len(line.split()) - 1 for line in unquoted]
 
-    def fit(each: str) -> tuple[bool, int]:
+    def fits(each: str) -> bool:
         below = counts[each][1:]
-        return below.count(counts[each][0]) > 0.5 * len(below) or not below, counts[each][0]
+        return counts[each][0] > 0 and (
+            below.count(counts[each][0]) > 0.5 * len(below) or not below
+        )
 
-    return max(found, key=fit)
+    # Columns that are padded to look well have tabs here and spaces there.
+    if not any(counts[each][0] for each in ",;|") and len(set(counts["\t"])) > 1 == len(
+        set(counts[SPACES])
+    ):
+        return SPACES
+    for each in sorted(DELIMITERS, key=lambda each: -counts[each][0]):
+        if fits(each):
+            return each
+    most = max(DELIMITERS, key=lambda each: counts[each][0])
+    return SPACES if fits(SPACES) and not counts[most][0] else most
 
 
 def _cells(line: str, delimiter: str, source: str, row: int) -> list[str]:
