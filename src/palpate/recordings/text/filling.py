@@ -18,7 +18,9 @@ from palpate.recordings.text.rows import Losses, Records, Rows
 
 HEAD = 1 << 18  # bytes in which the header is looked for, before all of the first block is
 PROBED = 1000  # lines that say what the columns hold
-ROWS = 4096  # that are split at once: each of their cells is an object for a while
+# Of these many bytes and rows each cell is an object for a while, some five times its text.
+PIECE = 1 << 19
+ROWS = 4096
 # Whoever is killed while writing leaves what buffers of this size have handed over.
 BUFFER = 4096
 
@@ -104,26 +106,36 @@ class Filling:
         return layout
 
     def _add(self, block: bytes, row: int) -> None:
-        if not block:
+        arrays = None if self._left or not block else self._parser.parsed_at_once(block)
+        if arrays is not None:
+            for column, values in zip(self.columns, arrays, strict=True):
+                column.extend(values)
+            self.rows.add(row, len(arrays[0]))
             return
-        arrays = None if self._left else self._parser.parsed_at_once(block)
-        if arrays is None:
-            self._add_lines(self.text.decode(block).split("\n")[:-1], row)
-            return
-        for column, values in zip(self.columns, arrays, strict=True):
-            column.extend(values)
-        self.rows.add(row, len(arrays[0]))
+        while block:
+            cut = len(block) if len(block) < PIECE else block.rfind(b"\n", 0, PIECE) + 1
+            cut = cut or block.find(b"\n") + 1
+            piece, block = block[:cut], block[cut:]
+            self._add_piece(piece, row)
+            row += piece.count(b"\n")
+
+    def _add_piece(self, piece: bytes, row: int) -> None:
+        cells = None if self._left else self._parser.divided_at_once(piece, self.text)
+        if cells is not None:
+            self._add_cells(range(row, row + len(cells[0])), cells)
+        else:
+            self._add_lines(self.text.decode(piece).split("\n")[:-1], row)
 
     def _add_lines(self, lines: list[str], row: int, *, final: bool = False) -> None:
         row -= len(self._left)
         lines = self._left + lines
         records = self._records.of(lines, row, final=final)
         while chunk := list(itertools.islice(records, ROWS)):
-            self._add_records(*zip(*chunk, strict=True))
+            rows, cells = zip(*chunk, strict=True)
+            self._add_cells(rows, _turned(cells, len(self.columns)))
         self._left = self._records.left
 
-    def _add_records(self, rows: Sequence[int], cells: Sequence[list[str]]) -> None:
-        columns = _turned(cells, len(self.columns))
+    def _add_cells(self, rows: Sequence[int], columns: Sequence[Sequence[str]]) -> None:
         keep = np.ones(len(rows), dtype=bool)
         for column, found in zip(self.columns, columns, strict=True):
             for k in column.refused(found):
@@ -135,8 +147,11 @@ class Filling:
             rows = list(itertools.compress(rows, keep))
         for column, found in zip(self.columns, columns, strict=True):
             column.take(found)
-        for row in rows:
-            self.rows.add(row, 1)
+        if isinstance(rows, range):
+            self.rows.add(rows.start, len(rows))
+        else:
+            for row in rows:
+                self.rows.add(row, 1)
 
     def _is_cut_off(self, line: bytes, row: int) -> bool:
         """Whether the last line was not written whole; that is said."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.recordings.text.columns import Column
+from palpate.recordings.text.encoding import Text
 from palpate.recordings.text.layout import SPACES
 
 # What a block of plain numbers is made of, beside the delimiter: nan and inf too. Of what else
@@ -59,6 +60,18 @@ class Parser:
         except ValueError:  # pyarrow's own is one
             return None
         return arrays if len(arrays[0]) == rows else None  # both pass over blank lines
+
+    def divided_at_once(self, lines: bytes, text: Text) -> list[list[str]] | None:
+        """Return the cells of each column; None where a row is not whole, or a cell is quoted."""
+        mark = self._delimiter.encode()
+        if self._delimiter == SPACES or b'"' in lines or b"\0" in lines or b"\r" in lines:
+            return None
+        width, rows = len(self._dtypes), lines.count(b"\n")
+        others = bytes(set(range(256)) - {*mark, *b"\n"})
+        if lines.translate(None, others) != (mark * (width - 1) + b"\n") * rows:
+            return None
+        cells = text.decode(lines).replace("\n", self._delimiter).split(self._delimiter)
+        return [cells[k : rows * width : width] for k in range(width)]
 
 
 def _by_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
