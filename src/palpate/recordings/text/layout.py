@@ -13,6 +13,7 @@ from palpate.recordings.units import KNOWN, plain_unit, unit_in_name
 
 DELIMITERS = ",;\t|"
 SPACES = " "  # as a delimiter: any run of spaces and tabs
+MOST_COLUMNS = 1 << 16  # four times what a spreadsheet holds
 LONGEST_NAME = 10_000  # characters
 TRIED = 50  # lines that say how cells are divided
 # What else stands in a row of units, beside those that palpate converts.
@@ -71,6 +72,10 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
         count = len(_cells(body[0], delimiter, source, top + 1))
         header = [f"column {place}" for place in range(1, count + 1)]
         notes["header"] = "none, so that the columns are numbered"
+    if len(header) > MOST_COLUMNS:
+        raise RecordingError(
+            f"{source}: a header of {len(header)} columns; at most {MOST_COLUMNS} are read"
+        )
     names = _told_apart(header)
     decimal = _decimal(body[first : first + TRIED], delimiter)
     if decimal == ",":

@@ -13,6 +13,7 @@ from palpate.recordings.text.cells import cells_of, padded, unclosed
 
 # A remark in a cell may run over so many lines; a quotation mark too many would take all the rest.
 MOST_LINES = 50
+WIDE = 8  # columns
 MOST_RUNS = 10_000  # that are held as Python's numbers
 
 
@@ -150,6 +151,10 @@ class Records:
             return None
         if len(cells) == self.width:
             return cells
+        # Of a wide table an all but empty row would be many numbers that no one wrote.
+        if self.width > WIDE and 2 * len(cells) < self.width:
+            self.losses.add("has less than half of the header's cells", row)
+            return None
         fitting = padded(cells, self.width)
         if fitting is None:
             self.losses.add("has more cells than the header", row)
