@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from palpate.recordings.recording import Faults
 from palpate.recordings.text.cells import parsed_number, vector_in
+from palpate.recordings.text.growing import Growing
 from palpate.recordings.text.times import (
     is_iso_time,
     is_nanoseconds,
@@ -37,11 +38,12 @@ class Column:
     """
 
     dtype: Any = np.dtype(np.float64)
+    stored: Any = np.float64
 
     def __init__(self, name: str, decimal: str) -> None:
         self.name, self.decimal = name, decimal
         self.size = self.good = self.filled = 0
-        self._chunks: list[NDArray[Any]] = []
+        self._values = Growing(self.stored)
         self._wrong: tuple[int, str] | None = None
 
     def refused(self, cells: Sequence[str]) -> list[int]:
@@ -59,7 +61,7 @@ class Column:
 
     def extend(self, values: NDArray[Any]) -> None:
         """Add some that are parsed."""
-        self._chunks.append(values)
+        self._values.extend(values)
         self.size += len(values)
         self.good += len(values)
         self.filled += len(values)
@@ -72,7 +74,7 @@ class Column:
         """Return what has come of it, once; it is empty then."""
         if self.size and not self.filled:  # an empty column holds no numbers that were lost
             return {self.name: np.full(self.size, "", dtype=object)}
-        return {self.name: joined(self._chunks, np.float64)}
+        return {self.name: self._values.taken()}
 
     def faults(self) -> dict[str, Faults]:
         """Say which cells held no number, by the names of the channels."""
@@ -92,7 +94,7 @@ class Column:
             if self._wrong is None:
                 self._wrong = self.size + k, cell
         self.size += len(cells)
-        self._chunks.append(values)
+        self._values.extend(values)
 
     def _value(self, cell: str) -> float | list[float] | None:
         return parsed_number(cell, self.decimal)
@@ -116,7 +118,7 @@ class Vectors(Column):
 
     def channels(self) -> dict[str, NDArray[Any]]:
         """Return a channel for every place."""
-        whole = joined(self._chunks, np.float64).reshape(-1, self._count)
+        whole = self._values.taken().reshape(-1, self._count)
         return {name: whole[:, k].copy() for k, name in enumerate(self._names())}
 
     def _value(self, cell: str) -> list[float] | None:
@@ -135,6 +137,7 @@ class Words(Column):
     def __init__(self, name: str, decimal: str) -> None:
         super().__init__(name, decimal)
         self._known: dict[str, tuple[str, bool]] = {}
+        self._chunks = [np.empty(0, dtype=object)]
 
     def take(self, cells: Sequence[str]) -> None:
         """Add some cells."""
@@ -156,11 +159,13 @@ class Words(Column):
 
     def channels(self) -> dict[str, NDArray[Any]]:
         """Return the text."""
-        return {self.name: joined(self._chunks, object)}
+        return {self.name: np.concatenate(self._chunks)}
 
 
 class Times(Column):
     """A column of whole nanoseconds; a row that has none cannot stand in the table."""
+
+    stored = np.int64
 
     def __init__(self, name: str, parse: Callable[[str], int | None], dtype: Any) -> None:
         super().__init__(name, ".")
@@ -181,10 +186,6 @@ class Times(Column):
         if times is None:
             times = np.array(list(map(self._parse, cells)), dtype=np.int64)
         self.extend(times)
-
-    def channels(self) -> dict[str, NDArray[Any]]:
-        """Return the times."""
-        return {self.name: joined(self._chunks, np.int64)}
 
 
 class Ignored(Column):
@@ -216,14 +217,3 @@ def column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None =
             return Vectors(name, decimal, max(set(vectors), key=vectors.count))
         kind = "numbers" if numbers >= most else "text"
     return Words(name, decimal) if kind == "text" else Column(name, decimal)
-
-
-def joined(chunks: list[NDArray[Any]], dtype: Any) -> NDArray[Any]:
-    """Return the chunks as one array, and leave none: they are not held twice for long."""
-    whole = (
-        np.concatenate([np.empty((0, *chunks[0].shape[1:]), dtype), *chunks])
-        if chunks
-        else (np.empty(0, dtype))
-    )
-    chunks.clear()
-    return whole

@@ -84,8 +84,7 @@ def _by_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArr
         csv.ParseOptions(delimiter=delimiter, quote_char=False),
         csv.ConvertOptions(column_types=dict(zip(names, types, strict=True)), null_values=[]),
     )
-    # A copy, for the buffers are larger than what they hold.
-    return [column.to_numpy().copy() for column in table.columns]
+    return [column.to_numpy() for column in table.columns]
 
 
 def _by_numpy(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
@@ -98,8 +97,8 @@ def _by_numpy(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArr
         comments=None,
     )
     if same:
-        return [np.ascontiguousarray(column) for column in table.T]
-    return [np.ascontiguousarray(table[f"f{k}"]) for k in range(len(dtypes))]
+        return list(table.T)
+    return [table[f"f{k}"] for k in range(len(dtypes))]
 
 
 @cache
