@@ -165,6 +165,13 @@ def shortened(row: int) -> str:
     return "\n".join(lines)
 
 
+def test_a_last_number_need_not_end_its_line(tmp_path):
+    text = text_of([[f"{k}", "1", "2.5" if k == 50 else "2.25"] for k in range(99)])
+    for last in ("99,1,2.5", "99,1,-2.25"):
+        read = open_recording(written(tmp_path / "l.csv", text + last))
+        assert (len(read.rows), list(read.losses)) == (100, [])
+
+
 def blank_line(row: int) -> str:
     lines = text_of(rows_of()).splitlines()
     lines.insert(row + 1, "")
@@ -224,6 +231,7 @@ BAD_CELLS = {
 }  # fmt: skip
 BAD_ROWS = {
     "a last row that is cut off": (shortened(599), "row 601 is cut off"),
+    "a last number that is cut off": (text_of(rows_of())[:-12], "row 601 is cut off"),
     "a row of too many cells": (changed(3, 1, "1,2"), "row 5 has more cells than the header"),
     "a zero byte": (changed(3, 1, "\0"), "row 5 holds zero bytes"),
     "an endless quotation": (

@@ -12,7 +12,7 @@ from palpate.recordings.sources import Source
 from palpate.recordings.text.cells import cells_of, unclosed
 from palpate.recordings.text.columns import Column, Ignored, column_for
 from palpate.recordings.text.encoding import Text
-from palpate.recordings.text.layout import Layout, layout_of
+from palpate.recordings.text.layout import SPACES, Layout, layout_of
 from palpate.recordings.text.parsing import Parser
 from palpate.recordings.text.rows import Losses, Records, Rows
 
@@ -23,6 +23,9 @@ PIECE = 1 << 19
 ROWS = 4096
 # Whoever is killed while writing leaves what buffers of this size have handed over.
 BUFFER = 4096
+# A last cell that is shorter than all of so many above it most likely lacks its end.
+FEW = 20
+TAIL = 1 << 16  # bytes
 
 
 class Filling:
@@ -72,7 +75,7 @@ class Filling:
                 block, last = block[:begin], block[begin:]
             self._add(block, row)
             row += block.count(b"\n")
-            if last and not self._is_cut_off(last, row):
+            if last and not self._is_cut_off(last, row, block):
                 self._add(last, row)
                 row += 1
             self._request.report(self._file.fraction)
@@ -153,17 +156,21 @@ class Filling:
             for row in rows:
                 self.rows.add(row, 1)
 
-    def _is_cut_off(self, line: bytes, row: int) -> bool:
-        """Whether the last line was not written whole; that is said."""
+    def _is_cut_off(self, line: bytes, row: int, before: bytes) -> bool:
+        """Whether the last line, which has no end, was not written whole; that is said."""
         text = self.text.decode(line)
         cells = [] if unclosed(text) else cells_of(text[:-1], self._delimiter)
-        missing = len(cells) < len(self.columns)
-        # Its last number may lack digits, which nothing else would tell.
         killed = self._file.size % BUFFER == 0 and not self._file.compressed
-        killed = killed or bool(self._file.losses)
-        if missing or killed:
+        cut = len(cells) < len(self.columns) or killed or bool(self._file.losses)
+        # Its last number may lack digits, which only others of its kind can tell.
+        above = before[-TAIL:].split(b"\n")[1:-1]
+        if not cut and len(above) > FEW:
+            mark = None if self._delimiter == SPACES else self._delimiter.encode()
+            ends = [len((each.rsplit(mark, 1) or [b""])[-1]) for each in above]
+            cut = len((line[:-1].rsplit(mark, 1) or [b""])[-1]) < min(ends)
+        if cut:
             self.losses.add("is cut off, for the file ends within it", row)
-        return missing or killed
+        return cut
 
 
 def _turned(cells: Sequence[list[str]], width: int) -> list[Sequence[str]]:
