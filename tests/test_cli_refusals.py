@@ -46,7 +46,7 @@ def test_a_bad_file_is_one_line(refused, tmp_path, command, content, words):
 @pytest.mark.parametrize("extra", [(), ("--json",), ("--figure", "out.svg")], ids=str)
 def test_a_bad_file_is_one_line_whatever_was_asked_for(refused, tmp_path, monkeypatch, extra):
     monkeypatch.chdir(tmp_path)
-    path = written(tmp_path / "bad.csv", changed(3, 2, "oops"))
+    path = written(tmp_path / "bad.csv", changed(3, 0, "0.0015"))
     assert "row 5" in refused("identify", path, *extra)
     assert [file.name for file in tmp_path.iterdir()] == ["bad.csv"]
 

@@ -165,6 +165,13 @@ def shortened(row: int) -> str:
     return "\n".join(lines)
 
 
+def test_a_last_number_need_not_end_its_line(tmp_path):
+    text = text_of([[f"{k}", "1", "2.5" if k == 50 else "2.25"] for k in range(99)])
+    for last in ("99,1,2.5", "99,1,-2.25"):
+        read = open_recording(written(tmp_path / "l.csv", text + last))
+        assert (len(read.rows), list(read.losses)) == (100, [])
+
+
 def blank_line(row: int) -> str:
     lines = text_of(rows_of()).splitlines()
     lines.insert(row + 1, "")
@@ -184,44 +191,80 @@ BAD_FILES = {
         text_of([["0", "1", "2", "3"]], (*HEADER, "force_N")),
         ["no column 'force_N'", "force_N (column 3), force_N (column 4)"],
     ),
-    "with text in a cell": (changed(10, 2, "n/a"), ["'force_N'", "row 12", "'n/a'"]),
-    "with a decimal comma": (
-        text_of([["0", "0,01", "5"], ["1", "0,02", "9"]], delimiter=";"),
-        ["'penetration_m'", "row 2", "'0,01'"],
-    ),
-    "with an underscore in a number": (changed(0, 1, "1_0"), ["'penetration_m'", "row 2", "'1_0'"]),
-    "with a long text in a cell": (changed(3, 1, "x" * 5000), ["'penetration_m'", "row 5"]),
-    "with an empty cell": (changed(7, 1, ""), ["'penetration_m'", "row 9", "missing"]),
-    "with a cell of spaces": (changed(7, 2, "  "), ["'force_N'", "row 9", "missing"]),
-    "with a short row": (shortened(20), ["'force_N'", "row 22", "missing"]),
-    "cut off in the last row": (shortened(599), ["'force_N'", "row 601", "missing"]),
-    "with a blank line": (blank_line(5), ["'time_s'", "row 7", "missing"]),
     "with time running back": (changed(30, 0, "0.0285"), ["'time_s'", "row 32", "from 0.029 s"]),
     "with a time repeated": (changed(30, 0, "0.029"), ["'time_s'", "row 32", "repeats"]),
     "with a time not known": (changed(30, 0, "nan"), ["'time_s'", "row 32", "not finite"]),
     "with an endless time": (changed(599, 0, "inf"), ["'time_s'", "row 601", "not finite"]),
     "with the first time not known": (changed(0, 0, "nan"), ["'time_s'", "row 2", "not finite"]),
-    "with notes, and text in a cell": (
-        "# a\n# b\n" + changed(0, 1, "x"), ["'penetration_m'", "row 4", "'x'"],
+    "with words for numbers": (
+        "# a\n# b\n" + text_of([["0", "x", "1"], ["1", "y", "1"], ["2", "0.1", "1"]]),
+        ["'penetration_m'", "row 4", "'x'"],
     ),
     "of a picture": (b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", ["not a text file"]),
     "of zeros": (bytes(1000), ["not a text file"]),
-    "of bytes that happen to be text": (bytes(range(1, 128)), ["no column 'time_s'"]),
-    "in UTF-16": (text_of(rows_of()).encode("utf-16"), ["in UTF-16", "save it as UTF-8"]),
-    "in UTF-16, big end first": (b"\xfe\xff" + text_of([]).encode("utf-16-be"), ["in UTF-16"]),
-    "in UTF-32": (text_of(rows_of()).encode("utf-32"), ["in UTF-32", "save it as UTF-8"]),
-    "in Latin-1": (
-        f"# gauge: 3\n{text_of([['0', '1', '2', '5 µm']], (*HEADER, 'remark'))}".encode("latin-1"),
-        ["row 3", "0xB5", "not UTF-8", "Latin-1", "save it as UTF-8"],
-    ),
-    "in Latin-1 from the first byte": ("µ,time_s".encode("latin-1"), ["row 1", "0xB5"]),
-    "in Latin-1 behind a byte order mark": (b"\xef\xbb\xbfa\r\nb\r\n\xb5", ["row 3", "0xB5"]),
+    "of bytes that happen to be text": (bytes(range(1, 128)), ["not a text file"]),
+    "of a word in Latin-1": ("µ,time_s".encode("latin-1"), ["no column", "µ"]),
     "with a header of one endless word": ("x" * 200_000 + "\n1,2,3\n", ["row 1", "header"]),
+    "of one endless line": ("x," * 1_000_000, ["row 1", "1 MiB"]),
     "with very many columns": (",".join(map(str, range(50_000))), ["no column", "49980 more"]),
-    "with an endless quotation": (
-        text_of([*rows_of(), ['"0.7'], *[[f"{k}" * 9] for k in range(50_000)]]), ["row 602"],
+    "with more columns than any table": ("," * 99_999, ["100000 columns", "at most 65536"]),
+    "of rows that are all but empty": ("," * 5_000 + "\n" + "1\n" * 9, ["9 rows", "half"]),
+    "of rows longer than the header": ("a,b\n1,2,3\n1,2,3\n", ["2 rows", "more cells", "row 2"]),
+}
+
+# What is left out and said, unless every row has to be read.
+BAD_CELLS = {
+    "text in a cell": (changed(10, 2, "n/a"), ["'force_N'", "row 12", "'n/a'"]),
+    "an underscore in a number": (changed(0, 1, "1_0"), ["'penetration_m'", "row 2", "'1_0'"]),
+    "a long text in a cell": (changed(3, 1, "x" * 5000), ["'penetration_m'", "row 5"]),
+    "an empty cell": (changed(7, 1, ""), ["'penetration_m'", "row 9", "missing"]),
+    "a cell of spaces": (changed(7, 2, "  "), ["'force_N'", "row 9", "missing"]),
+    "a short row": (shortened(20), ["'force_N'", "row 22", "missing"]),
+    "a blank line": (blank_line(5), ["'time_s'", "row 7", "missing"]),
+    "notes, and text in a cell": (
+        "# a\n# b\n" + changed(0, 1, "x"), ["'penetration_m'", "row 4", "'x'"],
+    ),
+    "two decimal marks": (
+        text_of([["0", "0,01", "5"], ["1", "1.002,5", "9"]], delimiter=";"),
+        ["'penetration_m'", "row 3", "'1.002,5'"],
     ),
 }  # fmt: skip
+BAD_ROWS = {
+    "a last row that is cut off": (shortened(599), "row 601 is cut off"),
+    "a last number that is cut off": (text_of(rows_of())[:-12], "row 601 is cut off"),
+    "a row of too many cells": (changed(3, 1, "1,2"), "row 5 has more cells than the header"),
+    "a zero byte": (changed(3, 1, "\0"), "row 5 holds zero bytes"),
+    "an endless quotation": (
+        text_of([*rows_of(), ['"0.7'], *[[f"{k}" * 9, "1", "2"] for k in range(50_000)]]),
+        "row 602 cannot be read: a quotation",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("content, words", BAD_CELLS.values(), ids=BAD_CELLS)
+def test_a_bad_cell_is_not_known_and_said_unless_all_must_be_read(tmp_path, content, words):
+    read = open_recording(written(tmp_path / "cells.csv", content))
+    name = words[0].strip("'")
+    fault = read.faults[name]
+    numbers = read.numbers(name)
+    assert fault.count == np.isnan(numbers).sum() == 1
+    assert np.isnan(numbers[fault.sample])
+    with pytest.raises(RecordingError) as caught:
+        read.numbers(name, strict=True)
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("content, words", BAD_ROWS.values(), ids=BAD_ROWS)
+def test_a_bad_row_is_left_out_and_said_unless_all_must_be_read(tmp_path, content, words):
+    path = written(tmp_path / "rows.csv", content)
+    read = open_recording(path)
+    [loss] = read.losses
+    assert words in loss
+    assert len(read.rows) == len(read.channel("force_N")) == len(content.splitlines()) - 2
+    with pytest.raises(RecordingError, match=words) as caught:
+        open_recording(path, strict=True)
+    assert str(caught.value).startswith(f"{path}: ")
 
 
 @pytest.mark.parametrize("content, words", BAD_FILES.values(), ids=BAD_FILES)

@@ -8,6 +8,7 @@ from cases import THREE_SINES
 from scipy.signal import savgol_filter
 
 from palpate import InvalidParameterError
+from palpate.preparation import velocity as filters
 from palpate.preparation.velocity import lost_positions, velocity_of, window_samples
 
 
@@ -116,3 +117,38 @@ def test_a_window_that_is_no_length_of_time_is_refused(window):
     with pytest.raises(InvalidParameterError, match="velocity_window must be") as caught:
         velocity_of(np.arange(10.0), np.arange(10.0), window)
     assert repr(window) in str(caught.value)
+
+
+def clocks() -> dict[str, np.ndarray]:
+    generator = np.random.default_rng(4)
+    steps = {
+        "even": np.full(3000, 1e-3),
+        "even, since 1970": np.full(3000, 1e-3),
+        "uneven": generator.uniform(3e-3, 19e-3, 3000),
+        "in bursts": np.where(generator.random(3000) < 0.05, 0.1, 1e-3),
+        "with pauses": np.where(generator.random(3000) < 2e-3, 50.0, 1e-3),
+    }
+    return {name: np.cumsum(step) + (1.7e9 if "1970" in name else 6.0)
+            for name, step in steps.items()}  # fmt: skip
+
+
+@pytest.mark.parametrize("width", [17, 18, 101, 999, 2999, 3000])
+@pytest.mark.parametrize("time", clocks().values(), ids=clocks())
+def test_a_wide_window_by_running_sums_is_the_fit_of_each_window(time, width):
+    noise = np.random.default_rng(5).standard_normal(time.size)
+    x = 0.1 + 5e-3 * np.sin(7.0 * (time - time[0])) + 1e-6 * noise
+    expected = filters._local_slope(time, x, width)
+    # The sums may lose 1/LEAST_ENERGY = 1e5 of the 1e16 that there are, and a few units for each
+    # of up to 3000 terms.
+    sums = filters._slope_by_sums(time, x, width)
+    np.testing.assert_allclose(sums, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_a_wide_window_does_not_see_what_lies_outside_it():
+    """A position of 1 km, far away, would spoil sums that run over the whole recording."""
+    time = np.arange(20_000) * 1e-3
+    x = 1e-3 * np.sin(time)
+    far = x.copy()
+    far[10_000:10_500] = 1e3
+    near = velocity_of(time, far, 0.2)[:9_000]
+    assert np.array_equal(near[:9_000], velocity_of(time, x, 0.2)[:9_000])

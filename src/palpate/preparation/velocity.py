@@ -1,14 +1,23 @@
 """Velocity from a recorded position, on the recording's own time base."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.preparation.spikes import spiked
 from palpate.validation import Floats, number_in
+
+Indices = NDArray[np.intp]
 
 # Longer than this and the filter flattens the motion of a probe (methods: B within 0.5 % at 15 ms).
 LONGEST_WINDOW = 15e-3  # s
 MOST_SAMPLES = 15
 FEWEST_SAMPLES = 5
+# Up to so many samples each window is fitted by itself, which is about as quick as running sums.
+MOST_FITTED = 16
+# Of the square's own energy the moments keep what is left of 16 digits; a window with less, such as
+# one across a pause, is fitted by itself.
+LEAST_ENERGY = 1e-5
+AT_ONCE = 1 << 18  # samples in windows that are fitted together, 2 MB an array
 
 
 def window_samples(sample_time: float, window: float | None = None) -> int:
@@ -29,7 +38,8 @@ def velocity_of(time: Floats, penetration: Floats, window: float | None = None) 
 
     At each sample a parabola is fitted, by least squares, to the samples of the window around it;
     its slope there is the velocity. Near an end the window stays whole and the sample sits off its
-    centre. On an even time base this is the classic filter. A lost position is left out, for it
+    centre. On an even time base this is the classic filter. Wide windows take no longer than short
+    ones, but for those across a pause. A lost position is left out, for it
     would spoil the velocity of a whole window; its own is between its neighbours'.
 
     Parameters
@@ -50,7 +60,8 @@ def velocity_of(time: Floats, penetration: Floats, window: float | None = None) 
             return velocity
         kept = ~spiked(x)
         width = min(window_samples(float(np.median(np.diff(t))), window), int(kept.sum()))
-        slope = _local_slope(t[kept], x[kept], width)
+        fit = _local_slope if width <= MOST_FITTED else _slope_by_sums
+        slope = fit(t[kept], x[kept], width)
         velocity[known] = slope if kept.all() else np.interp(t, t[kept], slope)
     return velocity
 
@@ -61,14 +72,83 @@ def lost_positions(penetration: Floats) -> int:
         return int(np.count_nonzero(spiked(penetration[np.isfinite(penetration)])))
 
 
-def _local_slope(t: Floats, x: Floats, width: int) -> Floats:
-    """Slope at each sample of the parabola through its window, by central moments."""
+def _slope_by_sums(t: Floats, x: Floats, width: int) -> Floats:
+    """As :func:`_local_slope`, in a time that does not grow with the width.
+
+    The samples are cut into blocks of one width, so that a window is the end of one block and the
+    begin of the next: the power sums of both, counted from where they meet, are running sums within
+    a block. Nothing outside the window is in them, so that none has to be subtracted again.
+    """
+    unit = width * float(np.median(np.diff(t)))
+    ends, begins = _block_sums(t, x, width, unit)
     first = np.clip(np.arange(t.size) - width // 2, 0, t.size - width)
-    inside = first[:, None] + np.arange(width)
-    times = t[inside] - t[:, None]
+    # Sums over [first, end of its block) and [begin of the next, first + width).
+    sums = ends[:, first] + np.where(first % width, begins[:, first + width - 1], 0.0)
+    origin = t[np.minimum((first // width + 1) * width, t.size - 1)]
+    with np.errstate(divide="ignore"):  # of times that are hardly apart: these are unsafe
+        slope, safe = _slope_of_sums(sums, width, (t - origin) / unit)
+    slope /= unit
+    unsafe = np.flatnonzero(~safe)
+    slope[unsafe] = _local_slope(t, x, width, unsafe)
+    return slope
+
+
+def _block_sums(t: Floats, x: Floats, width: int, unit: float) -> tuple[Floats, Floats]:
+    """Sums of s, s², s³, s⁴, x, sx and s²x: to the end of each sample's block, and from its begin.
+
+    The first are counted from the begin of the next block, the others from that of their own; x
+    too is counted from there.
+    """
+    blocks = -(-t.size // width)
+    inside = np.minimum(np.arange(blocks * width), t.size - 1).reshape(blocks, width)
+    counted = (np.arange(blocks * width) < t.size).reshape(blocks, width)
+    begin = np.arange(blocks) * width
+    found = []
+    for origin in (np.minimum(begin + width, t.size - 1), begin):
+        s = np.where(counted, t[inside] - t[origin, None], 0.0) / unit
+        depth = np.where(counted, x[inside] - x[origin, None], 0.0)
+        found.append(np.stack([s, s**2, s**3, s**4, depth, s * depth, s**2 * depth]))
+    ends = np.cumsum(found[0][:, :, ::-1], axis=2)[:, :, ::-1].reshape(7, -1)
+    return ends, np.cumsum(found[1], axis=2).reshape(7, -1)
+
+
+def _slope_of_sums(sums: Floats, count: int, at: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Slope at one time of each parabola, and whether the sums have the digits for it."""
+    m = sums / count
+    mean = m[0]
+    # Central moments; the shift is at most a window's length, and costs two digits of the fourth.
+    variance = m[1] - mean**2
+    third = m[2] - 3.0 * mean * m[1] + 2.0 * mean**3
+    fourth = m[3] - 4.0 * mean * m[2] + 6.0 * mean**2 * m[1] - 3.0 * mean**4
+    linear = m[5] - mean * m[4]
+    square = m[6] - 2.0 * mean * m[5] + mean**2 * m[4] - variance * m[4]
+    skew = third / variance
+    energy = fourth - variance**2 - skew * third
+    curvature = (square - skew * linear) / energy
+    # The parabola is slope·(s − mean) + curvature·((s − mean)² − skew·(s − mean)), and a constant.
+    slope = linear / variance + curvature * (2.0 * (at - mean) - skew)
+    scale = m[3] + mean**4
+    return slope, (energy > LEAST_ENERGY * scale) & (variance**2 > LEAST_ENERGY * scale)
+
+
+def _local_slope(t: Floats, x: Floats, width: int, at: Indices | None = None) -> Floats:
+    """Slope at some samples, unless given all, of the parabola through the window of each."""
+    at = np.arange(t.size) if at is None else at
+    first = np.clip(at - width // 2, 0, t.size - width)
+    slope = np.empty(at.size)
+    step = max(AT_ONCE // width, 1)
+    for k in range(0, at.size, step):
+        some = slice(k, k + step)
+        slope[some] = _fitted(t, x, first[some, None] + np.arange(width), at[some])
+    return slope
+
+
+def _fitted(t: Floats, x: Floats, inside: Indices, at: Indices) -> Floats:
+    """Slope at some samples of the parabolas through others, by central moments."""
+    times = t[inside] - t[at, None]
     unit = np.abs(times).max(axis=1, keepdims=True)
     s = times / unit
-    depth = x[inside] - x[:, None]
+    depth = x[inside] - x[at, None]
     mean = s.mean(axis=1, keepdims=True)
     linear = s - mean
     variance = (linear**2).sum(axis=1, keepdims=True)

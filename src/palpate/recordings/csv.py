@@ -1,12 +1,7 @@
-"""Comma-separated text: a header line, then a sample a row, read and written."""
+"""Tables as text: a header line, then a sample a row; read a block at a time, and written."""
 
-import codecs
-import csv
 import io
-import itertools
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,28 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.errors import RecordingError
+from palpate.errors import MissingChannelError, RecordingError
 from palpate.recordings.formats import Request
-from palpate.recordings.recording import Recording, number_in_text, printable
+from palpate.recordings.recording import Faults, Recording
+from palpate.recordings.text.columns import Ignored, Times
+from palpate.recordings.text.filling import Filling
+from palpate.recordings.text.layout import Layout
+from palpate.recordings.text.times import epoch_of, is_timelike, joined_stamps
 from palpate.writing import write_text
-
-# The columns that palpate writes, and their units.
-UNITS = {"time_s": "s", "penetration_m": "m", "velocity_m_s": "m/s", "force_N": "N"}
-
-_MARKS = {  # UTF-32 before UTF-16, whose mark it begins with
-    codecs.BOM_UTF32_LE: "UTF-32",
-    codecs.BOM_UTF32_BE: "UTF-32",
-    codecs.BOM_UTF16_LE: "UTF-16",
-    codecs.BOM_UTF16_BE: "UTF-16",
-}
 
 
 def read(path: Path, request: Request) -> Recording:
-    """Read a CSV file: every column of its header, as numbers where all of it are.
+    """Read a table of text: CSV, TSV and what is like them, gzip or not.
 
-    Text in UTF-8 with commas, semicolons or tabs between values. Lines that begin with ``#`` before
-    the header are notes; those like ``# name: words`` are kept. Columns of the same name are
-    distinguished by their position: ``force_N (column 3)``.
+    The delimiter (comma, semicolon, tab, bar, or spaces), the decimal mark, the encoding and what
+    each column holds are found. Cells that hold no number in a column of numbers are NaN, and
+    counted in ``Recording.faults``; rows that cannot be read are left out, as
+    ``Recording.losses`` says. Columns of the same name are distinguished by their position:
+    ``force_N (column 3)``.
 
     Parameters
     ----------
@@ -47,16 +38,56 @@ def read(path: Path, request: Request) -> Recording:
     Raises
     ------
     RecordingError
-        The file cannot be read, is no text in UTF-8, or has no header.
+        The file cannot be read, is no text, or has no header; or ``strict`` is asked for and a row
+        cannot be read.
     """
-    table = _Table.read(path)
-    columns, rows = table.columns()
+    filling = Filling(path, request, {})
+    layout = filling.run()
+    kinds = {column.name: kind for column in filling.columns if (kind := column.mistaken())}
+    if kinds:  # a column began with words and went on with numbers, or the other way round
+        filling = Filling(path, request, kinds)
+        layout = filling.run()
+    return _recording(filling, layout, request)
+
+
+def _recording(filling: Filling, layout: Layout, request: Request) -> Recording:
+    channels: dict[str, NDArray[Any]] = {}
+    faults: dict[str, Faults] = {}
+    units: dict[str, str] = {}
+    for column in filling.columns:
+        faults |= column.faults()
+        made = column.channels()
+        channels |= made
+        if column.name in layout.units:
+            units |= dict.fromkeys(made, layout.units[column.name])
+        elif isinstance(column, Times):
+            units[column.name] = "ns"
+    for name, values in channels.items():
+        found = epoch_of(values) if is_timelike(name) else None
+        if found is not None and units.setdefault(name, found[0]) == found[0]:
+            channels[name] = found[1]
+    joined = joined_stamps(channels)
+    channels |= joined
+    units |= dict.fromkeys(joined, "ns")
+    wanted = {name: values for name, values in channels.items() if request.wants(name)}
+    if request.channels and not wanted:
+        raise MissingChannelError(request.channels[0], layout.header, filling.source)
+    rows = filling.rows.all()
+    losses = filling.losses.sentences()
+    if losses and not len(rows):
+        raise RecordingError(f"{filling.source}: no row of it can be read: {losses[0]}")
+    ignored = [column.name for column in filling.columns if isinstance(column, Ignored)]
+    if filling.text.encoding != "utf-8":
+        layout.notes["encoding"] = filling.text.encoding.upper().replace("WINDOWS", "Windows")
     return Recording(
-        dict(zip(table.header, columns, strict=True)),
-        units={name: unit for name, unit in UNITS.items() if name in table.header},
-        source=table.source,
-        notes=table.notes,
+        wanted,
+        units={name: unit for name, unit in units.items() if name in wanted},
+        source=filling.source,
+        notes=layout.notes,
         rows=rows,
+        faults=faults,
+        losses=losses,
+        omissions=[f"columns that were not asked for: {', '.join(ignored)}"] if ignored else [],
     )
 
 
@@ -101,115 +132,3 @@ def write_contact(
     table = np.column_stack([values for values, _ in columns.values()])
     np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")
     write_text(Path(path), text.getvalue())
-
-
-@dataclass(frozen=True, slots=True)
-class _Table:
-    source: str
-    notes: dict[str, str]  # what stands above the header as "# name: words"
-    header: list[str]
-    delimiter: str
-    lines: list[str]
-    first_row: int  # number of the first sample's line in the file
-
-    @classmethod
-    def read(cls, path: Path) -> "_Table":
-        source = printable(path)
-        lines = _text(path, source).splitlines()
-        top = 0
-        while top < len(lines) and (not lines[top].strip() or lines[top].startswith("#")):
-            top += 1
-        body = lines[top:]
-        while body and not body[-1].strip():
-            body.pop()
-        if not body:
-            raise RecordingError(f"{source}: the file is empty; expected a header and samples")
-        delimiter = max(",;\t", key=body[0].count)
-        try:
-            names = next(csv.reader([body[0]], delimiter=delimiter))
-        except csv.Error as error:
-            raise RecordingError(f"{source}: row {top + 1} is not a header: {error}") from None
-        return cls(source, _notes(lines[:top]), _told_apart(names), delimiter, body[1:], top + 2)
-
-    def columns(self) -> tuple[list[NDArray[Any]], Sequence[int]]:
-        """Every column, and the row of the file that each sample stands in."""
-        if not self.lines:
-            return [np.empty(0) for _ in self.header], range(0)
-        try:
-            table = np.loadtxt(
-                io.StringIO("\n".join(self.lines)),
-                delimiter=self.delimiter,
-                usecols=range(len(self.header)),
-                ndmin=2,
-                quotechar='"',
-                comments=None,
-            )
-            if len(table) != len(self.lines):  # loadtxt passes over blank lines
-                raise ValueError
-        except (ValueError, IndexError):
-            return self._columns_with_text()
-        rows = range(self.first_row, self.first_row + len(table))
-        return [np.ascontiguousarray(column) for column in table.T], rows
-
-    def _columns_with_text(self) -> tuple[list[NDArray[Any]], Sequence[int]]:
-        rows, samples = zip(*self._rows(), strict=True)
-        columns = itertools.zip_longest(*samples, fillvalue="")  # a row may be short, or long
-        found = [_column(cells) for _, cells in zip(self.header, columns, strict=False)]
-        absent = np.full(len(rows), "", dtype=object)
-        return found + [absent] * (len(self.header) - len(found)), rows
-
-    def _rows(self) -> Iterator[tuple[int, list[str]]]:
-        reader = csv.reader(self.lines, delimiter=self.delimiter)
-        while True:
-            row = self.first_row + reader.line_num
-            try:
-                fields = next(reader)
-            except StopIteration:
-                return
-            except csv.Error as error:
-                raise RecordingError(f"{self.source}: row {row} cannot be read: {error}") from None
-            yield row, fields
-
-
-def _text(path: Path, source: str) -> str:
-    try:
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
-        reason = getattr(error, "strerror", None) or "cannot be read"
-        raise RecordingError(f"{source}: {reason}; check the path") from None
-    for mark, encoding in _MARKS.items():
-        if data.startswith(mark):
-            raise RecordingError(f"{source}: the text is in {encoding}; save it as UTF-8")
-    if b"\0" in data:
-        raise RecordingError(f"{source}: not a text file; expected CSV in UTF-8 with a header")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        row = len((error.object[: error.start].decode() + "x").splitlines())
-        raise RecordingError(
-            f"{source}: row {row} holds the byte 0x{error.object[error.start]:02X}, which is not "
-            "UTF-8 (the text may be in Latin-1 or Windows-1252); save it as UTF-8"
-        ) from None
-
-
-def _told_apart(names: list[str]) -> list[str]:
-    """Names without the spaces around them; those that occur twice with their place."""
-    header = [name.strip() for name in names]
-    times = Counter(header)
-    return [
-        name if times[name] == 1 else f"{name} (column {place})"
-        for place, name in enumerate(header, start=1)
-    ]
-
-
-def _notes(lines: list[str]) -> dict[str, str]:
-    named = (line.lstrip("# ").partition(": ") for line in lines)
-    return {name: words.strip() for name, colon, words in named if colon}
-
-
-def _column(cells: Sequence[str]) -> NDArray[Any]:
-    """Numbers where all cells are, else text: as objects, for one long cell would widen all."""
-    try:
-        return np.array([number_in_text(cell) for cell in cells])
-    except ValueError:
-        return np.array(cells, dtype=object)

@@ -95,7 +95,11 @@ class Format:
             ) from None
 
 
-TEXT = Format("text", (".csv", ".tsv", ".txt", ".dat"), "palpate.recordings.csv")
+TEXT = Format(
+    "text",
+    (".csv", ".tsv", ".txt", ".dat", ".csv.gz", ".tsv.gz", ".txt.gz", ".dat.gz"),
+    "palpate.recordings.csv",
+)
 
 #: Every format. To add one: a module with ``read``, and its row.
 FORMATS: list[Format] = [TEXT]

@@ -2,11 +2,13 @@
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from palpate.errors import InvalidParameterError
+from palpate.errors import InvalidParameterError, RecordingError
 from palpate.recordings.formats import FORMATS, TEXT, Format, Request
-from palpate.recordings.recording import Recording
+from palpate.recordings.recording import Recording, printable
+from palpate.recordings.sources import on_disk
 
 
 def open_recording(
@@ -47,7 +49,17 @@ def open_recording(
         wanted = None if channels is None else tuple(channels)
     except TypeError:
         raise InvalidParameterError(f"path must be a path, not {path!r}") from None
-    return format_of(file).read(file, Request(wanted, strict, curve, progress))
+    request = Request(wanted, strict, curve, progress)
+    with on_disk(file) as (copy, source, lost):
+        if lost and strict:
+            raise RecordingError(f"{source}: {lost[0]}")
+        if copy == file:
+            return format_of(file).read(file, request)
+        try:
+            recording = format_of(copy).read(copy, request)
+        except RecordingError as error:  # the name of a copy would tell a person nothing
+            raise RecordingError(str(error).replace(printable(copy), source)) from None
+        return replace(recording, source=source, losses=[*recording.losses, *lost])
 
 
 def format_of(path: Path) -> Format:

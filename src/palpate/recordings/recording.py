@@ -114,7 +114,7 @@ class Recording:
             raise MissingChannelError(name, list(self.channels), self.source)
         return self.channels[name]
 
-    def numbers(self, name: str, *, strict: bool = True) -> Floats:
+    def numbers(self, name: str, *, strict: bool = False) -> Floats:
         """Return a channel as numbers.
 
         Parameters

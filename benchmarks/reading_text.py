@@ -1,0 +1,115 @@
+"""``python -m benchmarks.reading_text``: time and memory of reading long tables of text.
+
+Every case runs in a process of its own, after the packages are imported; memory is how far its peak
+lies above the start, beside the arrays that come out. ``FILE PARSER`` measures one in this process.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated
+
+import numpy as np
+from cyclopts import App, Parameter
+from rich.console import Console
+
+from benchmarks import machine, report
+from benchmarks.memory import _resident
+from benchmarks.report import Limit, Row, Section
+from palpate.recordings import open_recording
+
+app = App(name="python -m benchmarks.reading_text", help_format="plaintext", version_flags=[])
+WRITTEN = 100_000  # rows at once
+LIMITS = {"pyarrow": 10.0, "NumPy": 30.0}  # s for 1e7 rows of four numbers
+
+
+def write_table(path: Path, rows: int, label: bool = False) -> None:
+    """Write time, three columns of 17 digits, and a word if asked for."""
+    generator = np.random.default_rng(0)
+    names = ["time_s", "penetration_m", "velocity_m_s", "force_N"] + ["phase"] * label
+    end = ",load\n" if label else "\n"
+    with path.open("w") as file:
+        file.write(",".join(names) + "\n")
+        for first in range(0, rows, WRITTEN):
+            time = np.arange(first, min(first + WRITTEN, rows)) * 1e-3
+            values = generator.standard_normal((time.size, 3))
+            file.writelines(
+                f"{t:.6f},{x!r},{v!r},{f!r}{end}"
+                for t, (x, v, f) in zip(time.tolist(), values.tolist(), strict=True)
+            )
+
+
+def measured(path: Path, parser: str) -> dict[str, float]:
+    """Read a file, and say how long it took and how much memory."""
+    if parser == "NumPy":
+        sys.modules["pyarrow"] = None  # type: ignore[assignment]  # as where it is not installed
+    else:
+        import pyarrow.csv  # noqa: F401
+    before, start = _resident("VmRSS"), perf_counter()
+    recording = open_recording(path)
+    seconds = perf_counter() - start
+    extra = _resident("VmHWM") - before
+    size = sum(values.nbytes for values in recording.channels.values())
+    return {"seconds": seconds, "extra": extra, "arrays": size, "rows": len(recording.rows or ())}
+
+
+def _in_a_process(path: Path, parser: str) -> dict[str, float]:
+    command = [sys.executable, "-m", "benchmarks.reading_text", "--one", str(path), parser]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    result: dict[str, float] = json.loads(done.stdout)
+    return result
+
+
+@app.default
+def main(
+    *,
+    rows: int = 10_000_000,
+    markdown: Path | None = None,
+    one: Annotated[tuple[Path, str] | None, Parameter(show=False)] = None,
+) -> None:
+    """Measure, and print a table.
+
+    Parameters
+    ----------
+    rows
+        Of the table.
+    markdown
+        Write the table to this file as Markdown.
+    one
+        Measure one file with one parser, and print JSON.
+    """
+    if one is not None:
+        print(json.dumps(measured(*one)))
+        return
+    where = machine.describe("")
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for label in (False, True):
+            path = Path(folder) / "table.csv"
+            write_table(path, rows, label)
+            what = "four numbers" + " and a word" * label
+            for parser, limit in LIMITS.items():
+                result = _in_a_process(path, parser)
+                bound = None if label else Limit(limit * rows / 1e7)
+                found += [
+                    Row(f"{rows} rows of {what}, {parser}", result["seconds"], "s", limit=bound),
+                    Row(
+                        "memory at the peak",
+                        result["extra"] / 1e6,
+                        "MB",
+                        result["extra"] / result["arrays"],
+                        "the arrays",
+                        Limit(3.0),
+                    ),
+                ]
+    sections = [Section("Reading text", found, ["One run each, in a process of its own."])]
+    report.print_sections(sections, where, Console(highlight=False, width=120))
+    if markdown is not None:
+        markdown.write_text(report.as_markdown(sections, where))
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,229 @@
+"""What stands above the samples of a table: notes, header and units; and how cells are divided."""
+
+import csv
+import itertools
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from palpate.errors import RecordingError
+from palpate.recordings.text.cells import cells_of, is_number, parsed_number
+from palpate.recordings.units import KNOWN, plain_unit, unit_in_name
+
+DELIMITERS = ",;\t|"
+SPACES = " "  # as a delimiter: any run of spaces and tabs
+MOST_COLUMNS = 1 << 16  # four times what a spreadsheet holds
+LONGEST_NAME = 10_000  # characters
+TRIED = 50  # lines that say how cells are divided
+# What else stands in a row of units, beside those that palpate converts.
+OTHER_UNITS = frozenset(["-", "–", "1", "%", "deg", "°", "rad", "rad/s", "V", "mV", "A", "mA", "Hz",
+                         "°C", "C", "K", "Pa", "kPa", "MPa", "g", "kg", "m/s^2", "m/s²", "counts",
+                         "bool", "text", "N/m", "N/mm"])  # fmt: skip
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How a table is laid out.
+
+    Attributes
+    ----------
+    header : list of str
+        Names of the columns, each but once.
+    delimiter : str
+        Between cells; a space stands for any run of spaces and tabs.
+    decimal : str
+        ``"."`` or ``","``.
+    units : dict of str
+        By name of the column: those in a row below the header, or in the name.
+    notes : dict of str
+        What stands above the header as ``# name: words``, and what was assumed.
+    first : int
+        Lines above the first sample.
+    """
+
+    header: list[str]
+    delimiter: str
+    decimal: str
+    units: dict[str, str]
+    notes: dict[str, str]
+    first: int
+
+
+def layout_of(lines: Sequence[str], source: str) -> Layout:
+    """Return the layout that the first lines of a file say.
+
+    Raises
+    ------
+    RecordingError
+        There is no header, and no sample either.
+    """
+    top, notes, separator = _above(lines)
+    body = lines[top:]
+    if not body and not notes.keys() - {""}:
+        raise RecordingError(f"{source}: the file is empty; expected a header and samples")
+    delimiter = separator or _delimiter(body[: TRIED + 1])
+    commented = notes.pop("", None)  # the last line above, which may be the header
+    header, first = _header(body, delimiter, commented, source, top + 1)
+    if header is None:
+        if not body:
+            raise RecordingError(f"{source}: the file is empty; expected a header and samples")
+        count = len(_cells(body[0], delimiter, source, top + 1))
+        header = [f"column {place}" for place in range(1, count + 1)]
+        notes["header"] = "none, so that the columns are numbered"
+    if len(header) > MOST_COLUMNS:
+        raise RecordingError(
+            f"{source}: a header of {len(header)} columns; at most {MOST_COLUMNS} are read"
+        )
+    names = _told_apart(header)
+    decimal = _decimal(body[first : first + TRIED], delimiter)
+    if decimal == ",":
+        notes["decimal mark"] = "comma"
+    units = {name: unit for name in names if (unit := unit_in_name(name))}
+    stated = _units_below(body[first:], delimiter, len(names), decimal)
+    if stated is not None:
+        units |= {name: unit for name, unit in zip(names, stated, strict=True) if unit}
+        first += 1
+    return Layout(names, delimiter, decimal, units, notes, top + first)
+
+
+def _above(lines: Sequence[str]) -> tuple[int, dict[str, str], str]:
+    """How many lines stand above the table, what they say, and the delimiter if that is said.
+
+    The last of them stands under the name ``""`` too, where that is no note.
+    """
+    notes: dict[str, str] = {}
+    separator, top = "", 0
+    for line in lines:
+        words = line.strip()
+        if words[:4].lower() == "sep=" and len(words) <= 5:  # Excel's
+            separator = line.strip("\r\n")[4:5] or separator
+        elif words[:1] in ("#", "%"):
+            name, colon, rest = words.lstrip("#% ").partition(": ")
+            if colon:
+                notes[name] = rest.strip()
+                notes.pop("", None)
+            else:
+                notes[""] = words
+        elif words:
+            break
+        top += 1
+    return top, notes, separator
+
+
+def _delimiter(lines: Sequence[str]) -> str:
+    """The one that divides the most lines into as many cells as the first; else the header's."""
+    full = [line for line in lines if line.strip()]
+    if not full:
+        return ","
+    unquoted = [re.sub(r'"[^"]*"', "", line) for line in full]
+    counts = {each: [line.count(each) for line in unquoted] for each in DELIMITERS}
+    counts[SPACES] = [len(line.split()) - 1 for line in unquoted]
+
+    def fits(each: str) -> bool:
+        below = counts[each][1:]
+        return counts[each][0] > 0 and (
+            below.count(counts[each][0]) > 0.5 * len(below) or not below
+        )
+
+    # Columns that are padded to look well have tabs here and spaces there.
+    if not any(counts[each][0] for each in ",;|") and len(set(counts["\t"])) > 1 == len(
+        set(counts[SPACES])
+    ):
+        return SPACES
+    for each in sorted(DELIMITERS, key=lambda each: -counts[each][0]):
+        if fits(each):
+            return each
+    most = max(DELIMITERS, key=lambda each: counts[each][0])
+    return SPACES if fits(SPACES) and not counts[most][0] else most
+
+
+def _cells(line: str, delimiter: str, source: str, row: int) -> list[str]:
+    try:
+        cells = [cell.strip() for cell in cells_of(line, delimiter)]
+    except csv.Error as error:
+        raise RecordingError(f"{source}: row {row} is not a header: {error}") from None
+    longest = max(map(len, cells), default=0)
+    if longest > LONGEST_NAME:
+        raise RecordingError(
+            f"{source}: row {row} is not a header: a name in it has {longest} characters"
+        )
+    return cells
+
+
+def _header(
+    body: Sequence[str], delimiter: str, commented: str | None, source: str, row: int
+) -> tuple[list[str] | None, int]:
+    """The names, and how many lines of the table they take; no names where there are none."""
+    first = _cells(body[0], delimiter, source, row) if body else []
+    filled = [cell for cell in first if cell]
+    # A table whose columns are numbered 0, 1, 2 … has a header of numbers, as pandas writes it.
+    counted = len(filled) > 1 and filled == [str(place) for place in range(len(filled))]
+    numbers = bool(filled) and not counted and all(is_number(cell, delimiter) for cell in filled)
+    if commented is not None and (numbers or not body):
+        # As rostopic and NumPy write it: "%time,field.x" and "# time, force".
+        line = commented if commented.startswith("%") else commented.lstrip("# ")
+        if line.startswith("% "):
+            line = line.lstrip("% ")
+        mark = delimiter if body else _delimiter([line])
+        names = _cells(line, mark, source, row - 1)
+        if len(names) == len(first) or (not body and len(names) > 1):
+            return names, 0
+    if numbers:
+        return None, 0
+    return first, 1
+
+
+def _units_below(body: Sequence[str], delimiter: str, width: int, decimal: str) -> list[str] | None:
+    """The units in the first row, where it holds such and no number."""
+    if not body:
+        return None
+    try:
+        cells = [cell.strip() for cell in cells_of(body[0], delimiter)]
+    except csv.Error:
+        return None
+    units = [plain_unit(cell) for cell in cells]
+    filled = [unit for unit in units if unit]
+    known = [unit for unit in filled if unit in KNOWN or unit in OTHER_UNITS]
+    if len(cells) != width or not any(unit in KNOWN for unit in filled):
+        return None
+    if 2 * len(known) < len(filled) or any(
+        parsed_number(cell, decimal) is not None and cell != "1" for cell in cells
+    ):
+        return None
+    return ["" if unit in ("-", "–") else unit for unit in units]
+
+
+def _decimal(lines: Sequence[str], delimiter: str) -> str:
+    """The mark of decimals: a comma where more cells are numbers with it than with a point."""
+    commas = points = 0
+    for line in lines:
+        if "," not in line or (delimiter == "," and '"' not in line):
+            points += line.count(".")
+            continue
+        try:
+            cells = cells_of(line, delimiter)
+        except csv.Error:
+            continue
+        for cell in map(str.strip, cells):
+            commas += bool(_DECIMAL_COMMA.fullmatch(cell))
+            points += "." in cell and parsed_number(cell, ".") is not None
+    return "," if commas > points else "."
+
+
+def _told_apart(names: Sequence[str]) -> list[str]:
+    """Names as they are; those that occur twice, or are empty, with their place."""
+    times = Counter(names)
+    apart = [
+        name if name and times[name] == 1 else f"{name} (column {place})".strip()
+        for place, name in enumerate(names, start=1)
+    ]
+    taken: set[str] = set()
+    for place, name in enumerate(apart):
+        for suffix in itertools.count(2):
+            if apart[place] not in taken:
+                break
+            apart[place] = f"{name} ({suffix})"
+        taken.add(apart[place])
+    return apart

@@ -1,0 +1,135 @@
+"""Times in tables: of the calendar, and whole numbers since 1970."""
+
+import re
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Whole = NDArray[np.int64]
+
+_ISO = re.compile(
+    r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d)(?::(\d\d)(?:[.,](\d{1,9})\d*)?)?"
+    r"\s*(?:(Z|UTC)|([+-])(\d\d):?(\d\d)?)?",
+    re.ASCII,
+)
+_PLAIN_ISO = re.compile(r"(?:(?:19|20)\d\d-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?\n)+", re.ASCII)
+_TIMELIKE = re.compile(r"(?:^|[^a-z])(?:time|timestamp|stamp|t|epoch|datetime|clock)(?:[^a-z]|$)")
+_WHOLE = re.compile(r"\s*\d{17,19}\s*", re.ASCII)  # what a float does not hold exactly
+_SINCE = datetime(1970, 1, 1, tzinfo=UTC)
+# From 1990 to 2100 in seconds; no other unit has numbers in that range.
+EARLIEST, LATEST = 631_152_000, 4_102_444_800
+EPOCHS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+_PAIRS = {"secs": "nsecs", "sec": "nsec", "seconds": "nanoseconds"}
+_LAST = re.compile(r"(.*?)([./_]?)(secs|sec|seconds)$")
+
+
+def is_iso_time(cell: str) -> bool:
+    """Whether a cell is a date with a time, by ISO 8601."""
+    return iso_nanoseconds(cell) is not None
+
+
+def iso_nanoseconds(cell: str) -> int | None:
+    """Return the nanoseconds from 1970 to a date with a time; None where a cell is none.
+
+    Without an offset the time is taken for UTC, for differences of it are what counts.
+    """
+    found = _ISO.fullmatch(cell.strip())
+    if found is None:
+        return None
+    day, minute, second, fraction, _, sign, hours, minutes = found.groups()
+    try:
+        whole = datetime.fromisoformat(f"{day}T{minute}:{second or '00'}+00:00")
+    except ValueError:
+        return None
+    if sign:
+        offset = timedelta(hours=int(hours), minutes=int(minutes or 0))
+        whole = whole - offset if sign == "+" else whole + offset
+    past = whole - _SINCE
+    value = (past.days * 86_400 + past.seconds) * 10**9 + int((fraction or "").ljust(9, "0"))
+    return value if abs(value) < 2**63 else None
+
+
+def plain_iso_times(cells: Sequence[str]) -> Whole | None:
+    """Return what :func:`iso_nanoseconds` does, of many cells at once.
+
+    None where one is not in UTC, or looks otherwise unlike most.
+    """
+    text = "\n".join([*cells, ""]).replace("Z\n", "\n")
+    if not cells or _PLAIN_ISO.fullmatch(text) is None:
+        return None
+    try:
+        return np.array(text.split("\n")[:-1], dtype="M8[ns]").astype(np.int64)
+    except ValueError:  # the 31st of June
+        return None
+
+
+def is_timelike(name: str) -> bool:
+    """Whether a column is one of times, by its name."""
+    return _TIMELIKE.search(name.lower()) is not None
+
+
+def whole_time(cell: str) -> int | None:
+    """Return a whole number of up to 64 bits; None where a cell holds none."""
+    try:
+        value = int(cell) if "_" not in cell and len(cell) < 40 else None
+    except ValueError:
+        return None
+    return value if value is not None and abs(value) < 2**63 else None
+
+
+def is_nanoseconds(cell: str) -> bool:
+    """Whether a cell is a time in nanoseconds since 1970, which takes all of 64 bits."""
+    return _WHOLE.fullmatch(cell) is not None and epoch_unit(int(cell)) == "ns"
+
+
+def epoch_unit(value: float) -> str | None:
+    """Return the unit of a time since 1970, by its size; None where it is none."""
+    for unit, size in EPOCHS.items():
+        if EARLIEST * size <= value <= LATEST * size:
+            return unit
+    return None
+
+
+def epoch_of(values: NDArray[Any]) -> tuple[str, NDArray[Any]] | None:
+    """Return the unit of times since 1970, and the times: as integers where all are whole.
+
+    None where they are no such times.
+    """
+    if values.dtype.kind not in "fi" or not values.size:
+        return None
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    unit = epoch_unit(low)
+    if unit is None or epoch_unit(high) != unit:
+        return None
+    whole = values.dtype.kind == "f" and np.isfinite(values).all() and (values % 1.0 == 0.0).all()
+    return unit, values.astype(np.int64) if whole else values
+
+
+def joined_stamps(channels: Mapping[str, NDArray[Any]]) -> dict[str, Whole]:
+    """Return the stamps that two columns make, of seconds and nanoseconds, by ROS's names for them.
+
+    ``header.stamp.secs`` and ``header.stamp.nsecs`` make ``header.stamp``, in whole nanoseconds.
+    """
+    found: dict[str, Whole] = {}
+    for name, seconds in channels.items():
+        if not (parts := _LAST.fullmatch(name)):
+            continue
+        begin, dot, last = parts.groups()
+        for nano in (_PAIRS[last], "nanosec", "nanosecs"):
+            rest = channels.get(f"{begin}{dot}{nano}")
+            stamp = begin or "stamp"
+            if rest is None or stamp in channels:
+                continue
+            if _whole_below(seconds, float(LATEST)) and _whole_below(rest, 1e9):
+                found[stamp] = seconds.astype(np.int64) * 10**9 + rest.astype(np.int64)
+    return found
+
+
+def _whole_below(values: NDArray[Any], limit: float) -> bool:
+    if values.dtype.kind not in "fi" or not values.size:
+        return False
+    with np.errstate(invalid="ignore"):
+        return bool(((values >= 0) & (values < limit) & (values % 1 == 0)).all())

@@ -1,0 +1,150 @@
+"""What a table of text looks like is found: delimiter, decimals, header, units, vectors."""
+
+import numpy as np
+import pytest
+from recordings import written
+
+from palpate import open_recording
+from palpate.recordings.units import unit_in_name
+
+COLUMNS = {"time": [0.0, 0.5, 1.25], "Fx": [-1.5, 2.0, 1e-3]}
+
+TABLES = {
+    "commas": "time,Fx\n0,-1.5\n0.5,2\n1.25,1e-3\n",
+    "semicolons": "time;Fx\n0;-1.5\n0.5;2\n1.25;1e-3\n",
+    "tabs": "time\tFx\n0\t-1.5\n0.5\t2\n1.25\t1e-3\n",
+    "bars": "time | Fx\n0 | -1.5\n0.5 | 2\n1.25 | 1e-3\n",
+    "a space": "time Fx\n0 -1.5\n0.5 2\n1.25 1e-3\n",
+    "runs of spaces": "  time      Fx\n  0.00    -1.5\n  0.50     2.0  \n 1.25   1e-3\n",
+    "spaces and tabs": "time \t Fx\n0 \t-1.5\n0.5\t 2\n1.25  1e-3\n",
+    "a decimal comma": "time;Fx\n0;-1,5\n0,5;2\n1,25;1e-3\n",
+    "a decimal comma and tabs": "time\tFx\n0\t-1,5\n0,5\t2\n1,25\t0,001\n",
+    "a quoted decimal comma": 'time,Fx\n"0,0","-1,5"\n"0,5","2,0"\n"1,25","0,001"\n',
+    "Excel's first line": "sep=;\ntime;Fx\n0;-1.5\n0.5;2\n1.25;1e-3\n",
+    "quotes": '"time","Fx"\n"0","-1.5"\n"0.5","2"\n"1.25","1e-3"\n',
+    "NumPy's header": "# time,Fx\n0,-1.5\n0.5,2\n1.25,1e-3\n",
+    "MATLAB's header": "% time,Fx\n0,-1.5\n0.5,2\n1.25,1e-3\n",
+    "a comma at the end of rows": "time,Fx\n0,-1.5,\n0.5,2,\n1.25,1e-3,\n",
+    "notes": "# probe: 3\n\n# made by hand\ntime,Fx\n0,-1.5\n0.5,2\n1.25,1e-3\n",
+}
+
+
+@pytest.mark.parametrize("text", TABLES.values(), ids=TABLES)
+def test_a_table_is_read_however_it_is_divided(tmp_path, text):
+    read = open_recording(written(tmp_path / "t.txt", text))
+    assert {name: values.tolist() for name, values in read.channels.items()} == COLUMNS
+    assert (list(read.losses), dict(read.faults)) == ([], {})
+
+
+def test_a_point_beside_decimal_commas_may_mark_thousands_and_is_no_number(tmp_path):
+    read = open_recording(written(tmp_path / "t.csv", "t;F\n0,1;1,5\n0,2;2,5\n0,3;1.234\n"))
+    assert read.faults["F"].text == "1.234"
+    assert read.notes["decimal mark"] == "comma"
+
+
+def test_without_a_header_columns_are_numbered_and_that_is_said(tmp_path):
+    read = open_recording(written(tmp_path / "t.csv", "0.1,2\n0.2,3\n"))
+    assert {name: values.tolist() for name, values in read.channels.items()} == {
+        "column 1": [0.1, 0.2],
+        "column 2": [2.0, 3.0],
+    }
+    assert "numbered" in read.notes["header"]
+    assert list(read.rows) == [1, 2]
+
+
+def test_a_frame_whose_columns_are_numbered_has_a_header(tmp_path):
+    read = open_recording(written(tmp_path / "t.csv", ",0,1\n0,0.1,2\n1,0.2,3\n"))
+    assert list(read.channels) == ["(column 1)", "0", "1"]
+    assert read.channels["1"].tolist() == [2.0, 3.0]
+
+
+UNIT_ROWS = ["s,mm,N", "[s],[mm],[N]", "(s),(mm),(N)", "s , mm , N"]
+
+
+@pytest.mark.parametrize("row", UNIT_ROWS)
+def test_a_row_of_units_is_no_sample(tmp_path, row):
+    read = open_recording(written(tmp_path / "t.csv", f"time,pos,force\n{row}\n0,1,2\n1,2,3\n"))
+    assert read.units == {"time": "s", "pos": "mm", "force": "N"}
+    assert read.channels["pos"].tolist() == [1.0, 2.0]
+    assert list(read.rows) == [3, 4]
+
+
+def test_a_row_of_words_is_no_row_of_units(tmp_path):
+    read = open_recording(written(tmp_path / "t.csv", "time,phase\n0,s\n1,m\n"))
+    assert read.units == {}
+    assert read.channels["phase"].tolist() == ["s", "m"]
+
+
+NAMES = {
+    "force_N": "N", "Fx [mN]": "mN", "penetration (mm)": "mm", "pos_mm": "mm", "time_ms": "ms",
+    "t/s": "s", "v_m_s": "m/s", "speed_mm_s": "mm/s", "v / (mm/s)": "mm/s", "F/N": "N",
+    "depth [μm]": "µm", "Tz_Nm": "Nm", "time [min]": "min", "velocity (m/s)": "m/s",
+    "force_min": None, "velocity": None, "N": None, "/ft/N": None, "angle [deg]": None,
+    "freq_hz": None, "in_impact": None, "": None,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name, unit", NAMES.items(), ids=repr)
+def test_a_name_says_its_unit(name, unit):
+    assert unit_in_name(name) == unit
+
+
+VECTORS = ['"[0.1, 0.2, -3e-1]"', '"(0.1, 0.2, -0.3)"', "[0.1 0.2 -0.3]", "0.1 0.2 -0.3",
+           '"array([0.1, 0.2, -0.3])"', '"[ 0.1   0.2\n -0.3]"', '"0.1, 0.2, -0.3"',
+           '"array([0.1, 0.2, -0.3], dtype=float32)"', '"[[0.1], [0.2], [-0.3]]"']  # fmt: skip
+
+
+@pytest.mark.parametrize("cell", VECTORS)
+def test_a_vector_in_a_cell_is_a_channel_for_each_place(tmp_path, cell):
+    text = f"t,pos_mm,F\n0,{cell},1\n1,{cell},2\n"
+    read = open_recording(written(tmp_path / "v.csv", text))
+    assert {name: values.tolist() for name, values in read.channels.items()} == {
+        "t": [0.0, 1.0],
+        "pos_mm[0]": [0.1, 0.1],
+        "pos_mm[1]": [0.2, 0.2],
+        "pos_mm[2]": [-0.3, -0.3],
+        "F": [1.0, 2.0],
+    }
+    assert read.units["pos_mm[2]"] == "mm"
+
+
+def test_a_vector_of_another_length_is_not_known(tmp_path):
+    text = "t,p\n0,[1 2]\n1,[1 2 3]\n2,[3 4]\n"
+    read = open_recording(written(tmp_path / "v.csv", text))
+    assert read.faults["p[0]"].sample == 1
+    assert read.faults["p[1]"].text == "[1 2 3]"
+    assert np.isnan(read.channels["p[1]"][1])
+
+
+def test_a_column_is_of_numbers_where_half_of_its_cells_are(tmp_path):
+    rows = "".join(f"{k},{'x' if k % 2 else k},{'x' if k % 3 else k}\n" for k in range(6))
+    read = open_recording(written(tmp_path / "h.csv", "t,half,third\n" + rows))
+    assert read.faults["half"].count == 3
+    assert read.channels["third"].dtype == object
+
+
+@pytest.mark.parametrize("begin, end", [("x", "1.5"), ("1.50", "x")])
+def test_what_most_cells_hold_counts_wherever_they_stand(tmp_path, begin, end):
+    """The column begins unlike the rest, over more rows than are looked at first."""
+    rows = [f"{k},{begin if k < 1500 else end}" for k in range(4000)]
+    read = open_recording(written(tmp_path / "h.csv", "t,c\n" + "\n".join(rows) + "\n"))
+    if end == "x":  # the text is as it stood, not as a number was
+        assert read.channels["c"].tolist() == [begin] * 1500 + [end] * 2500
+    else:
+        assert read.faults["c"].count == 1500
+        assert read.channels["c"][1500] == 1.5
+
+
+def test_only_the_channels_that_are_asked_for_are_read(tmp_path):
+    path = written(tmp_path / "c.csv", "t,a.x,a.y,b\n0,1,2,3\n1,2,3,4\n")
+    read = open_recording(path, ["t", "a"])
+    assert list(read.channels) == ["t", "a.x", "a.y"]
+    assert read.omissions == ["columns that were not asked for: b"]
+    with pytest.raises(ValueError, match=r"no column 'c'; there are t, a\.x, a\.y, b"):
+        open_recording(path, ["c"])
+
+
+def test_an_empty_column_is_no_number(tmp_path):
+    read = open_recording(written(tmp_path / "e.csv", "t,remark\n0,\n1,\n"))
+    assert read.channels["remark"].tolist() == ["", ""]
+    assert read.faults == {}

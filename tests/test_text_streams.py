@@ -1,0 +1,306 @@
+"""Texts of any length, compressed, in pipes or without an end: read within bounds, and said."""
+
+import gzip
+import io
+import os
+import subprocess
+import sys
+import threading
+import zlib
+
+import numpy as np
+import pytest
+from recordings import SIGNALS, recording, rows_of, text_of, written
+
+from palpate import RecordingError, open_recording, prepare
+from palpate.recordings import sources
+from palpate.recordings.text import encoding, parsing
+
+POSIX = pytest.mark.skipif(os.name != "posix", reason="no such pipes or devices")
+
+
+def same(one, other) -> None:
+    """Two recordings hold the same, to the last bit."""
+    assert list(one.channels) == list(other.channels)
+    for name, values in one.channels.items():
+        assert values.dtype == other.channels[name].dtype
+        if values.dtype == object:
+            assert values.tolist() == other.channels[name].tolist()
+        else:
+            assert values.tobytes() == other.channels[name].tobytes()
+    assert list(one.rows) == list(other.rows)
+    for part in ("units", "notes", "faults", "losses"):
+        assert getattr(one, part) == getattr(other, part)
+
+
+def random_cells(generator: np.random.Generator, count: int) -> list[str]:
+    """Doubles of every size, spelled as they are and with digits too many or too few."""
+    bits = generator.integers(0, 2**63, count, dtype=np.int64)
+    values = np.concatenate([bits.view(np.float64), generator.standard_normal(count)])
+    values = values[np.isfinite(values)]
+    spellings = ("{!r}", "{:.5g}", "{:.25g}", "{:+.17e}", "{:.3E}", "{:f}")
+    cells = [spellings[k % 6].format(value) for k, value in enumerate(values.tolist())]
+    halfway = ["1.00000000000000011102230246251565", "9007199254740993", "2.2250738585072011e-308",
+               "4.9e-324", "1e400", "-1e400", "1e-400", "-0.0", "nan", "NaN", "inf", "-inf", "+1",
+               ".5", "5.", "Infinity", "-nan"]  # fmt: skip
+    return [cell for cell in cells if len(cell) < 60] + halfway
+
+
+CELLS = random_cells(np.random.default_rng(8), 3000)
+
+
+@pytest.fixture(params=["pyarrow", "numpy"])
+def parser(request, monkeypatch):
+    if request.param == "pyarrow":
+        pytest.importorskip("pyarrow.csv")
+        monkeypatch.setattr(parsing, "_by_numpy", parsing._by_arrow)
+    else:
+        monkeypatch.setattr(parsing, "_pyarrow_csv", lambda: None)
+    return request.param
+
+
+def test_a_number_is_the_one_that_python_reads(tmp_path, parser):
+    # Odd spellings stand apart, where they do not keep the rest from being parsed at once.
+    text = "a,b\n" + "".join(f"{cell},0\n" for cell in CELLS)
+    values = open_recording(written(tmp_path / "n.csv", text)).channels["a"]
+    expected = np.array([float(cell) for cell in CELLS])
+    assert np.array_equal(values, expected, equal_nan=True)
+    assert np.array_equal(np.signbit(values[:-1]), np.signbit(expected[:-1]))
+
+
+@pytest.mark.parametrize("k", range(0, len(CELLS), 500))
+def test_numbers_that_are_parsed_at_once_are_those_of_python(parser, k):
+    from palpate.recordings.text.columns import Column
+
+    cells = [cell for cell in CELLS[k : k + 500] if cell[0] not in "+.I"]
+    block = "".join(f"{cell};{cell}\n" for cell in cells if abs(float(cell)) < 1e300).encode()
+    arrays = parsing.Parser(";", ".", [Column("a", "."), Column("b", ".")], large=True)
+    found = arrays.parsed_at_once(block)
+    assert found is not None
+    expected = np.array([float(line.split(b";")[0]) for line in block.splitlines()])
+    assert found[0].tobytes() == found[1].tobytes() == expected.tobytes()
+
+
+ROWS = [[repr(0.25 * k), f"{k}", repr(1.0 / (k + 1))] for k in range(5000)]
+WHOLE = text_of(ROWS)
+
+
+def with_line(text: str, number: int, line: str) -> str:
+    lines = text.splitlines(keepends=True)
+    return "".join([*lines[:number], line + "\n", *lines[number:]])
+
+
+CORPUS = {
+    "plain numbers": WHOLE,
+    "a word": with_line(WHOLE, 3000, "x,1,2"),
+    "a short row": with_line(WHOLE, 3000, "1,2"),
+    "a long row": with_line(WHOLE, 3000, "1,2,3,4"),
+    "an empty cell": with_line(WHOLE, 3000, "1,,2"),
+    "a blank line": with_line(WHOLE, 3000, ""),
+    "spaces": with_line(WHOLE, 3000, " 1 , 2 ,\t3"),
+    "two numbers in a cell": with_line(WHOLE, 3000, "1,2 3,4"),
+    "an underscore": with_line(WHOLE, 3000, "1_0,2,3"),
+    "hexadecimal": with_line(WHOLE, 3000, "0x10,2,3"),
+    "a number of C": with_line(WHOLE, 3000, "nan(1),2,3"),
+    "Fortran's": with_line(WHOLE, 3000, "1d5,2,3"),
+    "letters of nan": with_line(WHOLE, 3000, "fain,Inf,NAN"),
+    "only signs": with_line(WHOLE, 3000, "-,+,."),
+    "a quotation": with_line(WHOLE, 3000, '"1","2","3"'),
+    "a quotation over lines": with_line(WHOLE, 3000, '"1","2\n","3"'),
+    "a quotation without an end": with_line(WHOLE, 3000, '"1,2,3'),
+    "digits of other scripts": with_line(WHOLE, 3000, "\N{ARABIC-INDIC DIGIT ONE},2,3"),
+    "too large a number": with_line(WHOLE, 3000, "1e999,2,3"),
+    "semicolons": WHOLE.replace(",", ";"),
+    "decimal commas": WHOLE.replace(",", ";").replace(".", ","),
+    "runs of spaces": WHOLE.replace(",", "   "),
+    "carriage returns": WHOLE.replace("\n", "\r\n"),
+    "doubled carriage returns": WHOLE.replace("\n", "\r\r\n"),
+    "a column of words": WHOLE.replace("\n", ",load\n"),
+    "nanoseconds": "time,x\n" + "".join(f"{1700000000000000001 + k},{k}\n" for k in range(5000)),
+    "a bad nanosecond": with_line(
+        "time,x\n" + "".join(f"{1700000000000000001 + k},{k}\n" for k in range(5000)), 3000, "x,1"
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", CORPUS.values(), ids=CORPUS)
+def test_small_blocks_and_either_parser_read_the_same(tmp_path, monkeypatch, text):
+    """The csv module's way, cell by cell, is the reference."""
+    pytest.importorskip("pyarrow.csv")
+    path = written(tmp_path / "c.csv", text)
+    with monkeypatch.context() as only_cells:
+        only_cells.setattr(parsing.Parser, "parsed_at_once", lambda self, block: None)
+        only_cells.setattr(parsing.Parser, "divided_at_once", lambda self, lines, text: None)
+        expected = open_recording(path)
+    same(open_recording(path), expected)
+    monkeypatch.setattr(encoding, "BLOCK", 10_000)
+    monkeypatch.setattr(encoding, "HEAD", 1_000)
+    monkeypatch.setattr(sources, "CHUNK", 1_111)
+    same(open_recording(path), expected)  # with pyarrow, for the file has several blocks
+    with monkeypatch.context() as without:
+        without.setattr(parsing, "_pyarrow_csv", lambda: None)
+        same(open_recording(path), expected)
+    with monkeypatch.context() as packed:
+        packed.setattr(sources, "ALWAYS_EXPANDED", 1 << 30)
+        same(open_recording(written(path, gzip.compress(text.encode()))), expected)
+
+
+def test_progress_runs_from_nothing_to_all(tmp_path, monkeypatch):
+    monkeypatch.setattr(encoding, "BLOCK", 10_000)
+    monkeypatch.setattr(sources, "CHUNK", 5_000)
+    said = []
+    open_recording(written(tmp_path / "c.csv", WHOLE), progress=said.append)
+    assert len(said) > 5
+    assert said == sorted(said)
+    assert said[-1] == 1.0
+
+
+def test_a_compressed_recording_is_read_whatever_its_name(tmp_path):
+    packed = gzip.compress(text_of(rows_of()).encode())
+    for name in ("probe.csv.gz", "probe.csv", "probe"):
+        contact = prepare(written(tmp_path / name, packed))
+        assert np.array_equal(contact.force, SIGNALS.force)
+
+
+def test_members_that_follow_each_other_and_zeros_behind_them_are_one_text(tmp_path):
+    text = text_of(rows_of()).encode()
+    packed = gzip.compress(text[:9999]) + gzip.compress(text[9999:]) + bytes(600)
+    read = open_recording(written(tmp_path / "m.gz", packed))
+    assert (len(read.rows), list(read.losses)) == (600, [])
+
+
+@pytest.mark.parametrize("left", [0.3, 0.7, 0.999])
+def test_of_a_compressed_recording_that_ends_early_the_rest_is_read(tmp_path, left):
+    packed = gzip.compress(text_of(rows_of()).encode())
+    path = written(tmp_path / "t.csv.gz", packed[: int(left * len(packed))])
+    read = open_recording(path)
+    assert any("the compressed data end early" in loss for loss in read.losses)
+    assert np.array_equal(read.channels["force_N"], SIGNALS.force[: len(read.rows)])
+    assert len(read.rows) > 0.8 * left * 600
+    with pytest.raises(RecordingError, match=r"end early|cut off"):
+        open_recording(path, strict=True)
+
+
+def test_compressed_data_that_are_damaged_are_read_as_far_as_they_go(tmp_path):
+    packed = bytearray(gzip.compress(text_of(rows_of()).encode()))
+    packed[-6] ^= 1  # of the check at the end
+    read = open_recording(written(tmp_path / "d.gz", bytes(packed)))
+    assert len(read.rows) == 600
+    assert read.losses[0].startswith("the compressed data are damaged")
+    with pytest.raises(RecordingError, match="nothing can be read; copy"):
+        open_recording(written(tmp_path / "d.gz", bytes(packed[:2]) + b"\xff" * 50))
+
+
+@pytest.mark.parametrize("filling", [b"\0", b"0,1\n", b" ", b"\n", b"1"], ids=repr)
+def test_a_bomb_is_refused_in_a_line(tmp_path, filling):
+    packer = zlib.compressobj(9, wbits=31)
+    mebibyte = filling * ((1 << 20) // len(filling))
+    bomb = b"".join(packer.compress(mebibyte) for _ in range(64)) + packer.flush()
+    with pytest.raises(RecordingError) as caught:
+        open_recording(written(tmp_path / "b.csv.gz", bomb), strict=True)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_line_without_an_end_ends_what_is_read(tmp_path):
+    text = text_of(rows_of()) + "7" * 3_000_000 + "\n" + text_of(rows_of())
+    read = open_recording(written(tmp_path / "l.csv", text))
+    assert len(read.rows) == 600
+    assert read.losses == ["a line of more than 1 MiB ends what could be read"]
+
+
+@POSIX
+@pytest.mark.parametrize("device", ["/dev/zero", "/dev/urandom"])
+def test_a_device_without_an_end_is_refused(device):
+    with pytest.raises(RecordingError, match=rf"^{device}: does not end: more than 64 MiB"):
+        open_recording(device)
+
+
+@POSIX
+def test_a_device_that_holds_nothing_is_empty():
+    with pytest.raises(RecordingError, match=r"^/dev/null: the file is empty"):
+        open_recording("/dev/null")
+
+
+def in_a_pipe(tmp_path, content, *, close=True):
+    """A named pipe, and who writes into it."""
+    path = tmp_path / "pipe.csv"
+    os.mkfifo(path)
+    done = threading.Event()
+
+    def write():
+        with path.open("wb", buffering=0) as pipe:
+            pipe.write(content)
+            if not close:
+                done.wait(30)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    return path, writer, done
+
+
+@POSIX
+def test_a_pipe_is_read_like_a_file(tmp_path):
+    path, writer, _ = in_a_pipe(tmp_path, gzip.compress(text_of(rows_of()).encode()))
+    contact = prepare(path)
+    writer.join()
+    assert np.array_equal(contact.force, SIGNALS.force)
+    assert contact.source == str(path)
+
+
+@POSIX
+def test_a_pipe_that_stays_open_is_left_after_a_while_and_that_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(sources, "PATIENCE", 0.3)
+    content = (text_of(rows_of()) + "0.6,0.012").encode()
+    path, writer, done = in_a_pipe(tmp_path, content, close=False)
+    read = open_recording(path)
+    done.set()
+    writer.join()
+    assert len(read.rows) == 600
+    [loss] = read.losses
+    assert "the stream was still open" in loss
+
+
+@POSIX
+def test_a_pipe_that_no_one_writes_to_is_refused_after_a_while(tmp_path, monkeypatch):
+    monkeypatch.setattr(sources, "PATIENCE", 0.2)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(RecordingError, match=r"nothing came for 0.2 s"):
+        open_recording(tmp_path / "pipe")
+
+
+@POSIX
+def test_a_pipe_that_never_ends_is_refused_at_its_bound(tmp_path, monkeypatch):
+    monkeypatch.setattr(sources, "MOST_OF_A_PIPE", 3 << 20)
+    path, writer, _ = in_a_pipe(tmp_path, b"1,2,3\n" * 500_000 + b"1,2,3\n" * 500_000)
+    with pytest.raises(RecordingError, match="does not end: more than 3 MiB came"):
+        open_recording(path)
+    writer.join(10)
+    assert not writer.is_alive()
+
+
+class Standard:
+    """What a program's standard input is."""
+
+    def __init__(self, content: bytes) -> None:
+        self.buffer = io.BytesIO(content)
+
+
+def test_standard_input_is_read_by_its_name(tmp_path, monkeypatch):
+    content = recording(tmp_path).read_bytes()
+    monkeypatch.setattr(sys, "stdin", Standard(content))
+    read = open_recording("-")
+    assert read.source == "standard input"
+    assert len(read.rows) == 600
+    monkeypatch.setattr(sys, "stdin", Standard(b""))
+    with pytest.raises(RecordingError, match=r"^standard input: the file is empty"):
+        open_recording("-")
+
+
+@pytest.mark.parametrize("how", ["file", "pipe"])
+def test_another_program_may_give_the_standard_input(tmp_path, how):
+    path = recording(tmp_path)
+    with path.open("rb") as file:
+        source = {"stdin": file} if how == "file" else {"input": path.read_bytes()}
+        code = "import palpate; r = palpate.open_recording('-'); print(len(r.rows), r.source)"
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, **source)
+    assert (done.stdout.decode().strip(), done.stderr) == ("600 standard input", b"")
