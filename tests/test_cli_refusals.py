@@ -37,7 +37,7 @@ def good(tmp_path):
 @pytest.mark.parametrize("content, words", BAD_FILES.values(), ids=BAD_FILES)
 def test_a_bad_file_is_one_line(refused, tmp_path, command, content, words):
     path = written(tmp_path / "bad.csv", content)
-    line = refused(command, path)
+    line = refused(command, path, "--strict")
     assert str(path) in line
     for word in words:
         assert word in line
@@ -47,7 +47,7 @@ def test_a_bad_file_is_one_line(refused, tmp_path, command, content, words):
 def test_a_bad_file_is_one_line_whatever_was_asked_for(refused, tmp_path, monkeypatch, extra):
     monkeypatch.chdir(tmp_path)
     path = written(tmp_path / "bad.csv", changed(3, 0, "0.0015"))
-    assert "row 5" in refused("identify", path, *extra)
+    assert "row 5" in refused("identify", path, "--strict", *extra)
     assert [file.name for file in tmp_path.iterdir()] == ["bad.csv"]
 
 
