@@ -296,6 +296,19 @@ def test_standard_input_is_read_by_its_name(tmp_path, monkeypatch):
         open_recording("-")
 
 
+@pytest.mark.parametrize("command", ["identify", "compare", "diagnose"])
+def test_a_command_reads_its_standard_input(tmp_path, monkeypatch, run, command):
+    content = recording(tmp_path).read_bytes()
+    monkeypatch.setattr(sys, "stdin", Standard(content))
+    status, out, err = run(command, "-")
+    assert (status in (0, 3), err) == (True, "")
+    assert "standard input" in out
+    monkeypatch.setattr(sys, "stdin", Standard(b""))
+    status, out, err = run(command, "-")
+    assert (status, out) == (2, "")
+    assert "standard input: the file is empty" in err
+
+
 @pytest.mark.parametrize("how", ["file", "pipe"])
 def test_another_program_may_give_the_standard_input(tmp_path, how):
     path = recording(tmp_path)
