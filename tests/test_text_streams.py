@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 import zlib
 
 import numpy as np
@@ -206,6 +207,33 @@ def test_a_line_without_an_end_ends_what_is_read(tmp_path):
     read = open_recording(written(tmp_path / "l.csv", text))
     assert len(read.rows) == 600
     assert read.losses == ["a line of more than 1 MiB ends what could be read"]
+
+
+def test_a_file_that_goes_on_with_empty_lines_is_read_as_far_as_those(tmp_path):
+    text = text_of(rows_of()) + "\n" * 8_000_000 + "1,2,3\n"
+    read = open_recording(written(tmp_path / "l.csv", text))
+    assert len(read.rows) == 600
+    assert read.losses == ["a line of more than 1 MiB ends what could be read"]
+
+
+def test_what_is_made_to_take_long_does_not(tmp_path):
+    """Each would take hours by the square of its length."""
+    begin = "t,v\n0,1\n"
+    for text in (
+        begin + "1," + "1" + " " * 39_000 + "\n",
+        begin + "1,(" + "[" * 39_000 + "\n",
+        begin + '"\n' * 60_000,
+        begin + '1,"' + "\n" * 60_000,
+        begin + "1," + "9" * 900_000 + "\n",
+        begin + "1," + "," * 900_000 + "\n",
+        "(" * 9_000 + "," + " ] " * 3_000 + "\n0,1\n",
+        "t," + "# x: y\n" * 60_000,
+    ):
+        path = written(tmp_path / "l.csv", text)
+        start = time.process_time()
+        open_recording(path)
+        open_recording(written(path, gzip.compress(text.encode()) + bytes(9)))
+        assert time.process_time() - start < 5.0
 
 
 @POSIX

@@ -177,13 +177,14 @@ def _slices(chunks: Iterable[bytes]) -> Iterator[bytes]:
 
 def _until_damaged(inflater: "zlib._Decompress", data: bytes) -> bytes:
     """What compressed data give before the byte that cannot be."""
-    out = b""
-    for k in range(len(data)):
-        try:
-            out += inflater.decompress(data[k : k + 1])
-        except zlib.error:
-            break
-    return out[:CHUNK]
+    found, left = list[bytes](), CHUNK
+    with suppress(zlib.error):
+        for k in range(len(data)):
+            found.append(inflater.decompress(data[k : k + 1], left))
+            left -= len(found[-1])
+            if left <= 0:  # before the damage no more came, or it had been given already
+                break
+    return b"".join(found)
 
 
 def unreadable(source: str, error: Exception) -> RecordingError:
