@@ -91,7 +91,20 @@ def with_line(text: str, number: int, line: str) -> str:
     return "".join([*lines[:number], line + "\n", *lines[number:]])
 
 
+def quoted(text: str, delimiter: str = ",") -> str:
+    return "".join(
+        delimiter.join(f'"{cell}"' for cell in line.split(",")) + "\n" for line in text.splitlines()
+    )
+
+
 CORPUS = {
+    "quotation marks": quoted(WHOLE),
+    "quoted decimal commas": quoted(WHOLE).replace(".", ","),
+    "quoted decimal commas and semicolons": quoted(WHOLE, ";").replace(".", ","),
+    "quotation marks, but for a row": with_line(quoted(WHOLE), 3000, '"1","2",3'),
+    "a quotation mark in a number": with_line(quoted(WHOLE), 3000, '"1","2""5","3"'),
+    "a comma in a quotation": with_line(quoted(WHOLE), 3000, '"1","2,3"'),
+    "a line end in a quotation": with_line(quoted(WHOLE), 3000, '"1","2\n","3"'),
     "plain numbers": WHOLE,
     "a word": with_line(WHOLE, 3000, "x,1,2"),
     "a short row": with_line(WHOLE, 3000, "1,2"),
