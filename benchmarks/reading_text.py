@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Annotated
 
 import numpy as np
@@ -48,12 +48,18 @@ def measured(path: Path, parser: str) -> dict[str, float]:
         sys.modules["pyarrow"] = None  # type: ignore[assignment]  # as where it is not installed
     else:
         import pyarrow.csv  # noqa: F401
-    before, start = _resident("VmRSS"), perf_counter()
+    before, start, busy = _resident("VmRSS"), perf_counter(), process_time()
     recording = open_recording(path)
-    seconds = perf_counter() - start
+    seconds, busy = perf_counter() - start, process_time() - busy
     extra = _resident("VmHWM") - before
     size = sum(values.nbytes for values in recording.channels.values())
-    return {"seconds": seconds, "extra": extra, "arrays": size, "rows": len(recording.rows or ())}
+    return {
+        "seconds": seconds,
+        "busy": busy,
+        "extra": extra,
+        "arrays": size,
+        "rows": len(recording.rows or ()),
+    }
 
 
 def _in_a_process(path: Path, parser: str) -> dict[str, float]:
@@ -96,6 +102,7 @@ def main(
                 bound = None if label else Limit(limit * rows / 1e7)
                 found += [
                     Row(f"{rows} rows of {what}, {parser}", result["seconds"], "s", limit=bound),
+                    Row("of it the processor's", result["busy"], "s"),
                     Row(
                         "memory at the peak",
                         result["extra"] / 1e6,

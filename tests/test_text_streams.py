@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 import zlib
 
 import numpy as np
@@ -90,7 +91,20 @@ def with_line(text: str, number: int, line: str) -> str:
     return "".join([*lines[:number], line + "\n", *lines[number:]])
 
 
+def quoted(text: str, delimiter: str = ",") -> str:
+    return "".join(
+        delimiter.join(f'"{cell}"' for cell in line.split(",")) + "\n" for line in text.splitlines()
+    )
+
+
 CORPUS = {
+    "quotation marks": quoted(WHOLE),
+    "quoted decimal commas": quoted(WHOLE).replace(".", ","),
+    "quoted decimal commas and semicolons": quoted(WHOLE, ";").replace(".", ","),
+    "quotation marks, but for a row": with_line(quoted(WHOLE), 3000, '"1","2",3'),
+    "a quotation mark in a number": with_line(quoted(WHOLE), 3000, '"1","2""5","3"'),
+    "a comma in a quotation": with_line(quoted(WHOLE), 3000, '"1","2,3"'),
+    "a line end in a quotation": with_line(quoted(WHOLE), 3000, '"1","2\n","3"'),
     "plain numbers": WHOLE,
     "a word": with_line(WHOLE, 3000, "x,1,2"),
     "a short row": with_line(WHOLE, 3000, "1,2"),
@@ -208,6 +222,33 @@ def test_a_line_without_an_end_ends_what_is_read(tmp_path):
     assert read.losses == ["a line of more than 1 MiB ends what could be read"]
 
 
+def test_a_file_that_goes_on_with_empty_lines_is_read_as_far_as_those(tmp_path):
+    text = text_of(rows_of()) + "\n" * 8_000_000 + "1,2,3\n"
+    read = open_recording(written(tmp_path / "l.csv", text))
+    assert len(read.rows) == 600
+    assert read.losses == ["a line of more than 1 MiB ends what could be read"]
+
+
+def test_what_is_made_to_take_long_does_not(tmp_path):
+    """Each would take hours by the square of its length."""
+    begin = "t,v\n0,1\n"
+    for text in (
+        begin + "1," + "1" + " " * 39_000 + "\n",
+        begin + "1,(" + "[" * 39_000 + "\n",
+        begin + '"\n' * 60_000,
+        begin + '1,"' + "\n" * 60_000,
+        begin + "1," + "9" * 900_000 + "\n",
+        begin + "1," + "," * 900_000 + "\n",
+        "(" * 9_000 + "," + " ] " * 3_000 + "\n0,1\n",
+        "t," + "# x: y\n" * 60_000,
+    ):
+        path = written(tmp_path / "l.csv", text)
+        start = time.process_time()
+        open_recording(path)
+        open_recording(written(path, gzip.compress(text.encode()) + bytes(9)))
+        assert time.process_time() - start < 5.0
+
+
 @POSIX
 @pytest.mark.parametrize("device", ["/dev/zero", "/dev/urandom"])
 def test_a_device_without_an_end_is_refused(device):
@@ -294,6 +335,19 @@ def test_standard_input_is_read_by_its_name(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "stdin", Standard(b""))
     with pytest.raises(RecordingError, match=r"^standard input: the file is empty"):
         open_recording("-")
+
+
+@pytest.mark.parametrize("command", ["identify", "compare", "diagnose"])
+def test_a_command_reads_its_standard_input(tmp_path, monkeypatch, run, command):
+    content = recording(tmp_path).read_bytes()
+    monkeypatch.setattr(sys, "stdin", Standard(content))
+    status, out, err = run(command, "-")
+    assert (status in (0, 3), err) == (True, "")
+    assert "standard input" in out
+    monkeypatch.setattr(sys, "stdin", Standard(b""))
+    status, out, err = run(command, "-")
+    assert (status, out) == (2, "")
+    assert "standard input: the file is empty" in err
 
 
 @pytest.mark.parametrize("how", ["file", "pipe"])

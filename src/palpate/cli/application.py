@@ -44,10 +44,12 @@ def run(arguments: Sequence[str]) -> None:
         which is one line on standard error; 141 where the reader of the output is gone.
     """
     prepare_output()
+    # Standard input: cyclopts takes a lone hyphen for an option, and Path makes it of this again.
+    words = ["./-" if word == "-" else word for word in arguments]
     try:
         app = application()
         status = app(
-            _with_config(app, arguments),
+            _with_config(app, words),
             exit_on_error=False,
             print_error=False,
             result_action="return_value",

@@ -21,9 +21,9 @@ CHUNK = 1 << 20
 SLICE = 1 << 14  # of compressed bytes: each may be gone through again, a byte at a time
 GZIP = b"\x1f\x8b"
 
-# An hour of wrench and pose at 1 kHz is 1 GB as a bag; twice that is written to a temporary file
-# within the ten seconds that anyone would wait.
-MOST_OF_A_PIPE = 2 << 30
+# An hour of wrench and pose at 1 kHz is nearly that as a bag, and 1e7 rows of text 0.7 GB. It is
+# written to a temporary file within the ten seconds that anyone would wait, on a busy machine too.
+MOST_OF_A_PIPE = 1 << 30
 # No device is a recording; this is read in a tenth of a second, and a terminal never gets there.
 MOST_OF_A_DEVICE = 64 << 20
 # What comes slower is a stream that goes on, such as a sensor's: 1000 rows a second are 50 kB/s. A
@@ -177,13 +177,14 @@ def _slices(chunks: Iterable[bytes]) -> Iterator[bytes]:
 
 def _until_damaged(inflater: "zlib._Decompress", data: bytes) -> bytes:
     """What compressed data give before the byte that cannot be."""
-    out = b""
-    for k in range(len(data)):
-        try:
-            out += inflater.decompress(data[k : k + 1])
-        except zlib.error:
-            break
-    return out[:CHUNK]
+    found, left = list[bytes](), CHUNK
+    with suppress(zlib.error):
+        for k in range(len(data)):
+            found.append(inflater.decompress(data[k : k + 1], left))
+            left -= len(found[-1])
+            if left <= 0:  # before the damage no more came, or it had been given already
+                break
+    return b"".join(found)
 
 
 def unreadable(source: str, error: Exception) -> RecordingError:
@@ -206,10 +207,10 @@ def _spool(path: Path, source: str, file: IO[bytes]) -> list[str]:
     if source != "standard input":
         # A pipe that no one writes to would keep whoever opens it waiting.
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-    elif sys.stdin is None:
-        raise RecordingError(f"{source}: closed; name a file")
     else:
-        stream = sys.stdin.buffer
+        stream = getattr(sys.stdin, "buffer", None)
+        if stream is None:  # closed, or that of a notebook
+            raise RecordingError(f"{source}: nothing can be read from it here; name a file")
         try:
             descriptor = os.dup(stream.fileno())
         except (OSError, ValueError):  # something in memory stands in for it

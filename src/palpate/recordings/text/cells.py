@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from palpate.recordings.recording import number_in_text
 from palpate.recordings.text.times import is_iso_time
 
-_BRACKETS = re.compile(r"^\s*(?:np\.)?array\(|,?\s*dtype=[\w.]+|[\[\](){}]")
+_BRACKETS = re.compile(r"^\s*(?:np\.)?array\(|,?\s?dtype=[\w.]+|[\[\](){}]")
 MOST_ELEMENTS = 1000
 LONGEST_VECTOR = 40 * MOST_ELEMENTS  # characters
 

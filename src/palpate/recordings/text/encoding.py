@@ -57,30 +57,33 @@ class Text:
         RecordingError
             This is no text, or its first line is too long for any.
         """
-        rest, empty = b"", b""  # the begin of a line; empty lines, which may be the last ones
+        rest = bytearray()  # what came since the last block
+        empty = b""  # lines without anything, which may be the last ones
+        given = False
         for chunk in self._in_utf8():
             rest += chunk
+            if b"\n" not in chunk and len(rest) - rest.rfind(b"\n") > LONGEST_LINE:
+                break
             if len(rest) < BLOCK:
-                if b"\n" not in chunk and len(rest) - rest.rfind(b"\n") > LONGEST_LINE:
-                    break
                 continue
-            cut = rest.rfind(b"\n") + 1
-            whole, rest = empty + rest[:cut], rest[cut:]
+            whole = empty + _taken(rest)
             block = _without_empty_end(whole)
             empty = whole[len(block) :]
-            if len(empty) > LONGEST_LINE or len(rest) > LONGEST_LINE:
-                break
             if block:
+                given = True
                 yield block
+            if len(empty) > LONGEST_LINE or len(rest) > LONGEST_LINE:
+                empty = b""
+                break
         else:
             self.cut_off = bool(rest[rest.rfind(b"\n") + 1 :].strip())
             if last := _without_empty_end(empty + rest + b"\n"):
                 yield last
             return
-        cut = rest.rfind(b"\n") + 1
-        if last := _without_empty_end(empty + rest[:cut]):
+        if last := _without_empty_end(empty + _taken(rest)):
+            given = True
             yield last
-        self._too_long(bool(cut or empty))
+        self._too_long(given)
 
     def decode(self, block: bytes) -> str:
         """Return some lines as text; what is no UTF-8 is Windows-1252, or else Latin-1."""
@@ -162,6 +165,14 @@ class _Ends:
             kept = chunk.rstrip(b"\r")
             chunk, self.held = kept, chunk[len(kept) :]
         return re.sub(rb"\r+\n", b"\n", chunk)
+
+
+def _taken(rest: bytearray) -> bytes:
+    """The whole lines, which are taken out."""
+    cut = rest.rfind(b"\n") + 1
+    lines = bytes(memoryview(rest)[:cut])
+    del rest[:cut]
+    return lines
 
 
 def _without_empty_end(lines: bytes) -> bytes:

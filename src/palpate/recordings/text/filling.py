@@ -9,6 +9,7 @@ import numpy as np
 from palpate.recordings.formats import Request
 from palpate.recordings.recording import printable
 from palpate.recordings.sources import Source
+from palpate.recordings.text import encoding
 from palpate.recordings.text.cells import cells_of, unclosed
 from palpate.recordings.text.columns import Column, Ignored, column_for
 from palpate.recordings.text.encoding import Text
@@ -104,7 +105,7 @@ class Filling:
                 self.columns.append(column_for(name, found, layout.decimal, kind))
             else:
                 self.columns.append(Ignored(name, layout.decimal))
-        large = self._file.compressed or len(first) < self._file.size
+        large = self._file.size > (HEAD if self._file.compressed else encoding.BLOCK)
         self._parser = Parser(layout.delimiter, layout.decimal, self.columns, large=large)
         return layout
 

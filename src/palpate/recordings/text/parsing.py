@@ -43,6 +43,8 @@ class Parser:
         if any(dtype is None for dtype in self._dtypes):  # NumPy says that None is float64
             return None
         delimiter = self._delimiter
+        if block.startswith(b'"'):
+            block, delimiter = _unquoted(block, delimiter, len(self._dtypes))
         if self._decimal == ",":
             if b"." in block or delimiter == ",":
                 return None
@@ -72,6 +74,23 @@ class Parser:
             return None
         cells = text.decode(lines).replace("\n", self._delimiter).split(self._delimiter)
         return [cells[k : rows * width : width] for k in range(width)]
+
+
+def _unquoted(block: bytes, delimiter: str, width: int) -> tuple[bytes, str]:
+    """Rows without quotation marks, and what is between their cells then, where all have them.
+
+    As they are where that is not so, or not sure.
+    """
+    rows, between = block.count(b"\n"), b'"%b"' % delimiter.encode()
+    sure = (
+        delimiter != SPACES
+        and b";" not in block.replace(between, b"")
+        and block.count(b'"') == 2 * width * rows
+        and block.count(between) == (width - 1) * rows
+        and block.count(b'"\n"') == rows - 1
+        and block.endswith(b'"\n')
+    )
+    return (block.replace(between, b";").replace(b'"', b""), ";") if sure else (block, delimiter)
 
 
 def _by_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
