@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from palpate.recordings.messages.topic import LOG_TIME, Found, Topic, stamp_of

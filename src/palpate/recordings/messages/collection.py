@@ -6,7 +6,7 @@ from pathlib import Path
 from palpate.errors import RecordingError
 from palpate.recordings.formats import Request
 from palpate.recordings.messages.channels import Channels
-from palpate.recordings.messages.fields import UndecodableError
+from palpate.recordings.messages.fields import UndecodableError, normal_name
 from palpate.recordings.messages.topic import Topic
 from palpate.recordings.recording import Recording, printable
 
@@ -32,6 +32,7 @@ class Collection:
         self.losses: list[str] = []
         self.omissions: list[str] = []
         self.notes: dict[str, str] = {}
+        self.packed = False  # whether messages are compressed one by one
         self._topics: dict[Hashable, Topic] = {}
         self._types: dict[str, str] = {}
 
@@ -47,7 +48,7 @@ class Collection:
         make : callable
             Returns a :class:`Topic`; raises UndecodableError where its messages cannot be read.
         """
-        name, type_name = one_line(name), one_line(type_name)
+        name, type_name = one_line(name), normal_name(one_line(type_name))
         key = name, type_name, encoding
         if key in self._topics:
             return self._topics[key]
@@ -64,6 +65,7 @@ class Collection:
                 topic.name, topic.type_name = name, type_name
             except UndecodableError as error:
                 topic.omitted = str(error)
+        topic.packed = self.packed
         self._topics[key] = topic
         return topic
 
@@ -126,7 +128,8 @@ class Collection:
         elif not topic.messages:
             self.omissions.append(f"{what} is empty")
         elif not topic.found:
-            self.omissions.append(f"{what} holds no numbers that were asked for")
+            asked = "" if self.request.channels is None else " that were asked for"
+            self.omissions.append(f"{what} holds no numbers{asked}")
         if topic.found and topic.skipped:
             self.omissions.append(f"{topic.name}: long lists are not read: {_few(topic.skipped)}")
         if topic.overflow:

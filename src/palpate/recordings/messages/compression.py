@@ -8,8 +8,9 @@ import zstandard
 from palpate.recordings.messages.fields import UndecodableError
 
 # Messages of a robot that stands still, with but their stamps changing, are packed 14 times at the
-# most (zstd, level 19); lists of zeros, such as an image with the cap on, without a limit. So a block
-# may always unpack to 16 MiB, 4 times the largest that ROS 2 writes, and beyond to 64 times its size.
+# most (zstd, level 19); lists of zeros, such as an image with the cap on, without a limit. So a
+# block may always unpack to 16 MiB, 4 times the largest that ROS 2 writes, and beyond that to 64
+# times its size.
 RATIO = 64
 ALLOWANCE = 16 << 20
 
@@ -26,7 +27,11 @@ class Budget:
     """
 
     def __init__(self, file_size: int) -> None:
-        self.left = max(4 * ALLOWANCE, RATIO * file_size)
+        self.left = 4 * ALLOWANCE + RATIO * file_size
+
+    def add(self, size: int) -> None:
+        """Take into account that there are more bytes."""
+        self.left += RATIO * size
 
     def allow(self, packed: int, unpacked: int) -> None:
         """Take a block into account; raise UndecodableError where it is too much."""
@@ -60,7 +65,7 @@ def unpack(kind: str, data: bytes, size: int) -> bytes:
 
 
 def unpack_begin(kind: str, data: bytes, most: int) -> bytes:
-    """Return what the beginning of a block unpacks to, as far as it does, and no more than asked."""
+    """Return what the beginning of a block unpacks to, no more than asked."""
     if kind in ("", "none"):
         return data[:most]
     if kind == "zstd":

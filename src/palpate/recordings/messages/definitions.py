@@ -18,6 +18,7 @@ from palpate.recordings.messages.fields import (
     Number,
     Text,
     UndecodableError,
+    normal_name,
     smallest,
 )
 
@@ -75,14 +76,6 @@ def message_fields(type_name: str, encoding: str, text: str) -> Group:
     except (RecursionError, TypesysError, ValueError, LookupError, AssertionError) as error:
         words = " ".join(str(error).split())[:80]
         raise UndecodableError(f"its definition cannot be understood: {words}") from None
-
-
-def normal_name(type_name: str) -> str:
-    """Return the name of a type as ROS 2 writes it: ``geometry_msgs/msg/Wrench``."""
-    package, _, rest = type_name.replace("::", "/").rstrip("_").partition("/")
-    return f"{package}/msg/{rest}" if rest and "/" not in rest else "/".join(
-        part for part in (package, rest) if part
-    )
 
 
 def _parsed(name: str, encoding: str, text: str) -> Definitions:

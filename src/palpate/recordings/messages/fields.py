@@ -70,3 +70,9 @@ def smallest(field: Field) -> int:
     if isinstance(field, Many) and field.length is not None:
         return field.length * smallest(field.element)
     return 4  # the count of a list or a string
+
+
+def normal_name(type_name: str) -> str:
+    """Return the name of a type as ROS 2 writes it: ``geometry_msgs/msg/Wrench``."""
+    package, slash, rest = type_name.partition("/")
+    return f"{package}/msg/{rest}" if slash and "/" not in rest else type_name

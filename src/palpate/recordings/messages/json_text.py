@@ -111,8 +111,7 @@ class JsonTopic(Topic):
                 for k, inner in enumerate(value):
                     yield from self._numbers(inner, f"{path}[{k}]", found, depth + 1)
         elif isinstance(value, str) and path.rpartition(".")[2] in ("frame_id", "parent_frame_id"):
-            if value not in found.frames[path][:2]:
-                found.frames[path].append(value[:200])
+            found.meet_frame(path, value[:200])
 
 
 def _time(value: dict[str, Any]) -> int | None:

@@ -1,8 +1,8 @@
 """Messages of one layout, read as arrays: where in them each number stands, and how that is known.
 
-All messages that have the length of the first, and its bytes wherever a byte says how the message goes
-on (the kind of encoding, counts of lists, lengths of strings, names), have their numbers in the same
-places. So they are one matrix of bytes, and a field is some of its columns.
+All messages that have the length of the first, and its bytes wherever a byte says how the message
+goes on (the kind of encoding, counts of lists, lengths of strings, names), have their numbers in
+the same places. So they are one matrix of bytes, and a field is some of its columns.
 """
 
 from dataclasses import dataclass, field
@@ -36,8 +36,10 @@ class NumberAt:
         rows, width = messages.shape
         column = np.ndarray((rows,), dtype, messages, self.offset, (width,))
         if dtype.kind == "b":  # any byte but 0 is true, and NumPy takes only 1 for it
-            return column.view(np.uint8) != 0
-        return column.astype(dtype.newbyteorder("="))
+            truths: NDArray[np.bool_] = column.view(np.uint8) != 0
+            return truths
+        found: NDArray[Any] = column.astype(dtype.newbyteorder("="))
+        return found
 
 
 @dataclass(frozen=True, slots=True)

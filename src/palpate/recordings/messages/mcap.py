@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.recordings.formats import Request
 from palpate.recordings.messages import mcap_records as records
@@ -15,6 +16,7 @@ from palpate.recordings.messages.compression import Budget, unpack, unpack_begin
 from palpate.recordings.messages.fields import UndecodableError
 from palpate.recordings.messages.files import opened, span
 from palpate.recordings.messages.mcap_records import HEAD, ChunkHead, Cursor
+from palpate.recordings.messages.record_starts import Starts
 from palpate.recordings.messages.schemas import topic_of
 from palpate.recordings.messages.topic import Block, Topic
 from palpate.recordings.recording import Recording
@@ -124,7 +126,7 @@ class _McapFile:
         length = int.from_bytes(data[1:9], "little")
         if length > len(data) - HEAD:
             data = self._bytes(self.position, HEAD + length)
-        starts, _ = records.record_starts(data)
+        starts, _ = records.whole_records(data)
         kinds = np.frombuffer(data, np.uint8)[starts]
         loose = np.isin(kinds, (records.MESSAGE, records.SCHEMA, records.CHANNEL))
         count = len(starts) if loose.all() else int(np.argmin(loose))
@@ -150,7 +152,7 @@ class _McapFile:
         self._records(data, f"a chunk at byte {begin}")
 
     def _records(self, data: bytes, where: str) -> None:
-        starts, end = records.record_starts(data)
+        starts, end = records.whole_records(data)
         kinds = np.frombuffer(data, np.uint8)[starts]
         self._take(data, starts, kinds)
         if end < len(data):
@@ -169,7 +171,7 @@ class _McapFile:
                 data = unpack_begin(head.compression, data, min(head.size, 64 * len(data)))
             except UndecodableError:
                 return self._damaged("a chunk that goes on beyond the end of the file")
-            starts, _ = records.record_starts(data)
+            starts, _ = records.whole_records(data)
             kinds = np.frombuffer(data, np.uint8)[starts]
             self._take(data, starts, kinds)
             count = int((kinds == records.MESSAGE).sum())
@@ -203,7 +205,7 @@ class _McapFile:
             begin += max(1, len(data) - HEAD) if len(data) == _WINDOW else len(data)
         self.position = self.size
 
-    def _take(self, data: bytes, starts: records.Starts, kinds: np.ndarray) -> None:
+    def _take(self, data: bytes, starts: Starts, kinds: NDArray[np.uint8]) -> None:
         for k in np.flatnonzero(kinds != records.MESSAGE).tolist():
             begin = int(starts[k])
             end = begin + HEAD + int.from_bytes(data[begin + 1 : begin + 9], "little")

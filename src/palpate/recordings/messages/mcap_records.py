@@ -1,18 +1,18 @@
 """Records of MCAP: one byte of kind, eight of length, then the content; found in blocks of bytes.
 
-The format is public (mcap.dev/spec). Its own Python package makes an object of each message; here all
-messages of a block are found at once.
+The format is public (mcap.dev/spec). Its own Python package makes an object of each message; here
+all messages of a block are found at once.
 """
 
 import struct
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.recordings.messages.fields import UndecodableError
 from palpate.recordings.messages.layout import Bytes
+from palpate.recordings.messages.record_starts import Starts, record_starts
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = range(1, 7)
@@ -31,61 +31,23 @@ MESSAGE_HEAD = 22
 
 _LENGTH = struct.Struct("<Q").unpack_from
 
-Starts: TypeAlias = NDArray[np.int64]
+
+def size_at(data: bytes, position: int) -> int:
+    """Return how many bytes the record has that begins here; 0 where it is not whole."""
+    if position + HEAD > len(data):
+        return 0
+    size: int = HEAD + _LENGTH(data, position + 1)[0]
+    return size if size <= len(data) - position else 0
 
 
-def record_starts(data: bytes, begin: int = 0) -> tuple[Starts, int]:
-    """Return where the whole records of a block begin, one after another, and where they end.
-
-    Messages that come in turn (a wrench, a pose, a wrench, …) are found many at a time: a pattern of
-    lengths that has come twice is tried on all that follows.
-    """
-    view = np.frombuffer(data, np.uint8)
-    size = len(data)
-    pieces: list[Starts] = []
-    starts: list[int] = []
-    position = begin
-    next_try = 16
-    while position + HEAD <= size:
-        length = _LENGTH(data, position + 1)[0]
-        if length > size - position - HEAD:
-            break
-        starts.append(position)
-        position += HEAD + length
-        if len(starts) == next_try:
-            run = _run(view, starts, position)
-            if len(run):
-                pieces += [np.array(starts, np.int64), run]
-                last = int(run[-1])
-                position = last + HEAD + _LENGTH(data, last + 1)[0]
-                starts = []
-            next_try = 16 if len(run) > 64 else len(starts) + 512
-    pieces.append(np.array(starts, np.int64))
-    return np.concatenate(pieces), position
+def heads_at(data: bytes, position: int) -> list[tuple[int, int]]:
+    """Return which bytes of a record say its kind and size: from where in it, and how many."""
+    return [(0, HEAD)]
 
 
-def _run(view: Bytes, starts: list[int], end: int) -> Starts:
-    """Records that go on as the last ones did, in a pattern of one to eight lengths."""
-    bounds = np.array([*starts[-16:], end])
-    lengths = np.diff(bounds)
-    for period in range(1, 9):
-        if (lengths[period:] == lengths[:-period]).all():
-            break
-    else:
-        return np.empty(0, np.int64)
-    pattern = lengths[-period:]
-    stride = int(pattern.sum())
-    rounds = (len(view) - end) // stride
-    if rounds < 1:
-        return np.empty(0, np.int64)
-    offsets = np.concatenate([[0], np.cumsum(pattern)[:-1]])
-    same = np.ones(rounds, bool)
-    for k in range(period):
-        want = view[bounds[len(bounds) - 1 - period + k] :][:HEAD]
-        found = np.ndarray((rounds, HEAD), np.uint8, view, end + offsets[k], (stride, 1))
-        same &= (found == want).all(axis=1)
-    whole = rounds if same.all() else int(np.argmin(same))
-    return (end + stride * np.arange(whole)[:, None] + offsets).ravel().astype(np.int64)
+def whole_records(data: bytes) -> tuple[Starts, int]:
+    """Return where the whole records of a block begin, one after another, and where they end."""
+    return record_starts(data, 0, size_at, heads_at)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +63,7 @@ class Messages:
 def messages_of(data: bytes, starts: Starts) -> Messages:
     """Return what the messages say that begin at these places; those too short to are left out."""
     view = np.frombuffer(data, np.uint8)
-    lengths = _column(view, "<i8", starts + 1)
+    lengths = _column(view, "<i8", starts + 1).astype(np.int64)
     whole = lengths >= MESSAGE_HEAD
     starts, lengths = starts[whole], lengths[whole]
     return Messages(

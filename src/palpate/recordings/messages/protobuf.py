@@ -183,9 +183,7 @@ class _Walk:
             self._message(kind, begin, end, "", depth + 1)
             frames = self.entity.frames
             pair = f"[{frames.get('parent_frame_id', '')}>{frames.get('child_frame_id', '')}]"
-            self.layout.entities.append(
-                Entity(pair, self.entity.leaves, self.entity.types, frames)
-            )
+            self.layout.entities.append(Entity(pair, self.entity.leaves, self.entity.types, frames))
             self.entity = above
             return None
         return self._message(kind, begin, end, path, depth + 1)
@@ -232,7 +230,9 @@ class _Walk:
             known = _NUMBERS.get(field.type)
             if number in counts or known is None or field.label == _Kind.LABEL_REPEATED:
                 continue
-            if field.HasField("oneof_index") or not (kind.proto3 or field.HasField("default_value")):
+            if field.HasField("oneof_index") or not (
+                kind.proto3 or field.HasField("default_value")
+            ):
                 continue  # it may be left out because there is none
             value = _default(field.default_value, known[0])
             self._leaf(_below(path, field, 0), ConstantAt(value, known[0]))

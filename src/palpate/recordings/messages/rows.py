@@ -107,7 +107,7 @@ class Rows:
         self.count += count
 
     def prune(self, allowed: int) -> None:
-        """Drop the columns with the fewest values, while absent ones take more than that (bytes)."""
+        """Drop the columns with the fewest values while absent ones take more bytes than that."""
         absent = sum(column.missing for column in self.columns.values()) * 8
         if absent <= allowed + SLACK:
             return

@@ -27,7 +27,8 @@ def topic_of(
         return BinaryTopic(walk_of(type_name, schema), request)
     if message_encoding not in ("cdr", "ros1"):
         raise UndecodableError(
-            f"messages in {message_encoding[:30]!r} are not read, only CDR, ROS 1, JSON and protobuf"
+            f"messages in {message_encoding[:30]!r} are not read, only in CDR, ROS 1, JSON or "
+            "protobuf"
         )
     from palpate.recordings.messages.definitions import message_fields
     from palpate.recordings.messages.walking import walk_cdr, walk_ros1

@@ -1,7 +1,7 @@
 """A topic: blocks of its messages in, channels out."""
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.recordings.formats import Request
+from palpate.recordings.messages.compression import Budget, unpack, zstandard_size
 from palpate.recordings.messages.fields import UndecodableError
 from palpate.recordings.messages.layout import Bytes, Entity, Layout, Matrix, TimeAt, gather
 from palpate.recordings.messages.rows import Rows
@@ -20,6 +21,8 @@ PATIENCE = 1000
 MOST_ENTITIES = 500
 # Layouts that are kept to compare messages with.
 MOST_LAYOUTS = 256
+
+_BATCH = 8 << 20  # bytes of messages that are unpacked at once
 
 Walk: TypeAlias = Callable[[bytes], Layout]
 
@@ -48,6 +51,12 @@ class Block:
         return self.data[self.starts[k] : self.starts[k] + self.lengths[k]].tobytes()
 
 
+def _joined(messages: list[bytes], times: list[np.int64]) -> Block:
+    lengths = np.array([len(message) for message in messages], np.int64)
+    data = np.frombuffer(b"".join(messages), np.uint8)
+    return Block(data, np.cumsum(lengths) - lengths, lengths, np.array(times, np.int64))
+
+
 @dataclass(slots=True)
 class Found:
     """What has been found of a topic, or of one transform of it."""
@@ -56,6 +65,11 @@ class Found:
     times: set[str] = field(default_factory=set)
     types: dict[str, tuple[str, str]] = field(default_factory=dict)
     frames: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
+
+    def meet_frame(self, path: str, frame: str) -> None:
+        """Note the frame that a field names: two are enough to know that it changes."""
+        if len(self.frames[path]) < 2 and frame not in self.frames[path]:
+            self.frames[path].append(frame)
 
 
 _Part: TypeAlias = tuple[NDArray[np.int64] | None, Layout, Matrix]
@@ -93,19 +107,47 @@ class Topic:
         self.omitted = ""
         self.skipped: set[str] = set()
         self.overflow = False  # whether there were more transforms than are read
+        self.packed = False  # whether each message is compressed, as ROS 2 may
+        self._budget = Budget(0)
 
     def add(self, block: Block) -> None:
         """Take messages."""
         self.messages += len(block.starts)
         if self.omitted or not len(block.starts):
             return
-        self.bytes += int(block.lengths.sum())
-        self.take(block)
+        self._budget.add(int(block.lengths.sum()))
+        for each in self._unpacked(block) if self.packed else (block,):
+            if len(each.starts) and not self.omitted:
+                self.bytes += int(each.lengths.sum())
+                self.take(each)
         for found in self.found.values():
             found.rows.prune(self.bytes)
 
     def take(self, block: Block) -> None:
         """Read messages; a topic that is omitted has no way to."""
+
+    def _unpacked(self, block: Block) -> Iterator[Block]:
+        """Messages, each of which was compressed by zstd; those that do not unpack are left out."""
+        pieces: list[bytes] = []
+        times: list[np.int64] = []
+        held = 0
+        for k in range(len(block.starts)):
+            packed = block.message(k)
+            size = zstandard_size(packed)
+            try:
+                if size < 0:
+                    raise UndecodableError("a message does not say what it unpacks to")
+                self._budget.allow(len(packed), size)
+                pieces.append(unpack("zstd", packed, size))
+            except UndecodableError as error:
+                self.fail(str(error))
+                continue
+            times.append(block.times[k])
+            held += size
+            if held > _BATCH:
+                yield _joined(pieces, times)
+                pieces, times, held = [], [], 0
+        yield _joined(pieces, times)
 
     def fail(self, reason: str, count: int = 1) -> None:
         """Count messages that could not be decoded, and give up where none of many could."""
@@ -228,8 +270,7 @@ class BinaryTopic(Topic):
                 found.types |= entity.types
                 found.times |= {p for p, leaf in entity.leaves.items() if isinstance(leaf, TimeAt)}
                 for path, frame in entity.frames.items():
-                    if frame not in found.frames[path][:2]:
-                        found.frames[path].append(frame)
+                    found.meet_frame(path, frame)
             if len(pieces) == 1:
                 (which, _, matrix), entity = pieces[0]
                 values = {path: leaf.read(matrix) for path, leaf in entity.leaves.items()}
@@ -239,8 +280,8 @@ class BinaryTopic(Topic):
                 _extend_mixed(found.rows, pieces, times)
 
 
-#: Below an entity, the column of the times at which messages were logged. Fields of messages have no
-#: space in their names.
+#: Below an entity, the column of the times at which messages were logged. Fields of messages have
+#: no space in their names.
 LOG_TIME = "log time"
 STAMPS = ("header.stamp", "timestamp", "stamp")
 
@@ -250,9 +291,7 @@ def stamp_of(paths: Any) -> str | None:
     return next((path for path in STAMPS if path in paths), None)
 
 
-def _extend_mixed(
-    rows: Rows, pieces: list[tuple[_Part, Entity]], times: NDArray[np.int64]
-) -> None:
+def _extend_mixed(rows: Rows, pieces: list[tuple[_Part, Entity]], times: NDArray[np.int64]) -> None:
     """Add messages of several layouts, in the order in which they stand in the file."""
     which = [part[0] if part[0] is not None else np.arange(len(times)) for part, _ in pieces]
     order = np.argsort(np.concatenate(which), kind="stable")

@@ -55,12 +55,12 @@ _CDR = {
 
 
 def walk_ros1(message: bytes, fields: Group) -> Layout:
-    """Return the layout of a message of ROS 1; raise UndecodableError where it is not of its type."""
+    """Return the layout of a message of ROS 1; UndecodableError where it is not of its type."""
     return _Walk(message, ROS1).walk(fields)
 
 
 def walk_cdr(message: bytes, fields: Group) -> Layout:
-    """Return the layout of a message of ROS 2; raise UndecodableError where it is not of its type."""
+    """Return the layout of a message of ROS 2; UndecodableError where it is not of its type."""
     if len(message) < 4:
         raise UndecodableError(f"a message of {len(message)} bytes has no head")
     if message[0] != 0 or message[1] not in _CDR:
