@@ -99,7 +99,6 @@ class _Walk:
         self.layout = Layout(len(message))
         self.entity = Entity()
         self.left = _MOST_PARTS
-        self.quiet = 0
 
     def walk(self, root: _Message) -> Layout:
         self.layout.entities.append(self.entity)
@@ -121,9 +120,10 @@ class _Walk:
             count = counts.get(tag >> 3, 0)
             counts[tag >> 3] = count + 1
             below = _below(path, field, count)
+            if field is not None:
+                self.entity.types[below] = kind.name.lstrip("."), field.name
             position = self._value(field, tag & 7, position, end, below, depth)
-        if not self.quiet:
-            self._defaults(kind, counts, path)
+        self._defaults(kind, counts, path)
 
     def _value(
         self, field: _Field | None, wire: int, position: int, end: int, path: str, depth: int
@@ -158,12 +158,12 @@ class _Walk:
             self._inner(field, begin, end, path, depth)
         elif number is not None:
             self._packed(number, begin, end, path)
-        elif field.name in _FRAMES and not self.quiet:
+        elif field.name in _FRAMES:
             self.layout.check(self.data, begin, end)
             text = self.data[begin:end][:200].decode("utf-8", "backslashreplace")
             text = "".join(each if each.isprintable() else "?" for each in text)
             self.entity.frames[path] = text
-        elif field.type == _Kind.TYPE_BYTES and end - begin > LONGEST_LIST and not self.quiet:
+        elif field.type == _Kind.TYPE_BYTES and end - begin > LONGEST_LIST:
             self.layout.skipped[path] = end - begin
 
     def _inner(self, field: _Field, begin: int, end: int, path: str, depth: int) -> None:
@@ -178,7 +178,7 @@ class _Walk:
             self.layout.skipped[bare] = self.layout.skipped.get(bare, 0) + end - begin
             self._forget(bare)
             return None
-        if path.startswith("transforms[") and path.endswith("]") and not self.quiet:
+        if path.startswith("transforms[") and path.endswith("]"):
             above, self.entity = self.entity, Entity()
             self._message(kind, begin, end, "", depth + 1)
             frames = self.entity.frames
@@ -238,8 +238,6 @@ class _Walk:
             self._leaf(_below(path, field, 0), ConstantAt(value, known[0]))
 
     def _leaf(self, path: str, leaf: Leaf) -> None:
-        if self.quiet:
-            return
         index = _index(path)
         if index is not None and index >= LONGEST_LIST:
             bare = path[: path.rindex("[")]

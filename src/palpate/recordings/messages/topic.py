@@ -195,9 +195,10 @@ class BinaryTopic(Topic):
         self, block: Block, which: NDArray[np.int64] | None, length: int, parts: list[_Part]
     ) -> None:
         known = self._layouts.setdefault(length, [])
-        if not known:
+        if not known:  # before an image is copied, which is then left out
             first = 0 if which is None else int(which[0])
-            self._new_layout(block.message(first), known)
+            if not self._new_layout(block.message(first), known):
+                which = (np.arange(len(block.starts)) if which is None else which)[1:]
         if self.omitted:
             return
         starts = block.starts if which is None else block.starts[which]
