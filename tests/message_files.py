@@ -195,7 +195,8 @@ def protobuf_class(syntax: str = "proto3") -> Callable[..., object]:
         dependency=["google/protobuf/timestamp.proto"],
     )
     message = file.message_type.add(name="Probe")
-    kinds = ["double", "float", "int64", "uint64", "int32", "sint32", "sint64", "fixed32", "fixed64", "bool"]
+    kinds = ["double", "float", "int64", "uint64", "int32", "sint32", "sint64"]
+    kinds += ["fixed32", "fixed64", "bool"]
     field = descriptor_pb2.FieldDescriptorProto
     for number, kind in enumerate(kinds, start=1):
         kind_number = getattr(field, f"TYPE_{kind.upper()}")

@@ -148,5 +148,5 @@ def test_what_a_killed_recorder_leaves_is_used_and_said(ros, tmp_path, options) 
     # A chunk of 16 kB has some 45 messages of each; what the recorder still held is gone.
     assert_begins_as_published(found, COUNT // 2)
     assert any("did not close" in each for each in found.losses)
-    with pytest.raises(RecordingError, match="did not close|is cut off"):
+    with pytest.raises(RecordingError, match=r"did not close|is cut off"):
         open_recording(path, strict=True)

@@ -19,6 +19,9 @@ from palpate.recordings.messages.schemas import topic_of
 from palpate.recordings.messages.topic import Block, Topic
 
 _BATCH = 8 << 20  # bytes of messages that are held at once
+_SMALLEST_ROW = 8  # bytes, in the file
+# Damaged places that are passed over; at each some 100 rows are looked for, in some 10 ms.
+_MOST_GAPS = 200
 
 
 def read_into(path: Path, collection: Collection, part: tuple[float, float] = (0.0, 1.0)) -> None:
@@ -148,14 +151,18 @@ class _Database:
     def _rows(self) -> Iterator[tuple[Any, Any, Any]]:
         """All rows that can be selected: where pages are damaged, those before and after."""
         following = -(1 << 62)
-        while True:
+        left = self.size // _SMALLEST_ROW  # a page may be found twice in a damaged tree
+        for _ in range(_MOST_GAPS):
             try:
                 for row in self.database.execute(
                     "SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid >= ? "
                     "ORDER BY rowid",
                     (following,),
                 ):
-                    following = row[0] + 1
+                    following = max(following, row[0] + 1)
+                    left -= 1
+                    if left < 0:
+                        raise sqlite3.DatabaseError("rows are repeated without an end")
                     yield row[1:]
                 return
             except sqlite3.DatabaseError as error:
@@ -166,6 +173,7 @@ class _Database:
                 return
             self._lost(f"{words}: messages {max(following, 1)} to {found - 1} are lost")
             following = found
+        self._lost(f"the messages from number {following} on are lost: there were more gaps before")
 
     def _readable_from(self, number: int) -> int | None:
         """The first row from a number on that can be read again, where it is beyond damage."""
