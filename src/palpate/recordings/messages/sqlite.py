@@ -6,6 +6,7 @@ import sqlite3
 import tempfile
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,10 @@ from palpate.recordings.messages.schemas import topic_of
 from palpate.recordings.messages.topic import Block, Topic
 
 _BATCH = 8 << 20  # bytes of messages that are held at once
+# Rows are taken out of their tuples so often that Python's garbage collector, which runs every 700
+# new ones, has no reason to: it would take two thirds of the time.
+_ROWS = 256
+_KINDS = (int, int, bytes, int)
 _SMALLEST_ROW = 8  # bytes, in the file
 # Damaged places that are passed over; at each some 100 rows are looked for, in some 10 ms.
 _MOST_GAPS = 200
@@ -72,6 +77,32 @@ def _settled(path: Path) -> Iterator[tuple[str, int]]:
         yield f"file:{quote(os.fsencode(copy))}", size
 
 
+@dataclass(slots=True)
+class _Rows:
+    """Messages, and the number of the last one."""
+
+    topics: list[int] = field(default_factory=list)
+    times: list[int] = field(default_factory=list)
+    texts: list[bytes] = field(default_factory=list)
+    last: int = 0
+    held: int = 0  # bytes
+
+    def extend(self, rows: list[tuple[Any, ...]]) -> int:
+        """Add rows, without those that are no messages; return how many these are."""
+        self.last = rows[-1][3]
+        columns = zip(zip(*rows, strict=True), _KINDS, strict=True)
+        good = rows
+        if any(set(map(type, column)) != {kind} for column, kind in columns):
+            good = [row for row in rows if tuple(map(type, row)) == _KINDS]
+        if good:
+            topics, times, texts, _ = zip(*good, strict=True)
+            self.topics += topics
+            self.times += times
+            self.texts += texts
+            self.held += sum(map(len, texts))
+        return len(rows) - len(good)
+
+
 class _Database:
     def __init__(
         self,
@@ -88,6 +119,8 @@ class _Database:
         self.part = part
         self.topics: dict[int, Topic] = {}
         self.bad = 0  # rows that are no messages
+        self._step = _ROWS
+        self._error: sqlite3.DatabaseError | None = None
         database.text_factory = lambda text: text.decode("utf-8", "replace")
         # No value is longer than the file, whatever a schema would make of it.
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(size, 1 << 20))
@@ -96,21 +129,11 @@ class _Database:
     def read(self) -> None:
         self._check()
         self._find_topics()
-        rows: list[tuple[int, int, bytes]] = []
-        held = done = 0
-        for topic, time, data in self._rows():
-            if not (type(topic) is int and type(time) is int and type(data) is bytes):
-                self.bad += 1
-                continue
-            rows.append((topic, time, data))
-            held += len(data) + 64
-            if held > _BATCH:
-                self._take(rows)
-                done += held
-                rows, held = [], 0
-                begin, end = self.part
-                self.collection.request.report(begin + (end - begin) * min(done / self.size, 1.0))
-        self._take(rows)
+        begin, end = self.part
+        done = 0
+        for rows in self._batches():
+            done += self._take(rows)
+            self.collection.request.report(begin + (end - begin) * min(done / self.size, 1.0))
         if self.bad:
             self._lost(f"{self.bad} rows are no messages")
 
@@ -148,25 +171,32 @@ class _Database:
                 str(name), str(type_name), str(encoding), make
             )
 
-    def _rows(self) -> Iterator[tuple[Any, Any, Any]]:
+    def _batches(self) -> Iterator["_Rows"]:
         """All rows that can be selected: where pages are damaged, those before and after."""
         following = -(1 << 62)
         left = self.size // _SMALLEST_ROW  # a page may be found twice in a damaged tree
         for _ in range(_MOST_GAPS):
             try:
-                for row in self.database.execute(
-                    "SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid >= ? "
+                cursor = self.database.execute(
+                    "SELECT topic_id, timestamp, data, rowid FROM messages WHERE rowid >= ? "
                     "ORDER BY rowid",
                     (following,),
-                ):
-                    following = max(following, row[0] + 1)
-                    left -= 1
+                )
+                while (rows := self._fetch(cursor)).topics:
+                    following = max(following, rows.last + 1)
+                    left -= len(rows.topics)
+                    yield rows
+                    if self._error:
+                        raise self._error
                     if left < 0:
                         raise sqlite3.DatabaseError("rows are repeated without an end")
-                    yield row[1:]
                 return
             except sqlite3.DatabaseError as error:
                 words = str(error)
+            self._error = None
+            self._step = 1 if self._step > 1 else _ROWS
+            if self._step == 1:  # once more, up to the very row
+                continue
             found = self._readable_from(following)
             if found is None:
                 self._lost(f"{words}: the messages from number {max(following, 1)} on are lost")
@@ -174,6 +204,18 @@ class _Database:
             self._lost(f"{words}: messages {max(following, 1)} to {found - 1} are lost")
             following = found
         self._lost(f"the messages from number {following} on are lost: there were more gaps before")
+
+    def _fetch(self, cursor: sqlite3.Cursor) -> "_Rows":
+        """Some rows; those before an error, which is kept, where there are any."""
+        rows = _Rows()
+        try:
+            while rows.held < _BATCH and (some := cursor.fetchmany(self._step)):
+                self.bad += rows.extend(some)
+        except sqlite3.DatabaseError as error:
+            if not rows.topics:
+                raise
+            self._error = error
+        return rows
 
     def _readable_from(self, number: int) -> int | None:
         """The first row from a number on that can be read again, where it is beyond damage."""
@@ -200,15 +242,13 @@ class _Database:
             return False
         return row is not None
 
-    def _take(self, rows: list[tuple[int, int, bytes]]) -> None:
-        if not rows:
-            return
-        topics, times, texts = zip(*rows, strict=True)
-        data = np.frombuffer(b"".join(texts), np.uint8)
-        lengths = np.fromiter(map(len, texts), np.int64, len(texts))
+    def _take(self, rows: "_Rows") -> int:
+        """Take rows; return how many bytes they have."""
+        data = np.frombuffer(b"".join(rows.texts), np.uint8)
+        lengths = np.fromiter(map(len, rows.texts), np.int64, len(rows.texts))
         starts = np.cumsum(lengths) - lengths
-        numbers = np.array(topics)
-        logged = np.array(times, np.int64)
+        numbers = np.array(rows.topics)
+        logged = np.array(rows.times, np.int64)
         for number in np.unique(numbers).tolist():
             which = numbers == number
             topic = self.topics.get(number)
@@ -216,6 +256,7 @@ class _Database:
                 self.bad += int(which.sum())
                 continue
             topic.add(Block(data, starts[which], lengths[which], logged[which]))
+        return len(data)
 
     def _lost(self, sentence: str) -> None:
         self.collection.lost(f"{self.name}: {sentence}")
