@@ -49,7 +49,7 @@ def read(path: Path, request: Request) -> Recording:
         _read_file(path, collection, (0.0, 1.0))
         return collection.recording()
     try:
-        files = _files(folder, collection)
+        files, count = _files(folder, collection)
     except OSError as error:
         raise collection.error(error.strerror or "cannot be read", "check the folder") from None
     if not files:
@@ -61,6 +61,10 @@ def read(path: Path, request: Request) -> Recording:
             if len(files) == 1 or request.strict:
                 raise
             collection.lost(f"one of its files cannot be read: {error}")
+    if count is not None and count != collection.messages:
+        collection.lost(
+            f"{METADATA} counts {count} messages, of which {collection.messages} were found"
+        )
     return collection.recording()
 
 
@@ -69,17 +73,18 @@ class _Metadata:
     files: list[str]
     mode: str
     distribution: str
+    count: int | None
 
 
-def _files(folder: Path, collection: Collection) -> list[Path]:
-    """The files of a bag, in their order."""
+def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None]:
+    """The files of a bag, in their order, and how many messages it says that they hold."""
     there = [each for each in folder.iterdir() if _storage(each.name) in _STORAGES]
     there.sort(key=lambda each: [int(n) for n in re.findall(r"\d+", each.name)[-1:]])
     if not there and not (folder / METADATA).is_file():
-        return []
+        return [], None
     metadata = _metadata(folder, collection)
     if metadata is None:
-        return there
+        return there, None
     collection.packed = metadata.mode == "message"
     if metadata.distribution:
         collection.notes["ROS distribution"] = metadata.distribution
@@ -93,11 +98,11 @@ def _files(folder: Path, collection: Collection) -> list[Path]:
         elif found not in files:
             files.append(found)
     if not files:
-        return there
+        return there, metadata.count
     others = [each.name for each in there if each not in files]
     if others:
         collection.omissions.append(f"not of this bag by its metadata: {', '.join(others[:5])}")
-    return files
+    return files, metadata.count
 
 
 def _metadata(folder: Path, collection: Collection) -> _Metadata | None:
@@ -112,10 +117,11 @@ def _metadata(folder: Path, collection: Collection) -> _Metadata | None:
         files = [str(each) for each in information["relative_file_paths"]]
         mode = str(information.get("compression_mode") or "").lower()
         distribution = one_line(str(information.get("ros_distro") or ""))
+        count = information.get("message_count")
     except (OSError, ValueError, YAMLError, KeyError, TypeError, RecursionError, AttributeError):
         collection.lost(f"{METADATA} cannot be understood: the files beside it are read")
         return None
-    return _Metadata(files, mode, distribution)
+    return _Metadata(files, mode, distribution, count if isinstance(count, int) else None)
 
 
 def _storage(name: str) -> str:

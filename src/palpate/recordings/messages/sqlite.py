@@ -125,6 +125,8 @@ class _Database:
         # No value is longer than the file, whatever a schema would make of it.
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(size, 1 << 20))
         database.execute("PRAGMA trusted_schema = OFF")
+        # Else SQLite refuses all of a file that is shorter than it says. Nothing is ever written.
+        database.execute("PRAGMA writable_schema = ON")
 
     def read(self) -> None:
         self._check()
