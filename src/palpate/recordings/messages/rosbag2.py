@@ -61,7 +61,7 @@ def read(path: Path, request: Request) -> Recording:
             if len(files) == 1 or request.strict:
                 raise
             collection.lost(f"one of its files cannot be read: {error}")
-    if count is not None and count != collection.messages:
+    if count is not None and collection.messages < count:
         collection.lost(
             f"{METADATA} counts {count} messages, of which {collection.messages} were found"
         )
