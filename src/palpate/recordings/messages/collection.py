@@ -11,6 +11,9 @@ from palpate.recordings.messages.topic import Topic
 from palpate.recordings.recording import Recording, printable
 
 NOT_ASKED = "not asked for"
+# Characters of definitions that are parsed, in some 5 s. A robot of 40 types of messages has half.
+MOST_DEFINITIONS = 400_000
+_MOST_LOSSES = 40  # sentences
 # Topics of a file: a large robot has some hundreds.
 MOST_TOPICS = 5000
 
@@ -35,9 +38,17 @@ class Collection:
         self.packed = False  # whether messages are compressed one by one
         self._topics: dict[Hashable, Topic] = {}
         self._types: dict[str, str] = {}
+        self._more_losses = 0
+        self._defined: set[tuple[str, str]] = set()
+        self._left = MOST_DEFINITIONS
 
     def topic(
-        self, name: str, type_name: str, encoding: str, make: Callable[[Request], "Topic"]
+        self,
+        name: str,
+        type_name: str,
+        encoding: str,
+        make: Callable[[Request], Topic],
+        definition: int = 0,
     ) -> Topic:
         """Return the topic that takes the messages of a channel of the file.
 
@@ -47,6 +58,8 @@ class Collection:
             As the file says them; channels that have all three in common are one topic.
         make : callable
             Returns a :class:`Topic`; raises UndecodableError where its messages cannot be read.
+        definition : int
+            How many characters the definition of its messages has.
         """
         name, type_name = one_line(name), normal_name(one_line(type_name))
         key = name, type_name, encoding
@@ -61,6 +74,7 @@ class Collection:
             topic.omitted = NOT_ASKED
         else:
             try:
+                self._charge(type_name, encoding, definition)
                 topic = make(self.request)
                 topic.name, topic.type_name = name, type_name
             except UndecodableError as error:
@@ -68,6 +82,17 @@ class Collection:
         topic.packed = self.packed
         self._topics[key] = topic
         return topic
+
+    def _charge(self, type_name: str, encoding: str, definition: int) -> None:
+        """Limit the time that definitions take; the same one takes none again."""
+        if (type_name, encoding) not in self._defined:
+            self._defined.add((type_name, encoding))
+            self._left -= definition
+        if self._left < 0:
+            raise UndecodableError(
+                f"the definitions of all topics are longer than {MOST_DEFINITIONS} characters: "
+                "name the topics to read"
+            )
 
     def error(self, what: str, cure: str) -> RecordingError:
         """Return an error that names the file."""
@@ -77,8 +102,12 @@ class Collection:
         """Say what could not be read; raise RecordingError where nothing may be lost."""
         if self.request.strict:
             raise RecordingError(f"{self.source}: {sentence}")
-        if sentence not in self.losses:
+        if sentence in self.losses:
+            return
+        if len(self.losses) < _MOST_LOSSES:
             self.losses.append(sentence)
+        else:
+            self._more_losses += 1
 
     @property
     def messages(self) -> int:
@@ -99,6 +128,8 @@ class Collection:
             channels.add(topic)
         self._say_not_asked()
         self.omissions += channels.omissions
+        if self._more_losses:
+            self.losses.append(f"and {self._more_losses} losses more")
         self._check(list(channels.values))
         self.request.report(1.0)
         return Recording(

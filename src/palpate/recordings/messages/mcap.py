@@ -18,10 +18,12 @@ from palpate.recordings.messages.files import opened, span
 from palpate.recordings.messages.mcap_records import HEAD, ChunkHead, Cursor
 from palpate.recordings.messages.record_starts import Starts
 from palpate.recordings.messages.schemas import topic_of
+from palpate.recordings.messages.searching import MOST_PLACES, Search
 from palpate.recordings.messages.topic import Block, Topic
 from palpate.recordings.recording import Recording
 
-_WINDOW = 4 << 20  # bytes of a file without chunks that are read at a time
+_WINDOW = 4 << 20  # bytes of a file without chunks that are read at a time, at the most
+_FIRST_WINDOW = 1 << 16  # and at first, as other records may come between
 _LONGEST_NOTE = 300  # characters
 
 
@@ -79,11 +81,13 @@ class _McapFile:
         self.claimed: int | None = None  # messages, by the file's own count
         self.last_time = 0
         self.ended = False
+        self.window = _FIRST_WINDOW
+        self.search = Search(self.size, self._bytes, _records_in)
 
     def read(self) -> None:
         if self._bytes(0, len(records.MAGIC)) != records.MAGIC:
             self._lost("it does not begin as an MCAP file does")
-            self._search(0)
+            self.position = self.search.after(0)
         else:
             self.position = len(records.MAGIC)
         while self.position + HEAD <= self.size and not self.ended:
@@ -122,7 +126,7 @@ class _McapFile:
 
     def _loose(self) -> None:
         """Messages outside of a chunk, as many as are in a window."""
-        data = self._bytes(self.position, _WINDOW)
+        data = self._bytes(self.position, self.window)
         length = int.from_bytes(data[1:9], "little")
         if length > len(data) - HEAD:
             data = self._bytes(self.position, HEAD + length)
@@ -130,6 +134,7 @@ class _McapFile:
         kinds = np.frombuffer(data, np.uint8)[starts]
         loose = np.isin(kinds, (records.MESSAGE, records.SCHEMA, records.CHANNEL))
         count = len(starts) if loose.all() else int(np.argmin(loose))
+        self.window = min(4 * self.window, _WINDOW) if loose.all() else _FIRST_WINDOW
         starts = starts[:count]
         self._take(data, starts, kinds[:count])
         last = int(starts[-1])
@@ -186,24 +191,8 @@ class _McapFile:
     def _damaged(self, what: str) -> None:
         """Go on with the next record that can be one."""
         at = self.position
-        self._search(at + 1)
+        self.position = self.search.after(at + 1)
         self._lost(f"{what} at byte {at}: {self.position - at} bytes are lost")
-
-    def _search(self, begin: int) -> None:
-        while begin < self.size:
-            data = self._bytes(begin, _WINDOW)
-            kinds = np.frombuffer(data, np.uint8)
-            # The lengths of records have zeros in their upper bytes.
-            high = np.zeros(len(kinds), bool)
-            if len(kinds) > HEAD:
-                top = (kinds[7:-1] | kinds[8:]) == 0
-                high[: len(top)] = top
-            for k in np.flatnonzero(high & (kinds > 0) & (kinds <= records.LAST)).tolist():
-                if records.plausible(data, k, self.size, begin):
-                    self.position = begin + k
-                    return
-            begin += max(1, len(data) - HEAD) if len(data) == _WINDOW else len(data)
-        self.position = self.size
 
     def _take(self, data: bytes, starts: Starts, kinds: NDArray[np.uint8]) -> None:
         for k in np.flatnonzero(kinds != records.MESSAGE).tolist():
@@ -248,7 +237,9 @@ class _McapFile:
             return
         type_name, form, definition = self.schemas.get(schema, ("", "", b""))
         make = partial(topic_of, encoding, form, type_name, definition)
-        self.channels[number] = self.collection.topic(name, type_name, f"{encoding} {form}", make)
+        self.channels[number] = self.collection.topic(
+            name, type_name, f"{encoding} {form}", make, len(definition)
+        )
 
     def _note(self, cursor: Cursor) -> None:
         above = cursor.text()
@@ -264,3 +255,18 @@ class _McapFile:
 
     def _lost(self, sentence: str) -> None:
         self.collection.lost(f"{self.name}: {sentence}")
+
+
+def _records_in(data: bytes, offset: int, size: int) -> int | None:
+    """Where in a block of the file the next record may begin."""
+    kinds = np.frombuffer(data, np.uint8)
+    if len(kinds) <= HEAD:
+        return None
+    # The lengths of records have zeros in their upper bytes.
+    high = (kinds[7:-1] | kinds[8:]) == 0
+    first = kinds[: len(high)]
+    places = np.flatnonzero(high & (first > 0) & (first <= records.LAST))
+    for k in places[:MOST_PLACES].tolist():
+        if records.plausible(data, k, size, offset):
+            return int(k)
+    return None

@@ -15,9 +15,11 @@ from palpate.recordings.messages.fields import UndecodableError
 from palpate.recordings.messages.files import opened
 from palpate.recordings.messages.rosbag1_records import Record
 from palpate.recordings.messages.schemas import topic_of
+from palpate.recordings.messages.searching import MOST_PLACES, Search
 from palpate.recordings.messages.topic import Block, Topic
 from palpate.recordings.recording import Recording
 
+_FIRST_WINDOW = 1 << 16
 _WINDOW = 4 << 20  # bytes of a file that are looked at at a time
 
 
@@ -54,6 +56,8 @@ class _Bag:
         self.claimed = 0  # messages, by the index
         self.closed = False
         self.unknown = 0
+        self.window = _FIRST_WINDOW
+        self.search = Search(self.size, self._bytes, _record_in_block)
 
     def read(self) -> None:
         first = self._bytes(0, 64)
@@ -66,7 +70,7 @@ class _Bag:
             )
         else:
             self.collection.lost("it does not begin as a bag does")
-            self._search(0)
+            self.position = self.search.after(0)
         while self.position + 8 <= self.size:
             self._record()
             self.collection.request.report(self.position / self.size)
@@ -130,13 +134,16 @@ class _Bag:
 
     def _loose(self) -> None:
         """Messages outside of a chunk, as many as are in a window."""
-        data = self._bytes(self.position, _WINDOW)
+        data = self._bytes(self.position, self.window)
         size = records.size_at(data, 0)
         if not size:
             record = records.record_in(data, 0, self.size - self.position)
             assert record is not None
             data = self._bytes(self.position, record.begin + record.size)
-        self.position += self._take(data, loose=True)
+        end = self._take(data, loose=True)
+        # At first little is read at a time, as other records may come between.
+        self.window = min(4 * self.window, _WINDOW) if end > len(data) / 2 else _FIRST_WINDOW
+        self.position += end
 
     def _records(self, data: bytes) -> None:
         end = self._take(data)
@@ -181,24 +188,13 @@ class _Bag:
         definition = texts.get("message_definition", "").encode()
         type_name = texts.get("type", "")
         make = partial(topic_of, "ros1", "ros1msg", type_name, definition)
-        self.topics[number] = self.collection.topic(name, type_name, "ros1", make)
+        self.topics[number] = self.collection.topic(name, type_name, "ros1", make, len(definition))
 
     def _damaged(self, what: str) -> None:
         """Go on with the next record that can be one."""
         at = self.position
-        self._search(at + 1)
+        self.position = self.search.after(at + 1)
         self._lost(at, self.position, what)
-
-    def _search(self, begin: int) -> None:
-        while begin < self.size:
-            data = self._bytes(begin, _WINDOW)
-            for k in records.candidates(data):
-                record = records.record_in(data, k, self.size - begin - k)
-                if record is not None and record.begin + k + record.size <= self.size - begin:
-                    self.position = begin + k
-                    return
-            begin += max(1, len(data) - 4096) if len(data) == _WINDOW else len(data)
-        self.position = self.size
 
     def _bytes(self, begin: int, count: int) -> bytes:
         self.file.seek(begin)
@@ -206,3 +202,12 @@ class _Bag:
 
     def _lost(self, begin: int, end: int, what: str) -> None:
         self.collection.lost(f"{what}, at byte {begin}: {end - begin} bytes are lost")
+
+
+def _record_in_block(data: bytes, offset: int, size: int) -> int | None:
+    """Where in a block of the file the next record may begin."""
+    for k in records.candidates(data)[:MOST_PLACES]:
+        record = records.record_in(data, k, size - offset - k)
+        if record is not None and offset + k + record.begin + record.size <= size:
+            return k
+    return None

@@ -170,7 +170,7 @@ class _Database:
             form = form if form in ("ros2msg", "ros2idl") else "ros2msg"
             make = partial(topic_of, str(encoding), form, str(type_name), text)
             self.topics[number] = self.collection.topic(
-                str(name), str(type_name), str(encoding), make
+                str(name), str(type_name), str(encoding), make, len(text)
             )
 
     def _batches(self) -> Iterator["_Rows"]:
