@@ -25,6 +25,11 @@ def opened(path: Path, collection: Collection) -> Iterator[BinaryIO]:
         raise RecordingError(f"{printable(path)}: {reason}; check the path") from None
 
 
+def name_of(path: Path) -> str:
+    """Return a file's name, without its folder, as text that can be encoded."""
+    return printable(Path(path.name))
+
+
 def span(first: int, last: int) -> str:
     """Return a span of times, in nanoseconds, for a sentence."""
     if first >= last:

@@ -14,7 +14,7 @@ from palpate.recordings.messages import mcap_records as records
 from palpate.recordings.messages.collection import Collection, one_line
 from palpate.recordings.messages.compression import Budget, unpack, unpack_begin
 from palpate.recordings.messages.fields import UndecodableError
-from palpate.recordings.messages.files import opened, span
+from palpate.recordings.messages.files import name_of, opened, span
 from palpate.recordings.messages.mcap_records import HEAD, ChunkHead, Cursor
 from palpate.recordings.messages.record_starts import Starts
 from palpate.recordings.messages.schemas import topic_of
@@ -60,7 +60,7 @@ def read_into(path: Path, collection: Collection, part: tuple[float, float] = (0
         Of all that is to be read, for the progress.
     """
     with opened(path, collection) as file:
-        _McapFile(file, path.name, collection, part).read()
+        _McapFile(file, name_of(path), collection, part).read()
 
 
 class _McapFile:

@@ -17,7 +17,7 @@ from palpate.recordings.formats import Request
 from palpate.recordings.messages import mcap, sqlite
 from palpate.recordings.messages.collection import Collection, one_line
 from palpate.recordings.messages.compression import ALLOWANCE, RATIO
-from palpate.recordings.messages.files import opened
+from palpate.recordings.messages.files import name_of, opened
 from palpate.recordings.recording import Recording
 
 METADATA = "metadata.yaml"
@@ -79,7 +79,9 @@ class _Metadata:
 def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None]:
     """The files of a bag, in their order, and how many messages it says that they hold."""
     there = [each for each in folder.iterdir() if _storage(each.name) in _STORAGES]
-    there.sort(key=lambda each: [int(n) for n in re.findall(r"\d+", each.name)[-1:]])
+    # Whatever is there packed and unpacked is read once.
+    there = [each for each in there if each.with_suffix("") not in there]
+    there.sort(key=lambda each: [int(n) for n in re.findall(r"\d+", each.name.split(".")[0])[-1:]])
     if not there and not (folder / METADATA).is_file():
         return [], None
     metadata = _metadata(folder, collection)
@@ -99,7 +101,7 @@ def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None
             files.append(found)
     if not files:
         return there, metadata.count
-    others = [each.name for each in there if each not in files]
+    others = [name_of(each) for each in there if each not in files]
     if others:
         collection.omissions.append(f"not of this bag by its metadata: {', '.join(others[:5])}")
     return files, metadata.count
@@ -154,8 +156,10 @@ def _unpacked(path: Path, collection: Collection) -> Iterator[Path]:
                     copy.write(piece)
                     left -= len(piece)
                     if left < 0:
-                        collection.lost(f"{path.name} unpacks to more than {RATIO} times its size")
+                        collection.lost(
+                            f"{name_of(path)} unpacks to more than {RATIO} times its size"
+                        )
                         break
             except zstandard.ZstdError as error:
-                collection.lost(f"{path.name} does not unpack to its end: {error}")
+                collection.lost(f"{name_of(path)} does not unpack to its end: {error}")
         yield plain

@@ -15,7 +15,7 @@ from urllib.parse import quote
 import numpy as np
 
 from palpate.recordings.messages.collection import Collection
-from palpate.recordings.messages.files import opened
+from palpate.recordings.messages.files import name_of, opened
 from palpate.recordings.messages.schemas import topic_of
 from palpate.recordings.messages.topic import Block, Topic
 
@@ -41,17 +41,18 @@ def read_into(path: Path, collection: Collection, part: tuple[float, float] = (0
     part : tuple of float
         Of all that is to be read, for the progress.
     """
+    words = name_of(path)
     with opened(path, collection) as file:
         begin = file.read(16)
     if not begin.startswith(b"SQLite format 3\0"):
-        raise collection.error(f"{path.name} is no SQLite database", "record it again")
+        raise collection.error(f"{words} is no SQLite database", "record it again")
     try:
         with _settled(path) as (name, size), closing(sqlite3.connect(name, uri=True)) as database:
-            _Database(database, path.name, size, collection, part).read()
+            _Database(database, words, size, collection, part).read()
     except (sqlite3.Error, OSError) as error:
-        words = getattr(error, "strerror", None) or str(error)
+        reason = getattr(error, "strerror", None) or str(error)
         raise collection.error(
-            f"{path.name} cannot be read: {words}", "sqlite3 FILE .recover may save some of it"
+            f"{words} cannot be read: {reason}", "sqlite3 FILE .recover may save some of it"
         ) from None
 
 
