@@ -79,6 +79,28 @@ def test_a_joint_that_some_messages_lack_is_nan_there_and_counted(tmp_path) -> N
     assert (faults.count, faults.sample) == (10, 0)
 
 
+def test_velocities_of_an_odometry_are_in_the_frame_that_moves(tmp_path) -> None:
+    origin = MAKER.make("geometry_msgs/Point", 1.0, 2.0, 3.0)
+    turn = MAKER.make("geometry_msgs/Quaternion", 0.0, 0.0, 0.0, 1.0)
+    pose = MAKER.make("geometry_msgs/Pose", origin, turn)
+    vector = MAKER.make("geometry_msgs/Vector3", 4.0, 5.0, 6.0)
+    twist = MAKER.make("geometry_msgs/Twist", vector, vector)
+    covariance = np.zeros(36)
+    message = MAKER.make(
+        "nav_msgs/Odometry",
+        MAKER.header(GIVEN.stamps[0], "odom"),
+        "base",
+        MAKER.make("geometry_msgs/PoseWithCovariance", pose, covariance),
+        MAKER.make("geometry_msgs/TwistWithCovariance", twist, covariance),
+    )
+    found = bag(tmp_path, [("/odom", "nav_msgs/Odometry", files.BEGIN, message)])
+    assert found.frames["/odom.pose.pose.position.x"] == "odom"
+    assert found.frames["/odom.twist.twist.linear.x"] == "base"
+    assert found.units["/odom.twist.twist.linear.x"] == "m/s"
+    assert found.notes["/odom.child_frame_id"] == "base"
+    assert found.channels["/odom.pose.covariance[35]"].tolist() == [0.0]
+
+
 @pytest.mark.parametrize("other", ["tools", "another frame of another length"])
 def test_a_frame_that_changes_is_said_and_none_is_given(tmp_path, other) -> None:
     messages = []

@@ -19,6 +19,7 @@ class Channels:
         self.frames: dict[str, str] = {}
         self.types: dict[str, str] = {}
         self.faults: dict[str, Faults] = {}
+        self.notes: dict[str, str] = {}
         self.omissions: list[str] = []
 
     def add(self, topic: Topic) -> None:
@@ -63,6 +64,18 @@ class Channels:
                     self.units.setdefault(name, unit)
             if len(frame) == 1 and frame[0]:
                 self.frames[name] = frame[0]
+        self._moving(above, names, found)
+
+    def _moving(self, above: str, names: dict[str, str], found: Found) -> None:
+        """The frame that moves: of a transform; of an odometry its velocities are in it."""
+        moving = found.frames.get("child_frame_id", [])
+        if len(moving) != 1 or not moving[0] or above.endswith("]"):  # tf has it in the name
+            return
+        self.notes[f"{above}.child_frame_id"] = moving[0]
+        if found.types.get("twist") == ("nav_msgs/msg/Odometry", "twist"):
+            for path in names:
+                if path.startswith("twist."):
+                    self.frames[names[path]] = moving[0]
 
 
 _FRAMES = ("header.frame_id", "frame_id", "parent_frame_id")

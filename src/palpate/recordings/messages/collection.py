@@ -128,6 +128,7 @@ class Collection:
             channels.add(topic)
         self._say_not_asked()
         self.omissions += channels.omissions
+        self.notes |= channels.notes
         if self._more_losses:
             self.losses.append(f"and {self._more_losses} losses more")
         self._check(list(channels.values))
