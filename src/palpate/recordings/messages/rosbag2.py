@@ -1,12 +1,11 @@
 """Bags of ROS 2: a folder with ``metadata.yaml``, or a file of one, in SQLite or MCAP."""
 
 import re
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import BinaryIO
 
 import zstandard
 from ruamel.yaml import YAML
@@ -19,6 +18,7 @@ from palpate.recordings.messages.collection import Collection, one_line
 from palpate.recordings.messages.compression import ALLOWANCE, RATIO
 from palpate.recordings.messages.files import name_of, opened
 from palpate.recordings.recording import Recording
+from palpate.writing import temporary_file
 
 METADATA = "metadata.yaml"
 # A bag of a hundred topics in a hundred files has some 100 kB; the parser takes seconds a megabyte.
@@ -146,20 +146,22 @@ def _unpacked(path: Path, collection: Collection) -> Iterator[Path]:
     if not path.name.endswith(_PACKED):
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix="palpate-") as folder, opened(path, collection) as file:
-        plain = Path(folder) / Path(path.name).stem
-        left = max(ALLOWANCE, RATIO * path.stat().st_size)
-        with plain.open("wb") as copy:
-            try:
-                stream: Any = zstandard.ZstdDecompressor().stream_reader(file)
-                while piece := stream.read(_PIECE):
-                    copy.write(piece)
-                    left -= len(piece)
-                    if left < 0:
-                        collection.lost(
-                            f"{name_of(path)} unpacks to more than {RATIO} times its size"
-                        )
-                        break
-            except zstandard.ZstdError as error:
-                collection.lost(f"{name_of(path)} does not unpack to its end: {error}")
-        yield plain
+    with opened(path, collection) as file:
+        name = Path(path.name).stem
+        with temporary_file(name, _pieces(file, path, collection)) as plain:
+            yield plain
+
+
+def _pieces(file: BinaryIO, path: Path, collection: Collection) -> Iterator[bytes]:
+    """What a packed file unpacks to, as far as it does."""
+    left = max(ALLOWANCE, RATIO * path.stat().st_size)
+    try:
+        with zstandard.ZstdDecompressor().stream_reader(file) as stream:
+            while piece := stream.read(_PIECE):
+                left -= len(piece)
+                if left < 0:
+                    collection.lost(f"{name_of(path)} unpacks to more than {RATIO} times its size")
+                    return
+                yield piece
+    except zstandard.ZstdError as error:
+        collection.lost(f"{name_of(path)} does not unpack to its end: {error}")
