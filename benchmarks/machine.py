@@ -6,7 +6,16 @@ import os
 import platform
 from pathlib import Path
 
-PACKAGES = ("palpate", "numpy", "nanobind", "padasip", "filterpy", "statsmodels")
+PACKAGES = (
+    "palpate",
+    "numpy",
+    "nanobind",
+    "padasip",
+    "filterpy",
+    "statsmodels",
+    "mcap",
+    "rosbags",
+)
 
 
 def describe(compiler: str) -> dict[str, str]:

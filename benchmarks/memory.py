@@ -19,7 +19,7 @@ from palpate import SingleStageRLS
 STATUS = Path("/proc/self/status")
 
 
-def _resident(entry: str) -> int:
+def resident(entry: str) -> int:
     """Resident memory, bytes: now ("VmRSS") or at most so far ("VmHWM")."""
     if not STATUS.exists():
         unit = 1 if sys.platform == "darwin" else 1024
@@ -33,9 +33,9 @@ def extra_bytes(samples: int) -> dict[str, int]:
     """Replay, and say how far the peak lies above the start and the trace."""
     SingleStageRLS().replay(*contact_arrays(1000))
     arrays = contact_arrays(samples)
-    before = _resident("VmRSS")
+    before = resident("VmRSS")
     trace = SingleStageRLS().replay(*arrays)
-    grown = _resident("VmHWM") - before
+    grown = resident("VmHWM") - before
     size = sum(getattr(trace, field.name).nbytes for field in fields(trace))
     inputs = sum(array.nbytes for array in arrays)
     return {"inputs": inputs, "trace": size, "extra": grown - size}

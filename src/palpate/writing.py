@@ -9,7 +9,8 @@ import errno
 import os
 import stat
 import sys
-from collections.abc import Iterator, Sequence
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -102,6 +103,29 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
         with _beside(path / "any") as temporary:
             temporary.touch(exist_ok=False)
+
+
+@contextmanager
+def temporary_file(name: str, pieces: Iterable[bytes]) -> Iterator[Path]:
+    """Write a file of this name in a folder of its own, which is gone afterwards.
+
+    Parameters
+    ----------
+    name : str
+        Of the file, for what reads files only and knows them by their names.
+    pieces : iterable of bytes
+        What it holds, one after another.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be written.
+    """
+    with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
+        path = Path(folder) / name
+        with _in_words(path), path.open("wb") as file:
+            file.writelines(pieces)
+        yield path
 
 
 def is_standard_output(path: Path) -> bool:

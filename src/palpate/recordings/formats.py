@@ -101,8 +101,23 @@ TEXT = Format(
     "palpate.recordings.csv",
 )
 
+_MESSAGES = "palpate.recordings.messages"
+
 #: Every format. To add one: a module with ``read``, and its row.
-FORMATS: list[Format] = [TEXT]
+FORMATS: list[Format] = [
+    TEXT,
+    Format("MCAP", (".mcap",), f"{_MESSAGES}.mcap", (b"\x89MCAP0\r\n",), "recordings"),
+    Format(
+        "ROS 1 bag", (".bag", ".bag.active"), f"{_MESSAGES}.rosbag1", (b"#ROSBAG V",), "recordings"
+    ),
+    Format(
+        "ROS 2 bag",
+        (".db3", ".db3.zstd", ".mcap.zstd", "metadata.yaml"),
+        f"{_MESSAGES}.rosbag2",
+        (b"SQLite format 3\0",),
+        "recordings",
+    ),
+]
 
 
 def _within(name: str, whole: str) -> bool:

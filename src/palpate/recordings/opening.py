@@ -64,6 +64,8 @@ def open_recording(
 
 def format_of(path: Path) -> Format:
     """Return the format of a file; text where it is none that is known."""
+    if os.path.isdir(path):  # noqa: PTH112 - Path.is_dir raises where a folder above is closed
+        path = path / "metadata.yaml"  # a bag of ROS 2 is a folder
     begin = _beginning(path)
     for each in FORMATS:
         if any(begin.startswith(mark) for mark in each.marks):

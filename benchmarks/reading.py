@@ -1,0 +1,252 @@
+"""Reading recordings of messages, beside the readers of the packages ``mcap`` and ``rosbags``.
+
+``python -m benchmarks.reading --minutes 60`` writes wrenches and poses at 1 kHz, reads them each
+way, in turns and in processes of their own, and prints a table. It is in no limit of the other
+benchmarks: an hour is 7.2 million messages, and takes a quarter of an hour and 4 GB of disk.
+"""
+
+import argparse
+import json
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.machine import describe
+from benchmarks.memory import resident
+from palpate.recordings import open_recording
+
+SEED = 1
+BEGIN = 1_700_000_000_000_000_000  # ns since 1970
+STEP = 1_000_000
+WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
+_PIECE = 10_000  # messages whose numbers are made at once
+_Message = tuple[bool, int, bytes]  # whether it is a wrench, its time, its bytes
+
+
+def messages(minutes: float) -> Iterator[_Message]:
+    """Wrenches and poses in CDR, 300 µs apart, as a driver of 1 kHz sends them."""
+    random = np.random.default_rng(SEED)
+    heads = b"\x08\0\0\0ft_link\0" + bytes(4), b"\x05\0\0\0base\0" + bytes(7)
+    count = int(minutes * 60_000)
+    for first in range(0, count, _PIECE):
+        numbers = random.normal(size=(min(_PIECE, count - first), 13))
+        for k, row in enumerate(numbers, start=first):
+            at = BEGIN + k * STEP
+            stamp = b"\0\1\0\0" + struct.pack("<iI", *divmod(at, 1_000_000_000))
+            yield True, at, stamp + heads[0] + row[:6].tobytes()
+            yield False, at + 300_000, stamp + heads[1] + row[6:].tobytes()
+
+
+def write_mcap(path: Path, given: Iterable[_Message], *, compressed: bool, chunks: bool) -> None:
+    """Write them by the ``mcap`` package."""
+    from mcap.writer import CompressionType, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    compression = CompressionType.ZSTD if compressed else CompressionType.NONE
+    with path.open("wb") as file:
+        writer = Writer(file, compression=compression, use_chunking=chunks)
+        writer.start("ros2")
+        channels = []
+        for topic, name in (("/ft", WRENCH), ("/pose", POSE)):
+            text, _ = store.generate_msgdef(name, ros_version=2)
+            schema = writer.register_schema(name, "ros2msg", text.encode())
+            channels.append(writer.register_channel(topic, "cdr", schema))
+        for is_wrench, at, data in given:
+            writer.add_message(channels[0 if is_wrench else 1], at, data, at)
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def write_rosbag2(path: Path, given: Iterable[_Message]) -> None:
+    """Write them by rosbags, into SQLite."""
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer(path, version=9) as writer:
+        wrench = writer.add_connection("/ft", WRENCH, typestore=store)
+        pose = writer.add_connection("/pose", POSE, typestore=store)
+        for is_wrench, at, data in given:
+            writer.write(wrench if is_wrench else pose, at, data)
+
+
+def write_rosbag1(path: Path, given: Iterable[_Message]) -> None:
+    """Write them by rosbags, as a bag of ROS 1, whose messages have a count and no padding."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer(path) as writer:
+        wrench = writer.add_connection("/ft", WRENCH, typestore=store)
+        pose = writer.add_connection("/pose", POSE, typestore=store)
+        for k, (is_wrench, at, data) in enumerate(given):
+            frame = b"ft_link" if is_wrench else b"base"
+            head = struct.pack("<I", k) + data[4:12] + struct.pack("<I", len(frame)) + frame
+            writer.write(wrench if is_wrench else pose, at, head + data[28:])
+
+
+def by_palpate(path: Path) -> tuple[int, int]:
+    """Return how many messages were read, and the bytes of the arrays."""
+    found = open_recording(path)
+    count = len(found.channels["/ft.log_time"]) + len(found.channels["/pose.log_time"])
+    return count, sum(values.nbytes for values in found.channels.values())
+
+
+def by_mcap(path: Path) -> tuple[int, int]:
+    """Raw messages by the reader of the ``mcap`` package, in the order of the file."""
+    from mcap.reader import make_reader
+
+    with path.open("rb") as file:
+        return sum(1 for _ in make_reader(file).iter_messages(log_time_order=False)), 0
+
+
+def by_mcap_stream(path: Path) -> tuple[int, int]:
+    """Raw messages by its reader of streams, its quickest."""
+    from mcap.records import Message
+    from mcap.stream_reader import StreamReader
+
+    with path.open("rb") as file:
+        return sum(isinstance(record, Message) for record in StreamReader(file).records), 0
+
+
+def by_rosbags(path: Path) -> tuple[int, int]:
+    """Raw messages by rosbags."""
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+
+    with Reader1(path) if path.suffix == ".bag" else Reader2(path) as reader:
+        return sum(1 for _ in reader.messages()), 0
+
+
+def by_rosbags_decoded(path: Path) -> tuple[int, int]:
+    """Messages by rosbags, each decoded."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        count = 0
+        for connection, _, data in reader.messages():
+            reader.deserialize(data, connection.msgtype)
+            count += 1
+    return count, 0
+
+
+def by_mcap_decoded(path: Path) -> tuple[int, int]:
+    """Messages by the ``mcap`` package and its support of ROS 2, each decoded."""
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        return sum(1 for _ in reader.iter_decoded_messages(log_time_order=False)), 0
+
+
+READERS: dict[str, Callable[[Path], tuple[int, int]]] = {
+    "palpate, to arrays": by_palpate,
+    "mcap, raw messages": by_mcap,
+    "mcap, raw records of its stream reader": by_mcap_stream,
+    "mcap and mcap-ros2-support, decoded": by_mcap_decoded,
+    "rosbags, raw messages": by_rosbags,
+    "rosbags, decoded": by_rosbags_decoded,
+}
+_MCAP = [name for name in READERS if not name.startswith("rosbags")]
+_ROSBAGS = [name for name in READERS if not name.startswith("mcap")]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file: its name there, who writes it, who reads it."""
+
+    name: str
+    file: str
+    write: Callable[[Path, Iterable[_Message]], None]
+    readers: list[str]
+
+
+def _mcap(*, compressed: bool, chunks: bool = True) -> Callable[[Path, Iterable[_Message]], None]:
+    return lambda path, given: write_mcap(path, given, compressed=compressed, chunks=chunks)
+
+
+KINDS = [
+    Kind("MCAP, zstd", "zstd.mcap", _mcap(compressed=True), _MCAP),
+    Kind("MCAP, not compressed", "plain.mcap", _mcap(compressed=False), _MCAP),
+    Kind("MCAP, no chunks", "loose.mcap", _mcap(compressed=False, chunks=False), _MCAP),
+    Kind("ROS 2 bag, SQLite", "bag", write_rosbag2, _ROSBAGS),
+    Kind("ROS 1 bag", "one.bag", write_rosbag1, _ROSBAGS),
+]
+
+
+def _once(reader: str, path: Path) -> dict[str, float]:
+    """Read in a process of its own."""
+    command = [sys.executable, "-m", "benchmarks.reading", "--once", reader, str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    result: dict[str, float] = json.loads(done.stdout)
+    return result
+
+
+def _once_here(reader: str, path: Path) -> dict[str, float]:
+    import palpate.recordings.messages.mcap  # noqa: F401 - importing is not reading
+
+    before = resident("VmRSS")
+    begin = time.perf_counter()
+    count, size = READERS[reader](path)
+    seconds = time.perf_counter() - begin
+    peak = resident("VmHWM") - before
+    return {"messages": count, "seconds": seconds, "arrays": size, "peak": peak}
+
+
+def measure(kind: Kind, folder: Path, minutes: float, rounds: int, *, decoded: bool) -> None:
+    """Write a file, read it each way in turns, and print a row of each."""
+    path = folder / kind.file
+    kind.write(path, messages(minutes))
+    readers = [name for name in kind.readers if decoded or "decoded" not in name]
+    best: dict[str, dict[str, float]] = {}
+    for _ in range(rounds):
+        for reader in readers:
+            found = _once(reader, path)
+            if reader not in best or found["seconds"] < best[reader]["seconds"]:
+                best[reader] = found
+    ours = best["palpate, to arrays"]
+    for reader, found in best.items():
+        assert found["messages"] == ours["messages"], (reader, found)
+        ratio = ours["seconds"] / found["seconds"]
+        memory = f"{found['peak'] / ours['arrays']:.2f}" if found["arrays"] else ""
+        print(
+            f"| {kind.name} | {reader} | {found['seconds']:.2f} | "
+            f"{1e6 * found['seconds'] / found['messages']:.2f} | "
+            f"{'' if reader.startswith('palpate') else f'{ratio:.2f}'} | {memory} |",
+            flush=True,
+        )
+
+
+def main() -> None:
+    """Measure all kinds of files."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--minutes", type=float, default=1.0)
+    parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--decoded", action="store_true", help="the others decode, too: slow")
+    parser.add_argument("--folder", type=Path, help="for the files; else a temporary one")
+    parser.add_argument("--once", nargs=2, metavar=("READER", "PATH"), help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.once:
+        print(json.dumps(_once_here(options.once[0], Path(options.once[1]))))
+        return
+    for name, words in describe("none").items():
+        print(f"{name}: {words}")
+    print(f"\n{options.minutes:g} minutes of wrench and pose at 1 kHz, seed {SEED}\n")
+    print("| file | reader | s | µs a message | palpate's time / this one's | peak / arrays |")
+    print("|---|---|---|---|---|---|")
+    for kind in KINDS:
+        with tempfile.TemporaryDirectory(dir=options.folder) as folder:
+            measure(kind, Path(folder), options.minutes, options.rounds, decoded=options.decoded)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,142 @@
+"""Messages in JSON: objects of numbers, in any order and number."""
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.recordings.formats import Request
+from palpate.recordings.messages.fields import LONGEST_LIST
+from palpate.recordings.messages.topic import LOG_TIME, Block, Found, Topic, stamp_of
+
+# Objects that are held at once, as Python's: some 1 kB each.
+_BATCH = 4096
+_DEEPEST = 32
+_SECONDS = ("sec", "secs", "seconds")
+_NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanos", "nanoseconds")
+_LARGEST = 1 << 63
+
+
+class JsonTopic(Topic):
+    """A topic of JSON objects.
+
+    Parameters
+    ----------
+    request : Request
+        What is asked for.
+    """
+
+    def __init__(self, request: Request) -> None:
+        super().__init__("", "", request)
+        self._wanted: dict[str, bool] = {}
+
+    def take(self, block: Block) -> None:
+        """Read messages."""
+        for begin in range(0, len(block.starts), _BATCH):
+            if not self.omitted:
+                self._batch(block, range(begin, min(begin + _BATCH, len(block.starts))))
+
+    def _batch(self, block: Block, which: range) -> None:
+        values: dict[str, list[Any]] = defaultdict(list)
+        rows: dict[str, list[int]] = defaultdict(list)
+        times: list[int] = []
+        found = self.found.get("", Found())
+        for k in which:
+            message = self._parsed(block.message(k))
+            if message is None:
+                continue
+            for path, value in self._numbers(message, "", found, 0):
+                if self._asked(path):
+                    values[path].append(value)
+                    rows[path].append(len(times))
+            times.append(int(block.times[k]))
+        if set(values) <= {stamp_of(values)}:
+            return
+        self.found[""] = found
+        columns: dict[str, NDArray[Any]] = {LOG_TIME: np.array(times, np.int64)}
+        present: dict[str, NDArray[np.bool_]] = {}
+        for path, numbers in values.items():
+            column = _column(numbers)
+            if len(column) < len(times):
+                present[path] = np.zeros(len(times), bool)
+                present[path][rows[path]] = True
+                spread = np.zeros(len(times), column.dtype)
+                spread[rows[path]] = column
+                column = spread
+            columns[path] = column
+        found.rows.extend(len(times), columns, present)
+
+    def _asked(self, path: str) -> bool:
+        if path not in self._wanted:
+            if len(self._wanted) > 100_000:  # names that are new in each message
+                self._wanted.clear()
+            self._wanted[path] = path == stamp_of((path,)) or self.request.wants(
+                f"{self.name}.{path}"
+            )
+        return self._wanted[path]
+
+    def _parsed(self, text: bytes) -> dict[str, Any] | None:
+        try:
+            message = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            self.fail(f"it is no JSON: {' '.join(str(error).split())[:60]}")
+            return None
+        if not isinstance(message, dict):
+            self.fail(f"a JSON object was expected, not {type(message).__name__}")
+            return None
+        return message
+
+    def _numbers(
+        self, value: Any, path: str, found: Found, depth: int
+    ) -> Iterator[tuple[str, int | float | bool]]:
+        """Every number in a value, with its path."""
+        if isinstance(value, int | float):
+            yield path, value
+        elif isinstance(value, dict):
+            time = _time(value)
+            if time is not None and path:
+                found.times.add(path)
+                yield path, time
+            elif depth < _DEEPEST:
+                for name, inner in value.items():
+                    below = f"{path}.{name}" if path else name
+                    yield from self._numbers(inner, below, found, depth + 1)
+        elif isinstance(value, list):
+            if len(value) > LONGEST_LIST:
+                self.skipped.add(path)
+            elif depth < _DEEPEST:
+                for k, inner in enumerate(value):
+                    yield from self._numbers(inner, f"{path}[{k}]", found, depth + 1)
+        elif isinstance(value, str) and path.rpartition(".")[2] in ("frame_id", "parent_frame_id"):
+            found.meet_frame(path, value[:200])
+
+
+def _time(value: dict[str, Any]) -> int | None:
+    """The nanoseconds of an object of seconds and nanoseconds; None where it is something else."""
+    if len(value) != 2:
+        return None
+    seconds = next((value[name] for name in _SECONDS if name in value), None)
+    rest = next((value[name] for name in _NANOSECONDS if name in value), None)
+    if not isinstance(seconds, int) or not isinstance(rest, int):
+        return None
+    time = seconds * 1_000_000_000 + rest
+    return time if abs(time) < _LARGEST else None
+
+
+def _column(numbers: list[Any]) -> NDArray[Any]:
+    kinds = set(map(type, numbers))
+    if kinds == {bool}:
+        return np.array(numbers, bool)
+    if kinds == {int} and all(-_LARGEST <= number < _LARGEST for number in numbers):
+        return np.array(numbers, np.int64)
+    return np.array([_float(number) for number in numbers])
+
+
+def _float(number: Any) -> float:
+    try:
+        return float(number)
+    except OverflowError:
+        return float("inf") if number > 0 else float("-inf")

@@ -1,0 +1,263 @@
+"""Recordings that were cut off or damaged: what is whole is read, and what is lost is said."""
+
+import shutil
+import sqlite3
+import struct
+
+import message_files as files
+import numpy as np
+import pytest
+
+from palpate.errors import PalpateError, RecordingError
+from palpate.recordings import Recording, open_recording
+
+GIVEN = files.values(300, seed=2)
+LONG = files.values(3000, seed=3)
+FIRST = "/ft.wrench.force.x"
+
+
+def assert_begins_as_recorded(found, given=GIVEN, *, whole=False) -> int:
+    """What there is of each topic is what was recorded first, to the last bit."""
+    for name, column in given.columns().items():
+        if name in found.channels:
+            values = found.channels[name]
+            assert values.tobytes() == np.ascontiguousarray(column[: len(values)]).tobytes()
+    count = len(found.channels[FIRST])
+    assert (count == len(given)) == whole
+    return count
+
+
+def read_or_refused(path) -> Recording | str:
+    """What can be read, or the line that says why nothing can."""
+    try:
+        return open_recording(path)
+    except PalpateError as error:
+        return str(error)
+
+
+def mcap(tmp_path, **settings):
+    return files.wrench_mcap(tmp_path / "a.mcap", GIVEN, chunk_size=8000, **settings)
+
+
+@pytest.mark.parametrize("compression", files.COMPRESSIONS, ids=lambda each: each.name)
+@pytest.mark.parametrize("fraction", [0.2, 0.5, 0.77])
+def test_an_mcap_that_is_cut_off_is_read_to_where_it_is(tmp_path, compression, fraction) -> None:
+    path = mcap(tmp_path, compression=compression, use_chunking=fraction != 0.5)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(fraction * len(data))])
+    found = open_recording(path)
+    count = assert_begins_as_recorded(found)
+    # The summary, and the index of each chunk, are a quarter of so short a file at the most.
+    assert count > 0.7 * fraction * len(GIVEN)
+    assert any("recorder was killed" in each for each in found.losses)
+    with pytest.raises(RecordingError, match=r"a\.mcap"):
+        open_recording(path, strict=True)
+
+
+def test_of_a_chunk_that_is_cut_off_the_beginning_is_read(tmp_path) -> None:
+    # One chunk, of several blocks of zstd, which unpack only as a whole.
+    path = files.wrench_mcap(tmp_path / "a.mcap", LONG)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    found = open_recording(path)
+    assert assert_begins_as_recorded(found, LONG) > len(LONG) / 4
+    assert any("the last chunk" in each and "is cut off" in each for each in found.losses)
+
+
+@pytest.mark.parametrize("compression", files.COMPRESSIONS, ids=lambda each: each.name)
+def test_a_chunk_with_a_wrong_checksum_is_left_out_and_said(tmp_path, compression) -> None:
+    path = mcap(tmp_path, compression=compression)
+    data = bytearray(path.read_bytes())
+    plain = compression.name == "NONE"
+    data[data.index(GIVEN.wrenches[100].tobytes()) if plain else len(data) // 3] ^= 0x10
+    path.write_bytes(data)
+    found = open_recording(path)
+    stamps = found.channels["/ft.header.stamp"]
+    there = np.isin(GIVEN.stamps, stamps)
+    assert 0.5 < there.mean() < 1.0
+    assert found.channels[FIRST].tobytes() == GIVEN.wrenches[there, 0].tobytes()
+    assert any("is lost" in each for each in found.losses)
+    assert any("counts 600 messages" in each for each in found.losses)
+    with pytest.raises(RecordingError):
+        open_recording(path, strict=True)
+
+
+@pytest.mark.parametrize("chunks", [True, False])
+def test_after_bytes_that_are_no_record_the_next_one_is_found(tmp_path, chunks) -> None:
+    path = mcap(tmp_path, use_chunking=chunks)
+    data = path.read_bytes()
+    third = len(data) // 3
+    path.write_bytes(data[:third] + bytes(range(256)) * 8 + data[third + 3000 :])
+    found = open_recording(path)
+    there = np.isin(GIVEN.stamps, found.channels["/ft.header.stamp"])
+    assert there[-1]
+    assert 0.5 < there.mean() < 1.0
+    assert found.losses
+
+
+def test_an_mcap_whose_first_bytes_are_lost_is_searched(tmp_path) -> None:
+    path = mcap(tmp_path)
+    data = path.read_bytes()
+    path.write_bytes(b"\0" * 20 + data[20:])
+    found = open_recording(path)
+    assert_begins_as_recorded(found, whole=True)
+    assert any("does not begin" in each for each in found.losses)
+
+
+@pytest.mark.parametrize("compression", [None, "LZ4"])
+@pytest.mark.parametrize("fraction", [0.3, 0.8])
+def test_a_bag_of_ros1_that_is_cut_off_is_read(tmp_path, compression, fraction) -> None:
+    messages = files.wrenches_and_poses(LONG, ros1=True)
+    path = files.rosbag1(tmp_path / "a.bag", messages, compression)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(fraction * len(data))])
+    found = open_recording(path)
+    # A block of LZ4 has 64 kB and unpacks only as a whole; the index at the end is a fifth.
+    assert assert_begins_as_recorded(found, LONG) > fraction * len(LONG) / 2
+    assert found.losses
+
+
+def test_a_bag_of_which_nothing_unpacks_is_refused_in_a_line(tmp_path) -> None:
+    messages = files.wrenches_and_poses(GIVEN, ros1=True)
+    path = files.rosbag1(tmp_path / "a.bag", messages, "BZ2")  # one block of up to 900 kB
+    path.write_bytes(path.read_bytes()[:20_000])
+    with pytest.raises(RecordingError, match=r"no topic .* is cut off"):
+        open_recording(path)
+
+
+def test_a_bag_of_ros1_that_was_not_closed_is_read(tmp_path) -> None:
+    messages = files.wrenches_and_poses(GIVEN, ros1=True)
+    path = files.rosbag1(tmp_path / "a.bag", messages)
+    data = bytearray(path.read_bytes())
+    # As a recorder leaves it: no index, and the chunk's sizes not written yet.
+    index = data.index(b"index_pos=")
+    data[index + 10 : index + 18] = bytes(8)
+    chunk = data.index(b"compression=none")
+    size = data.index(b"size=", chunk)
+    end = data.index(b"op=\x05", chunk - 40)
+    head = max(size + 9, end + 4)
+    (length,) = struct.unpack_from("<I", data, head)
+    data[size + 5 : size + 9] = data[head : head + 4] = bytes(4)
+    path = tmp_path / "a.bag.active"
+    path.write_bytes(data[: head + 4 + length - 11])
+    found = open_recording(path)
+    assert assert_begins_as_recorded(found, whole=True) == len(GIVEN)
+    assert any("did not close it" in each for each in found.losses)
+
+
+def database(tmp_path, mode: str | None = None):
+    folder = files.rosbag2(tmp_path / "bag", files.wrenches_and_poses(GIVEN), mode=mode)
+    return folder / "bag.db3"
+
+
+def test_of_a_database_with_bad_pages_the_others_are_read(tmp_path) -> None:
+    path = database(tmp_path)
+    data = bytearray(path.read_bytes())
+    (page,) = struct.unpack_from(">H", data, 16)
+    leaves = [k for k in range(0, len(data), page) if data[k] == 0x0D]
+    for leaf in leaves[8:10]:
+        data[leaf : leaf + page] = b"\xff" * page
+    path.write_bytes(data)
+    found = open_recording(path)
+    there = np.isin(GIVEN.stamps, found.channels["/ft.header.stamp"])
+    assert 0.5 < there.mean() < 1.0
+    assert there[-1]
+    assert found.channels[FIRST].tobytes() == GIVEN.wrenches[there, 0].tobytes()
+    assert any("are lost" in each for each in found.losses)
+    found = open_recording(path.parent)
+    assert any("counts 600 messages" in each for each in found.losses)
+
+
+def test_a_database_that_is_cut_off_is_read_or_refused(tmp_path) -> None:
+    path = database(tmp_path)
+    data = path.read_bytes()
+    seen = []
+    for fraction in (0.05, 0.3, 0.6, 0.9):
+        path.write_bytes(data[: int(fraction * len(data))])
+        found = read_or_refused(path)
+        seen.append(not isinstance(found, str))
+        if isinstance(found, str):
+            assert "\n" not in found
+        else:
+            assert found.losses
+            assert len(found.channels[FIRST]) < len(GIVEN)
+    assert seen[-1]
+
+
+def test_what_a_recorder_left_in_the_log_of_its_database_is_read(tmp_path) -> None:
+    path = database(tmp_path)
+    live = sqlite3.connect(path)
+    live.execute("PRAGMA journal_mode = WAL")
+    live.execute("PRAGMA wal_autocheckpoint = 0")
+    rows = live.execute("SELECT topic_id, timestamp, data FROM messages LIMIT 2").fetchall()
+    live.executemany("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", rows)
+    live.commit()
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    for each in (path, path.with_name("bag.db3-wal")):
+        shutil.copy(each, killed)
+    live.close()
+    before = {each.name: each.read_bytes() for each in killed.iterdir()}
+    found = open_recording(killed / "bag.db3")
+    assert len(found.channels[FIRST]) == len(GIVEN) + 1
+    assert {each.name: each.read_bytes() for each in killed.iterdir()} == before
+    found = open_recording(killed)
+    assert any("metadata.yaml is missing" in each for each in found.losses)
+
+
+def test_a_bag_of_which_a_file_is_missing_says_so(tmp_path) -> None:
+    path = database(tmp_path)
+    metadata = path.with_name("metadata.yaml")
+    metadata.write_text(metadata.read_text().replace("  - bag.db3", "  - bag.db3\n  - bag_1.db3"))
+    found = open_recording(path.parent)
+    assert_begins_as_recorded(found, whole=True)
+    assert found.losses == ("its file bag_1.db3 is missing",)
+    path.unlink()
+    with pytest.raises(RecordingError, match="holds no bag"):
+        open_recording(path.parent)
+
+
+def test_metadata_that_cannot_be_understood_are_passed_over(tmp_path) -> None:
+    path = database(tmp_path)
+    for text in ("[", "a: 1", "rosbag2_bagfile_information: 3", "x: &x [*x]"):
+        path.with_name("metadata.yaml").write_text(text)
+        found = open_recording(path.parent)
+        assert_begins_as_recorded(found, whole=True)
+        assert any("cannot be understood" in each for each in found.losses)
+
+
+def test_single_messages_that_are_not_of_their_type_are_counted(tmp_path) -> None:
+    messages = [
+        ("/ft", int(stamp), files.cdr_wrench(stamp, row)[: 40 if k % 50 == 7 else None])
+        for k, (stamp, row) in enumerate(zip(GIVEN.stamps, GIVEN.wrenches, strict=True))
+    ]
+    kind = ("cdr", "ros2msg", "geometry_msgs/msg/WrenchStamped", files.WRENCH.encode())
+    path = files.raw_mcap(tmp_path / "a.mcap", messages, {"/ft": kind})
+    found = open_recording(path)
+    assert len(found.channels[FIRST]) == len(GIVEN) - 6
+    assert any("6 of 300 messages could not be decoded" in each for each in found.losses)
+    with pytest.raises(RecordingError, match="6 of 300"):
+        open_recording(path, strict=True)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_damage_leads_to_a_traceback(tmp_path, seed) -> None:
+    random = np.random.default_rng(seed)
+    sources = [
+        files.wrench_mcap(tmp_path / "a.mcap", GIVEN, chunk_size=8000),
+        files.wrench_mcap(tmp_path / "b.mcap", GIVEN, use_chunking=False),
+        files.rosbag1(tmp_path / "c.bag", files.wrenches_and_poses(GIVEN, ros1=True)),
+        database(tmp_path),
+    ]
+    for source in sources:
+        data = source.read_bytes()
+        path = tmp_path / f"damaged{source.suffix}"
+        for _ in range(12):
+            damaged = bytearray(data)
+            for place in random.integers(0, len(data), 20):
+                damaged[place] ^= 1 << int(random.integers(8))
+            path.write_bytes(damaged[: int(random.integers(1, len(data) + 1))])
+            found = read_or_refused(path)
+            losses = [found] if isinstance(found, str) else found.losses
+            assert losses
+            assert all("\n" not in each for each in losses)

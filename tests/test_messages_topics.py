@@ -1,0 +1,271 @@
+"""Topics as robots have them: transforms, joints, frames that change, and what holds no numbers."""
+
+import struct
+from functools import partial
+
+import message_files as files
+import numpy as np
+import pytest
+
+from palpate.errors import RecordingError
+from palpate.recordings import open_recording
+
+GIVEN = files.values(60)
+MAKER = files.Maker()
+WRENCH = ("cdr", "ros2msg", "geometry_msgs/msg/WrenchStamped", files.WRENCH.encode())
+
+
+def bag(tmp_path, messages):
+    return open_recording(files.rosbag2(tmp_path / "bag", messages))
+
+
+def cdr(tmp_path, definition: str, bodies: list[bytes], topic: str = "/own", **settings):
+    """Messages of a type of one's own, in CDR."""
+    schema = ("cdr", "ros2msg", "own_msgs/msg/Own", definition.encode())
+    messages = [(topic, files.BEGIN + k, b"\0\1\0\0" + body) for k, body in enumerate(bodies)]
+    path = files.raw_mcap(tmp_path / "own.mcap", messages, {topic: schema}, **settings)
+    return open_recording(path)
+
+
+def test_each_pair_of_frames_of_tf_has_channels_and_a_clock_of_its_own(tmp_path) -> None:
+    messages = []
+    for k, (stamp, row) in enumerate(zip(GIVEN.stamps, GIVEN.poses, strict=True)):
+        pairs = [("base", "tool")] + [("base", "camera")] * (k % 3 == 0)
+        message = MAKER.transforms(stamp, row, *pairs)
+        messages.append(("/tf", "tf2_msgs/TFMessage", int(stamp), message))
+    found = bag(tmp_path, messages)
+    for child, which in (("tool", slice(None)), ("camera", slice(None, None, 3))):
+        above = f"/tf[base>{child}]"
+        moved = found.channels[f"{above}.transform.translation.y"]
+        assert moved.tobytes() == np.ascontiguousarray(GIVEN.poses[which, 1]).tobytes()
+        assert (found.channels[f"{above}.header.stamp"] == GIVEN.stamps[which]).all()
+        assert found.clocks[f"{above}.transform.rotation.w"] == f"{above}.header.stamp"
+        assert found.frames[f"{above}.transform.rotation.w"] == "base"
+        assert found.units[f"{above}.transform.translation.x"] == "m"
+    assert not found.faults
+
+
+def test_a_transform_that_a_message_holds_twice_has_two_rows(tmp_path) -> None:
+    pairs = [("base", "tool"), ("base", "tool")]
+    message = MAKER.transforms(GIVEN.stamps[0], GIVEN.poses[0], *pairs)
+    found = bag(tmp_path, [("/tf", "tf2_msgs/TFMessage", 5, message)] * 3)
+    assert found.channels["/tf[base>tool].log_time"].tolist() == [5] * 6
+
+
+def test_joints_are_named_and_stay_themselves_when_their_order_changes(tmp_path) -> None:
+    messages = []
+    for k, stamp in enumerate(GIVEN.stamps):
+        names = ["shoulder", "elbow"] if k % 2 else ["elbow", "shoulder"]
+        angles = np.array([1.0, 2.0] if k % 2 else [2.0, 1.0]) + k
+        message = MAKER.joints(stamp, names, angles)
+        messages.append(("/joints", "sensor_msgs/JointState", int(stamp), message))
+    found = bag(tmp_path, messages)
+    assert (found.channels["/joints.position[shoulder]"] == 1.0 + np.arange(60)).all()
+    assert (found.channels["/joints.position[elbow]"] == 2.0 + np.arange(60)).all()
+    assert not found.faults
+
+
+def test_a_joint_that_some_messages_lack_is_nan_there_and_counted(tmp_path) -> None:
+    messages = []
+    for k, stamp in enumerate(GIVEN.stamps):
+        names = ["a", "b"][: 1 + (k >= 10)]
+        message = MAKER.joints(stamp, names, np.arange(len(names)) + 1.0)
+        messages.append(("/joints", "sensor_msgs/JointState", int(stamp), message))
+    found = bag(tmp_path, messages)
+    second = found.channels["/joints.position[b]"]
+    assert np.isnan(second[:10]).all()
+    assert (second[10:] == 2.0).all()
+    faults = found.faults["/joints.position[b]"]
+    assert (faults.count, faults.sample) == (10, 0)
+
+
+def test_velocities_of_an_odometry_are_in_the_frame_that_moves(tmp_path) -> None:
+    origin = MAKER.make("geometry_msgs/Point", 1.0, 2.0, 3.0)
+    turn = MAKER.make("geometry_msgs/Quaternion", 0.0, 0.0, 0.0, 1.0)
+    pose = MAKER.make("geometry_msgs/Pose", origin, turn)
+    vector = MAKER.make("geometry_msgs/Vector3", 4.0, 5.0, 6.0)
+    twist = MAKER.make("geometry_msgs/Twist", vector, vector)
+    covariance = np.zeros(36)
+    message = MAKER.make(
+        "nav_msgs/Odometry",
+        MAKER.header(GIVEN.stamps[0], "odom"),
+        "base",
+        MAKER.make("geometry_msgs/PoseWithCovariance", pose, covariance),
+        MAKER.make("geometry_msgs/TwistWithCovariance", twist, covariance),
+    )
+    found = bag(tmp_path, [("/odom", "nav_msgs/Odometry", files.BEGIN, message)])
+    assert found.frames["/odom.pose.pose.position.x"] == "odom"
+    assert found.frames["/odom.twist.twist.linear.x"] == "base"
+    assert found.units["/odom.twist.twist.linear.x"] == "m/s"
+    assert found.notes["/odom.child_frame_id"] == "base"
+    assert found.channels["/odom.pose.covariance[35]"].tolist() == [0.0]
+
+
+@pytest.mark.parametrize("other", ["tools", "another frame of another length"])
+def test_a_frame_that_changes_is_said_and_none_is_given(tmp_path, other) -> None:
+    messages = []
+    for k, (stamp, row) in enumerate(zip(GIVEN.stamps, GIVEN.wrenches, strict=True)):
+        data = files.cdr_wrench(stamp, row, "sensor" if k < 30 else other)
+        messages.append(("/ft", int(stamp), data))
+    found = open_recording(files.raw_mcap(tmp_path / "a.mcap", messages, {"/ft": WRENCH}))
+    assert not found.frames
+    assert any("frame changes" in each and other in each for each in found.omissions)
+    assert found.channels["/ft.wrench.force.x"].tobytes() == GIVEN.wrenches[:, 0].tobytes()
+
+
+def test_messages_of_both_orders_of_bytes_may_be_mixed(tmp_path) -> None:
+    messages = []
+    for k, (stamp, row) in enumerate(zip(GIVEN.stamps, GIVEN.wrenches, strict=True)):
+        data = files.cdr_wrench(stamp, row, order="<>"[k % 2])
+        messages.append(("/ft", int(stamp), data))
+    found = open_recording(files.raw_mcap(tmp_path / "a.mcap", messages, {"/ft": WRENCH}))
+    assert found.channels["/ft.wrench.torque.y"].tobytes() == GIVEN.wrenches[:, 4].tobytes()
+    assert (found.channels["/ft.header.stamp"] == GIVEN.stamps).all()
+
+
+def test_stamps_that_are_all_zero_are_no_clock(tmp_path) -> None:
+    messages = [("/ft", k, files.cdr_wrench(0, GIVEN.wrenches[k])) for k in range(60)]
+    found = open_recording(files.raw_mcap(tmp_path / "a.mcap", messages, {"/ft": WRENCH}))
+    assert found.clocks["/ft.wrench.force.x"] == "/ft.log_time"
+    assert not found.channels["/ft.header.stamp"].any()
+
+
+def test_numbers_keep_their_type_and_their_alignment(tmp_path) -> None:
+    definition = "uint8 a\nint64 b\nbool c\nfloat32[3] d\nstring e\nuint16[] f\nint8 g\nfloat64 h"
+    bodies = []
+    for k in range(20):
+        body = struct.pack("<B7xqB3x3f", k, -(2**62) + k, k % 2, k, 0.1, -k)
+        text = b"n" * (k % 4) + b"\0"
+        body += struct.pack("<I", len(text)) + text
+        body += bytes(-len(body) % 4) + struct.pack("<I3Hb", 3, k, 1, 2, -k)
+        body += bytes(-len(body) % 8) + struct.pack("<d", k / 3)
+        bodies.append(body)
+    found = cdr(tmp_path, definition, bodies)
+    n = np.arange(20)
+    assert found.channels["/own.a"].dtype == np.uint8
+    assert (found.channels["/own.b"] == -(2**62) + n).all()
+    assert found.channels["/own.c"].dtype == bool
+    assert found.channels["/own.d[1]"].dtype == np.float32
+    assert (found.channels["/own.d[2]"] == -n).all()
+    assert (found.channels["/own.f[0]"] == n).all()
+    assert (found.channels["/own.g"] == -n).all()
+    assert (found.channels["/own.h"] == n / 3).all()
+
+
+def test_definitions_in_idl_are_read(tmp_path) -> None:
+    text = b"""================================================================================
+IDL: own_msgs/msg/Own
+module own_msgs { module msg { struct Own { double force; sequence<float> list; }; }; };
+"""
+    body = b"\0\1\0\0" + struct.pack("<dI2f", 1.5, 2, 0.5, 0.25)
+    schema = {"/own": ("cdr", "ros2idl", "own_msgs/msg/Own", text)}
+    path = files.raw_mcap(tmp_path / "a.mcap", [("/own", k, body) for k in range(3)], schema)
+    found = open_recording(path)
+    assert found.channels["/own.force"].tolist() == [1.5] * 3
+    assert found.channels["/own.list[1]"].tolist() == [0.25] * 3
+
+
+def test_images_and_scans_are_left_out_and_said(tmp_path) -> None:
+    messages = files.wrenches_and_poses(GIVEN)
+    header = MAKER.header(GIVEN.stamps[0], "camera")
+    pixels = np.zeros(10_000, np.uint8)
+    image = MAKER.make("sensor_msgs/Image", header, 100, 100, "mono8", 0, 100, pixels)
+    messages.append(("/image", "sensor_msgs/Image", files.BEGIN, image))
+    messages.append(("/words", "std_msgs/String", files.BEGIN, MAKER.make("std_msgs/String", "a")))
+    found = bag(tmp_path, messages)
+    assert not any(name.startswith(("/image", "/words")) for name in found.channels)
+    assert any(each.startswith("/image (sensor_msgs/msg/Image, 1 ") for each in found.omissions)
+    assert any("/words" in each and "no numbers" in each for each in found.omissions)
+    assert not found.losses
+
+
+def test_a_long_list_beside_numbers_is_left_out_and_they_are_read(tmp_path) -> None:
+    body = struct.pack("<60dI65B", *range(60), 65, *range(65))
+    found = cdr(tmp_path, "float64[60] short\nuint8[] long", [body] * 3)
+    assert found.channels["/own.short[59]"].tolist() == [59.0] * 3
+    assert any("long lists are not read: long" in each for each in found.omissions)
+
+
+def test_only_what_is_asked_for_is_read(tmp_path) -> None:
+    path = files.wrench_mcap(tmp_path / "a.mcap", GIVEN)
+    found = open_recording(path, ["/ft.wrench.force"])
+    assert sorted(found.channels) == [
+        "/ft.header.stamp",
+        "/ft.log_time",
+        "/ft.wrench.force.x",
+        "/ft.wrench.force.y",
+        "/ft.wrench.force.z",
+    ]
+    assert found.omissions == ("not asked for: /pose",)
+    with pytest.raises(RecordingError, match=r"'/other'.*there are the topics /ft, /pose"):
+        open_recording(path, ["/ft", "/other"])
+
+
+def test_channels_of_one_topic_and_type_are_one_topic(tmp_path) -> None:
+    messages = files.wrenches_and_poses(GIVEN, ros1=True)
+    path = files.rosbag1(tmp_path / "a.bag", messages)
+    store = files.typestore(True)
+    extra = store.serialize_ros1(messages[0][3], "geometry_msgs/msg/WrenchStamped")
+    assert extra in path.read_bytes()
+    other = ("json", "jsonschema", "Other", b"{}")
+    wrench = (files.BEGIN, files.cdr_wrench(1, GIVEN.wrenches[0]))
+    path = tmp_path / "b.mcap"
+    with path.open("wb") as file:
+        writer = files.Writer(file)
+        writer.start()
+        schemas = [writer.register_schema(each[2], each[1], each[3]) for each in (WRENCH, other)]
+        for encoding, schema in (("cdr", schemas[0]), ("cdr", schemas[0]), ("json", schemas[1])):
+            channel = writer.register_channel("/ft", encoding, schema, {"n": str(id(schema))})
+            data = wrench[1] if encoding == "cdr" else b'{"a": 1}'
+            writer.add_message(channel, wrench[0], data, wrench[0])
+        writer.finish()
+    found = open_recording(path)
+    assert len(found.channels["/ft.wrench.force.x"]) == 2
+    assert found.channels["/ft (Other).a"].tolist() == [1]
+
+
+@pytest.mark.parametrize("encoding", ["flatbuffer", "cbor", ""])
+def test_encodings_that_are_not_read_are_said(tmp_path, encoding) -> None:
+    schemas = {"/x": (encoding, "x", "X", b""), "/ft": WRENCH}
+    messages = [("/x", 1, b"a"), ("/ft", 2, files.cdr_wrench(1, GIVEN.wrenches[0]))]
+    found = open_recording(files.raw_mcap(tmp_path / "a.mcap", messages, schemas))
+    assert any(each.startswith("/x ") and "are not read" in each for each in found.omissions)
+
+
+def test_the_progress_goes_from_nothing_to_all(tmp_path) -> None:
+    path = files.wrench_mcap(tmp_path / "a.mcap", GIVEN, chunk_size=1000)
+    seen: list[float] = []
+    open_recording(path, progress=seen.append)
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    assert len(seen) > 5
+
+
+def test_layouts_that_alternate_stay_in_the_order_of_the_file(tmp_path) -> None:
+    bodies = []
+    for k in range(500):
+        text = b"n" * (k * 7 % 13) + b"\0"
+        body = struct.pack("<I", len(text)) + text
+        bodies.append(body + bytes(-len(body) % 8) + struct.pack("<d", k))
+    found = cdr(tmp_path, "string text\nfloat64 value", bodies)
+    assert found.channels["/own.value"].tolist() == list(range(500))
+    assert (np.diff(found.channels["/own.log_time"]) == 1).all()
+
+
+def test_as_many_messages_are_found_however_they_interleave(tmp_path) -> None:
+    random = np.random.default_rng(5)
+    schemas = {"/ft": WRENCH, "/n": ("json", "", "", b"")}
+    messages = []
+    for k in range(3000):
+        if random.random() < 0.3 or 1000 < k < 1500:
+            messages.append(("/n", k, b'{"k": %d}' % k))
+        else:
+            messages.append(("/ft", k, files.cdr_wrench(k, np.full(6, float(k)))))
+    for chunking in (True, False):
+        write = partial(files.raw_mcap, tmp_path / "a.mcap", messages, schemas)
+        found = open_recording(write(use_chunking=chunking))
+        asked = [time for topic, time, _ in messages if topic == "/ft"]
+        assert found.channels["/ft.log_time"].tolist() == asked
+        assert found.channels["/ft.wrench.torque.z"].tolist() == asked
+        asked = [time for topic, time, _ in messages if topic == "/n"]
+        assert found.channels["/n.k"].tolist() == asked
