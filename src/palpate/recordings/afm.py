@@ -11,7 +11,7 @@ import numpy as np
 from afmformats import errors, load_data
 from afmformats.afm_data import column_units, known_columns
 from afmformats.formats.fmt_jpk.jpk_reader import ArchiveCache, JPKReader
-from afmformats.meta import META_FIELDS
+from afmformats.meta import META_FIELDS, MetaDataMissingError
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
@@ -29,7 +29,7 @@ from palpate.recordings.recording import Recording, printable
 _FAULTS = (
     ArithmeticError, AttributeError, AssertionError, EOFError, LookupError, NotImplementedError,
     OSError, RuntimeError, TypeError, ValueError, zipfile.BadZipFile, zlib.error,
-    errors.AFMFileFormatError,
+    errors.AFMFileFormatError, MetaDataMissingError,
 )  # fmt: skip
 
 # A calibrated height beside the force, and when it was; the rest of some fifty is the instrument's.

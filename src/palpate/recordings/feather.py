@@ -39,15 +39,16 @@ def read(path: Path, request: Request) -> Recording:
     try:
         with pa.OSFile(str(path)) as file:
             schema, batches = _batches(file, columns.losses)
+            names = [name_of(name) for name in schema.names]
     except DAMAGED as error:
         raise RecordingError(
             f"{source}: the file is damaged and cannot be read ({first_line(error)}); copy it again"
         ) from None
-    wanted = [k for k, form in enumerate(schema) if request.wants(name_of(form.name))]
-    if not wanted and len(schema):
-        names = ", ".join(name_of(name) for name in schema.names[:20])
+    wanted = [k for k, name in enumerate(names) if request.wants(name)]
+    if not wanted and names:
         asked = ", ".join(request.channels or ())
-        raise RecordingError(f"{source}: none of the columns {asked}; there are {names}")
+        there = ", ".join(names[:20])
+        raise RecordingError(f"{source}: none of the columns {asked}; there are {there}")
     for done, k in enumerate(wanted):
         form = schema.field(k)
         chunks = [batch.column(k) for batch in batches]

@@ -97,29 +97,44 @@ class Format:
 
 TEXT = Format("text", (".csv", ".tsv", ".txt", ".dat"), "palpate.recordings.csv")
 
-_HERE = "palpate.recordings"
+FORCE_CURVES = Format(
+    "AFM force curve",
+    (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw"),
+    "palpate.recordings.afm",
+    (b"# afmformats",),
+    "afm",
+)
+
+FEATHER = Format(
+    "Feather",
+    (".feather", ".arrow"),
+    "palpate.recordings.feather",
+    (b"ARROW1", b"FEA1"),
+    "recordings",
+)
+
+HDF5 = Format(
+    "HDF5",
+    (".h5", ".hdf5", ".hdf"),
+    "palpate.recordings.hdf5",
+    (b"\x89HDF\r\n\x1a\n",),
+    "recordings",
+)
+
+MATLAB = Format(
+    "MATLAB",
+    (".mat",),
+    "palpate.recordings.matlab",
+    (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT"),
+    "recordings",
+)
+
+PARQUET = Format(
+    "Parquet", (".parquet", ".pq"), "palpate.recordings.parquet", (b"PAR1",), "recordings"
+)
 
 #: Every format. To add one: a module with ``read``, and its row.
-FORMATS: list[Format] = [
-    TEXT,
-    Format(
-        "AFM force curve",
-        (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw"),
-        f"{_HERE}.afm",
-        (b"# afmformats",),
-        "afm",
-    ),
-    Format(
-        "Feather", (".feather", ".arrow"), f"{_HERE}.feather", (b"ARROW1", b"FEA1"), "recordings"
-    ),
-    Format(
-        "HDF5", (".h5", ".hdf5", ".hdf"), f"{_HERE}.hdf5", (b"\x89HDF\r\n\x1a\n",), "recordings"
-    ),
-    Format(
-        "MATLAB", (".mat",), f"{_HERE}.matlab", (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT"), "recordings"
-    ),
-    Format("Parquet", (".parquet", ".pq"), f"{_HERE}.parquet", (b"PAR1",), "recordings"),
-]
+FORMATS: list[Format] = [TEXT, FORCE_CURVES, FEATHER, HDF5, MATLAB, PARQUET]
 
 
 def _within(name: str, whole: str) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from palpate.errors import RecordingError
 from palpate.recordings.bounds import Budget, first_line, in_words, regular_size
-from palpate.recordings.formats import Request
+from palpate.recordings.formats import FORCE_CURVES, Request
 from palpate.recordings.nested import Findings, text_of
 from palpate.recordings.recording import Recording, printable
 
@@ -47,15 +47,13 @@ def read(path: Path, request: Request) -> Recording:
     source = printable(path)
     size = regular_size(path)
     with opened(path, source) as file:
-        if _is_afm(file):
-            from palpate.recordings import afm
-
-            return afm.read(path, request)
-        walk = Walk(Budget(size))
-        walk.group(file, ())
-        for name, words in walk.attributes(file):
-            walk.found.note(name, words)
-        return walk.found.recording(source, request)
+        if not _is_afm(file):
+            walk = Walk(Budget(size))
+            walk.group(file, ())
+            for name, words in walk.attributes(file):
+                walk.found.note(name, words)
+            return walk.found.recording(source, request)
+    return FORCE_CURVES.read(path, request)  # the file is closed: afmformats opens it its own way
 
 
 @contextmanager
@@ -107,6 +105,7 @@ class Walk:
     def group(self, group: h5py.Group, path: tuple[str, ...]) -> None:
         """Take what is in a group, and in those below it."""
         try:
+            self._seen.add(h5py.h5o.get_info(group.id).addr)
             names = list(group)
         except DAMAGED as error:
             self.found.lose("/".join(path) or "the file", f"cannot be read: {first_line(error)}")

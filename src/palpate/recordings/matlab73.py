@@ -61,7 +61,7 @@ class _Variables(Walk):
         elif kind not in NUMBERS:
             self.found.omit(whole, no_class(kind or "unknown"))
         elif item.dtype.names:
-            self.found.omit(whole, "holds complex numbers")
+            self.found.omit(whole, no_class("complex"))
         elif item.dtype.kind not in "iufb" or item.external or item.is_virtual:
             self.found.omit(whole, "is no plain array of numbers")
         elif item.size == 1:

@@ -33,6 +33,8 @@ def no_class(name: str) -> str:
     if name in ("cell", "string", "function_handle", "char"):
         words = {"function_handle": "a function", "char": "text", "string": "text"}
         return f"holds {words.get(name, 'cells')}, and no series of numbers"
+    if name == "complex":
+        return "holds complex numbers"
     if name == "sparse":
         return "is a sparse matrix, and no series"
     cure = _CURES.get(name, "a struct of arrays")

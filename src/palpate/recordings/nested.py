@@ -1,6 +1,5 @@
 """Arrays in groups: which channels they are, and which array is the clock of which."""
 
-import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,24 +9,15 @@ from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.recordings.bounds import first_line, refuse_losses
+from palpate.recordings.clocks import clock_rank, epoch_unit
 from palpate.recordings.formats import Request
 from palpate.recordings.recording import Recording
 
 #: An array with more columns than this is an image or a table of another kind.
 MOST_COLUMNS = 256
 
-# Names of times, the surest first, each with or without its unit: time, time_s, Time (ms).
-_CLOCKS = ("time", "times", "timestamps?", "stamps?", "t", "ts", "tout", "clock")
-_UNIT = (
-    r"([ _]?[(\[]?(s|ms|us|µs|ns|secs?|seconds?|msecs?|usecs?|nsecs?|stamps?|header|epoch)[)\]]?)?"
-)
-_PATTERNS = [re.compile(name + _UNIT + "$", re.IGNORECASE) for name in _CLOCKS]
-
 # What the clock of one array alone is called.
 _OWN_CLOCKS = ("{}_time", "{}_time_s", "{}_t", "{}_timestamps", "{}_stamps", "time_{}", "t_{}")
-
-# A clock in whole units since 1970 is known by its size: these bounds are the years 2001 and 2286.
-_EPOCHS = {"ns": 1e18, "us": 1e15, "ms": 1e12}
 
 _MOST_NOTES = 60
 
@@ -62,9 +52,7 @@ class Leaf:
     @property
     def rank(self) -> int | None:
         """How surely this is a clock, 0 the most; None if it is none."""
-        if len(self.shape) != 1:
-            return None
-        return next((i for i, form in enumerate(_PATTERNS) if form.match(self.name)), None)
+        return clock_rank(self.name) if len(self.shape) == 1 else None
 
 
 @dataclass(slots=True)
@@ -173,7 +161,7 @@ class Findings:
         unit = leaf.unit
         if leaf.rank is not None:
             values = _whole_times(values)
-            unit = unit or _epoch_unit(values)
+            unit = unit or epoch_unit(values)
             if unit and not leaf.unit:
                 self.note(leaf.channel, f"taken as {unit} since 1970, by its size")
         for name, column in _columns(leaf, values, clock):
@@ -273,13 +261,6 @@ def _whole_times(values: NDArray[Any]) -> NDArray[Any]:
         fits = values.dtype.itemsize < 8 or values.dtype.kind == "i" or not (values >> 63).any()
         return values.astype(np.int64 if fits else np.float64, copy=False)
     return values
-
-
-def _epoch_unit(values: NDArray[Any]) -> str | None:
-    """The unit of times since 1970, by the size of the first; seconds are SI and need no word."""
-    known = values[np.isfinite(values)]
-    first = float(known[0]) if known.size else 0.0
-    return next((unit for unit, least in _EPOCHS.items() if least <= first < 10 * least), None)
 
 
 def _covers(name: str, channel: str) -> bool:
