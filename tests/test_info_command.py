@@ -1,6 +1,8 @@
 """``palpate info`` on every kind of file: tables, JSON, strip charts, and refusals."""
 
 import json
+import re
+from pathlib import Path
 from xml.etree import ElementTree
 
 import h5py
@@ -182,3 +184,14 @@ def test_without_matplotlib_the_extra_is_named_before_anything_is_read(run, tmp_
     status, _, err = run("info", tmp_path / "absent.h5", "--figure", "a.svg")
     assert status == 2
     assert "palpate[figures]" in err
+
+
+def test_the_description_that_is_shown_is_the_one_that_is_printed(run, tmp_path, monkeypatch):
+    root = Path(__file__).parents[1]
+    page = (root / "docs" / "recordings" / "hdf5.md").read_text()
+    (tmp_path / "examples").symlink_to(root / "examples")
+    monkeypatch.chdir(tmp_path)
+    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], {})
+    shown = re.search(r"```text\n(.*?)```", page, re.DOTALL)[1]
+    printed = run("info", "probing.h5", "--figure", "probing.svg")[1]
+    assert printed.split() == shown.split()
