@@ -107,8 +107,18 @@ def test_an_array_of_which_nothing_was_written_takes_no_memory(write, tmp_path):
     assert set(recording.channels) == set(COLUMNS)
     assert recording.losses == (
         "huge: nothing was written of its 10000000000 values",
-        "some: claims 80 GB, and the file holds 8 kB of it",
+        "some: 1 of its 10000000 pieces were written",
     )
+
+
+def test_pieces_of_an_array_that_were_never_written_are_said(tmp_path):
+    path = write_hdf5(tmp_path / "some.h5")
+    with h5py.File(path, "r+") as file:
+        made = file.create_dataset("x", shape=(600,), dtype="f8", chunks=(100,))
+        made[:450] = 1.0
+    recording = open_recording(path)
+    assert recording.channels["x"][499:501].tolist() == [0.0, 0.0]
+    assert recording.losses == ("x: 1 of its 6 pieces were never written; they read as 0.0",)
 
 
 def bomb_hdf5(path):

@@ -25,7 +25,7 @@ def unpacked_size(file: BinaryIO, size: int) -> int:
             message = _Table.root(file.read(length))
             body = message.number(3, "<q")
             total += _claimed(message, file, at + 8 + length)
-        except (struct.error, ValueError):  # pyarrow says what is wrong
+        except (OSError, OverflowError, struct.error, ValueError):  # pyarrow says what is wrong
             break
         if body < 0:
             break

@@ -1,5 +1,6 @@
 """HDF5: groups of arrays, each group on its own clock."""
 
+import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -172,13 +173,19 @@ class Walk:
     def _fits(self, item: h5py.Dataset, whole: str) -> bool:
         """Whether the numbers that an array claims are there."""
         claimed, stored = item.size * item.dtype.itemsize, item.id.get_storage_size()
+        written, pieces = _pieces(item) if stored else (0, 1)
         if not stored:
             self.found.lose(whole, f"nothing was written of its {item.size} values")
+        elif 2 * written < pieces:  # more is missing than is there
+            self.found.lose(whole, f"{written} of its {pieces} pieces were written")
         elif not self.budget.allows(claimed, stored):
             self.found.lose(
                 whole, f"claims {in_words(claimed)}, and the file holds {in_words(stored)} of it"
             )
         else:
+            if written < pieces:
+                missing = f"{pieces - written} of its {pieces} pieces were never written"
+                self.found.lose(whole, f"{missing}; they read as {item.fillvalue}")
             return True
         return False
 
@@ -210,6 +217,14 @@ class Walk:
                     yield name, words
         except DAMAGED:  # an attribute more or less; the arrays say what is wrong
             return
+
+
+def _pieces(item: h5py.Dataset) -> tuple[int, int]:
+    """How many pieces of an array were written, and how many there have to be."""
+    if item.chunks is None:
+        return 1, 1
+    sides = zip(item.shape, item.chunks, strict=True)
+    return item.id.get_num_chunks(), math.prod(-(-side // piece) for side, piece in sides)
 
 
 def _no_numbers(item: h5py.Dataset) -> str:
