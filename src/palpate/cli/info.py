@@ -9,7 +9,7 @@ from palpate.cli.printing import AsJson
 
 
 def info(
-    file: Path,
+    file: Annotated[Path, Parameter(allow_leading_hyphen=True)],
     /,
     *,
     channel: Annotated[tuple[str, ...], Parameter(negative="")] = (),
