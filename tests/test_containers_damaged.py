@@ -24,7 +24,6 @@ from palpate.recordings import FORMATS, formats, open_recording
 
 CUT = {
     "probe.parquet": (write_parquet, "cut off"),
-    "probe.h5": (write_hdf5, "cut off"),
     "new.mat": (write_mat73, "cut off"),
 }
 
@@ -49,6 +48,67 @@ def test_the_whole_batches_of_a_feather_file_that_is_cut_off_are_read(tmp_path):
     assert f"after sample {count}" in recording.losses[1]
     with pytest.raises(RecordingError, match=r"cut off.*--strict"):
         open_recording(path, strict=True)
+
+
+def logged(path):
+    """As a logger writes: every array grows piece by piece."""
+    random = np.random.default_rng(7)
+    columns = {"time": np.arange(2000) * 1e-3, "force": random.normal(size=(2000, 3))}
+    with h5py.File(path, "w") as file:
+        for name, values in columns.items():
+            sides = values.shape[1:]
+            file.create_dataset(
+                f"robot/{name}", (0, *sides), "f8", maxshape=(None, *sides), chunks=(100, *sides),
+                compression="gzip",
+            )  # fmt: skip
+        for k in range(0, 2000, 100):
+            for name, values in columns.items():
+                file[f"robot/{name}"].resize(k + 100, axis=0)
+                file[f"robot/{name}"][k:] = values[k : k + 100]
+    return columns
+
+
+@pytest.mark.parametrize("fraction", [0.5, 0.75, 0.99])
+def test_what_is_before_the_end_of_an_hdf5_file_that_is_cut_off_is_read(fraction, tmp_path):
+    path = tmp_path / "cut.h5"
+    columns = logged(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(fraction * len(whole))])
+    recording = open_recording(path)
+    count = len(recording.channels["robot/time"])
+    # Every piece that is whole: both arrays take turns in the file, after some 30 % of structure.
+    assert 0 < count < 2000
+    assert count % 100 == 0
+    np.testing.assert_array_equal(recording.channels["robot/time"], columns["time"][:count])
+    for k in range(3):
+        values = recording.channels[f"robot/force[{k}]"]
+        np.testing.assert_array_equal(values, columns["force"][:count, k])
+    assert "is cut off" in recording.losses[0]
+    assert recording.losses[1] == f"arrays of 2000 samples: the first {count} are read"
+    with pytest.raises(RecordingError, match="is cut off"):
+        open_recording(path, strict=True)
+
+
+def test_zeros_behind_the_end_of_a_file_are_never_taken_for_numbers(tmp_path):
+    path = write_hdf5(tmp_path / "cut.h5", {"time": np.ones(3000), "x": np.ones(3000)})
+    whole = path.read_bytes()
+    for size in range(3000, len(whole), 997):
+        path.write_bytes(whole[:size])
+        recording = open_recording(path)
+        assert all((values == 1.0).all() for values in recording.channels.values())
+        assert len(recording.channels["time"]) in (
+            (size - 2048) // 8, (size - 2048) // 8 - 3000, 3000
+        )  # fmt: skip
+        if "x" not in recording.channels:
+            assert recording.losses[-1] == "x: lies behind the end of the file"
+
+
+def test_an_hdf5_file_of_which_nothing_is_left_is_refused(tmp_path):
+    path = tmp_path / "cut.h5"
+    logged(path)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(RecordingError, match="cut off"):
+        open_recording(path)
 
 
 @pytest.mark.parametrize("packed", [False, True], ids=["plain", "packed"])

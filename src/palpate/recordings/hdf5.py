@@ -9,6 +9,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.recordings.bounds import Budget, first_line, in_words, regular_size
@@ -25,6 +26,7 @@ _DEEPEST = 32
 _MOST_ATTRIBUTES = 100
 _LONGEST_TEXT = 4096
 
+_CUT = re.compile(r"truncated file: eof = (\d+).* stored_eof = (\d+)")
 _UNITS = ("units", "unit", "Units", "Unit")
 _FRAMES = ("frame_id", "frame")
 _RATE = re.compile(r"(sampl\w*[ _]?)?(rate|freq\w*)([ _]\w+)?$|fs$", re.IGNORECASE)
@@ -47,14 +49,26 @@ def read(path: Path, request: Request) -> Recording:
     """
     source = printable(path)
     size = regular_size(path)
+    if claimed := claimed_size(path):
+        from palpate.recordings.hdf5_cut import read_cut
+
+        return read_cut(path, size, claimed, request)
     with opened(path, source) as file:
         if not _is_afm(file):
             walk = Walk(Budget(size))
-            walk.group(file, ())
-            for name, words in walk.attributes(file):
-                walk.found.note(name, words)
+            walk.file(file)
             return walk.found.recording(source, request)
     return FORCE_CURVES.read(path, request)  # the file is closed: afmformats opens it its own way
+
+
+def claimed_size(path: Path) -> int | None:
+    """Return the size that a file which is cut off says to have; None where it is not cut off."""
+    try:
+        with h5py.File(path, "r", locking=False):
+            return None
+    except DAMAGED as error:
+        found = _CUT.search(str(error))
+        return int(found[2]) if found else None
 
 
 @contextmanager
@@ -76,7 +90,7 @@ def opened(path: Path, source: str) -> Iterator[h5py.File]:
 
 def _why(error: BaseException) -> str:
     words = first_line(error)
-    if found := re.search(r"truncated file: eof = (\d+).* stored_eof = (\d+)", str(error)):
+    if found := _CUT.search(str(error)):
         here, whole = (in_words(int(digits)) for digits in found.groups())
         return (
             f"the file is cut off: {here} of {whole} are there, and HDF5 cannot read it; copy it "
@@ -103,6 +117,12 @@ class Walk:
         self.found = Findings()
         self._seen: set[Any] = set()
 
+    def file(self, file: h5py.File) -> None:
+        """Take all that is in a file, and what it says of itself."""
+        self.group(file, ())
+        for name, words in self.attributes(file):
+            self.found.note(name, words)
+
     def group(self, group: h5py.Group, path: tuple[str, ...]) -> None:
         """Take what is in a group, and in those below it."""
         try:
@@ -119,13 +139,14 @@ class Walk:
                 return
             self._member(group, path, name)
 
-    def _member(self, group: h5py.Group, path: tuple[str, ...], name: str) -> None:
+    def _member(self, group: h5py.Group, path: tuple[str, ...], link: str | bytes) -> None:
+        name = text_of(link) or ""  # what is no UTF-8 are bytes
         whole = "/".join((*path, name))
         try:
-            if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
+            if isinstance(group.get(link, getlink=True), h5py.ExternalLink):
                 self.found.omit(whole, "leads to another file; open that one")
                 return
-            item = group[name]
+            item = group[link]
             address = h5py.h5o.get_info(item.id).addr
             if address in self._seen:
                 return
@@ -152,8 +173,8 @@ class Walk:
             self._notes(item, whole)
             fields = item.dtype.names
             if not fields:
-                read = lambda: item[()]  # noqa: E731
-                self.found.add(path, name, shape, read, unit=self._unit(item))
+                read = lambda: self.values(item)  # noqa: E731
+                self.found.add(path, name, self.shape(item), read, unit=self._unit(item))
             elif set(fields) == {"real", "imag"}:
                 self.found.omit(whole, "holds complex numbers")
             else:
@@ -167,8 +188,16 @@ class Walk:
             if base.kind not in "iufb":
                 self.found.omit(f"{'/'.join(path)}.{field}", "holds no numbers")
                 continue
-            read = lambda field=field: item.fields(field)[()]  # noqa: E731
-            self.found.add(path, field, (*item.shape, *inner), read, dot=True)
+            read = lambda field=field: self.values(item, field)  # noqa: E731
+            self.found.add(path, field, (*self.shape(item), *inner), read, dot=True)
+
+    def shape(self, item: h5py.Dataset) -> tuple[int, ...]:
+        """Return the shape of what is read of an array."""
+        return tuple(item.shape)
+
+    def values(self, item: h5py.Dataset, field: str | None = None) -> NDArray[Any]:
+        """Read an array, or a field of one."""
+        return np.asarray(item[()] if field is None else item.fields(field)[()])
 
     def _fits(self, item: h5py.Dataset, whole: str) -> bool:
         """Whether the numbers that an array claims are there."""
@@ -214,7 +243,7 @@ class Walk:
                 if words is None and np.ndim(value) == 0 and np.asarray(value).dtype.kind in "iufb":
                     words = str(value)
                 if words is not None:
-                    yield name, words
+                    yield text_of(name) or "", words
         except DAMAGED:  # an attribute more or less; the arrays say what is wrong
             return
 
