@@ -87,6 +87,16 @@ def test_a_curve_of_a_map_is_chosen_or_asked_for(run, tmp_path):
     assert "spring constant: 0.02 N/m" in out
 
 
+def test_names_and_notes_do_not_steer_the_terminal(run, tmp_path):
+    path = write_hdf5(tmp_path / "a.h5", {"red\x1b[31m": np.arange(9.0), "time\r": np.arange(9.0)})
+    with h5py.File(path, "r+") as file:
+        file.attrs["by"] = "me\x1b]0;title\x07"
+    status, out, _ = run("info", path)
+    assert status == 0
+    assert not any(sign in out for sign in "\x1b\x07\r")
+    assert "red\\x1b[31m" in out
+
+
 def test_many_channels_are_cut_off_and_said(run, tmp_path):
     path = write_hdf5(tmp_path / "a.h5", {f"c{k:03}": np.arange(9.0) for k in range(100)})
     out = run("info", path)[1]

@@ -30,7 +30,7 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
     """Print what a recording holds: each section where there is something for it."""
     console = Terminal()
     channels, clocks = len(surveyed.channels), sum(bool(c.name) for c in surveyed.clocks)
-    console.print(Text(recording.source or "recording", style="bold"), soft_wrap=True)
+    console.print(_words(recording.source or "recording", style="bold"), soft_wrap=True)
     console.print(f"{_count(channels, 'channel')} on {_count(clocks, 'clock')}")
     _print_section(console, _types_table(recording, surveyed))
     _print_section(console, _clocks_table(surveyed))
@@ -101,7 +101,7 @@ def _types_table(recording: Recording, surveyed: Survey) -> Table:
         table.add_column(heading, justify="right" if heading == "channels" else "left")
     for topic, kind in recording.types.items():
         count = sum(channel.name.startswith(f"{topic}.") for channel in surveyed.channels)
-        table.add_row(Text(topic), Text(kind), str(count))
+        table.add_row(_words(topic), _words(kind), str(count))
     return table
 
 
@@ -112,11 +112,11 @@ def _clocks_table(surveyed: Survey) -> Table:
         table.add_column(heading, justify="left" if heading == "clock" else "right")
     for clock in surveyed.clocks[:_MOST_ROWS]:
         if not clock.name:
-            table.add_row(Text("none: samples only", style="dim"), str(clock.samples))
+            table.add_row(_words("none: samples only", style="dim"), str(clock.samples))
             continue
         gaps = f"{clock.gaps} (≤ {_quantity(clock.largest_gap, 's')})" if clock.gaps else "–"
         table.add_row(
-            Text(clock.name),
+            _words(clock.name),
             str(clock.samples),
             _quantity(clock.rate, "Hz"),
             _moment(clock.start),
@@ -138,8 +138,8 @@ def _channels_table(channels: Sequence[ChannelSurvey]) -> Table:
             words = heading in ("channel", "holds", "unit", "frame")
             table.add_column(heading, justify="left" if words else "right", no_wrap=not words)
     for channel in shown:
-        cells = [Text(channel.name), Text(channel.kind), Text(channel.unit or "–")]
-        cells += [Text(channel.frame or "–")] * framed
+        cells = [_words(channel.name), _words(channel.kind), _words(channel.unit or "–")]
+        cells += [_words(channel.frame or "–")] * framed
         unknown = channel.samples - channel.known
         table.add_row(
             *cells,
@@ -159,9 +159,14 @@ def _print_section(console: Console, table: Table) -> None:
 
 def _print_lines(console: Console, word: str, lines: Sequence[str], style: str) -> None:
     for line in lines[:_MOST_LINES]:
-        console.print(Text(f"{word}: {line}", style=style), soft_wrap=True)
+        console.print(_words(f"{word}: {line}", style=style), soft_wrap=True)
     if len(lines) > _MOST_LINES:
-        console.print(Text(f"{word}: {len(lines) - _MOST_LINES} more; see --json", style=style))
+        console.print(_words(f"{word}: {len(lines) - _MOST_LINES} more; see --json", style=style))
+
+
+def _words(words: str, style: str = "") -> Text:
+    """Words of a file, in which signs that would steer the terminal are spelled out."""
+    return Text("".join(s if s.isprintable() else repr(s)[1:-1] for s in words), style=style)
 
 
 def _count(number: int, noun: str) -> str:
