@@ -22,7 +22,9 @@ PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 EXAMPLES = sorted(ROOT.glob("examples/*.py"))
 FENCED = re.compile(r"^(?P<above>[^\n]*)\n```(?P<language>\w+)\n(?P<text>.*?)^```$", re.M | re.S)
 NOT_RUN = re.compile(r"<!-- not run: .+ -->")
-COMMAND = re.compile(r"(?:^|/)palpate ((?:identify|diagnose|compare|design|lab) [^#&\n]+)", re.M)
+COMMAND = re.compile(
+    r"(?:^|/)palpate ((?:identify|diagnose|compare|info|design|lab) [^#&\n]+)", re.M
+)
 
 
 @dataclass(frozen=True)

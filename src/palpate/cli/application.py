@@ -16,7 +16,7 @@ from palpate.cli.printing import (
 from palpate.errors import PalpateError
 
 #: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
-COMMANDS = ("identify", "diagnose", "compare", "design", "lab", "paper")
+COMMANDS = ("identify", "diagnose", "compare", "info", "design", "lab", "paper")
 
 
 def application() -> App:

@@ -103,20 +103,67 @@ TEXT = Format(
 
 _MESSAGES = "palpate.recordings.messages"
 
+FORCE_CURVES = Format(
+    "AFM force curve",
+    (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw"),
+    "palpate.recordings.afm",
+    (b"# afmformats",),
+    "afm",
+)
+
+FEATHER = Format(
+    "Feather",
+    (".feather", ".arrow"),
+    "palpate.recordings.feather",
+    (b"ARROW1", b"FEA1"),
+    "recordings",
+)
+
+HDF5 = Format(
+    "HDF5",
+    (".h5", ".hdf5", ".hdf"),
+    "palpate.recordings.hdf5",
+    (b"\x89HDF\r\n\x1a\n",),
+    "recordings",
+)
+
+MATLAB = Format(
+    "MATLAB",
+    (".mat",),
+    "palpate.recordings.matlab",
+    (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT"),
+    "recordings",
+)
+
+PARQUET = Format(
+    "Parquet", (".parquet", ".pq"), "palpate.recordings.parquet", (b"PAR1",), "recordings"
+)
+
+MCAP = Format("MCAP", (".mcap",), f"{_MESSAGES}.mcap", (b"\x89MCAP0\r\n",), "recordings")
+
+ROS1_BAG = Format(
+    "ROS 1 bag", (".bag", ".bag.active"), f"{_MESSAGES}.rosbag1", (b"#ROSBAG V",), "recordings"
+)
+
+ROS2_BAG = Format(
+    "ROS 2 bag",
+    (".db3", ".db3.zstd", ".mcap.zstd", "metadata.yaml"),
+    f"{_MESSAGES}.rosbag2",
+    (b"SQLite format 3\0",),
+    "recordings",
+)
+
 #: Every format. To add one: a module with ``read``, and its row.
 FORMATS: list[Format] = [
     TEXT,
-    Format("MCAP", (".mcap",), f"{_MESSAGES}.mcap", (b"\x89MCAP0\r\n",), "recordings"),
-    Format(
-        "ROS 1 bag", (".bag", ".bag.active"), f"{_MESSAGES}.rosbag1", (b"#ROSBAG V",), "recordings"
-    ),
-    Format(
-        "ROS 2 bag",
-        (".db3", ".db3.zstd", ".mcap.zstd", "metadata.yaml"),
-        f"{_MESSAGES}.rosbag2",
-        (b"SQLite format 3\0",),
-        "recordings",
-    ),
+    MCAP,
+    ROS1_BAG,
+    ROS2_BAG,
+    FORCE_CURVES,
+    FEATHER,
+    HDF5,
+    MATLAB,
+    PARQUET,
 ]
 
 

@@ -1,0 +1,194 @@
+"""What a recording holds, as tables that a person reads, or as one JSON object."""
+
+import math
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from palpate.cli.printing import Terminal
+from palpate.cli.tables import new_table
+from palpate.recordings.recording import Recording
+from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey
+
+#: Of the JSON; a field that goes, or means another thing, makes it the next.
+SCHEMA_VERSION = 1
+
+# A person reads no more rows of a table, nor lines of one kind; the JSON has all.
+_MOST_ROWS = 60
+_MOST_LINES = 12
+
+# Times from 2001 on are dates: as seconds since 1970 nobody reads them.
+_DATES = 1e9
+
+
+def print_recording(recording: Recording, surveyed: Survey) -> None:
+    """Print what a recording holds: each section where there is something for it."""
+    console = Terminal()
+    channels, clocks = len(surveyed.channels), sum(bool(c.name) for c in surveyed.clocks)
+    console.print(_words(recording.source or "recording", style="bold"), soft_wrap=True)
+    console.print(f"{_count(channels, 'channel')} on {_count(clocks, 'clock')}")
+    _print_section(console, _types_table(recording, surveyed))
+    _print_section(console, _clocks_table(surveyed))
+    _print_section(console, _channels_table(surveyed.channels))
+    if channels > _MOST_ROWS:
+        console.print(f"and {channels - _MOST_ROWS} more channels: --channel NAME or --json")
+    notes = [f"{name}: {words}" for name, words in recording.notes.items()]
+    _print_lines(console, "note", notes, "dim")
+    _print_lines(console, "not read", recording.omissions, "dim")
+    faults = [
+        f"{name}: {f.count} of {len(recording.channels[name])} values are no number, the first "
+        f"at sample {f.sample}: {f.text}"
+        for name, f in recording.faults.items()
+    ]
+    _print_lines(console, "fault", faults, "yellow")
+    _print_lines(console, "lost", recording.losses, "red")
+
+
+def as_dict(file: Path, recording: Recording, surveyed: Survey) -> dict[str, Any]:
+    """Return what a recording holds as plain numbers and words."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "file": str(file),
+        "types": dict(recording.types),
+        "clocks": [_clock_dict(clock) for clock in surveyed.clocks],
+        "channels": [_channel_dict(recording, channel) for channel in surveyed.channels],
+        "notes": dict(recording.notes),
+        "omissions": list(recording.omissions),
+        "losses": list(recording.losses),
+    }
+
+
+def _clock_dict(clock: ClockSurvey) -> dict[str, Any]:
+    return {
+        "name": clock.name or None,
+        "samples": clock.samples,
+        "start": _known(clock.start),
+        "stop": _known(clock.stop),
+        "step": _known(clock.step),
+        "rate": _known(clock.rate),
+        "gaps": clock.gaps,
+        "largest_gap": clock.largest_gap,
+        "repeated": clock.repeated,
+        "backward": clock.backward,
+        "unknown": clock.unknown,
+        "channels": list(clock.channels),
+    }
+
+
+def _channel_dict(recording: Recording, channel: ChannelSurvey) -> dict[str, Any]:
+    fault = recording.faults.get(channel.name)
+    return {
+        "name": channel.name,
+        "kind": channel.kind,
+        "unit": channel.unit or None,
+        "frame": channel.frame or None,
+        "samples": channel.samples,
+        "known": channel.known,
+        "minimum": _known(channel.minimum),
+        "maximum": _known(channel.maximum),
+        "faults": fault and {"count": fault.count, "sample": fault.sample, "text": fault.text},
+    }
+
+
+def _types_table(recording: Recording, surveyed: Survey) -> Table:
+    table = new_table()
+    for heading in ("topic", "type", "channels"):
+        table.add_column(heading, justify="right" if heading == "channels" else "left")
+    for topic, kind in recording.types.items():
+        count = sum(channel.name.startswith(f"{topic}.") for channel in surveyed.channels)
+        table.add_row(_words(topic), _words(kind), str(count))
+    return table
+
+
+def _clocks_table(surveyed: Survey) -> Table:
+    table = new_table()
+    headings = ("clock", "samples", "rate", "begins", "span", "gaps", "repeated", "backward")
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading == "clock" else "right")
+    for clock in surveyed.clocks[:_MOST_ROWS]:
+        if not clock.name:
+            table.add_row(_words("none: samples only", style="dim"), str(clock.samples))
+            continue
+        gaps = f"{clock.gaps} (≤ {_quantity(clock.largest_gap, 's')})" if clock.gaps else "–"
+        table.add_row(
+            _words(clock.name),
+            str(clock.samples),
+            _quantity(clock.rate, "Hz"),
+            _moment(clock.start),
+            _quantity(clock.span, "s"),
+            gaps,
+            str(clock.repeated or "–"),
+            str(clock.backward or "–"),
+        )
+    return table
+
+
+def _channels_table(channels: Sequence[ChannelSurvey]) -> Table:
+    table = new_table()
+    headings = ("channel", "holds", "unit", "frame", "samples", "unknown", "least", "greatest")
+    shown = channels[:_MOST_ROWS]
+    framed = any(channel.frame for channel in shown)
+    for heading in headings:
+        if heading != "frame" or framed:
+            words = heading in ("channel", "holds", "unit", "frame")
+            table.add_column(heading, justify="left" if words else "right", no_wrap=not words)
+    for channel in shown:
+        cells = [_words(channel.name), _words(channel.kind), _words(channel.unit or "–")]
+        cells += [_words(channel.frame or "–")] * framed
+        unknown = channel.samples - channel.known
+        table.add_row(
+            *cells,
+            str(channel.samples),
+            str(unknown or "–"),
+            _number(channel.minimum),
+            _number(channel.maximum),
+        )
+    return table
+
+
+def _print_section(console: Console, table: Table) -> None:
+    if table.row_count:
+        console.print()
+        console.print(table)
+
+
+def _print_lines(console: Console, word: str, lines: Sequence[str], style: str) -> None:
+    for line in lines[:_MOST_LINES]:
+        console.print(_words(f"{word}: {line}", style=style), soft_wrap=True)
+    if len(lines) > _MOST_LINES:
+        console.print(_words(f"{word}: {len(lines) - _MOST_LINES} more; see --json", style=style))
+
+
+def _words(words: str, style: str = "") -> Text:
+    """Words of a file, in which signs that would steer the terminal are spelled out."""
+    return Text("".join(s if s.isprintable() else repr(s)[1:-1] for s in words), style=style)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number or 'no'} {noun}{'' if number == 1 else 's'}"
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _number(value: float) -> str:
+    return f"{value:.5g}" if math.isfinite(value) else "–"
+
+
+def _quantity(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}" if math.isfinite(value) else "–"
+
+
+def _moment(start: float) -> str:
+    """A time as seconds, or as a date of today's years."""
+    if not math.isfinite(start):
+        return "–"
+    if _DATES <= start < 1e10:
+        return datetime.fromtimestamp(start, UTC).strftime("%Y-%m-%d %H:%M:%S")
+    return f"{start:.4g} s"

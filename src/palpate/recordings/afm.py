@@ -1,0 +1,180 @@
+"""Force curves of atomic force microscopes, alone or in maps, by afmformats."""
+
+import logging
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from afmformats import errors, load_data
+from afmformats.afm_data import column_units, known_columns
+from afmformats.formats.fmt_jpk.jpk_reader import ArchiveCache, JPKReader
+from afmformats.meta import META_FIELDS, MetaDataMissingError
+from numpy.typing import NDArray
+
+from palpate.errors import RecordingError
+from palpate.recordings.bounds import (
+    first_line,
+    in_words,
+    most_unpacked,
+    refuse_losses,
+    regular_size,
+)
+from palpate.recordings.formats import Request
+from palpate.recordings.recording import Recording, printable
+
+# afmformats' own errors derive from BaseException.
+_FAULTS = (
+    ArithmeticError, AttributeError, AssertionError, EOFError, LookupError, NotImplementedError,
+    OSError, RuntimeError, TypeError, ValueError, zipfile.BadZipFile, zlib.error,
+    errors.AFMFileFormatError, MetaDataMissingError,
+)  # fmt: skip
+
+# A calibrated height beside the force, and when it was; the rest of some fifty is the instrument's.
+_NOTES = (
+    "spring constant", "sensitivity", "setpoint", "speed approach", "speed retract",
+    "rate approach", "rate retract", "position x", "position y", "grid index x", "grid index y",
+    "date", "instrument", "software", "imaging mode",
+)  # fmt: skip
+_UNITS = {name: about[1] for fields in META_FIELDS.values() for name, about in fields.items()}
+_SEGMENTS = {
+    1: "one",
+    2: "0 approach, 1 retract",
+    3: "0 approach, 1 pause, 2 retract",
+    4: "0 approach, 1 and 2 pauses, 3 retract",
+}
+
+# What it says of a failure goes to us as an error, and to nobody else.
+logging.getLogger("afmformats").addHandler(logging.NullHandler())
+
+
+def read(path: Path, request: Request) -> Recording:
+    """Read one force curve: time, heights, force and segment, calibrated by what the file says.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    request : Request
+        What is asked for; ``curve`` where the file holds several.
+
+    Raises
+    ------
+    RecordingError
+        The file is damaged or lacks its calibration, or holds several curves and none was chosen.
+    """
+    source = printable(path)
+    size = regular_size(path)
+    try:
+        if path.name.lower().endswith(_JPK):
+            return _read_jpk(path, size, source, request)
+        curves = load_data(path, callback=request.report)
+        chosen = curves[_chosen(len(curves), source, request)]
+        if len(chosen) * 8 > most_unpacked(size):
+            raise ValueError(f"it claims {len(chosen)} samples")
+        return _recording(chosen.columns, chosen.__getitem__, chosen.metadata, source, request)
+    except RecordingError:
+        raise
+    except errors.MissingMetaDataError as error:
+        missing = ", ".join(map(str, error.meta_keys))
+        raise RecordingError(
+            f"{source}: the file lacks its calibration ({missing}); calibrate the cantilever and "
+            "save the curve with it"
+        ) from None
+    except _FAULTS as error:
+        raise RecordingError(
+            f"{source}: the force curve cannot be read ({first_line(error)}); the file is damaged, "
+            "or its instrument writes what afmformats does not read"
+        ) from None
+
+
+_JPK = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
+
+
+def _read_jpk(path: Path, size: int, source: str, request: Request) -> Recording:
+    """Read one curve of a file of JPK, and of the others no more than their names."""
+    with zipfile.ZipFile(path) as archive:
+        claimed = max((member.file_size for member in archive.infolist()), default=0)
+    if claimed > most_unpacked(size):
+        raise ValueError(f"a part of it claims {in_words(claimed)}")
+    reader = JPKReader(path)
+    try:
+        number = _chosen(len(reader), source, request)
+        metadata = reader.get_metadata(index=number)
+        if metadata["point count"] * 8 > most_unpacked(size):
+            raise ValueError(f"it claims {metadata['point count']} samples")
+        columns = [name for name in known_columns if name not in ("index", "tip position")]
+        column = lambda name: reader.get_data(column=name, index=number)  # noqa: E731
+        return _recording(columns, column, metadata, source, request)
+    finally:
+        if archive := ArchiveCache.open_archives.pop(path, None):  # it may be written anew
+            archive.close()
+
+
+def _chosen(count: int, source: str, request: Request) -> int:
+    """Which of so many curves is asked for."""
+    if not count:
+        raise RecordingError(f"{source}: there is no curve in it; look at what wrote it")
+    if request.curve is None and count > 1:
+        raise RecordingError(
+            f"{source}: holds {count} curves; choose one with --curve N, from 0 to {count - 1}"
+        )
+    number = request.curve or 0
+    if not 0 <= number < count:
+        raise RecordingError(
+            f"{source}: there is no curve {number}; choose one with --curve N, from 0 to "
+            f"{count - 1}"
+        )
+    return number
+
+
+def _recording(
+    names: list[str],
+    column: Callable[[str], NDArray[Any]],
+    metadata: Mapping[str, Any],
+    source: str,
+    request: Request,
+) -> Recording:
+    """Return the columns of a curve, which has to have a force."""
+    channels: dict[str, NDArray[Any]] = {}
+    losses, omissions = [], []
+    for name in names:
+        if not request.wants(name) and name != "time":
+            continue
+        try:
+            channels[name] = np.asarray(column(name))
+        except errors.AFMFileFormatError:  # a height that this instrument does not measure
+            omissions.append(f"{name}: this file has none")
+        except _FAULTS as error:
+            losses.append(f"{name}: cannot be read: {first_line(error)}")
+    lengths = {name: len(values) for name, values in channels.items()}
+    if not set(lengths) - {"time", "segment"}:
+        raise RecordingError(f"{source}: no column of the curve can be read: {losses or omissions}")
+    least = min(lengths.values())
+    if least < max(lengths.values()):
+        losses.append(f"its columns hold from {least} to {max(lengths.values())} samples: cut")
+        channels = {name: values[:least] for name, values in channels.items()}
+    refuse_losses(source, losses, request)
+    request.report(1.0)
+    return Recording(
+        channels,
+        units={name: unit for name in channels if (unit := column_units.get(name))},
+        source=source,
+        notes=_notes(metadata, channels.get("segment")),
+        clocks={name: "time" for name in channels if name != "time" and "time" in channels},
+        losses=tuple(losses),
+        omissions=tuple(omissions),
+    )
+
+
+def _notes(metadata: Mapping[str, Any], segment: NDArray[Any] | None) -> dict[str, str]:
+    notes = {"time": "from the length of each segment; an instrument records no time of a sample"}
+    for name in _NOTES:
+        if name in metadata:
+            notes[name] = f"{metadata[name]} {_UNITS.get(name, '')}".strip()
+    if segment is not None and segment.size:
+        count = int(segment.max()) + 1
+        notes["segments"] = _SEGMENTS.get(count, f"{count}")
+    return notes

@@ -1,0 +1,263 @@
+"""HDF5: groups of arrays, each group on its own clock."""
+
+import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import RecordingError
+from palpate.recordings.bounds import Budget, first_line, in_words, regular_size
+from palpate.recordings.formats import FORCE_CURVES, Request
+from palpate.recordings.nested import Findings, text_of
+from palpate.recordings.recording import Recording, printable
+
+# What HDF5 raises on a damaged file, whichever part of it is met.
+DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError)
+
+# Groups and arrays that are looked at; more are no recording, and take seconds to walk.
+MOST_OBJECTS = 10_000
+_DEEPEST = 32
+_MOST_ATTRIBUTES = 100
+_LONGEST_TEXT = 4096
+
+_CUT = re.compile(r"truncated file: eof = (\d+).* stored_eof = (\d+)")
+_UNITS = ("units", "unit", "Units", "Unit")
+_FRAMES = ("frame_id", "frame")
+_RATE = re.compile(r"(sampl\w*[ _]?)?(rate|freq\w*)([ _]\w+)?$|fs$", re.IGNORECASE)
+
+
+def read(path: Path, request: Request) -> Recording:
+    """Read an HDF5 file: every array of numbers, with the clock of its group.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    request : Request
+        What is asked for; only that is read.
+
+    Raises
+    ------
+    RecordingError
+        The file is no HDF5 or too damaged, or holds no series of numbers.
+    """
+    source = printable(path)
+    size = regular_size(path)
+    if claimed := claimed_size(path):
+        from palpate.recordings.hdf5_cut import read_cut
+
+        return read_cut(path, size, claimed, request)
+    with opened(path, source) as file:
+        if not _is_afm(file):
+            walk = Walk(Budget(size))
+            walk.file(file)
+            return walk.found.recording(source, request)
+    return FORCE_CURVES.read(path, request)  # the file is closed: afmformats opens it its own way
+
+
+def claimed_size(path: Path) -> int | None:
+    """Return the size that a file which is cut off says to have; None where it is not cut off."""
+    try:
+        with h5py.File(path, "r", locking=False):
+            return None
+    except DAMAGED as error:
+        found = _CUT.search(str(error))
+        return int(found[2]) if found else None
+
+
+@contextmanager
+def opened(path: Path, source: str) -> Iterator[h5py.File]:
+    """Open a file for reading.
+
+    Raises
+    ------
+    RecordingError
+        It is no HDF5, is cut off, or its frame is damaged.
+    """
+    try:
+        file = h5py.File(path, "r", locking=False)
+    except DAMAGED as error:
+        raise RecordingError(f"{source}: {_why(error)}") from None
+    with file:
+        yield file
+
+
+def _why(error: BaseException) -> str:
+    words = first_line(error)
+    if found := _CUT.search(str(error)):
+        here, whole = (in_words(int(digits)) for digits in found.groups())
+        return (
+            f"the file is cut off: {here} of {whole} are there, and HDF5 cannot read it; copy it "
+            "again, or let the recorder close its file"
+        )
+    if "signature not found" in words:
+        return "this is no HDF5 file; check what wrote it, and its suffix"
+    return f"the file is damaged and cannot be read ({words}); copy it again"
+
+
+def _is_afm(file: h5py.File) -> bool:
+    """Whether these are force curves as the package afmformats exports them."""
+    try:
+        return text_of(file.attrs.get("software")) == "afmformats" and "0" in file
+    except DAMAGED:
+        return False
+
+
+class Walk:
+    """What a file holds, group by group, without a number of it being read."""
+
+    def __init__(self, budget: Budget) -> None:
+        self.budget = budget
+        self.found = Findings()
+        self._seen: set[Any] = set()
+
+    def file(self, file: h5py.File) -> None:
+        """Take all that is in a file, and what it says of itself."""
+        self.group(file, ())
+        for name, words in self.attributes(file):
+            self.found.note(name, words)
+
+    def group(self, group: h5py.Group, path: tuple[str, ...]) -> None:
+        """Take what is in a group, and in those below it."""
+        try:
+            self._seen.add(h5py.h5o.get_info(group.id).addr)
+            names = list(group)
+        except DAMAGED as error:
+            self.found.lose("/".join(path) or "the file", f"cannot be read: {first_line(error)}")
+            return
+        for name in names:
+            if len(self._seen) >= MOST_OBJECTS:
+                words = f"more than {MOST_OBJECTS} arrays and groups; the rest is not read"
+                if not any(words in loss for loss in self.found.losses):
+                    self.found.lose("the file", words)
+                return
+            self._member(group, path, name)
+
+    def _member(self, group: h5py.Group, path: tuple[str, ...], link: str | bytes) -> None:
+        name = text_of(link) or ""  # what is no UTF-8 are bytes
+        whole = "/".join((*path, name))
+        try:
+            if isinstance(group.get(link, getlink=True), h5py.ExternalLink):
+                self.found.omit(whole, "leads to another file; open that one")
+                return
+            item = group[link]
+            address = h5py.h5o.get_info(item.id).addr
+            if address in self._seen:
+                return
+            self._seen.add(address)
+            if isinstance(item, h5py.Dataset):
+                self.dataset(item, path, name)
+            elif isinstance(item, h5py.Group) and len(path) < _DEEPEST:
+                self._notes(item, whole)
+                self.group(item, (*path, name))
+        except DAMAGED as error:
+            self.found.lose(whole, f"cannot be read: {first_line(error)}")
+
+    def dataset(self, item: h5py.Dataset, path: tuple[str, ...], name: str) -> None:
+        """Take an array, or say why it is none."""
+        whole = "/".join((*path, name))
+        kind, shape = item.dtype.kind, item.shape
+        if shape == () and kind in "iufbOS" and item.dtype.itemsize <= _LONGEST_TEXT:
+            self._scalar(item, whole)
+        elif shape is None or not all(shape) or kind not in "iufbV" or item.dtype.subdtype:
+            self.found.omit(whole, _no_numbers(item))
+        elif item.external or item.is_virtual:
+            self.found.omit(whole, "is put together from other files; open those")
+        elif self._fits(item, whole):
+            self._notes(item, whole)
+            fields = item.dtype.names
+            if not fields:
+                read = lambda: self.values(item)  # noqa: E731
+                self.found.add(path, name, self.shape(item), read, unit=self._unit(item))
+            elif set(fields) == {"real", "imag"}:
+                self.found.omit(whole, "holds complex numbers")
+            else:
+                self._fields(item, (*path, name))
+
+    def _fields(self, item: h5py.Dataset, path: tuple[str, ...]) -> None:
+        """A table whose rows have named fields: a channel each."""
+        for field in item.dtype.names:
+            kind = item.dtype[field]
+            base, inner = kind.subdtype or (kind, ())
+            if base.kind not in "iufb":
+                self.found.omit(f"{'/'.join(path)}.{field}", "holds no numbers")
+                continue
+            read = lambda field=field: self.values(item, field)  # noqa: E731
+            self.found.add(path, field, (*self.shape(item), *inner), read, dot=True)
+
+    def shape(self, item: h5py.Dataset) -> tuple[int, ...]:
+        """Return the shape of what is read of an array."""
+        return tuple(item.shape)
+
+    def values(self, item: h5py.Dataset, field: str | None = None) -> NDArray[Any]:
+        """Read an array, or a field of one."""
+        return np.asarray(item[()] if field is None else item.fields(field)[()])
+
+    def _fits(self, item: h5py.Dataset, whole: str) -> bool:
+        """Whether the numbers that an array claims are there."""
+        claimed, stored = item.size * item.dtype.itemsize, item.id.get_storage_size()
+        written, pieces = _pieces(item) if stored else (0, 1)
+        if not stored:
+            self.found.lose(whole, f"nothing was written of its {item.size} values")
+        elif 2 * written < pieces:  # more is missing than is there
+            self.found.lose(whole, f"{written} of its {pieces} pieces were written")
+        elif not self.budget.allows(claimed, stored):
+            self.found.lose(
+                whole, f"claims {in_words(claimed)}, and the file holds {in_words(stored)} of it"
+            )
+        else:
+            if written < pieces:
+                missing = f"{pieces - written} of its {pieces} pieces were never written"
+                self.found.lose(whole, f"{missing}; they read as {item.fillvalue}")
+            return True
+        return False
+
+    def _scalar(self, item: h5py.Dataset, whole: str) -> None:
+        value = item[()]
+        self.found.note(whole, text_of(value) or value)
+
+    def _notes(self, item: Any, whole: str) -> None:
+        """Keep the rate and the frame that a group or an array states."""
+        for name, words in self.attributes(item):
+            if name in _FRAMES:
+                self.found.frames[whole] = words
+            elif _RATE.match(name):
+                self.found.note(f"{whole} {name}", words)
+
+    def _unit(self, item: h5py.Dataset) -> str | None:
+        stated = dict(self.attributes(item))
+        return next((stated[name] for name in _UNITS if stated.get(name)), None)
+
+    def attributes(self, item: Any) -> Iterator[tuple[str, str]]:
+        """Yield those attributes that are one text or one number."""
+        try:
+            for name in list(item.attrs)[:_MOST_ATTRIBUTES]:
+                value = item.attrs[name]
+                words = text_of(value)
+                if words is None and np.ndim(value) == 0 and np.asarray(value).dtype.kind in "iufb":
+                    words = str(value)
+                if words is not None:
+                    yield text_of(name) or "", words
+        except DAMAGED:  # an attribute more or less; the arrays say what is wrong
+            return
+
+
+def _pieces(item: h5py.Dataset) -> tuple[int, int]:
+    """How many pieces of an array were written, and how many there have to be."""
+    if item.chunks is None:
+        return 1, 1
+    sides = zip(item.shape, item.chunks, strict=True)
+    return item.id.get_num_chunks(), math.prod(-(-side // piece) for side, piece in sides)
+
+
+def _no_numbers(item: h5py.Dataset) -> str:
+    if item.shape is None or (item.shape and not all(item.shape)):
+        return "is empty"
+    kinds = {"O": "text or references", "S": "text", "c": "complex numbers"}
+    return f"holds {kinds.get(item.dtype.kind, 'no plain numbers')}"

@@ -1,0 +1,271 @@
+"""Arrays in groups: which channels they are, and which array is the clock of which."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import RecordingError
+from palpate.recordings.bounds import first_line, refuse_losses
+from palpate.recordings.clocks import clock_rank, epoch_unit
+from palpate.recordings.formats import Request
+from palpate.recordings.recording import Recording
+
+#: An array with more columns than this is an image or a table of another kind.
+MOST_COLUMNS = 256
+
+# What the clock of one array alone is called.
+_OWN_CLOCKS = ("{}_time", "{}_time_s", "{}_t", "{}_timestamps", "{}_stamps", "time_{}", "t_{}")
+
+_MOST_NOTES = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """An array of numbers in a file of groups, not read yet.
+
+    Attributes
+    ----------
+    group : tuple of str
+        The groups that it is in, from the top.
+    name : str
+        Its own name.
+    channel : str
+        Its whole name.
+    shape : tuple of int
+        One or two lengths; of two none is 1.
+    read : callable
+        Returns the numbers, in this shape.
+    unit : str, optional
+        As the file says it.
+    """
+
+    group: tuple[str, ...]
+    name: str
+    channel: str
+    shape: tuple[int, ...]
+    read: Callable[[], NDArray[Any]]
+    unit: str | None = None
+
+    @property
+    def rank(self) -> int | None:
+        """How surely this is a clock, 0 the most; None if it is none."""
+        return clock_rank(self.name) if len(self.shape) == 1 else None
+
+
+@dataclass(slots=True)
+class Findings:
+    """What is found in a file of groups, before any number of it is read."""
+
+    leaves: list[Leaf] = field(default_factory=list)
+    notes: dict[str, str] = field(default_factory=dict)
+    frames: dict[str, str] = field(default_factory=dict)
+    losses: list[str] = field(default_factory=list)
+    omissions: list[str] = field(default_factory=list)
+
+    def note(self, name: str, words: object) -> None:
+        """Keep what the file says of itself, as far as that is short."""
+        if len(self.notes) < _MOST_NOTES:
+            text = " ".join(str(words).split())
+            self.notes[name] = text if len(text) <= 200 else f"{text[:199]}…"
+
+    def omit(self, name: str, reason: str) -> None:
+        """Say that something is not read, and why."""
+        self.omissions.append(f"{name}: {reason}")
+
+    def lose(self, name: str, reason: str) -> None:
+        """Say that something cannot be read, and why."""
+        self.losses.append(f"{name}: {reason}")
+
+    def add(
+        self,
+        group: tuple[str, ...],
+        name: str,
+        shape: tuple[int, ...],
+        read: Callable[[], NDArray[Any]],
+        *,
+        unit: str | None = None,
+        group_unit: str | None = None,
+        dot: bool = False,
+    ) -> None:
+        """Take an array; or say why it can be no channel."""
+        channel = "/".join(group) + ("." if dot else "/") * bool(group) + name
+        lengths = tuple(length for length in shape if length != 1)
+        if not all(shape):
+            self.omit(channel, "holds no samples")
+        elif len(lengths) > 2:
+            self.omit(channel, f"has {len(lengths)} dimensions, {_by(shape)}, and is no series")
+        elif len(lengths) == 2 and min(lengths) > MOST_COLUMNS:
+            self.omit(channel, f"is a matrix or an image, {_by(shape)}, and is no series")
+        else:
+            lengths = lengths or (1,)
+            squeezed = lambda: _plain(read()).reshape(lengths)  # noqa: E731
+            leaf = Leaf(group, name, channel, lengths, squeezed, unit)
+            if group_unit and leaf.rank is None:  # it is the unit of what is measured
+                leaf = replace(leaf, unit=unit or group_unit)
+            self.leaves.append(leaf)
+
+    def recording(self, source: str, request: Request) -> Recording:
+        """Read the channels that are asked for, each with its clock.
+
+        Raises
+        ------
+        RecordingError
+            There is nothing to read, or it is damaged and the request is strict.
+        """
+        clocks = _Clocks(self.leaves)
+        wanted = {
+            leaf.channel: clocks.of(leaf) for leaf in self.leaves if request.wants(leaf.channel)
+        }
+        needed = {clock.channel for clock in wanted.values() if clock is not None}
+        chosen = [leaf for leaf in self.leaves if leaf.channel in wanted or leaf.channel in needed]
+        made = _Made()
+        for k, leaf in enumerate(chosen):
+            self._read(leaf, wanted.get(leaf.channel), request, made)
+            request.report((k + 1) / len(chosen))
+        if not made.channels:
+            raise RecordingError(f"{source}: {self._nothing(request)}")
+        refuse_losses(source, self.losses, request)
+        kept = {name: clock for name, clock in made.clocks.items() if clock in made.channels}
+        return Recording(
+            made.channels,
+            units=made.units,
+            source=source,
+            notes=self.notes,
+            clocks=kept,
+            frames={
+                channel: frame
+                for channel in made.channels
+                for name, frame in self.frames.items()
+                if _covers(name, channel)
+            },
+            losses=tuple(self.losses),
+            omissions=tuple(self.omissions),
+        )
+
+    def _read(self, leaf: Leaf, clock: Leaf | None, request: Request, made: "_Made") -> None:
+        try:
+            values = leaf.read()
+        except (
+            ArithmeticError,
+            LookupError,
+            OSError,
+            RuntimeError,
+            TypeError,
+            ValueError,
+        ) as error:
+            self.lose(leaf.channel, f"cannot be read: {first_line(error)}")
+            return
+        unit = leaf.unit
+        if leaf.rank is not None:
+            values = _whole_times(values)
+            unit = unit or epoch_unit(values)
+            if unit and not leaf.unit:
+                self.note(leaf.channel, f"taken as {unit} since 1970, by its size")
+        for name, column in _columns(leaf, values, clock):
+            if values.ndim == 2 and not request.wants(name):
+                continue
+            made.channels[name] = column
+            if unit:
+                made.units[name] = unit
+            if clock is not None:
+                made.clocks[name] = clock.channel
+
+    def _nothing(self, request: Request) -> str:
+        if self.losses:
+            return f"nothing in it can be read: {self.losses[0]}"
+        if request.channels is not None and self.leaves:
+            names = ", ".join(leaf.channel for leaf in self.leaves[:20])
+            return f"none of the channels {', '.join(request.channels)}; there are {names}"
+        why = f" ({self.omissions[0]})" if self.omissions else ""
+        return f"there are no arrays of numbers in it{why}; look at what wrote it"
+
+
+class _Clocks:
+    """Which array is the clock of which."""
+
+    def __init__(self, leaves: Sequence[Leaf]) -> None:
+        self.named = {(leaf.group, leaf.name): leaf for leaf in leaves}
+        self.ranked: dict[tuple[str, ...], list[tuple[int, int, Leaf]]] = {}
+        for k, leaf in enumerate(leaves):
+            if leaf.rank is not None:
+                self.ranked.setdefault(leaf.group, []).append((leaf.rank, k, leaf))
+
+    def of(self, leaf: Leaf) -> Leaf | None:
+        """Return the times of an array: of its own name, else of its group, else of those above."""
+        for form in _OWN_CLOCKS:
+            own = self.named.get((leaf.group, form.format(leaf.name)))
+            if own is not None and _fits(own, leaf):
+                return own
+        for depth in range(len(leaf.group), -1, -1):
+            fitting = [
+                each for each in self.ranked.get(leaf.group[:depth], ()) if _fits(each[2], leaf)
+            ]
+            if fitting:
+                best = min(fitting)[2]
+                return None if best is leaf else best
+        return None
+
+
+@dataclass(slots=True)
+class _Made:
+    channels: dict[str, NDArray[Any]] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    clocks: dict[str, str] = field(default_factory=dict)
+
+
+def text_of(value: object) -> str | None:
+    """Return the text that an attribute or a field holds, if it is one."""
+    while isinstance(value, np.ndarray) and value.size == 1:
+        value = value.reshape(-1)[0]
+    if isinstance(value, bytes):
+        value = value.decode("utf-8", "backslashreplace")
+    return str(value).strip() if isinstance(value, str) else None
+
+
+def _fits(clock: Leaf, leaf: Leaf) -> bool:
+    return len(clock.shape) == 1 and clock.shape[0] in leaf.shape
+
+
+def _columns(
+    leaf: Leaf, values: NDArray[Any], clock: Leaf | None
+) -> Iterable[tuple[str, NDArray[Any]]]:
+    """An array of one dimension is a channel; of two, one for each column.
+
+    Samples go along the side that is as long as the clock; without one along the longer, and in a
+    square along the first.
+    """
+    if values.ndim == 1:
+        yield leaf.channel, values
+        return
+    rows, columns = values.shape
+    along_second = columns > rows if clock is None else rows != clock.shape[0]
+    table = values.T if along_second else values
+    for k in range(table.shape[1]):
+        yield f"{leaf.channel}[{k}]", table[:, k]
+
+
+def _plain(values: NDArray[Any]) -> NDArray[Any]:
+    """In this machine's order of bytes, as numbers that NumPy computes with."""
+    values = np.asarray(values)
+    if values.dtype.kind == "f" and values.dtype.itemsize > 8:  # long double
+        return values.astype(np.float64)
+    return values.astype(values.dtype.newbyteorder("="), copy=False)
+
+
+def _whole_times(values: NDArray[Any]) -> NDArray[Any]:
+    """Whole times with a sign: differences of unsigned ones wrap around."""
+    if values.dtype.kind in "iu":
+        fits = values.dtype.itemsize < 8 or values.dtype.kind == "i" or not (values >> 63).any()
+        return values.astype(np.int64 if fits else np.float64, copy=False)
+    return values
+
+
+def _covers(name: str, channel: str) -> bool:
+    return channel == name or (channel.startswith(name) and channel[len(name)] in "./[")
+
+
+def _by(shape: tuple[int, ...]) -> str:
+    return " by ".join(map(str, shape))

@@ -1,0 +1,226 @@
+"""What a recording holds, in numbers: its clocks, their rates and gaps; its channels' ranges."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.recordings.clocks import SECONDS, clock_rank, clock_unit
+from palpate.recordings.recording import Recording
+from palpate.validation import Floats
+
+#: A step that is so many times the median one is a gap: recorders miss single samples, and jitter.
+GAP = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class ClockSurvey:
+    """One clock, and what is on it.
+
+    Attributes
+    ----------
+    name : str
+        The channel of the times; empty where there is none, and samples are only counted.
+    samples : int
+        How many times, or samples.
+    unknown : int
+        Times that are NaN or infinite.
+    start, stop : float
+        The earliest and the latest, s.
+    step : float
+        The median step, s; NaN of fewer than two times.
+    gaps : int
+        Steps of more than 10 times that.
+    largest_gap : float
+        The longest of them, s; 0 without any.
+    repeated : int
+        Times that are that of the sample before.
+    backward : int
+        Times that are before that of the sample before.
+    channels : tuple of str
+        What is on this clock.
+    """
+
+    name: str
+    samples: int
+    channels: tuple[str, ...]
+    unknown: int = 0
+    start: float = np.nan
+    stop: float = np.nan
+    step: float = np.nan
+    gaps: int = 0
+    largest_gap: float = 0.0
+    repeated: int = 0
+    backward: int = 0
+
+    @property
+    def rate(self) -> float:
+        """Samples a second by the median step; NaN where that is not known."""
+        return 1.0 / self.step if self.step > 0.0 else np.nan
+
+    @property
+    def span(self) -> float:
+        """Time from the earliest to the latest, s."""
+        return self.stop - self.start
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelSurvey:
+    """One channel.
+
+    Attributes
+    ----------
+    name : str
+        As the recording has it.
+    kind : str
+        What it holds: the type of its numbers, such as ``"float64"``, or ``"text"``.
+    unit : str
+        As far as the file states one.
+    frame : str
+        The coordinate frame, as far as the file states one.
+    samples : int
+        How many.
+    known : int
+        Those that are finite numbers; of text those that are not empty.
+    minimum, maximum : float
+        Of these, in the channel's unit; NaN of text.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    frame: str
+    samples: int
+    known: int
+    minimum: float = np.nan
+    maximum: float = np.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """All clocks and channels of a recording."""
+
+    clocks: tuple[ClockSurvey, ...]
+    channels: tuple[ChannelSurvey, ...]
+
+
+def survey(recording: Recording) -> Survey:
+    """Survey a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        As :func:`palpate.recordings.open_recording` returns it.
+    """
+    members: dict[tuple[str, int], list[str]] = {}
+    for name, values in recording.channels.items():
+        members.setdefault((clock_of(recording, name), len(values)), []).append(name)
+    # A clock that is on itself, such as the column of the times, counts the channels beside it.
+    clocks = [
+        _clock(recording, clock, count, (n for n in names if n != clock))
+        for (clock, count), names in members.items()
+    ]
+    channels = tuple(_channel(recording, name) for name in recording.channels)
+    return Survey(tuple(clocks), channels)
+
+
+def clock_of(recording: Recording, name: str) -> str:
+    """Return the channel of the times of a channel; empty where there is none.
+
+    Of a table, whose columns name no clock, it is the column that is called as times are.
+    """
+    if clock := recording.clocks.get(name):
+        return clock
+    if name in recording.clocks.values():
+        return name
+    count = len(recording.channels[name])
+    ranked = [
+        (rank, k, other)
+        for k, (other, values) in enumerate(recording.channels.items())
+        if (rank := clock_rank(other)) is not None
+        and len(values) == count
+        and values.dtype.kind in "fiu"
+        and other not in recording.clocks
+        and _beside(other, name)
+    ]
+    return min(ranked)[2] if ranked else ""
+
+
+def seconds(recording: Recording, clock: str) -> Floats:
+    """Return the times of a clock, s, from the first that is known; exact differences.
+
+    Parameters
+    ----------
+    recording : Recording
+        What it is in.
+    clock : str
+        The channel of the times.
+    """
+    return _since(recording.channels[clock]) * unit_of_clock(recording, clock)[1]
+
+
+def unit_of_clock(recording: Recording, clock: str) -> tuple[str, float]:
+    """Return the unit of times, and the seconds in one; by its name where the file has no word."""
+    unit = recording.units.get(clock) or clock_unit(clock) or "s"
+    return unit, SECONDS.get(unit, 1.0)
+
+
+def _beside(clock: str, name: str) -> bool:
+    """Whether a column of times may be that of another: both in one group, or it further up."""
+    cut = max(clock.rfind("/"), clock.rfind("."))
+    return name.startswith(clock[: cut + 1])
+
+
+def _since(values: NDArray[Any]) -> Floats:
+    """Times from the first: subtracted before they are rounded to a float."""
+    if values.dtype.kind == "u":
+        values = values.astype(np.int64)
+    known = values[np.isfinite(values)]
+    return np.asarray(values - known[0] if known.size else values, dtype=np.float64)
+
+
+def _clock(recording: Recording, name: str, count: int, channels: Iterable[str]) -> ClockSurvey:
+    on_it = tuple(channels)
+    if not name:
+        return ClockSurvey("", count, on_it)
+    values = recording.channels[name]
+    _, factor = unit_of_clock(recording, name)
+    times = _since(values)  # in its own unit, in which steps of whole ones are exact
+    finite = np.isfinite(times)
+    times = times[finite]
+    if not times.size:
+        return ClockSurvey(name, count, on_it, unknown=count)
+    first = float(values[finite][0]) * factor
+    steps = np.diff(times)
+    forward = steps[steps > 0.0]
+    step = float(np.median(forward)) if forward.size else np.nan
+    gaps = forward[forward > GAP * step]
+    return ClockSurvey(
+        name,
+        count,
+        on_it,
+        unknown=count - times.size,
+        start=first + float(times.min()) * factor,
+        stop=first + float(times.max()) * factor,
+        step=step * factor,
+        gaps=gaps.size,
+        largest_gap=float(gaps.max()) * factor if gaps.size else 0.0,
+        repeated=int(np.count_nonzero(steps == 0.0)),
+        backward=int(np.count_nonzero(steps < 0.0)),
+    )
+
+
+def _channel(recording: Recording, name: str) -> ChannelSurvey:
+    values = recording.channels[name]
+    unit, frame = recording.units.get(name, ""), recording.frames.get(name, "")
+    if values.dtype.kind not in "fiub":
+        known = sum(1 for value in values.flat if str(value).strip())
+        return ChannelSurvey(name, "text", unit, frame, len(values), known)
+    kind = str(values.dtype)
+    finite = values[np.isfinite(values)] if values.dtype.kind == "f" else values
+    if not finite.size:
+        return ChannelSurvey(name, kind, unit, frame, len(values), 0)
+    ends = float(finite.min()), float(finite.max())
+    return ChannelSurvey(name, kind, unit, frame, len(values), finite.size, *ends)

@@ -1,0 +1,339 @@
+"""Files of groups and columns that are damaged, or claim too much: said on one line, in bounds."""
+
+import os
+import shutil
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pytest
+import scipy.io
+from containers import (
+    COLUMNS,
+    npz_bytes,
+    write_feather,
+    write_hdf5,
+    write_jpk,
+    write_mat5,
+    write_mat73,
+    write_parquet,
+)
+
+from palpate import MissingExtraError, RecordingError
+from palpate.recordings import FORMATS, formats, open_recording
+
+CUT = {
+    "probe.parquet": (write_parquet, "cut off"),
+    "new.mat": (write_mat73, "cut off"),
+}
+
+
+@pytest.mark.parametrize("name", CUT)
+def test_a_file_that_ends_too_early_is_said_to_be_cut_off(name, tmp_path):
+    write, words = CUT[name]
+    path = write(tmp_path / name)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    with pytest.raises(RecordingError, match=words):
+        open_recording(path)
+
+
+def test_the_whole_batches_of_a_feather_file_that_is_cut_off_are_read(tmp_path):
+    path = write_feather(tmp_path / "cut.feather", chunksize=100)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    recording = open_recording(path)
+    count = len(recording.channels["force_N"])
+    assert count in (300, 400)
+    np.testing.assert_array_equal(recording.channels["force_N"], COLUMNS["force_N"][:count])
+    assert "cut off" in recording.losses[0]
+    assert f"after sample {count}" in recording.losses[1]
+    with pytest.raises(RecordingError, match=r"cut off.*--strict"):
+        open_recording(path, strict=True)
+
+
+def logged(path):
+    """As a logger writes: every array grows piece by piece."""
+    random = np.random.default_rng(7)
+    columns = {"time": np.arange(2000) * 1e-3, "force": random.normal(size=(2000, 3))}
+    with h5py.File(path, "w") as file:
+        for name, values in columns.items():
+            sides = values.shape[1:]
+            file.create_dataset(
+                f"robot/{name}", (0, *sides), "f8", maxshape=(None, *sides), chunks=(100, *sides),
+                compression="gzip",
+            )  # fmt: skip
+        for k in range(0, 2000, 100):
+            for name, values in columns.items():
+                file[f"robot/{name}"].resize(k + 100, axis=0)
+                file[f"robot/{name}"][k:] = values[k : k + 100]
+    return columns
+
+
+@pytest.mark.parametrize("fraction", [0.5, 0.75, 0.99])
+def test_what_is_before_the_end_of_an_hdf5_file_that_is_cut_off_is_read(fraction, tmp_path):
+    path = tmp_path / "cut.h5"
+    columns = logged(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(fraction * len(whole))])
+    recording = open_recording(path)
+    count = len(recording.channels["robot/time"])
+    # Every piece that is whole: both arrays take turns in the file, after some 30 % of structure.
+    assert 0 < count < 2000
+    assert count % 100 == 0
+    np.testing.assert_array_equal(recording.channels["robot/time"], columns["time"][:count])
+    for k in range(3):
+        values = recording.channels[f"robot/force[{k}]"]
+        np.testing.assert_array_equal(values, columns["force"][:count, k])
+    assert "is cut off" in recording.losses[0]
+    assert recording.losses[1] == f"arrays of 2000 samples: the first {count} are read"
+    with pytest.raises(RecordingError, match="is cut off"):
+        open_recording(path, strict=True)
+
+
+def test_zeros_behind_the_end_of_a_file_are_never_taken_for_numbers(tmp_path):
+    path = write_hdf5(tmp_path / "cut.h5", {"time": np.ones(3000), "x": np.ones(3000)})
+    whole = path.read_bytes()
+    for size in range(3000, len(whole), 997):
+        path.write_bytes(whole[:size])
+        recording = open_recording(path)
+        assert all((values == 1.0).all() for values in recording.channels.values())
+        assert len(recording.channels["time"]) in (
+            (size - 2048) // 8, (size - 2048) // 8 - 3000, 3000
+        )  # fmt: skip
+        if "x" not in recording.channels:
+            assert recording.losses[-1] == "x: lies behind the end of the file"
+
+
+def test_an_hdf5_file_of_which_nothing_is_left_is_refused(tmp_path):
+    path = tmp_path / "cut.h5"
+    logged(path)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(RecordingError, match="cut off"):
+        open_recording(path)
+
+
+@pytest.mark.parametrize("packed", [False, True], ids=["plain", "packed"])
+def test_the_whole_variables_of_a_matlab_file_that_is_cut_off_are_read(packed, tmp_path):
+    path = write_mat5(tmp_path / "cut.mat", do_compression=packed)
+    path.write_bytes(path.read_bytes()[:-200])
+    recording = open_recording(path)
+    assert set(recording.channels) == {"time_s", "penetration_m"}
+    assert "the file ends in it" in recording.losses[0]
+    with pytest.raises(RecordingError, match="the file ends in it"):
+        open_recording(path, strict=True)
+
+
+def test_a_damaged_row_group_is_left_unknown_and_said(tmp_path):
+    columns = {"time_s": COLUMNS["time_s"], "force_N": COLUMNS["force_N"]}
+    path = write_parquet(
+        tmp_path / "bad.parquet", columns, row_group_size=100, use_dictionary=False,
+        compression="gzip",
+    )  # fmt: skip
+    chunk = pa.parquet.ParquetFile(path).metadata.row_group(2).column(1)
+    damaged = bytearray(path.read_bytes())
+    middle = chunk.data_page_offset + chunk.total_compressed_size // 2
+    damaged[middle : middle + 40] = bytes(40)
+    path.write_bytes(damaged)
+    recording = open_recording(path)
+    assert "100 of 600 rows cannot be read" in recording.losses[0]
+    force = recording.channels["force_N"]
+    assert np.isnan(force[200:300]).all()
+    np.testing.assert_array_equal(force[300:], COLUMNS["force_N"][300:])
+    assert recording.faults["force_N"].count == 100
+    np.testing.assert_array_equal(recording.channels["time_s"], COLUMNS["time_s"])
+
+
+def test_a_damaged_array_of_hdf5_is_lost_and_the_others_are_read(tmp_path):
+    path = write_hdf5(tmp_path / "bad.h5", compression="gzip", chunks=(300,))
+    with h5py.File(path) as file:
+        chunk = file["force_N"].id.get_chunk_info(1)
+    damaged = bytearray(path.read_bytes())
+    damaged[chunk.byte_offset + 20 : chunk.byte_offset + 60] = bytes(40)
+    path.write_bytes(damaged)
+    recording = open_recording(path)
+    assert set(recording.channels) == {"time_s", "penetration_m"}
+    assert recording.losses[0].startswith("force_N: cannot be read")
+
+
+@pytest.mark.parametrize("write", [write_hdf5, write_mat73], ids=["hdf5", "matlab"])
+def test_an_array_of_which_nothing_was_written_takes_no_memory(write, tmp_path):
+    path = write(tmp_path / "fill.h5")
+    with h5py.File(path, "r+") as file:
+        made = file.create_dataset("huge", shape=(10**10,), dtype="f8", chunks=(1000,))
+        made.attrs["MATLAB_class"] = np.bytes_("double")
+        some = file.create_dataset("some", shape=(10**10,), dtype="f8", chunks=(1000,))
+        some.attrs["MATLAB_class"] = np.bytes_("double")
+        some[:1000] = 1.0
+    recording = open_recording(path)
+    assert set(recording.channels) == set(COLUMNS)
+    assert recording.losses == (
+        "huge: nothing was written of its 10000000000 values",
+        "some: 1 of its 10000000 pieces were written",
+    )
+
+
+def test_pieces_of_an_array_that_were_never_written_are_said(tmp_path):
+    path = write_hdf5(tmp_path / "some.h5")
+    with h5py.File(path, "r+") as file:
+        made = file.create_dataset("x", shape=(600,), dtype="f8", chunks=(100,))
+        made[:450] = 1.0
+    recording = open_recording(path)
+    assert recording.channels["x"][499:501].tolist() == [0.0, 0.0]
+    assert recording.losses == ("x: 1 of its 6 pieces were never written; they read as 0.0",)
+
+
+def bomb_hdf5(path):
+    with h5py.File(path, "w") as file:
+        made = file.create_dataset(
+            "zeros", shape=(9 * 2**20,), dtype="f8", chunks=(2**20,), compression="gzip"
+        )
+        piece = np.zeros(2**20)
+        for k in range(0, 9 * 2**20, 2**20):
+            made[k : k + 2**20] = piece
+
+
+@pytest.mark.parametrize(
+    "name, write",
+    [
+        ("b.parquet", lambda p: write_parquet(p, {"z": np.zeros(10**7)}, compression="zstd")),
+        ("b.feather", lambda p: write_feather(p, {"z": np.zeros(10**7)}, compression="zstd")),
+        ("b.mat", lambda p: write_mat5(p, {"z": np.zeros(10**7)}, do_compression=True)),
+        ("b.h5", bomb_hdf5),
+    ],
+    ids=["parquet", "feather", "matlab", "hdf5"],
+)
+def test_nothing_unpacks_to_a_hundred_times_its_file(name, write, tmp_path):
+    write(tmp_path / name)
+    with pytest.raises(RecordingError, match=r"unpack to more than|claims"):
+        open_recording(tmp_path / name)
+
+
+def claimed(path, at: int, number: int) -> None:
+    """Write another number into a file."""
+    content = bytearray(path.read_bytes())
+    content[at : at + 4] = number.to_bytes(4, "little")
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("at", [132, 160, 164, 188], ids=["element", "rows", "columns", "data"])
+def test_sizes_that_a_matlab_file_only_claims_take_no_memory(at, tmp_path):
+    path = write_mat5(tmp_path / "claims.mat", {"force": np.arange(100.0)})
+    claimed(path, at, 0x7FFFFFFF)
+    with pytest.raises(RecordingError, match=r"claims|ends in it|too early|nothing in it"):
+        open_recording(path)
+
+
+def test_what_is_no_series_of_numbers_is_left_out_by_name(tmp_path):
+    matrix = {
+        "cells": np.array([1.0, "a"], dtype=object),
+        "complex": np.arange(5) * 1j,
+        "cube": np.zeros((3, 4, 5)),
+        "empty": np.zeros((0, 3)),
+        "image": np.zeros((300, 400)),
+        "force": np.arange(5.0),
+    }
+    path = write_mat5(tmp_path / "odd.mat", {**matrix, "sparse": scipy.sparse.eye(50).tocsc()})
+    recording = open_recording(path)
+    assert set(recording.channels) == {"force"}
+    said = " ".join(recording.omissions)
+    for words in (
+        "cells: holds cells", "complex: holds complex", "cube: has 3 dim", "empty: holds no",
+        "image: is a matrix or an image, 300 by 400", "sparse: is a sparse matrix",
+    ):  # fmt: skip
+        assert words in said
+
+
+def test_an_object_of_matlab_is_left_out_with_what_to_save_instead(tmp_path):
+    path = write_mat73(tmp_path / "object.mat", {"force": np.arange(5.0)})
+    with h5py.File(path, "r+") as file:
+        made = file.create_dataset("ts", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], np.uint32))
+        made.attrs["MATLAB_class"] = np.bytes_("timeseries")
+        made.attrs["MATLAB_object_decode"] = np.int32(3)
+    recording = open_recording(path)
+    assert set(recording.channels) == {"force"}
+    assert "save s = struct('time', ts.Time, 'data', ts.Data) instead" in recording.omissions[0]
+
+
+def test_links_to_other_files_and_to_groups_above_are_not_followed(tmp_path):
+    path = write_hdf5(tmp_path / "links.h5")
+    with h5py.File(path, "r+") as file:
+        file["elsewhere"] = h5py.ExternalLink("/etc/passwd", "/x")
+        file.create_group("a")["above"] = file["/"]
+        file["gone"] = h5py.SoftLink("/nowhere")
+    recording = open_recording(path)
+    assert set(recording.channels) == set(COLUMNS)
+    assert recording.omissions == ("elsewhere: leads to another file; open that one",)
+    assert recording.losses[0].startswith("gone: cannot be read")
+
+
+SUFFIXES = [suffix for each in FORMATS if each.extra for suffix in each.suffixes]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_what_has_only_the_suffix_of_a_format_is_refused_on_one_line(suffix, tmp_path):
+    pytest.importorskip("afmformats")
+    contents = {
+        "empty": b"",
+        "text": b"time_s,force_N\n0,1\n",
+        "zip": npz_bytes(),
+        "zero": bytes(999),
+    }
+    for name, content in contents.items():
+        path = tmp_path / f"{name}{suffix}"
+        path.write_bytes(content)
+        with pytest.raises(RecordingError) as refusal:
+            open_recording(path)
+        assert len(str(refusal.value).splitlines()) == 1
+    (tmp_path / f"folder{suffix}").mkdir()
+    with pytest.raises(RecordingError, match="folder; name a file"):
+        open_recording(tmp_path / f"folder{suffix}")
+    with pytest.raises(RecordingError, match="check the path"):
+        open_recording(tmp_path / f"absent{suffix}")
+    os.mkfifo(tmp_path / f"pipe{suffix}")
+    with pytest.raises(RecordingError, match="pipe"):
+        open_recording(tmp_path / f"pipe{suffix}")
+
+
+def test_a_force_map_that_is_damaged_or_lacks_its_calibration_is_refused(tmp_path):
+    pytest.importorskip("afmformats")
+    path = write_jpk(tmp_path / "map.jpk-force-map", [(np.arange(200), np.arange(200))])
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(RecordingError, match="cannot be read"):
+        open_recording(path)
+    import zipfile
+
+    plain = tmp_path / "plain.jpk-force-map"
+    path.write_bytes(whole)
+    with zipfile.ZipFile(path) as source, zipfile.ZipFile(plain, "w") as target:
+        for item in source.infolist():
+            kept = [
+                line
+                for line in source.read(item).splitlines(keepends=True)
+                if b"conversion.force.scaling.multiplier" not in line
+            ]
+            target.writestr(item, b"".join(kept))
+    with pytest.raises(RecordingError, match="lacks its calibration"):
+        open_recording(plain)
+
+
+def test_a_missing_package_is_an_error_that_says_how_to_install_it(tmp_path, monkeypatch):
+    path = write_hdf5(tmp_path / "probe.h5")
+
+    def absent(name):
+        raise ModuleNotFoundError("No module named 'h5py'", name="h5py")
+
+    monkeypatch.setattr(formats, "import_module", absent)
+    with pytest.raises(MissingExtraError, match=r"h5py.*pip install '\.\[recordings\]'"):
+        open_recording(path)
+
+
+def test_a_file_may_be_written_anew_while_its_path_stays(tmp_path):
+    """Readers keep nothing of a file that they have read."""
+    pytest.importorskip("afmformats")
+    path = tmp_path / "map.jpk-force-map"
+    for scale in (1, 2):
+        write_jpk(tmp_path / "new", [(np.arange(200), scale * np.arange(200))])
+        shutil.move(tmp_path / "new", path)
+        force = open_recording(path).channels["force"]
+        assert force[-1] / force[100] == pytest.approx(1.99)
+        assert round(force[1] / 3.6e-13) == scale
