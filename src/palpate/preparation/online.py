@@ -95,9 +95,9 @@ class OnlinePreparation(_core.OnlinePreparation):
         step = number_in("sample_time", sample_time, 1e-100, 1e6)
         samples = window_samples(step, velocity_window)
         if samples > LONGEST_WINDOW:
+            longest = f"{LONGEST_WINDOW} samples, {LONGEST_WINDOW * step:g} s"
             raise InvalidParameterError(
-                f"velocity_window must be at most {LONGEST_WINDOW} samples, {LONGEST_WINDOW * step:g}"
-                f" s, not {shown(velocity_window)}"
+                f"velocity_window must be at most {longest}, not {shown(velocity_window)}"
             )
         turned = _flipped(flip)
         super().__init__(
@@ -149,14 +149,14 @@ class OnlinePreparation(_core.OnlinePreparation):
         if len(set(sizes.values())) > 1:
             lengths = ", ".join(f"{name} has {size}" for name, size in sizes.items())
             raise InvalidParameterError(f"arrays must have the same length: {lengths}")
-        given = np.empty((4, sizes["position"]))
+        times, depths, speeds, pushes = np.empty((4, sizes["position"]))
         segment = np.empty(sizes["position"], dtype=np.int64)
-        count = self._replay(p, f, t, *given, segment)
+        count = self._replay(p, f, t, times, depths, speeds, pushes, segment)
         return Contact(
-            given[0, :count],
-            penetration=given[1, :count],
-            velocity=given[2, :count],
-            force=given[3, :count],
+            times[:count],
+            penetration=depths[:count],
+            velocity=speeds[:count],
+            force=pushes[:count],
             segment=segment[:count],
             provenance={"velocity": self._words()},
         )
