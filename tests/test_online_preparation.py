@@ -7,6 +7,8 @@ import pickle
 import numpy as np
 import pytest
 from cases import MATERIALS, THREE_SINES
+from hypothesis import given
+from hypothesis import strategies as st
 
 import palpate
 from palpate import InvalidParameterError, OnlinePreparation, Status
@@ -282,6 +284,28 @@ def test_a_gap_restarts_the_window_and_its_length_can_be_set():
     assert len(long.replay(x, force, time)) == time.size - LATE - 7
     short.interrupt()
     assert fed(short, x[:16], force[:16], 1.0 + time[:16]) == []
+
+
+def test_samples_far_apart_give_no_flattened_velocity():
+    time, x, force = measured(2.0)
+    assert len(OnlinePreparation().replay(x, force, 2.0 * time)) == time.size - LATE - 7
+    preparation = OnlinePreparation()  # of a clock that ticks at a third of what it is told
+    assert len(preparation.replay(x, force, 3.0 * time)) == 0
+    assert preparation.status is Status.WAITING
+
+
+any_floats = st.floats(width=64)
+
+
+@given(st.lists(st.tuples(any_floats, any_floats, any_floats | st.none()), max_size=60))
+def test_any_floats_give_finite_samples_or_none(rows):
+    preparation = OnlinePreparation(velocity_window=3e-3, longest_gap=1e12)
+    for row in rows:
+        sample = preparation.update(*row)
+        if sample is None:
+            continue
+        assert all(map(math.isfinite, (*sample, sample.time)))
+        assert sample.dt > 0.0
 
 
 def test_the_force_of_the_first_seconds_is_taken_off():

@@ -26,6 +26,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "palpate/lost_positions.hpp"
 #include "palpate/sample.hpp"
@@ -77,6 +78,7 @@ class VelocityFilter {
         half_(settings.samples / 2),
         longest_gap_(settings.longest_gap > 0.0 ? settings.longest_gap
                                                 : settings.sample_time * settings.samples),
+        longest_window_(settings.sample_time * settings.samples + longest_gap_),
         delay_(settings.sample_time * static_cast<double>(lag())) {
     const double h = static_cast<double>(half_);
     per_sum_ = 3.0 / (settings.sample_time * h * (h + 1.0) * (2.0 * h + 1.0));
@@ -89,7 +91,8 @@ class VelocityFilter {
   // dt: time since the previous call, s. The sample is taken whole or not at all:
   //
   //   updated       taken; sample() is the one of a while ago
-  //   waiting       taken; none is ready yet
+  //   waiting       taken; none is ready yet, or samples come less than half as often as they
+  //                 should: so long a window flattens the motion
   //   restarted     taken, and the first of a new window: too much time has passed since the latest
   //   rejected      taken; the one of two samples ago was a lost position, and is not given
   //   not_finite, invalid_step, out_of_range   refused; only its time has passed
@@ -180,11 +183,15 @@ class VelocityFilter {
     if (count_ < settings_.samples && ++count_ < settings_.samples) return Status::waiting;
     // The oldest one's own step is none of the window's.
     const bool even = even_ >= settings_.samples - 1;
+    const double velocity = even ? even_slope() : slope();
+    if (std::isnan(velocity)) {
+      continuous_ = false;
+      return Status::waiting;
+    }
     const Entry& middle = ago(half_);
     const double age = age_of_middle(even);
     double dt = settings_.sample_time;
     if (given_) dt = continuous_ ? middle.dt : std::max(since_given_ - age, middle.dt);
-    const double velocity = even ? even_slope() : slope();
     sample_ = {{middle.penetration, velocity, middle.force}, dt, age};
     since_given_ = age;
     given_ = continuous_ = true;
@@ -208,8 +215,8 @@ class VelocityFilter {
     return sum * per_sum_;
   }
 
-  // On any clock. Times count from the middle and in units of the farthest, so that no power of
-  // them leaves the range of a double.
+  // On any clock; NaN where the window is too long. Times count from the middle and in units of the
+  // farthest, so that no power of them leaves the range of a double.
   [[gnu::noinline]] double slope() const noexcept {
     std::array<double, MaximumSamples> s, depth;
     const std::size_t h = half_;
@@ -221,6 +228,7 @@ class VelocityFilter {
       depth[h + k] = ago(h - k).penetration - middle.penetration;
       depth[h - k] = ago(h + k).penetration - middle.penetration;
     }
+    if (s[2 * h] - s[0] > longest_window_) return std::numeric_limits<double>::quiet_NaN();
     const double unit = std::max(s[2 * h], -s[0]), per_unit = 1.0 / unit;
     for (std::size_t i = 0; i <= 2 * h; ++i) s[i] *= per_unit;
 
@@ -249,10 +257,11 @@ class VelocityFilter {
   }
 
   Settings settings_;
-  std::uint32_t half_;  // h
-  double longest_gap_;
-  double delay_;
-  double per_sum_;  // 1/(T Σ k²), 1/s
+  std::uint32_t half_;     // h
+  double longest_gap_;     // s
+  double longest_window_;  // s
+  double delay_;           // s
+  double per_sum_;         // 1/(T Σ k²), 1/s
   LostPositions lost_;
   std::array<Entry, capacity> window_{};
   std::array<Entry, LostPositions::ahead> pending_{};  // the newest first; not yet judged

@@ -183,6 +183,17 @@ TEST("a window holds no gap, and says where it starts anew") {
   CHECK(filter.update(0.02, 1.0) == Status::waiting);
 }
 
+TEST("samples that come less than half as often as they should give no flattened velocity") {
+  VelocityFilter<> half, third, told({.sample_time = 3e-3});
+  for (int k = 0; k < 40; ++k) {
+    half.update(1e-4 * k, 1.0, 2e-3);
+    CHECK(third.update(1e-4 * k, 1.0, 3e-3) == Status::waiting);
+    told.update(1e-4 * k, 1.0);
+  }
+  CHECK_NEAR(half.sample().velocity, 0.05, 1e-14);
+  CHECK_NEAR(told.sample().velocity, 0.1 / 3.0, 1e-14);
+}
+
 TEST("fuzzing with arbitrary bit patterns gives finite samples or none") {
   for (const bool lost_positions : {false, true}) {
     for (const double sample_time : {1e-100, 1e-3, 1e6}) {

@@ -30,7 +30,8 @@ class OnlinePreparation(_core.OnlinePreparation):
     know one takes the two samples after it, which delays everything by those two.
 
     Every call of :meth:`update` gives a sample or, where :attr:`status` is another than
-    ``UPDATED``, None: ``WAITING`` (none is ready yet), ``RESTARTED`` (after a gap, the first of a
+    ``UPDATED``, None: ``WAITING`` (none is ready yet, or samples come less than half as often as
+    ``sample_time`` says), ``RESTARTED`` (after a gap, the first of a
     new window), ``REJECTED`` (the position of two samples ago is lost), ``NOT_FINITE``,
     ``INVALID_STEP`` or ``OUT_OF_RANGE`` (refused: only its time has passed).
 
