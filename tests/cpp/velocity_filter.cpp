@@ -143,6 +143,28 @@ TEST("a lost position is left out of every window, and is not given") {
   }
 }
 
+TEST("neither noise nor a shaking lever is a lost position") {
+  RandomNumbers random(7);
+  VelocityFilter<> noisy, shaking;
+  for (int k = 0; k < 20000; ++k) {
+    CHECK(noisy.update(10e-3 + random.between(-1e-3, 1e-3), 1.0) != Status::rejected);
+    // 3 mm at 150 Hz for a tenth of a second, in a motion of 11 rad/s.
+    const double t = 1e-3 * k, slow = 10e-3 + 2e-3 * std::sin(11.0 * t);
+    const double quick = k >= 9000 && k < 9100 ? 3e-3 * std::sin(942.0 * t) : 0.0;
+    CHECK(shaking.update(slow + quick, 1.0) != Status::rejected);
+  }
+}
+
+TEST("a position that was none at the start does not hide lost ones for ever") {
+  VelocityFilter<> filter;
+  for (int k = 0; k < 2; ++k) filter.update(1e3, 1.0);
+  const auto measured = motion(3000, 0.0, 8);
+  for (const Measured& m : measured) filter.update(m.position, m.force);
+  filter.update(0.0, 1.0);
+  filter.update(measured.back().position, 1.0);
+  CHECK(filter.update(measured.back().position, 1.0) == Status::rejected);
+}
+
 TEST("a refused sample leaves its time behind and nothing else") {
   auto measured = motion(220, 0.0, 4);
   VelocityFilter<> filter, skipping;
