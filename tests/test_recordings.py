@@ -14,6 +14,7 @@ import pytest
 
 import palpate
 from palpate import ESTIMATORS, ContactGate, RecordingError, SingleStageRLS, prepare
+from palpate.preparation.velocity import velocity_of, window_samples
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 FOLDER = Path(os.environ.get("PALPATE_DATA", BESIDE))
@@ -114,3 +115,26 @@ def test_velocity_is_bounded_by_what_the_probe_can_do(path):
     )
     # A parabola's slope at its ends is at most some three times the largest difference within.
     assert np.max(np.abs(contact.velocity)) < 3.0 * np.max(np.abs(inside))
+
+
+@pytest.mark.parametrize("path", files("*.csv"))
+def test_in_real_time_a_recording_is_prepared_as_it_is_offline(path):
+    if not has_penetration(path):
+        pytest.skip("a raw recording of positions, without a penetration")
+    contact = prepare(path)
+    for part in contact.segments():
+        time, x, force = contact.time[part], contact.penetration[part], contact.force[part]
+        if time.size < 20 or not np.isfinite(x + force).all():
+            continue
+        step = float(np.median(np.diff(time)))
+        # Offline, windows reach over any gap.
+        online = palpate.OnlinePreparation(sample_time=step, longest_gap=1e6)
+        given = online.replay(x, force, time)
+        half = window_samples(step) // 2
+        middle = slice(half, time.size - half - 2)  # none of them has a lost position
+        assert np.array_equal(given.penetration, x[middle])
+        assert np.array_equal(given.force, force[middle])
+        expected = velocity_of(time, x)
+        # Measured 5e-16: the same sums in another order.
+        atol = 1e-13 * np.abs(expected).max()
+        np.testing.assert_allclose(given.velocity, expected[middle], rtol=0.0, atol=atol)
