@@ -1,4 +1,4 @@
-"""Builds what is compared with: a C++ replay and an empty compiled method."""
+"""Builds what is compared with: a C++ replay, a C++ loop and an empty compiled method."""
 
 import importlib.util
 import subprocess
@@ -21,6 +21,7 @@ class NativePrograms:
     """What was built."""
 
     replay: Path
+    preparation: Path
     sizes: Path
     empty_method: Any
     compiler: str
@@ -48,7 +49,8 @@ def native_programs() -> NativePrograms:
     if not modules:
         raise BuildError("the build made no empty_method module")
     compiler = (BUILD / "compiler.txt").read_text().strip()
-    return NativePrograms(BUILD / "replay", BUILD / "sizes", _loaded(modules[0]), compiler)
+    replay, preparation, sizes = (BUILD / name for name in ("replay", "preparation", "sizes"))
+    return NativePrograms(replay, preparation, sizes, _loaded(modules[0]), compiler)
 
 
 def _output(command: list[str]) -> str:

@@ -17,6 +17,7 @@ from benchmarks.allocations import count_allocations
 from benchmarks.calls import measure_calls
 from benchmarks.memory import measure_memory
 from benchmarks.native_programs import BuildError, native_programs
+from benchmarks.online_preparation import measure_preparation
 from benchmarks.replays import measure_replays
 from benchmarks.side_by_side import compare_with_peers
 from benchmarks.startup import measure_startup
@@ -50,6 +51,7 @@ def main(
     with clock() as running:
         sections = [
             measure_calls(running, effort),
+            measure_preparation(running, effort),
             count_allocations(),
             measure_replays(running, effort),
             compare_with_peers(running, effort),

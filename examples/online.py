@@ -2,14 +2,15 @@
 
     python examples/online.py [RECORDING.csv]
 
-The recording stands in for the robot. In a real loop the ``for`` is your 1 kHz timer, and the three
-numbers come from your encoder, its velocity filter and your force sensor, all equally late.
+The recording stands in for the robot. In a real loop the ``for`` is your 1 kHz timer, and the two
+numbers come from your encoder and your force sensor; the preparation makes the velocity, and gives
+everything as late as that is.
 """
 
 import sys
 from pathlib import Path
 
-from palpate import ContactGate, SingleStageRLS, prepare
+from palpate import ContactGate, OnlinePreparation, SingleStageRLS, prepare
 
 BALL = Path(__file__).parent / "recordings" / "ball.csv"
 
@@ -18,20 +19,20 @@ def main() -> None:
     """Feel one recording, sample by sample."""
     contact = prepare(sys.argv[1] if len(sys.argv) > 1 else BALL)
     samples = zip(
-        contact.time.tolist(),
-        contact.penetration.tolist(),
-        contact.velocity.tolist(),
-        contact.force.tolist(),
-        strict=True,
+        contact.time.tolist(), contact.penetration.tolist(), contact.force.tolist(), strict=True
     )
+    preparation = OnlinePreparation(sample_time=contact.sample_time)
     # Trust nothing below ten times the force noise: ln F has no patience with it.
     estimator = SingleStageRLS(gate=ContactGate(minimum_penetration=1e-4, make_force=0.6))
     report_at = 0.5
-    for time, penetration, velocity, force in samples:
-        status = estimator.update(penetration, velocity, force)
-        if time >= report_at:
-            report_at = time + 0.5
-            print(f"{time:5.2f} s  {status.name:8}  {describe(estimator)}")
+    for time, position, force in samples:
+        sample = preparation.update(position, force, time)
+        if sample is None:  # half a window first, or see preparation.status
+            continue
+        status = estimator.update(*sample)
+        if sample.time >= report_at:
+            report_at = sample.time + 0.5
+            print(f"{sample.time:5.2f} s  {status.name:8}  {describe(estimator)}")
     print(f"   at the end  {describe(estimator)}")
 
 

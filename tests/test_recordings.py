@@ -15,6 +15,7 @@ import pytest
 import palpate
 from palpate import ESTIMATORS, ContactGate, SingleStageRLS, prepare
 from palpate.preparation.places import at_places
+from palpate.preparation.velocity import velocity_of, window_samples
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 FOLDER = Path(os.environ.get("PALPATE_DATA", BESIDE))
@@ -150,3 +151,26 @@ def test_a_probe_that_travels_is_identified_place_by_place(path):
 def test_a_surface_that_is_never_seen_is_called_an_assumption(path):
     findings = palpate.identify(path).diagnosis.findings
     assert any(f.check == "surface" and "an assumption" in f.sentence for f in findings)
+
+
+@pytest.mark.parametrize("path", files("*.csv"))
+def test_in_real_time_a_recording_is_prepared_as_it_is_offline(path):
+    if not has_penetration(path):
+        pytest.skip("a raw recording of positions, without a penetration")
+    contact = prepare(path)
+    for part in contact.segments():
+        time, x, force = contact.time[part], contact.penetration[part], contact.force[part]
+        if time.size < 20 or not np.isfinite(x + force).all():
+            continue
+        step = float(np.median(np.diff(time)))
+        # Offline, windows reach over any gap.
+        online = palpate.OnlinePreparation(sample_time=step, longest_gap=1e6)
+        given = online.replay(x, force, time)
+        half = window_samples(step) // 2
+        middle = slice(half, time.size - half - 2)  # none of them has a lost position
+        assert np.array_equal(given.penetration, x[middle])
+        assert np.array_equal(given.force, force[middle])
+        expected = velocity_of(time, x)
+        # Measured 5e-16: the same sums in another order.
+        atol = 1e-13 * np.abs(expected).max()
+        np.testing.assert_allclose(given.velocity, expected[middle], rtol=0.0, atol=atol)

@@ -11,6 +11,10 @@ int main() {
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0.0, 0.05);
 
+  // No sensor delivers a velocity: the preparation makes it of the positions, and gives all three
+  // numbers as late as that is, 9 ms.
+  palpate::OnlinePreparation<> preparation({.filter = {.sample_time = 1e-3}});
+
   // What the robot knows: nothing. It takes the logarithm of the force, so contact is where the
   // force is well above the noise: made at 1 N, lost at 0.8 N. In between it keeps what it learned.
   palpate::SingleStageRLS estimator(
@@ -27,7 +31,11 @@ int main() {
     const double v = 3.0 * approach + 19.8e-3 * std::cos(11.0 * t) + 27e-3 * std::cos(15.0 * t);
     const double force = rubber.force(x, v) + noise(random);
 
-    estimator.update(x, v, force);  // m, m/s, N; never throws, allocates or blocks
+    if (preparation.update(x, force) == palpate::Status::updated) {  // m, N; none at first
+      const palpate::FilteredSample late = preparation.sample();
+      // Neither throws, allocates or blocks.
+      estimator.update(late.penetration, late.velocity, late.force, late.dt);
+    }
 
     if (tick % 250 != 0) continue;
     const auto now = estimator.estimate();

@@ -2,4 +2,5 @@
 #pragma once
 
 #include "palpate/estimators.hpp"
+#include "palpate/online_preparation.hpp"
 #include "palpate/replay.hpp"

@@ -15,6 +15,7 @@ namespace nb = nanobind;
 using InputArray = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using OutputArray = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
 using StatusArray = nb::ndarray<std::uint8_t, nb::c_contig, nb::device::cpu>;
+using LabelArray = nb::ndarray<std::int64_t, nb::c_contig, nb::device::cpu>;
 
 inline nb::object copied_array(const double* data, std::initializer_list<std::size_t> shape) {
   return nb::ndarray<nb::numpy, const double>(data, shape).cast(nb::rv_policy::copy);
@@ -25,6 +26,8 @@ void bind_estimate(nb::module_& module);
 void bind_error_bars(nb::module_& module);
 void bind_estimators(nb::module_& module);
 void bind_projection(nb::module_& module);
+void bind_drift_tracking(nb::module_& module);
 void bind_least_squares(nb::module_& module);
+void bind_online_preparation(nb::module_& module);
 
 }  // namespace palpate::bindings

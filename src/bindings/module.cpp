@@ -10,4 +10,6 @@ NB_MODULE(_core, module) {
   palpate::bindings::bind_least_squares(module);
   palpate::bindings::bind_estimators(module);
   palpate::bindings::bind_projection(module);
+  palpate::bindings::bind_drift_tracking(module);
+  palpate::bindings::bind_online_preparation(module);
 }

@@ -39,12 +39,13 @@ dt : float, optional
     Time since the previous sample, s; ``sample_time`` unless given.)";
 
 // Puts positional and keyword arguments into their places; false, with a Python error set, where
-// they are not (3 or 4) numbers by these names.
-inline bool place_arguments(PyObject* const* args, Py_ssize_t positional, PyObject* names,
-                            std::array<PyObject*, 4>& placed) noexcept {
-  static constexpr const char* parameters[] = {"penetration", "velocity", "force", "dt"};
-  if (positional > 4) {
-    PyErr_SetString(PyExc_TypeError, "update() takes penetration, velocity, force and dt only");
+// they are not so many by these names. The last may be left out.
+template <std::size_t Size>
+bool place_arguments(PyObject* const* args, Py_ssize_t positional, PyObject* names,
+                     const std::array<const char*, Size>& parameters,
+                     std::array<PyObject*, Size>& placed) noexcept {
+  if (positional > static_cast<Py_ssize_t>(Size)) {
+    PyErr_Format(PyExc_TypeError, "update() takes at most %zu arguments", Size);
     return false;
   }
   for (Py_ssize_t i = 0; i < positional; ++i) placed[static_cast<std::size_t>(i)] = args[i];
@@ -52,14 +53,14 @@ inline bool place_arguments(PyObject* const* args, Py_ssize_t positional, PyObje
   for (Py_ssize_t i = 0; i < named; ++i) {
     PyObject* name = PyTuple_GetItem(names, i);
     std::size_t place = 0;
-    while (place < 4 && PyUnicode_CompareWithASCIIString(name, parameters[place]) != 0) ++place;
-    if (place == 4 || placed[place]) {
+    while (place < Size && PyUnicode_CompareWithASCIIString(name, parameters[place]) != 0) ++place;
+    if (place == Size || placed[place]) {
       PyErr_Format(PyExc_TypeError, "update() got an unexpected or repeated argument '%U'", name);
       return false;
     }
     placed[place] = args[positional + i];
   }
-  for (std::size_t place = 0; place < 3; ++place) {
+  for (std::size_t place = 0; place + 1 < Size; ++place) {
     if (placed[place]) continue;
     PyErr_Format(PyExc_TypeError, "update() missing argument '%s'", parameters[place]);
     return false;
@@ -67,24 +68,30 @@ inline bool place_arguments(PyObject* const* args, Py_ssize_t positional, PyObje
   return true;
 }
 
+// False, with a Python error set, where it is no number.
+inline bool number_of(PyObject* object, double& number) noexcept {
+  if (PyFloat_CheckExact(object)) [[likely]] {
+    number = PyFloat_AS_DOUBLE(object);
+    return true;
+  }
+  number = PyFloat_AsDouble(object);
+  return number != -1.0 || !PyErr_Occurred();
+}
+
 template <class Handle>
 PyObject* update_method(PyObject* self, PyObject* const* args, Py_ssize_t positional,
                         PyObject* names) noexcept {
+  static constexpr std::array<const char*, 4> parameters{"penetration", "velocity", "force", "dt"};
   std::array<PyObject*, 4> placed{};
   if (positional == 3 && !names) [[likely]] {
     placed = {args[0], args[1], args[2], nullptr};
-  } else if (!place_arguments(args, positional, names, placed)) {
+  } else if (!place_arguments(args, positional, names, parameters, placed)) {
     return nullptr;
   }
   const bool default_step = !placed[3] || placed[3] == Py_None;
   std::array<double, 4> numbers{};
   for (std::size_t i = 0; i < (default_step ? 3U : 4U); ++i) {
-    if (PyFloat_CheckExact(placed[i])) [[likely]] {
-      numbers[i] = PyFloat_AS_DOUBLE(placed[i]);
-    } else {
-      numbers[i] = PyFloat_AsDouble(placed[i]);
-      if (numbers[i] == -1.0 && PyErr_Occurred()) return nullptr;
-    }
+    if (!number_of(placed[i], numbers[i])) return nullptr;
   }
   if (!nb::inst_ready(self)) {
     PyErr_SetString(PyExc_TypeError, "update() of an estimator that was never initialised");

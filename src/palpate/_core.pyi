@@ -390,3 +390,72 @@ class DriftTracking:
     def _state(self) -> bytes: ...
 
     def _restore(self, arg: bytes, /) -> None: ...
+
+class PreparedSample(tuple[float, float, float, float]):
+    """A sample of a while ago: ``estimator.update(*sample)`` takes it."""
+
+    @property
+    def penetration(self) -> float:
+        """m, as it was measured."""
+
+    @property
+    def velocity(self) -> float:
+        """m/s, positive while penetrating."""
+
+    @property
+    def force(self) -> float:
+        """N, as it was measured, less the tare."""
+
+    @property
+    def dt(self) -> float:
+        """s, since the sample given before."""
+
+    @property
+    def time(self) -> float:
+        """s, when it was: by the times that were given, else since the first call."""
+
+class OnlinePreparation:
+    def __init__(self, arg0: float, arg1: int, arg2: float, arg3: bool, arg4: float, arg5: float, arg6: float, arg7: bool, arg8: bool, arg9: Sequence[float], /) -> None: ...
+
+    def update(self, position: float | Sequence[float] | NDArray[numpy.float64], force: float | Sequence[float] | NDArray[numpy.float64], time: float | None = None) -> PreparedSample | None:
+        """
+        Take one sample as measured, and give the one that is now ready: of :attr:`delay` ago.
+
+        None where there is none; :attr:`status` says why. Never raises on data; the sample is taken whole
+        or not at all.
+
+        Parameters
+        ----------
+        position : float or sequence of 3 floats
+            m, along the contact normal and growing into the material; with a ``direction`` a vector.
+        force : float or sequence of 3 floats
+            N, compression positive; with a ``direction`` a vector.
+        time : float, optional
+            s, by any clock; ``sample_time`` after the call before unless given.
+        """
+
+    def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg3: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.int64], dict(order='C', device='cpu')], /) -> int: ...
+
+    def interrupt(self) -> None:
+        """Start a new window: the next sample does not follow the latest."""
+
+    def reset(self) -> None:
+        """Forget everything but the settings."""
+
+    @property
+    def status(self) -> Status:
+        """What the latest update did with its sample."""
+
+    @property
+    def delay(self) -> float:
+        """How long ago the samples given were, s, where none was left out."""
+
+    @property
+    def tare(self) -> float:
+        """
+        The mean force of the first ``tare_time``, N, which is taken off; NaN until it is known.
+        """
+
+    def _state(self) -> bytes: ...
+
+    def _restore(self, arg: bytes, /) -> None: ...

@@ -1,6 +1,6 @@
 """The public names, gathered; ``import palpate`` offers them."""
 
-from palpate._core import Status
+from palpate._core import PreparedSample, Status
 from palpate.contact import Contact
 from palpate.diagnosis import Diagnosis, Finding, Verdict, WorkingDepth
 from palpate.errors import (
@@ -32,7 +32,7 @@ from palpate.force_laws import (
 )
 from palpate.identification import Identification, compare, diagnose, identify
 from palpate.least_squares import LeastSquares
-from palpate.preparation import Columns, choose_gate, prepare
+from palpate.preparation import Columns, OnlinePreparation, choose_gate, prepare
 from palpate.recordings import Recording, open_recording, write_contact
 from palpate.settings import (
     ChangeDetector,
@@ -71,8 +71,10 @@ __all__ = [
     "LeastSquares",
     "MissingChannelError",
     "MissingExtraError",
+    "OnlinePreparation",
     "OutlierRejection",
     "PalpateError",
+    "PreparedSample",
     "PythonEstimator",
     "Recording",
     "RecordingError",

@@ -5,6 +5,7 @@
 
 #include "check.hpp"
 #include "estimators.hpp"
+#include "palpate/online_preparation.hpp"
 
 namespace {
 
@@ -82,4 +83,22 @@ TEST("replay never allocates") {
     CHECK(after == before);
     CHECK(std::isfinite(parameters.back()));
   });
+}
+
+TEST("a preparation never allocates") {
+  const long before = allocations;
+  OnlinePreparation<> preparation;
+  double used = 0.0;
+  for (int k = 0; k < 1000; ++k) {
+    const double x = 1e-5 * static_cast<double>(k);
+    const Status status =
+        k % 3 ? preparation.update(x, 100.0 * x) : preparation.update_at(x, 100.0 * x, 1.1e-3 * k);
+    if (status == Status::updated) used += preparation.sample().velocity;
+  }
+  preparation.update(std::nan(""), 0.0);
+  preparation.interrupt();
+  preparation.reset();
+  const long after = allocations;
+  CHECK(after == before);
+  CHECK(used > 0.0);
 }

@@ -121,11 +121,8 @@ class ContactSolver {
   // The prior is an old answer with these deviations. The sensor's offset is still what it was.
   void set_prior(const ProjectionSolution& old, double exponent_deviation,
                  double dissipation_deviation) noexcept {
-    settings_.prior_exponent = old.n;
-    settings_.prior_exponent_deviation = exponent_deviation;
-    settings_.prior_dissipation = old.k > 0.0 ? old.c / old.k : 0.0;
-    settings_.prior_dissipation_deviation = dissipation_deviation;
-    kept_offset_ = std::sqrt(old.offset * old.offset + dot(old.root[3], old.root[3]));
+    centre_priors(settings_, old, exponent_deviation, dissipation_deviation);
+    kept_offset_ = offset_deviation(old);
   }
 
   Vector<4> prior_fractions(const ProjectionSolution& solution) const noexcept {

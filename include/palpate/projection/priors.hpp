@@ -5,7 +5,9 @@
 #include <cmath>
 
 #include "palpate/force_laws.hpp"
+#include "palpate/matrix.hpp"
 #include "palpate/projection/power_sums.hpp"
+#include "palpate/projection/solution.hpp"
 
 namespace palpate {
 
@@ -62,6 +64,20 @@ namespace detail {
 
 // A quotient's denominator never is zero with this added, and no sum of squares feels it.
 inline constexpr double tiny = 1e-300;
+
+// An old answer, with these deviations, in place of the weak priors of exponent and dissipation.
+inline void centre_priors(ProjectionSettings& settings, const ProjectionSolution& old,
+                          double exponent_deviation, double dissipation_deviation) noexcept {
+  settings.prior_exponent = old.n;
+  settings.prior_exponent_deviation = exponent_deviation;
+  settings.prior_dissipation = old.k > 0.0 ? old.c / old.k : 0.0;
+  settings.prior_dissipation_deviation = dissipation_deviation;
+}
+
+// How far from zero an old answer lets the offset be: √(F₀² + Var F₀).
+inline double offset_deviation(const ProjectionSolution& old) noexcept {
+  return std::sqrt(old.offset * old.offset + dot(old.root[3], old.root[3]));
+}
 
 // The samples and the priors of one least-squares problem.
 struct ProjectionProblem {

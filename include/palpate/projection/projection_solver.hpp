@@ -41,21 +41,22 @@ class ProjectionSolver {
   // The prior is an old answer with these deviations.
   void set_prior(const ProjectionSolution& old, double exponent_deviation,
                  double dissipation_deviation) noexcept {
-    settings_.prior_exponent = old.n;
-    settings_.prior_exponent_deviation = exponent_deviation;
-    settings_.prior_dissipation = old.k > 0.0 ? old.c / old.k : 0.0;
-    settings_.prior_dissipation_deviation = dissipation_deviation;
-    settings_.offset_deviation = std::sqrt(old.offset * old.offset + dot(old.root[3], old.root[3]));
+    centre_priors(settings_, old, exponent_deviation, dissipation_deviation);
+    settings_.offset_deviation = offset_deviation(old);
   }
 
   // Forgets the samples and keeps the prior.
   void clear() noexcept { sums_.clear(); }
 
-  // The global minimum over the whole range of exponents.
-  ProjectionSolution solve() const noexcept { return ProjectionFit(sums_, settings_).solve(); }
+  // The global minimum over the whole range of exponents. Not inlined: a replay would hold the
+  // search a dozen times, and every kind of estimator each of them.
+  [[gnu::noinline]] ProjectionSolution solve() const noexcept {
+    return ProjectionFit(sums_, settings_).solve();
+  }
 
   // The same from an answer of a little while ago, in whose basin the minimum still is.
-  ProjectionSolution solve_near(const ProjectionSolution& earlier) const noexcept {
+  [[gnu::noinline]] ProjectionSolution solve_near(
+      const ProjectionSolution& earlier) const noexcept {
     return ProjectionFit(sums_, settings_).solve_near(earlier);
   }
 

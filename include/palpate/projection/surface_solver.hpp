@@ -89,7 +89,7 @@ class SurfaceSolver {
   // There is no cheaper way: every candidate has its own minimum.
   ProjectionSolution solve_near(const ProjectionSolution&) const noexcept { return solve(); }
 
-  ProjectionSolution solve() const noexcept {
+  [[gnu::noinline]] ProjectionSolution solve() const noexcept {
     std::array<ProjectionSolution, candidates> found;
     std::size_t best = 0;
     for (std::size_t i = 0; i < candidates; ++i) {

@@ -1,0 +1,120 @@
+"""``python -m benchmarks.online_preparation``: what velocity in real time costs a loop."""
+
+import subprocess
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from benchmarks import machine, report
+from benchmarks.motion import PERIOD, Samples, contact_arrays, contact_samples
+from benchmarks.native_programs import BuildError, native_programs
+from benchmarks.report import Row, Section
+from benchmarks.timing import Case, Clock, Effort, clock
+from palpate import OnlinePreparation, SingleStageRLS, VariableProjection
+
+PASSES = 5
+UPDATE, TIMED = "OnlinePreparation.update", "OnlinePreparation.update, time given"
+LOOP, SINGLE = "OnlinePreparation and SingleStageRLS", "SingleStageRLS.update"
+NATIVE = {
+    "even": "VelocityFilter<15>::update",
+    "uneven": "VelocityFilter<15>::update, uneven clock",
+    "prepared": "OnlinePreparation<15>::update",
+    "KelvinVoigtRLS": "KelvinVoigtRLS::update",
+    "SingleStageRLS": "SingleStageRLS::update",
+    "VariableProjection": "VariableProjection::update",
+}
+
+
+def measure_preparation(clock: Clock, effort: Effort) -> Section:
+    """Time a preparation and the estimators that it feeds, from Python and in C++."""
+    samples = contact_samples(PERIOD)
+    times = clock.best("preparation", _cases(samples), effort.call_rounds)
+    rows = [
+        Row(
+            name,
+            1e9 * seconds,
+            "ns",
+            *((seconds / times[SINGLE], SINGLE) if name != SINGLE else ()),
+        )
+        for name, seconds in times.items()
+    ]
+    notes = [f"{PERIOD} samples of contact; least of the rounds, with the loop around the call."]
+    try:
+        native = _native(effort)
+    except BuildError as error:
+        notes.append(f"not in C++: {error}")
+        return Section("Velocity in real time", rows, notes)
+    bare = native["SingleStageRLS"]
+    for name, seconds in native.items():
+        beside = () if name == "SingleStageRLS" else (seconds / bare, NATIVE["SingleStageRLS"])
+        rows.append(Row(NATIVE[name], 1e9 * seconds, "ns", *beside))
+    return Section("Velocity in real time", rows, notes)
+
+
+def _cases(samples: Samples) -> dict[str, Case]:
+    measured = [(x, force) for x, _, force in samples]
+    stamped = [(*row, 1e-3 * k + 1e-9 * (k % 97)) for k, row in enumerate(measured)]
+    single, projection = SingleStageRLS(), VariableProjection()
+    return {
+        SINGLE: lambda: _seconds(single, single.update, samples),
+        "VariableProjection.update": lambda: _seconds(projection, projection.update, samples),
+        UPDATE: lambda: _prepared(measured),
+        TIMED: lambda: _prepared(stamped),
+        LOOP: lambda: _loop(measured),
+    }
+
+
+def _seconds(estimator: Any, update: Callable[..., Any], samples: Samples) -> float:
+    estimator.reset()
+    start = perf_counter()
+    for penetration, velocity, force in samples:
+        update(penetration, velocity, force)
+    return (perf_counter() - start) / len(samples)
+
+
+def _prepared(rows: list[Any]) -> float:
+    update = OnlinePreparation().update
+    start = perf_counter()
+    for row in rows:
+        update(*row)
+    return (perf_counter() - start) / len(rows)
+
+
+def _loop(rows: list[Any]) -> float:
+    prepare, update = OnlinePreparation().update, SingleStageRLS().update
+    start = perf_counter()
+    for position, force in rows:
+        if sample := prepare(position, force):
+            update(*sample)
+    return (perf_counter() - start) / len(rows)
+
+
+def _native(effort: Effort) -> dict[str, float]:
+    best: dict[str, float] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "contact.bin"
+        np.concatenate(contact_arrays(effort.replay_samples)).tofile(file)
+        command = [str(native_programs().preparation), str(file), str(PASSES)]
+        for _ in range(effort.replay_rounds // 3):
+            done = subprocess.run(command, capture_output=True, text=True, check=True)
+            for line in done.stdout.splitlines():
+                name, seconds = line.split()
+                best[name] = min(best.get(name, np.inf), float(seconds))
+    return best
+
+
+def main() -> None:
+    """Measure, and print a table."""
+    with clock() as running:
+        section = measure_preparation(running, Effort())
+    where = machine.describe(native_programs().compiler)
+    report.print_sections([section], where, Console(highlight=False, width=140))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,209 @@
+// OnlinePreparation, and the sample that it gives: a tuple that estimator.update takes as it is.
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include "conversions.hpp"
+#include "palpate/online_preparation.hpp"
+#include "state.hpp"
+#include "update_method.hpp"
+
+namespace palpate::bindings {
+namespace {
+
+// The longest window, in samples: a quarter of a second at 1 kHz.
+constexpr std::size_t longest_window = 255;
+using Online = OnlinePreparation<longest_window>;
+
+// What update() gives. `time` is no part of the tuple, so that *sample is what an estimator takes.
+PyTypeObject* sample_type = nullptr;
+
+void bind_sample(nb::module_& module) {
+  static PyStructSequence_Field fields[] = {
+      {"penetration", "m, as it was measured."},
+      {"velocity", "m/s, positive while penetrating."},
+      {"force", "N, as it was measured, less the tare."},
+      {"dt", "s, since the sample given before."},
+      {"time", "s, when it was: by the times that were given, else since the first call."},
+      {nullptr, nullptr}};
+  static PyStructSequence_Desc description = {
+      "palpate._core.PreparedSample",
+      "A sample of a while ago: ``estimator.update(*sample)`` takes it.", fields, 4};
+  sample_type = PyStructSequence_NewType(&description);
+  if (!sample_type) throw nb::python_error();
+  module.attr("PreparedSample") = nb::handle(reinterpret_cast<PyObject*>(sample_type));
+}
+
+PyObject* prepared_sample(const Online& core) noexcept {
+  PyObject* made = PyStructSequence_New(sample_type);
+  if (!made) return nullptr;
+  const FilteredSample sample = core.sample();
+  const double values[] = {sample.penetration, sample.velocity, sample.force, sample.dt,
+                           core.time()};
+  for (std::size_t i = 0; i < std::size(values); ++i) {
+    PyObject* value = PyFloat_FromDouble(values[i]);
+    if (!value) {
+      Py_DECREF(made);
+      return nullptr;
+    }
+    PyStructSequence_SetItem(made, static_cast<Py_ssize_t>(i), value);
+  }
+  return made;
+}
+
+constexpr const char* online_update_doc =
+    R"(update(self, position, force, time=None)
+--
+
+Take one sample as measured, and give the one that is now ready: of :attr:`delay` ago.
+
+None where there is none; :attr:`status` says why. Never raises on data; the sample is taken whole
+or not at all.
+
+Parameters
+----------
+position : float or sequence of 3 floats
+    m, along the contact normal and growing into the material; with a ``direction`` a vector.
+force : float or sequence of 3 floats
+    N, compression positive; with a ``direction`` a vector.
+time : float, optional
+    s, by any clock; ``sample_time`` after the call before unless given.)";
+
+bool vector_of(PyObject* object, std::array<double, 3>& vector) noexcept {
+  PyObject* sequence = PySequence_Fast(object, "with a direction, position and force are vectors");
+  if (!sequence) return false;
+  bool good = PySequence_Fast_GET_SIZE(sequence) == 3;
+  if (!good) PyErr_SetString(PyExc_TypeError, "a vector must have 3 numbers");
+  for (std::size_t i = 0; good && i < 3; ++i) {
+    good = number_of(PySequence_Fast_GET_ITEM(sequence, static_cast<Py_ssize_t>(i)), vector[i]);
+  }
+  Py_DECREF(sequence);
+  return good;
+}
+
+bool directed(const Online& core) noexcept {
+  return core.settings().direction != std::array<double, 3>{};
+}
+
+PyObject* online_update(PyObject* self, PyObject* const* args, Py_ssize_t positional,
+                        PyObject* names) noexcept {
+  static constexpr std::array<const char*, 3> parameters{"position", "force", "time"};
+  std::array<PyObject*, 3> placed{};
+  if (positional == 2 && !names) [[likely]] {
+    placed = {args[0], args[1], nullptr};
+  } else if (!place_arguments(args, positional, names, parameters, placed)) {
+    return nullptr;
+  }
+  if (!nb::inst_ready(self)) {
+    PyErr_SetString(PyExc_TypeError, "update() of a preparation that was never initialised");
+    return nullptr;
+  }
+  Online& core = *nb::inst_ptr<Online>(self);
+  const bool timed = placed[2] && placed[2] != Py_None;
+  double time = 0.0;
+  if (timed && !number_of(placed[2], time)) return nullptr;
+  const auto update = [&](const auto& position, const auto& force) noexcept {
+    return timed ? core.update_at(position, force, time) : core.update(position, force);
+  };
+  Status status;
+  if (directed(core)) {
+    std::array<double, 3> position, force;
+    if (!vector_of(placed[0], position) || !vector_of(placed[1], force)) return nullptr;
+    status = update(position, force);
+  } else {
+    double position, force;
+    if (!number_of(placed[0], position) || !number_of(placed[1], force)) return nullptr;
+    status = update(position, force);
+  }
+  if (status != Status::updated) Py_RETURN_NONE;
+  return prepared_sample(core);
+}
+
+PyMethodDef online_methods[] = {
+    {"update", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(&online_update)),
+     METH_FASTCALL | METH_KEYWORDS, online_update_doc},
+    {nullptr, nullptr, 0, nullptr}};
+PyType_Slot online_slots[] = {{Py_tp_methods, online_methods}, {0, nullptr}};
+
+// The recursion over arrays: samples that it gives, and how many they are. A segment ends where the
+// window starts anew.
+std::size_t replay_online(Online& core, const InputArray& position, const InputArray& force,
+                          const std::optional<InputArray>& time, const OutputArray& given_time,
+                          const OutputArray& penetration, const OutputArray& velocity,
+                          const OutputArray& given_force, const LabelArray& segment) {
+  const bool vectors = directed(core);
+  const std::size_t samples = vectors ? position.size() / 3 : position.size();
+  const auto vector_at = [](const InputArray& array, std::size_t k) noexcept {
+    const double* row = array.data() + 3 * k;
+    return std::array<double, 3>{row[0], row[1], row[2]};
+  };
+  const auto update = [&](std::size_t k, const auto& p, const auto& f) noexcept {
+    return time ? core.update_at(p, f, time->data()[k]) : core.update(p, f);
+  };
+  std::size_t given = 0;
+  std::int64_t label = 0;
+  for (std::size_t k = 0; k < samples; ++k) {
+    const Status status = vectors ? update(k, vector_at(position, k), vector_at(force, k))
+                                  : update(k, position.data()[k], force.data()[k]);
+    if (status == Status::restarted) ++label;
+    if (status != Status::updated) continue;
+    const FilteredSample sample = core.sample();
+    given_time.data()[given] = core.time();
+    penetration.data()[given] = sample.penetration;
+    velocity.data()[given] = sample.velocity;
+    given_force.data()[given] = sample.force;
+    segment.data()[given++] = label;
+  }
+  return given;
+}
+
+void make_online(Online* self, double sample_time, std::uint32_t samples, double longest_gap,
+                 bool lost_positions, double surface, double force_offset, double tare_time,
+                 bool flip_penetration, bool flip_force, const std::array<double, 3>& direction) {
+  const OnlinePreparationSettings settings{{sample_time, samples, longest_gap, lost_positions},
+                                           surface,
+                                           force_offset,
+                                           tare_time,
+                                           flip_penetration,
+                                           flip_force,
+                                           direction};
+  if (const char* fault = validate(settings, longest_window)) throw nb::value_error(fault);
+  new (self) Online(settings);
+}
+
+}  // namespace
+
+void bind_online_preparation(nb::module_& module) {
+  bind_sample(module);
+  nb::class_<Online>(module, "OnlinePreparation", nb::is_weak_referenceable(),
+                     nb::type_slots(online_slots))
+      .def("__init__", &make_online)
+      .def("_replay", &replay_online, nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg(),
+           nb::arg(), nb::arg(), nb::arg())
+      .def("interrupt", &Online::interrupt,
+           "Start a new window: the next sample does not follow the latest.")
+      .def("reset", &Online::reset, "Forget everything but the settings.")
+      .def_prop_ro("status", &Online::status, "What the latest update did with its sample.")
+      .def_prop_ro("delay", &Online::delay,
+                   "How long ago the samples given were, s, where none was left out.")
+      .def_prop_ro("tare", &Online::tare,
+                   "The mean force of the first ``tare_time``, N, which is taken off; NaN until it "
+                   "is known.")
+      .def("_state", [](const Online& self) { return saved(self, "OnlinePreparation"); })
+      .def("_restore",
+           [](Online& self, const nb::bytes& state) { restore(self, "OnlinePreparation", state); });
+  nb::dict defaults;
+  const OnlinePreparationSettings settings;
+  defaults["sample_time"] = settings.filter.sample_time;
+  defaults["lost_positions"] = settings.filter.lost_positions;
+  defaults["longest_window"] = longest_window;
+  module.attr("defaults")["OnlinePreparation"] = defaults;
+}
+
+}  // namespace palpate::bindings

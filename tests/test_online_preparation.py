@@ -1,0 +1,424 @@
+"""In real time, what is given is what the centred filter gives offline, half a window late."""
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+from cases import MATERIALS, THREE_SINES
+from hypothesis import given
+from hypothesis import strategies as st
+
+import palpate
+from palpate import InvalidParameterError, OnlinePreparation, Status
+from palpate.preparation.velocity import velocity_of, window_samples
+
+T = 1e-3
+LATE = 9  # samples: half a window of 15, and the two that tell of a lost position
+
+
+def measured(seconds=1.0, *, position_noise=2e-6, force_noise=0.05, seed=0, time=None):
+    """The ball under the paper's three sines: time, position and force."""
+    if time is None:
+        time = np.arange(round(seconds / T)) * T
+    x, v = THREE_SINES.at(time)
+    random = np.random.default_rng(seed)
+    force = MATERIALS["ball"].force(x, v) + force_noise * random.standard_normal(time.size)
+    return time, x + position_noise * random.standard_normal(time.size), force
+
+
+def fed(preparation, *columns):
+    """What ``update`` gives, a sample at a time."""
+    given = [preparation.update(*row) for row in zip(*map(np.ndarray.tolist, columns), strict=True)]
+    return [sample for sample in given if sample is not None]
+
+
+def test_a_loop_gets_position_and_force_as_measured_with_their_velocity():
+    time, x, force = measured()
+    preparation = OnlinePreparation()
+    for k in range(time.size):
+        sample = preparation.update(x[k], force[k])
+        assert (sample is None) == (k < LATE + 7)
+        assert preparation.status is (Status.WAITING if sample is None else Status.UPDATED)
+        if sample is None:
+            continue
+        penetration, velocity, push, dt = sample
+        assert (penetration, push, dt) == (x[k - LATE], force[k - LATE], T)
+        assert sample.time == pytest.approx(time[k - LATE], rel=1e-15)
+        assert (sample.penetration, sample.velocity) == (penetration, velocity)
+    assert preparation.delay == pytest.approx(LATE * T)
+
+
+CLOCKS = {
+    "even": np.arange(3000) * T,
+    "even, 500 Hz": np.arange(3000) * 2e-3,
+    "jittering": 6.0 + np.cumsum(np.random.default_rng(1).uniform(0.4e-3, 1.6e-3, 3000)),
+    "event-triggered": 6.0 + np.cumsum(np.random.default_rng(2).uniform(3e-3, 19e-3, 3000)),
+    "epoch": 1.79e9 + np.arange(3000) * T,
+}
+
+
+@pytest.mark.parametrize("window", [None, 0.031, 0.2])
+@pytest.mark.parametrize("clock", CLOCKS)
+def test_the_velocity_is_the_centred_filter_s(clock, window):
+    time, x, force = measured(time=CLOCKS[clock])
+    step = float(np.median(np.diff(time)))
+    preparation = OnlinePreparation(sample_time=step, velocity_window=window)
+    contact = preparation.replay(x, force, time)
+    half = window_samples(step, window) // 2
+    middle = slice(half, time.size - half - 2)
+    # Stamps of the epoch have steps of 0.24 µs, which x − x_m of 1e-4 m in 1e-3 s feels as is; both
+    # filters take them as they are, and differ in the roundings of some hundred terms.
+    expected = velocity_of(time, x, window)[middle]
+    assert np.abs(contact.velocity - expected).max() < 1e-11 * np.abs(expected).max()
+    assert np.array_equal(contact.penetration, x[middle])
+    assert np.array_equal(contact.force, force[middle])
+    # now − age: the sum of the steps between, in roundings of the window's length.
+    np.testing.assert_allclose(contact.time, time[middle], rtol=1e-15, atol=1e-16)
+
+
+def test_lost_positions_are_left_out_as_offline():
+    time, x, force = measured(4.0)
+    lost = [900, 1500, 1506, 3000]
+    broken = x.copy()
+    broken[lost] = 0.0
+    contact = OnlinePreparation().replay(broken, force)
+    middle = np.arange(7, time.size - LATE)
+    kept = middle[~np.isin(middle, lost)]
+    assert np.array_equal(contact.penetration, x[kept])
+    expected = velocity_of(time, broken)[kept]
+    # As above; an even clock and one with a sample left out are summed in other orders.
+    assert np.abs(contact.velocity - expected).max() < 1e-11 * np.abs(expected).max()
+    assert np.allclose(contact.time, time[kept], rtol=1e-15)
+
+    preparation = OnlinePreparation()
+    for k in range(time.size):
+        sample = preparation.update(broken[k], force[k])
+        assert (preparation.status is Status.REJECTED) == (k - 2 in lost)
+        if sample is not None:
+            # The estimator is told of the time in between.
+            assert sample.dt == pytest.approx(2 * T if round(sample.time / T) - 1 in lost else T)
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-6, 1e-4])
+@pytest.mark.parametrize("resolution", [0.0, 20e-6])
+def test_a_motion_has_no_lost_positions(noise, resolution):
+    x = measured(20.0, position_noise=noise)[1]
+    if resolution:
+        x = resolution * np.round(x / resolution)
+    x[5000:8000] = x[5000]  # a hold
+    preparation = OnlinePreparation()
+    given = len(preparation.replay(x, np.ones_like(x)))
+    # Of normal noise one value in thousands is eight deviations from the median of five, once three
+    # times farther than its neighbours lie from each other: none is expected in 20 000.
+    assert given == x.size - LATE - 7
+
+
+def identified(penetration, velocity, force):
+    estimator = palpate.VariableProjection()
+    estimator.replay(penetration, velocity, force)
+    estimate = estimator.estimate()
+    truth = MATERIALS["ball"].parameters
+    return estimate.law.parameters / truth - 1.0, estimate.standard_errors / truth
+
+
+@pytest.fixture(scope="module")
+def biases():
+    """Mean errors of K, B and n, and their standard errors, over eight seeds of 10 s each.
+
+    White noise of 0.05 N and 5.5 µm, as of encoders with steps of 19 µm.
+    """
+    errors: dict[str, list] = {}
+    for seed in range(8):
+        time, x, force = measured(10.0, position_noise=5.5e-6, seed=seed)
+        contact = OnlinePreparation().replay(x, force)
+        middle = slice(7, time.size - LATE)
+        difference = np.diff(x) / T
+        mean = np.convolve(difference, np.full(10, 0.1), mode="valid")  # of the latest ten
+        for name, arrays in {
+            "online": (contact.penetration, contact.velocity, contact.force),
+            "offline": (x, velocity_of(time, x), force),
+            "offline, the same samples": (x[middle], velocity_of(time, x)[middle], force[middle]),
+            "backward difference": (x[1:], difference, force[1:]),
+            "causal mean": (x[10:], mean, force[10:]),
+        }.items():
+            errors.setdefault(name, []).append(identified(*arrays))
+    return {name: np.array(runs).swapaxes(0, 1) for name, runs in errors.items()}
+
+
+def test_the_filter_costs_neither_stiffness_nor_damping(biases):
+    error, bound = biases["online"]
+    # Of eight seeds the rms error over its standard error, which is the Cramér–Rao bound of this
+    # noise, has a scatter of a quarter; and the mean error one of 0.35.
+    assert np.sqrt(np.mean((error / bound) ** 2, axis=0)).max() < 1.6
+    assert np.abs(np.mean(error / bound, axis=0)).max() < 3.0 / math.sqrt(8.0)
+    same = biases["offline, the same samples"][0]
+    # The velocities differ in roundings, which a least-squares fit of ten thousand does not grow.
+    assert np.abs(error - same).max() < 1e-8
+    # And the sixteen samples at the ends, of 10 000, are worth less than a tenth of an error.
+    assert np.abs((error - biases["offline"][0]) / bound).max() < 0.1
+
+
+def test_a_backward_difference_costs_11_percent_of_b_and_a_causal_mean_6_of_k(biases):
+    """What the filter is for: the same recordings with what is usually done in a loop.
+
+    A difference has √2/T of the position's noise, 7.8 mm/s beside a speed of some 24: regression
+    on it is weakened by σ_v²/(σ_v² + 24²) = 10 %. A mean of ten is half its length late, and the
+    force of a damper then appears to be a spring that pulls.
+    """
+    difference = 100.0 * biases["backward difference"][0].mean(axis=0)
+    mean = 100.0 * biases["causal mean"][0].mean(axis=0)
+    # Within what eight seeds scatter, 0.7 % a seed, and the half sample that each is late besides.
+    assert difference[1] == pytest.approx(-11.0, abs=1.0)
+    assert mean[0] == pytest.approx(-6.0, abs=1.0)
+    assert np.abs(100.0 * biases["online"][0].mean(axis=0)[:2]).max() < 0.7
+
+
+def test_replay_is_update_over_arrays():
+    time, x, force = measured(0.5)
+    x[200] = math.nan
+    force[300] = math.inf
+    time[400:] += 0.1
+    looped, replayed = OnlinePreparation(), OnlinePreparation()
+    samples = fed(looped, x, force, time)
+    contact = replayed.replay(x, force, time)
+    assert looped._state() == replayed._state()
+    rows = np.column_stack([contact.penetration, contact.velocity, contact.force])
+    assert np.array_equal(rows, np.array([sample[:3] for sample in samples]))
+    assert contact.time.tolist() == [sample.time for sample in samples]
+    assert [len(contact.time[part]) for part in contact.segments()] == [400 - 2 - 16, 100 - 16]
+    assert "quadratic" in contact.provenance["velocity"]
+
+
+@pytest.mark.parametrize("stop", [3, 12, 100, 155, 402])
+@pytest.mark.parametrize(
+    "save", [copy.copy, copy.deepcopy, lambda p: pickle.loads(pickle.dumps(p))]
+)
+def test_continuing_a_restored_preparation_equals_never_having_stopped(save, stop):
+    time, x, force = measured(0.6)
+    x[150] = 0.5
+    time[400:] += 0.1
+    settings = {"tare_time": 0.05, "surface": 1e-3, "flip": ("force",)}
+    whole, first = OnlinePreparation(**settings), OnlinePreparation(**settings)
+    fed(first, x[:stop], force[:stop], time[:stop])
+    rest = save(first)
+    assert rest.settings == first.settings
+    expected = fed(whole, x, force, time)
+    fed(rest, x[stop:], force[stop:], time[stop:])
+    assert rest._state() == whole._state()
+    assert expected
+
+
+def test_a_state_of_other_settings_or_bytes_is_refused():
+    state = OnlinePreparation()._state()
+    with pytest.raises(ValueError, match="with these settings"):
+        OnlinePreparation(surface=1e-3)._restore(state)
+    with pytest.raises(ValueError, match="bytes of it were changed"):
+        OnlinePreparation()._restore(state[:-1] + bytes([state[-1] ^ 1]))
+    with pytest.raises(ValueError, match="of this version and class"):
+        OnlinePreparation()._restore(palpate.SingleStageRLS()._state())
+
+
+def test_a_sample_keeps_its_time_through_a_pickle():
+    x = np.linspace(0.0, 0.02, 30)
+    sample = fed(OnlinePreparation(), x, x)[-1]
+    assert isinstance(sample, palpate.PreparedSample)
+    again = pickle.loads(pickle.dumps(sample))
+    assert (again, again.time) == (sample, sample.time)
+
+
+def test_reset_forgets_everything_but_the_settings():
+    time, x, force = measured(0.2)
+    preparation = OnlinePreparation(tare_time=0.05)
+    first = fed(preparation, x, force, time)
+    preparation.reset()
+    assert math.isnan(preparation.tare)
+    assert fed(preparation, x, force, time) == first
+    assert first
+
+
+def test_refused_samples_are_left_out_and_their_time_is_not():
+    time, x, force = measured()
+    known = np.ones(time.size, dtype=bool)
+    known[[50, 51, 300, 400]] = False
+    broken, pushes = x.copy(), force.copy()
+    broken[[50, 51]] = math.nan, math.inf
+    pushes[[300, 400]] = math.nan, -math.inf
+    preparation = OnlinePreparation()
+    contact = preparation.replay(broken, pushes)
+    expected = velocity_of(time[known], x[known])
+    # As between the clocks above.
+    np.testing.assert_allclose(contact.velocity, expected[7:-LATE], rtol=0.0, atol=1e-12)
+    assert np.allclose(contact.time, time[known][7:-LATE], rtol=1e-15)
+    for values, status in {
+        (math.nan, 1.0): Status.NOT_FINITE,
+        (0.01, math.inf): Status.NOT_FINITE,
+        (1e101, 1.0): Status.OUT_OF_RANGE,
+        (0.01, 1.0, math.nan): Status.INVALID_STEP,
+    }.items():
+        assert preparation.update(*values) is None
+        assert preparation.status is status
+
+
+def test_repeated_stamps_are_refused_and_a_clock_that_was_set_is_followed():
+    time, x, force = measured(0.1)
+    preparation = OnlinePreparation()
+    fed(preparation, x, force, time)
+    assert preparation.update(x[-1], force[-1], time[-1]) is None
+    assert preparation.status is Status.INVALID_STEP
+    assert preparation.update(x[-1], force[-1], time[-2]) is None
+    assert preparation.status is Status.INVALID_STEP
+    for start in (1.79e9, 0.0):
+        contact = preparation.replay(x, force, start + time)
+        assert len(contact) == time.size - LATE - 7
+        assert contact.time[0] == pytest.approx(start + 7 * T, abs=1e-6)  # 0.24 µs of the epoch's
+
+
+def test_a_gap_restarts_the_window_and_its_length_can_be_set():
+    time, x, force = measured(0.2)
+    time = time.copy()
+    time[100:] += 30 * T
+    short, long = OnlinePreparation(), OnlinePreparation(longest_gap=0.05)
+    assert len(short.replay(x, force, time)) == time.size - 2 * (LATE + 7)
+    assert len(long.replay(x, force, time)) == time.size - LATE - 7
+    short.interrupt()
+    assert fed(short, x[:16], force[:16], 1.0 + time[:16]) == []
+
+
+def test_samples_far_apart_give_no_flattened_velocity():
+    time, x, force = measured(2.0)
+    assert len(OnlinePreparation().replay(x, force, 2.0 * time)) == time.size - LATE - 7
+    preparation = OnlinePreparation()  # of a clock that ticks at a third of what it is told
+    assert len(preparation.replay(x, force, 3.0 * time)) == 0
+    assert preparation.status is Status.WAITING
+
+
+any_floats = st.floats(width=64)
+
+
+@given(st.lists(st.tuples(any_floats, any_floats, any_floats | st.none()), max_size=60))
+def test_any_floats_give_finite_samples_or_none(rows):
+    preparation = OnlinePreparation(velocity_window=3e-3, longest_gap=1e12)
+    for row in rows:
+        sample = preparation.update(*row)
+        if sample is None:
+            continue
+        assert all(map(math.isfinite, (*sample, sample.time)))
+        assert sample.dt > 0.0
+
+
+def test_the_force_of_the_first_seconds_is_taken_off():
+    time, x, force = measured(3.0)
+    free = time < 1.0
+    force = np.where(free, np.random.default_rng(5).normal(0.3, 0.05, time.size), force + 0.3)
+    x = np.where(free, -1e-3, x)
+    preparation = OnlinePreparation(tare_time=1.0, force_offset=0.1)
+    assert math.isnan(preparation.tare)
+    samples = fed(preparation, x, force)
+    assert preparation.tare == pytest.approx(np.mean(force[free]) - 0.1, rel=1e-12)
+    assert samples[0].time == pytest.approx(1.0 - LATE * T)
+    assert samples[-1].force == pytest.approx(force[-1 - LATE] - np.mean(force[free]), rel=1e-12)
+
+
+@pytest.mark.parametrize("as_rows", [list, tuple, np.array])
+def test_vectors_count_along_the_direction(as_rows):
+    _, x, force = measured(0.1)
+    down = np.array([0.0, 3.0, -4.0])
+    # A robot 0.4 m away along the normal, whose sensor feels the material push back.
+    place = np.outer(x + 0.4, down / 5.0) + np.array([0.2, 0.0, 0.0])
+    push = np.outer(-force, down / 5.0) + np.array([7.0, 0.0, 0.0])
+    settings = {"direction": down, "surface": 0.4, "flip": "force"}
+    expected = OnlinePreparation().replay(x, force)
+    contact = OnlinePreparation(**settings).replay(place, push)
+    # A position of 0.4 m is rounded at 6e-17 m; its slope over a millisecond at 6e-14 m/s.
+    np.testing.assert_allclose(contact.penetration, expected.penetration, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(contact.velocity, expected.velocity, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(contact.force, expected.force, rtol=1e-14)
+    preparation = OnlinePreparation(**settings)
+    given = [preparation.update(as_rows(p), as_rows(f)) for p, f in zip(place, push, strict=True)]
+    assert given[-1] is not None
+    assert given[-1].velocity == contact.velocity[-1]
+
+
+def test_a_turned_penetration_turns_its_velocity():
+    _, x, force = measured(0.1)
+    turned = OnlinePreparation(flip=["penetration"], surface=-0.3)
+    contact, expected = turned.replay(0.3 - x, force), OnlinePreparation().replay(x, force)
+    # As above.
+    np.testing.assert_allclose(contact.penetration, expected.penetration, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(contact.velocity, expected.velocity, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "settings, words",
+    [
+        ({"sample_time": 0.0}, "sample_time must be"),
+        ({"sample_time": math.nan}, "sample_time must be"),
+        ({"velocity_window": -1.0}, "velocity_window must be"),
+        ({"velocity_window": 0.3}, "velocity_window must be at most 255 samples, 0.255 s"),
+        ({"surface": math.inf}, "surface must be"),
+        ({"force_offset": "heavy"}, "force_offset must be"),
+        ({"tare_time": -1.0}, "tare_time must be"),
+        ({"flip": ["velocity"]}, "flip must name some of"),
+        ({"direction": [0.0, 0.0, 0.0]}, "direction must be a vector"),
+        ({"direction": [1.0, 0.0]}, "direction must be a vector"),
+        ({"direction": "down"}, "direction must be"),
+        ({"longest_gap": 0.0}, "longest_gap must be"),
+    ],
+)
+def test_a_setting_out_of_its_range_is_refused_in_words(settings, words):
+    with pytest.raises(InvalidParameterError, match=words):
+        OnlinePreparation(**settings)
+
+
+@pytest.mark.parametrize(
+    "arrays, words",
+    [
+        (([1.0, 2.0], [1.0]), "position has 2, force has 1"),
+        (([1.0], [1.0], [1.0, 2.0]), "time has 2"),
+        (([[1.0]], [1.0]), "position must be one-dimensional"),
+        ((["a"], [1.0]), "position must be an array of real numbers"),
+    ],
+)
+def test_arrays_that_do_not_belong_together_are_refused(arrays, words):
+    with pytest.raises(InvalidParameterError, match=words):
+        OnlinePreparation().replay(*arrays)
+
+
+def test_vectors_of_another_size_are_refused():
+    preparation = OnlinePreparation(direction=[0.0, 0.0, 1.0])
+    with pytest.raises(InvalidParameterError, match=r"shape \(k, 3\)"):
+        preparation.replay(np.ones((4, 2)), np.ones((4, 3)))
+    for position in (0.01, [1.0, 2.0], "xyz", [None, 1.0, 2.0]):
+        with pytest.raises(TypeError):
+            preparation.update(position, [1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    "args, kwargs",
+    [
+        ((), {}),
+        ((0.01,), {}),
+        ((0.01, 1.0, 0.0, 5.0), {}),
+        ((0.01, 1.0), {"force": 1.0}),
+        ((0.01, 1.0), {"dt": 1.0}),
+        (("deep", 1.0), {}),
+        ((0.01, [1.0, 2.0, 3.0]), {}),
+    ],
+)
+def test_update_of_no_sample_at_all_is_a_type_error(args, kwargs):
+    preparation = OnlinePreparation()
+    before = preparation._state()
+    with pytest.raises(TypeError):
+        preparation.update(*args, **kwargs)
+    assert preparation._state() == before
+
+
+def test_arguments_can_be_named():
+    by_place, by_name = OnlinePreparation(), OnlinePreparation()
+    for k in range(20):
+        by_place.update(0.01, 1.0, k * T)
+        by_name.update(time=k * T, force=1.0, position=0.01)
+    assert by_place._state() == by_name._state()
+    assert "sample_time=0.001" in repr(by_name)
