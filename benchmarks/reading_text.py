@@ -17,7 +17,7 @@ from cyclopts import App, Parameter
 from rich.console import Console
 
 from benchmarks import machine, report
-from benchmarks.memory import _resident
+from benchmarks.memory import resident
 from benchmarks.report import Limit, Row, Section
 from palpate.recordings import open_recording
 
@@ -48,10 +48,10 @@ def measured(path: Path, parser: str) -> dict[str, float]:
         sys.modules["pyarrow"] = None  # type: ignore[assignment]  # as where it is not installed
     else:
         import pyarrow.csv  # noqa: F401
-    before, start, busy = _resident("VmRSS"), perf_counter(), process_time()
+    before, start, busy = resident("VmRSS"), perf_counter(), process_time()
     recording = open_recording(path)
     seconds, busy = perf_counter() - start, process_time() - busy
-    extra = _resident("VmHWM") - before
+    extra = resident("VmHWM") - before
     size = sum(values.nbytes for values in recording.channels.values())
     return {
         "seconds": seconds,
