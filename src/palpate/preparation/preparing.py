@@ -185,11 +185,13 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
         As :func:`prepare`.
     """
     roles = roles_of(recording, settings.columns)
-    signals = signals_of(
-        recording, roles, settings.units, rate=settings.rate, strict=settings.strict
-    )
-    way = along_penetration if roles.is_penetration and signals.force.ndim == 1 else along_normal
-    contact = way(recording, roles, signals, settings)
+    with np.errstate(all="ignore"):  # a flipped bit makes 1e300 N, which is then no contact
+        signals = signals_of(
+            recording, roles, settings.units, rate=settings.rate, strict=settings.strict
+        )
+        pressing = roles.is_penetration and signals.force.ndim == 1
+        way = along_penetration if pressing else along_normal
+        contact = way(recording, roles, signals, settings)
     done = contact.provenance
     notes = {f"note on {key}" if key in done else key: v for key, v in recording.notes.items()}
     return dataclasses.replace(
