@@ -9,9 +9,11 @@ import errno
 import os
 import stat
 import sys
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO
 
 from palpate.errors import RecordingError
 
@@ -102,6 +104,15 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
         with _beside(path / "any") as temporary:
             temporary.touch(exist_ok=False)
+
+
+@contextmanager
+def scratch_file(name: str) -> Iterator[tuple[Path, IO[bytes]]]:
+    """Open a new file of this name in a folder of its own; both are gone afterwards."""
+    with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
+        path = Path(folder) / name
+        with path.open("wb+") as file:
+            yield path, file
 
 
 def is_standard_output(path: Path) -> bool:
