@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO
 
 from palpate.errors import RecordingError
 
@@ -106,6 +107,15 @@ def make_folder(path: Path) -> None:
 
 
 @contextmanager
+def scratch_file(name: str) -> Iterator[tuple[Path, IO[bytes]]]:
+    """Open a new file of this name in a folder of its own; both are gone afterwards."""
+    with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
+        path = Path(folder) / name
+        with path.open("wb+") as file:
+            yield path, file
+
+
+@contextmanager
 def temporary_file(name: str, pieces: Iterable[bytes]) -> Iterator[Path]:
     """Write a file of this name in a folder of its own, which is gone afterwards.
 
@@ -121,10 +131,10 @@ def temporary_file(name: str, pieces: Iterable[bytes]) -> Iterator[Path]:
     RecordingError
         It cannot be written.
     """
-    with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
-        path = Path(folder) / name
-        with _in_words(path), path.open("wb") as file:
+    with scratch_file(name) as (path, file):
+        with _in_words(path):
             file.writelines(pieces)
+            file.flush()
         yield path
 
 

@@ -5,7 +5,6 @@ import os
 import select
 import stat
 import sys
-import tempfile
 import time
 import zlib
 from collections.abc import Iterable, Iterator
@@ -16,6 +15,7 @@ from typing import IO
 
 from palpate.errors import RecordingError
 from palpate.recordings.recording import printable
+from palpate.writing import scratch_file
 
 CHUNK = 1 << 20
 SLICE = 1 << 14  # of compressed bytes: each may be gone through again, a byte at a time
@@ -148,11 +148,10 @@ def on_disk(path: Path) -> Iterator[tuple[Path, str, list[str]]]:
         yield path, source, []
         return
     # The suffix stays, for the format may be known by that only.
-    with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
-        copy, losses = Path(folder) / f"recording{path.suffix}", list[str]()
+    with scratch_file(f"recording{path.suffix}") as (copy, file):
         try:
-            with copy.open("wb+") as file:
-                losses += _spool(path, source, file)
+            losses = _spool(path, source, file)
+            file.flush()
         except OSError as error:
             raise unreadable(source, error) from None
         yield copy, source, losses
