@@ -15,6 +15,7 @@ RATIO = 64
 ALLOWANCE = 16 << 20
 
 _PIECE = 1 << 17
+ZSTD = b"\x28\xb5\x2f\xfd"  # what its blocks begin with
 
 
 class Budget:

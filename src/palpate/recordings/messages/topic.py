@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.recordings.formats import Request
-from palpate.recordings.messages.compression import Budget, unpack, zstandard_size
+from palpate.recordings.messages.compression import ZSTD, Budget, unpack, zstandard_size
 from palpate.recordings.messages.fields import UndecodableError
 from palpate.recordings.messages.layout import Bytes, Entity, Layout, Matrix, TimeAt, gather
 from palpate.recordings.messages.rows import Rows
@@ -107,7 +107,6 @@ class Topic:
         self.omitted = ""
         self.skipped: set[str] = set()
         self.overflow = False  # whether there were more transforms than are read
-        self.packed = False  # whether each message is compressed, as ROS 2 may
         self._budget = Budget(0)
 
     def add(self, block: Block) -> None:
@@ -116,12 +115,16 @@ class Topic:
         if self.omitted or not len(block.starts):
             return
         self._budget.add(int(block.lengths.sum()))
-        for each in self._unpacked(block) if self.packed else (block,):
+        for each in self._unpacked(block) if self.packed(block) else (block,):
             if len(each.starts) and not self.omitted:
                 self.bytes += int(each.lengths.sum())
                 self.take(each)
         for found in self.found.values():
             found.rows.prune(self.bytes)
+
+    def packed(self, block: Block) -> bool:
+        """Whether each message is compressed, as those of ROS 2 may be."""
+        return False
 
     def take(self, block: Block) -> None:
         """Read messages; a topic that is omitted has no way to."""
@@ -166,12 +169,19 @@ class BinaryTopic(Topic):
         Returns the layout of a message, or raises UndecodableError.
     request : Request
         What is asked for.
+    cdr : bool
+        Whether they are in CDR, whose first byte is 0: so it shows where they are compressed.
     """
 
-    def __init__(self, walk: Walk, request: Request) -> None:
+    def __init__(self, walk: Walk, request: Request, *, cdr: bool = False) -> None:
         super().__init__("", "", request)
+        self._cdr = cdr
         self._walk = walk
         self._layouts: dict[int, list[Layout]] = {}
+
+    def packed(self, block: Block) -> bool:
+        """Whether each message is compressed, as those of ROS 2 may be."""
+        return self._cdr and block.message(0)[:4] == ZSTD
 
     def take(self, block: Block) -> None:
         """Read messages."""
