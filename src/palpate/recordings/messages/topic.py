@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.recordings.formats import Request
+from palpate.recordings.messages.blocks import Block, joined
 from palpate.recordings.messages.compression import ZSTD, Budget, unpack, zstandard_size
 from palpate.recordings.messages.fields import UndecodableError
-from palpate.recordings.messages.layout import Bytes, Entity, Layout, Matrix, TimeAt, gather
+from palpate.recordings.messages.layout import Entity, Layout, Matrix, TimeAt, gather
 from palpate.recordings.messages.rows import Rows
 
 # A topic whose messages cannot be walked is given up after so many: some 0.1 s, of which a file can
@@ -25,36 +26,6 @@ MOST_LAYOUTS = 256
 _BATCH = 8 << 20  # bytes of messages that are unpacked at once
 
 Walk: TypeAlias = Callable[[bytes], Layout]
-
-
-@dataclass(frozen=True, slots=True)
-class Block:
-    """Messages of one topic, in a block of bytes.
-
-    Attributes
-    ----------
-    data : ndarray
-        The bytes.
-    starts, lengths : ndarray
-        Of each message, in bytes.
-    times : ndarray
-        When each was logged, in nanoseconds.
-    """
-
-    data: Bytes
-    starts: NDArray[np.int64]
-    lengths: NDArray[np.int64]
-    times: NDArray[np.int64]
-
-    def message(self, k: int) -> bytes:
-        """Return one message."""
-        return self.data[self.starts[k] : self.starts[k] + self.lengths[k]].tobytes()
-
-
-def _joined(messages: list[bytes], times: list[np.int64]) -> Block:
-    lengths = np.array([len(message) for message in messages], np.int64)
-    data = np.frombuffer(b"".join(messages), np.uint8)
-    return Block(data, np.cumsum(lengths) - lengths, lengths, np.array(times, np.int64))
 
 
 @dataclass(slots=True)
@@ -148,9 +119,9 @@ class Topic:
             times.append(block.times[k])
             held += size
             if held > _BATCH:
-                yield _joined(pieces, times)
+                yield joined(pieces, times)
                 pieces, times, held = [], [], 0
-        yield _joined(pieces, times)
+        yield joined(pieces, times)
 
     def fail(self, reason: str, count: int = 1) -> None:
         """Count messages that could not be decoded, and give up where none of many could."""
