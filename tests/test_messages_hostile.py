@@ -227,6 +227,36 @@ def test_databases_that_are_no_bags_are_refused_in_a_line(tmp_path, statements) 
     assert "a.db3" in str(caught.value)
 
 
+@pytest.mark.parametrize("suffix", [".mcap", ".bag", ".db3"])
+def test_files_of_ten_gigabytes_of_nothing_are_refused_in_time(tmp_path, suffix) -> None:
+    huge = struct.pack("<Q", 9 << 30)
+    heads = {
+        ".mcap": HEAD + record(6, bytes(16) + huge + bytes(8) + huge, (9 << 30) + 40),
+        ".bag": b"#ROSBAG V2.0\n",
+        ".db3": b"SQLite format 3\0\x10\0",
+    }
+    path = tmp_path / f"a{suffix}"
+    with path.open("wb") as file:
+        file.write(heads[suffix])
+        file.truncate(10 << 30)  # a hole, which takes no disk
+    begin = time.monotonic()
+    with pytest.raises(RecordingError) as caught:
+        open_recording(path)
+    assert time.monotonic() - begin < 10.0
+    assert "\n" not in str(caught.value)
+
+
+def test_a_row_with_the_last_number_there_is_ends_the_messages(tmp_path) -> None:
+    folder = files.rosbag2(tmp_path / "bag", files.wrenches_and_poses(GIVEN))
+    path = folder / "bag.db3"
+    database = sqlite3.connect(path)
+    last = (1 << 63) - 1
+    database.execute("UPDATE messages SET id = ? WHERE id = 60", (last,))
+    database.commit()
+    database.close()
+    assert len(open_recording(path).channels["/pose.log_time"]) == 30
+
+
 @pytest.mark.parametrize("suffix", [".mcap", ".bag", ".db3", ".db3.zstd", ".mcap.zstd"])
 @pytest.mark.parametrize(
     "content",

@@ -72,9 +72,8 @@ def test_a_bag_of_ros2_comes_back_to_the_last_bit(tmp_path, storage, mode) -> No
     folder = files.rosbag2(tmp_path / "bag", messages, storage, mode)
     assert_same(open_recording(folder))
     assert_same(open_recording(folder / "metadata.yaml"))
-    if mode in (None, "FILE"):  # how single messages are compressed, only the folder says
-        (file,) = (each for each in folder.iterdir() if each.suffix != ".yaml")
-        assert_same(open_recording(file))
+    (file,) = (each for each in folder.iterdir() if each.suffix != ".yaml")
+    assert_same(open_recording(file))
 
 
 def test_a_bag_of_ros2_in_several_files_is_one_recording(tmp_path) -> None:

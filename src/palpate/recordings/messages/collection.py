@@ -35,7 +35,6 @@ class Collection:
         self.losses: list[str] = []
         self.omissions: list[str] = []
         self.notes: dict[str, str] = {}
-        self.packed = False  # whether messages are compressed one by one
         self._topics: dict[Hashable, Topic] = {}
         self._types: dict[str, str] = {}
         self._more_losses = 0
@@ -79,7 +78,6 @@ class Collection:
                 topic.name, topic.type_name = name, type_name
             except UndecodableError as error:
                 topic.omitted = str(error)
-        topic.packed = self.packed
         self._topics[key] = topic
         return topic
 

@@ -13,8 +13,11 @@ from palpate.recordings.messages.fields import UndecodableError
 # times its size.
 RATIO = 64
 ALLOWANCE = 16 << 20
+# No writer makes a chunk, or a message, of a tenth of this.
+LARGEST = 1 << 30
 
 _PIECE = 1 << 17
+ZSTD = b"\x28\xb5\x2f\xfd"  # what its blocks begin with
 
 
 class Budget:
@@ -35,6 +38,8 @@ class Budget:
 
     def allow(self, packed: int, unpacked: int) -> None:
         """Take a block into account; raise UndecodableError where it is too much."""
+        if max(packed, unpacked) > LARGEST:
+            raise UndecodableError(f"{packed} bytes that unpack to {unpacked} are too many")
         if unpacked > max(ALLOWANCE, RATIO * packed):
             raise UndecodableError(f"{packed} bytes claim to unpack to {unpacked}")
         self.left -= unpacked

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.recordings.formats import Request
+from palpate.recordings.messages.blocks import Block
 from palpate.recordings.messages.fields import LONGEST_LIST
-from palpate.recordings.messages.topic import LOG_TIME, Block, Found, Topic, stamp_of
+from palpate.recordings.messages.topic import LOG_TIME, Found, Topic, stamp_of
 
 # Objects that are held at once, as Python's: some 1 kB each.
 _BATCH = 4096

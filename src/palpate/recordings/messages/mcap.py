@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from palpate.recordings.formats import Request
 from palpate.recordings.messages import mcap_records as records
+from palpate.recordings.messages.blocks import Block
 from palpate.recordings.messages.collection import Collection, one_line
-from palpate.recordings.messages.compression import Budget, unpack, unpack_begin
+from palpate.recordings.messages.compression import LARGEST, Budget, unpack, unpack_begin
 from palpate.recordings.messages.fields import UndecodableError
 from palpate.recordings.messages.files import name_of, opened, span
 from palpate.recordings.messages.mcap_records import HEAD, ChunkHead, Cursor
 from palpate.recordings.messages.record_starts import Starts
 from palpate.recordings.messages.schemas import topic_of
 from palpate.recordings.messages.searching import MOST_PLACES, Search
-from palpate.recordings.messages.topic import Block, Topic
+from palpate.recordings.messages.topic import Topic
 from palpate.recordings.recording import Recording
 
 _WINDOW = 4 << 20  # bytes of a file without chunks that are read at a time, at the most
@@ -111,6 +112,8 @@ class _McapFile:
         if length > self.size - begin:
             self._cut(kind, begin)
         elif kind in (records.MESSAGE, records.SCHEMA, records.CHANNEL):
+            if length > LARGEST:
+                return self._damaged(f"a record of {length} bytes")
             self._loose()
         elif kind == records.CHUNK:
             self._chunk(begin, length)
@@ -123,6 +126,7 @@ class _McapFile:
             self.position = begin + length
         else:
             self._damaged(f"a record of the kind 0x{kind:02X}")
+        return None
 
     def _loose(self) -> None:
         """Messages outside of a chunk, as many as are in a window."""

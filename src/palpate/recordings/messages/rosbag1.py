@@ -9,17 +9,19 @@ import numpy as np
 
 from palpate.recordings.formats import Request
 from palpate.recordings.messages import rosbag1_records as records
+from palpate.recordings.messages.blocks import Block
 from palpate.recordings.messages.collection import Collection
-from palpate.recordings.messages.compression import Budget, unpack, unpack_begin
+from palpate.recordings.messages.compression import LARGEST, RATIO, Budget, unpack, unpack_begin
 from palpate.recordings.messages.fields import UndecodableError
 from palpate.recordings.messages.files import opened
 from palpate.recordings.messages.rosbag1_records import Record
 from palpate.recordings.messages.schemas import topic_of
 from palpate.recordings.messages.searching import MOST_PLACES, Search
-from palpate.recordings.messages.topic import Block, Topic
+from palpate.recordings.messages.topic import Topic
 from palpate.recordings.recording import Recording
 
 _FIRST_WINDOW = 1 << 16
+_LONGEST_CHUNK = 64 << 20  # bytes, packed, of one whose size is not known; usual are 768 kB
 _WINDOW = 4 << 20  # bytes of a file that are looked at at a time
 
 
@@ -100,6 +102,8 @@ class _Bag:
         if record.size > self.size - begin:
             return self._damaged("a record that goes on beyond the end of the file")
         if kind == records.MESSAGE:
+            if record.size > LARGEST:
+                return self._damaged(f"a message of {record.size} bytes")
             return self._loose()
         if kind == records.CONNECTION and record.size < _WINDOW:
             self._connection(record, self._bytes(begin, record.size))
@@ -115,8 +119,8 @@ class _Bag:
         kind = record.text("compression")
         left = self.size - begin
         unpacked = record.number("size", "<I") or 0
-        if record.size == 0 and kind in ("none", ""):
-            self.position = begin  # never closed: its records follow as if they were loose
+        if kind in ("none", "") and not 0 < record.size <= left:
+            self.position = begin  # never closed, or cut off: its records follow as if loose
             return
         try:
             if 0 < record.size <= left:
@@ -124,11 +128,13 @@ class _Bag:
                 self.budget.allow(record.size, unpacked)
                 self._records(unpack(kind, self._bytes(begin, record.size), unpacked))
                 return
-            self.position = self.size
-            most = min(64 * left, 1 << 30)
-            self.budget.allow(left, most)
-            self._records(unpack_begin(kind, self._bytes(begin, left), most))
-            self.collection.lost(f"the last chunk, at byte {begin}, is cut off")
+            # Cut off, or its size is wrong: then there are records after it.
+            self.position = self.search.after(begin)
+            packed = min(left, _LONGEST_CHUNK)
+            data = unpack_begin(kind, self._bytes(begin, packed), min(RATIO * packed, LARGEST))
+            self.budget.allow(packed, len(data))
+            self._records(data)
+            self.collection.lost(f"a chunk at byte {begin} is cut off")
         except UndecodableError as error:
             self._lost(begin, self.position, f"a chunk is lost: {error}")
 
@@ -141,9 +147,12 @@ class _Bag:
             assert record is not None
             data = self._bytes(self.position, record.begin + record.size)
         end = self._take(data, loose=True)
+        if not end:
+            return self._damaged("a message without a connection or a time")
         # At first little is read at a time, as other records may come between.
         self.window = min(4 * self.window, _WINDOW) if end > len(data) / 2 else _FIRST_WINDOW
         self.position += end
+        return None
 
     def _records(self, data: bytes) -> None:
         end = self._take(data)

@@ -71,7 +71,6 @@ def read(path: Path, request: Request) -> Recording:
 @dataclass(frozen=True, slots=True)
 class _Metadata:
     files: list[str]
-    mode: str
     distribution: str
     count: int | None
 
@@ -87,7 +86,6 @@ def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None
     metadata = _metadata(folder, collection)
     if metadata is None:
         return there, None
-    collection.packed = metadata.mode == "message"
     if metadata.distribution:
         collection.notes["ROS distribution"] = metadata.distribution
     files = []
@@ -117,13 +115,12 @@ def _metadata(folder: Path, collection: Collection) -> _Metadata | None:
             raise ValueError
         information = YAML(typ="safe").load(path.read_text("utf-8"))["rosbag2_bagfile_information"]
         files = [str(each) for each in information["relative_file_paths"]]
-        mode = str(information.get("compression_mode") or "").lower()
         distribution = one_line(str(information.get("ros_distro") or ""))
         count = information.get("message_count")
     except (OSError, ValueError, YAMLError, KeyError, TypeError, RecursionError, AttributeError):
         collection.lost(f"{METADATA} cannot be understood: the files beside it are read")
         return None
-    return _Metadata(files, mode, distribution, count if isinstance(count, int) else None)
+    return _Metadata(files, distribution, count if isinstance(count, int) else None)
 
 
 def _storage(name: str) -> str:

@@ -39,4 +39,5 @@ def topic_of(
     form = "ros1msg" if ros1 else schema_encoding or "ros2msg"
     form = "ros2idl" if form == "omgidl" else form
     fields = message_fields(type_name, form, schema.decode("utf-8", "replace"))
-    return BinaryTopic(partial(walk_ros1 if ros1 else walk_cdr, fields=fields), request)
+    walk = partial(walk_ros1 if ros1 else walk_cdr, fields=fields)
+    return BinaryTopic(walk, request, cdr=not ros1)

@@ -14,16 +14,19 @@ from urllib.parse import quote
 
 import numpy as np
 
+from palpate.recordings.messages.blocks import Block
 from palpate.recordings.messages.collection import Collection
 from palpate.recordings.messages.files import name_of, opened
 from palpate.recordings.messages.schemas import topic_of
-from palpate.recordings.messages.topic import Block, Topic
+from palpate.recordings.messages.topic import Topic
 
 _BATCH = 8 << 20  # bytes of messages that are held at once
 # Rows are taken out of their tuples so often that Python's garbage collector, which runs every 700
 # new ones, has no reason to: it would take two thirds of the time.
 _ROWS = 256
 _KINDS = (int, int, bytes, int)
+_LONGEST = 1_000_000_000  # bytes of a value, by SQLite's own limit
+_LAST_ROW = (1 << 63) - 1
 _SMALLEST_ROW = 8  # bytes, in the file
 # Damaged places that are passed over; at each some 100 rows are looked for, in some 10 ms.
 _MOST_GAPS = 200
@@ -124,7 +127,7 @@ class _Database:
         self._error: sqlite3.DatabaseError | None = None
         database.text_factory = lambda text: text.decode("utf-8", "replace")
         # No value is longer than the file, whatever a schema would make of it.
-        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(size, 1 << 20))
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(max(size, 1 << 20), _LONGEST))
         database.execute("PRAGMA trusted_schema = OFF")
         # Else SQLite refuses all of a file that is shorter than it says. Nothing is ever written.
         database.execute("PRAGMA writable_schema = ON")
@@ -186,7 +189,7 @@ class _Database:
                     (following,),
                 )
                 while (rows := self._fetch(cursor)).topics:
-                    following = max(following, rows.last + 1)
+                    following = min(max(following, rows.last + 1), _LAST_ROW)
                     left -= len(rows.topics)
                     yield rows
                     if self._error:
@@ -225,7 +228,7 @@ class _Database:
         low, step = max(number, 0), 1
         while not self._reads(low + step):
             step *= 2
-            if step > 1 << 40:
+            if low + step > _LAST_ROW or step > 1 << 40:
                 return None
         bad, good = low + step // 2, low + step
         while good - bad > 1:

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.recordings.formats import Request
-from palpate.recordings.messages.compression import Budget, unpack, zstandard_size
+from palpate.recordings.messages.blocks import Block, joined
+from palpate.recordings.messages.compression import ZSTD, Budget, unpack, zstandard_size
 from palpate.recordings.messages.fields import UndecodableError
-from palpate.recordings.messages.layout import Bytes, Entity, Layout, Matrix, TimeAt, gather
+from palpate.recordings.messages.layout import Entity, Layout, Matrix, TimeAt, gather
 from palpate.recordings.messages.rows import Rows
 
 # A topic whose messages cannot be walked is given up after so many: some 0.1 s, of which a file can
@@ -25,36 +26,6 @@ MOST_LAYOUTS = 256
 _BATCH = 8 << 20  # bytes of messages that are unpacked at once
 
 Walk: TypeAlias = Callable[[bytes], Layout]
-
-
-@dataclass(frozen=True, slots=True)
-class Block:
-    """Messages of one topic, in a block of bytes.
-
-    Attributes
-    ----------
-    data : ndarray
-        The bytes.
-    starts, lengths : ndarray
-        Of each message, in bytes.
-    times : ndarray
-        When each was logged, in nanoseconds.
-    """
-
-    data: Bytes
-    starts: NDArray[np.int64]
-    lengths: NDArray[np.int64]
-    times: NDArray[np.int64]
-
-    def message(self, k: int) -> bytes:
-        """Return one message."""
-        return self.data[self.starts[k] : self.starts[k] + self.lengths[k]].tobytes()
-
-
-def _joined(messages: list[bytes], times: list[np.int64]) -> Block:
-    lengths = np.array([len(message) for message in messages], np.int64)
-    data = np.frombuffer(b"".join(messages), np.uint8)
-    return Block(data, np.cumsum(lengths) - lengths, lengths, np.array(times, np.int64))
 
 
 @dataclass(slots=True)
@@ -107,7 +78,6 @@ class Topic:
         self.omitted = ""
         self.skipped: set[str] = set()
         self.overflow = False  # whether there were more transforms than are read
-        self.packed = False  # whether each message is compressed, as ROS 2 may
         self._budget = Budget(0)
 
     def add(self, block: Block) -> None:
@@ -116,12 +86,16 @@ class Topic:
         if self.omitted or not len(block.starts):
             return
         self._budget.add(int(block.lengths.sum()))
-        for each in self._unpacked(block) if self.packed else (block,):
+        for each in self._unpacked(block) if self.packed(block) else (block,):
             if len(each.starts) and not self.omitted:
                 self.bytes += int(each.lengths.sum())
                 self.take(each)
         for found in self.found.values():
             found.rows.prune(self.bytes)
+
+    def packed(self, block: Block) -> bool:
+        """Whether each message is compressed, as those of ROS 2 may be."""
+        return False
 
     def take(self, block: Block) -> None:
         """Read messages; a topic that is omitted has no way to."""
@@ -145,9 +119,9 @@ class Topic:
             times.append(block.times[k])
             held += size
             if held > _BATCH:
-                yield _joined(pieces, times)
+                yield joined(pieces, times)
                 pieces, times, held = [], [], 0
-        yield _joined(pieces, times)
+        yield joined(pieces, times)
 
     def fail(self, reason: str, count: int = 1) -> None:
         """Count messages that could not be decoded, and give up where none of many could."""
@@ -166,12 +140,19 @@ class BinaryTopic(Topic):
         Returns the layout of a message, or raises UndecodableError.
     request : Request
         What is asked for.
+    cdr : bool
+        Whether they are in CDR, whose first byte is 0: so it shows where they are compressed.
     """
 
-    def __init__(self, walk: Walk, request: Request) -> None:
+    def __init__(self, walk: Walk, request: Request, *, cdr: bool = False) -> None:
         super().__init__("", "", request)
+        self._cdr = cdr
         self._walk = walk
         self._layouts: dict[int, list[Layout]] = {}
+
+    def packed(self, block: Block) -> bool:
+        """Whether each message is compressed, as those of ROS 2 may be."""
+        return self._cdr and block.message(0)[:4] == ZSTD
 
     def take(self, block: Block) -> None:
         """Read messages."""
