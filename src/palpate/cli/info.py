@@ -37,14 +37,14 @@ def info(
     """
     from palpate.cli.info_tables import as_dict, print_recording
     from palpate.cli.printing import print_json
-    from palpate.recordings import open_recording
+    from palpate.cli.progress import opened
     from palpate.recordings.survey import survey
 
     if figure is not None:
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=[file])
-    recording = open_recording(file, channel or None, curve=curve)
+    recording = opened(file, channel or None, strict=False, curve=curve)
     surveyed = survey(recording)
     if figure is not None:
         from palpate import figures

@@ -12,6 +12,8 @@ from rich.text import Text
 
 from palpate.cli.printing import Terminal
 from palpate.cli.tables import new_table
+from palpate.errors import RecordingError
+from palpate.preparation import roles_of
 from palpate.recordings.recording import Recording
 from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey
 
@@ -35,6 +37,7 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
     _print_section(console, _types_table(recording, surveyed))
     _print_section(console, _clocks_table(surveyed))
     _print_section(console, _channels_table(surveyed.channels))
+    _print_section(console, _roles_table(recording))
     if channels > _MOST_ROWS:
         console.print(f"and {channels - _MOST_ROWS} more channels: --channel NAME or --json")
     notes = [f"{name}: {words}" for name, words in recording.notes.items()]
@@ -57,6 +60,10 @@ def as_dict(file: Path, recording: Recording, surveyed: Survey) -> dict[str, Any
         "types": dict(recording.types),
         "clocks": [_clock_dict(clock) for clock in surveyed.clocks],
         "channels": [_channel_dict(recording, channel) for channel in surveyed.channels],
+        "roles": [
+            {"role": role, "channels": names, "because": reason}
+            for role, names, reason in _roles(recording)
+        ],
         "notes": dict(recording.notes),
         "omissions": list(recording.omissions),
         "losses": list(recording.losses),
@@ -93,6 +100,41 @@ def _channel_dict(recording: Recording, channel: ChannelSurvey) -> dict[str, Any
         "maximum": _known(channel.maximum),
         "faults": fault and {"count": fault.count, "sample": fault.sample, "text": fault.text},
     }
+
+
+def _roles_table(recording: Recording) -> Table:
+    """Which channels would be taken for what, and why; or why they cannot be chosen."""
+    table = new_table()
+    for heading in ("taken as", "channel", "because"):
+        table.add_column(heading)
+    for role, names, reason in _roles(recording):
+        table.add_row(role, _words(names), _words(reason))
+    return table
+
+
+def _roles(recording: Recording) -> list[tuple[str, str, str]]:
+    try:
+        roles = roles_of(recording)
+    except RecordingError as error:
+        where = f"{recording.source}: "
+        return [("cannot be chosen", "", str(error).removeprefix(where))]
+    depth = "penetration" if roles.is_penetration else "position"
+    clock = recording.clocks.get(roles.depth[0]), recording.clocks.get(roles.force[0])
+    time = [roles.time] if roles.time else sorted({name for name in clock if name})
+    channels = {
+        "time": time,
+        depth: list(roles.depth),
+        "force": list(roles.force),
+        "velocity": [roles.velocity] if roles.velocity else [],
+        "orientation": list(roles.orientation),
+        "segment": [roles.segment] if roles.segment else [],
+    }
+    usual = {"time": "the clock of its channels", "orientation": "the only one of four"}
+    return [
+        (role, ", ".join(names), roles.reasons.get(role, usual.get(role, "it has this name")))
+        for role, names in channels.items()
+        if names
+    ]
 
 
 def _types_table(recording: Recording, surveyed: Survey) -> Table:

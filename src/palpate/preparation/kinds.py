@@ -24,6 +24,7 @@ _KIND = {word: kind for kind, words in WORDS.items() for word in words}
 WANTED = frozenset(
     ("command", "commanded", "cmd", "desired", "des", "target", "setpoint", "reference", "ref")
 )
+TIP = frozenset(("tip", "tcp", "probe"))
 _OF_UNIT = {
     **dict.fromkeys(UNITS["time"], ("time",)),
     **dict.fromkeys(UNITS["force"], ("force",)),
@@ -59,6 +60,11 @@ def kind_of(name: str, unit: str | None = None) -> str | None:
 def is_wanted(name: str) -> bool:
     """Whether a name says what was commanded, and not what was measured."""
     return not WANTED.isdisjoint(words_of(name))
+
+
+def is_tip(name: str) -> bool:
+    """Whether a name says that it is the part of the robot that touches."""
+    return not TIP.isdisjoint(words_of(name))
 
 
 def words_of(name: str) -> list[str]:

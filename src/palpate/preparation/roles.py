@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 from palpate.errors import MissingChannelError, RecordingError
-from palpate.preparation.kinds import is_wanted, kind_of
+from palpate.preparation.kinds import is_tip, is_wanted, kind_of
 from palpate.preparation.vectors import Vector, vectors_of
 from palpate.recordings import Recording
 from palpate.recordings.units import unit_in_name
@@ -238,6 +238,8 @@ class _Choosing:
                 and self._kind(name) == kind
             ]
         measured = [names for names in found if not is_wanted(names[0])]
+        if kind == "position":  # of several bodies the tip is what touches
+            measured = [names for names in measured if is_tip(names[0])] or measured
         if measured and kind == "time":
             plain = [n for n in measured if n[0].lower() in ("time", "t", "timestamp", "stamp")]
             return plain[:1] if plain else measured[:1]

@@ -14,12 +14,17 @@ from palpate.validation import Floats
 
 SurfaceRule = Literal["threshold", "baseline", "fit", "estimate"]
 NOISES = 6.0  # σ
-LEAST, MOST = 0.01, 0.4  # of the peak force: the light branch, from which the surface is seen
+# Of the peak force: the light branch, from which the surface is seen. Drag and drift of a force sensor
+# are within 3 % of it.
+LEAST, MOST = 0.03, 0.4
 FEWEST = 8  # samples of it
 FEWEST_FREE = 20  # as many as a search for the surface asks for
 MOST_FITTED = 4000  # samples
 # Deviations of the baseline rule: what ends farther off is of another branch than the light one.
 FARTHEST = 4.0
+# A flat punch has 1, a sphere 1.5, a cone 2. Far from them the exponent stands for a surface that
+# is elsewhere: the two trade off, and what the light branch alone says is nearer.
+LEAST_EXPONENT, MOST_EXPONENT = 0.7, 2.6
 EXPONENTS = (1.0, 1.5, 2.0)  # of the force's growth: flat punch or foam, sphere, cone
 
 
@@ -50,7 +55,7 @@ class Surface:
 def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule) -> Surface:
     """Find where the material begins.
 
-    *threshold*: where the force passes max(6 σ, 1 % of its peak) on the way in; late by the depth
+    *threshold*: where the force passes max(6 σ, 3 % of its peak) on the way in; late by the depth
     at which the material gives that force. *baseline*: where the light branch, F^(1/n) over the
     depth, comes down to zero, for n = 1.5; what n = 1 and 2 would say is its deviation. *fit*: from
     there, by least squares of a Hunt–Crossley law, an offset and the surface together. Where the
@@ -162,7 +167,8 @@ def _fitted(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
     )
     away = float(found.parameters[4]) * depth
     error = math.sqrt(robust_covariance(found.jacobian, found.residual)[-1, -1]) * depth
-    if not abs(away) <= FARTHEST * start.deviation or not 0.0 < error < depth:
+    near_start = abs(away) <= FARTHEST * start.deviation and 0.0 < error < depth
+    if not near_start or not LEAST_EXPONENT <= found.parameters[2] <= MOST_EXPONENT:
         return None
     words = "by the least squares of law and surface together"
     return Surface(start.position + away, error, words)

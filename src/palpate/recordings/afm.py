@@ -39,6 +39,7 @@ _NOTES = (
     "date", "instrument", "software", "imaging mode",
 )  # fmt: skip
 _UNITS = {name: about[1] for fields in META_FIELDS.values() for name, about in fields.items()}
+_HEIGHTS = ("height (measured)", "height (piezo)")
 _SEGMENTS = {
     1: "one",
     2: "0 approach, 1 retract",
@@ -157,16 +158,37 @@ def _recording(
         losses.append(f"its columns hold from {least} to {max(lengths.values())} samples: cut")
         channels = {name: values[:least] for name, values in channels.items()}
     refuse_losses(source, losses, request)
+    notes = _notes(metadata, channels.get("segment"))
+    _add_tip(channels, metadata, request, notes)
     request.report(1.0)
     return Recording(
         channels,
         units={name: unit for name in channels if (unit := column_units.get(name))},
         source=source,
-        notes=_notes(metadata, channels.get("segment")),
+        notes=notes,
         clocks={name: "time" for name in channels if name != "time" and "time" in channels},
         losses=tuple(losses),
         omissions=tuple(omissions),
     )
+
+
+def _add_tip(
+    channels: dict[str, NDArray[Any]],
+    metadata: Mapping[str, Any],
+    request: Request,
+    notes: dict[str, str],
+) -> None:
+    """Where the tip is: the height of the cantilever's base and its deflection, z + F/k.
+
+    The base is no probe. Taken for one, the cantilever's compliance is identified as the sample's.
+    """
+    stiffness = float(metadata.get("spring constant", np.nan))
+    height = next((name for name in _HEIGHTS if name in channels), None)
+    known = height is not None and "force" in channels and np.isfinite(stiffness)
+    if "tip position" in channels or not known or not request.wants("tip position"):
+        return
+    channels["tip position"] = channels[str(height)] + channels["force"] / stiffness
+    notes["tip position"] = f"{height} + force / spring constant"
 
 
 def _notes(metadata: Mapping[str, Any], segment: NDArray[Any] | None) -> dict[str, str]:

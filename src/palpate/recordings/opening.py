@@ -49,6 +49,8 @@ def open_recording(
         wanted = None if channels is None else tuple(channels)
     except TypeError:
         raise InvalidParameterError(f"path must be a path, not {path!r}") from None
+    if curve is not None and curve < 0:
+        raise InvalidParameterError(f"curve must be counted from 0, not {curve}")
     request = Request(wanted, strict, curve, progress)
     with on_disk(file) as (copy, source, lost):
         if lost and strict:
