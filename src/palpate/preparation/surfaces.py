@@ -14,7 +14,7 @@ from palpate.validation import Floats
 
 SurfaceRule = Literal["threshold", "baseline", "fit", "estimate"]
 NOISES = 6.0  # σ
-# Of the peak force: the light branch, from which the surface is seen. Drag and drift of a force sensor
+# Of the peak force: the light branch, from which the surface is seen. Drag and drift of a sensor
 # are within 3 % of it.
 LEAST, MOST = 0.03, 0.4
 FEWEST = 8  # samples of it
