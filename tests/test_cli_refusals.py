@@ -69,7 +69,7 @@ def test_a_probe_that_never_touches_is_one_line(refused, tmp_path, command, rows
 
 
 def test_a_folder_is_one_line(refused, tmp_path):
-    assert f"{tmp_path}: Is a directory" in refused("identify", tmp_path)
+    assert f"{tmp_path}: the folder holds no bag" in refused("identify", tmp_path)
 
 
 def test_a_path_to_nothing_is_one_line(refused, tmp_path):

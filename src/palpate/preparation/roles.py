@@ -100,6 +100,7 @@ class _Choosing:
 
     def __post_init__(self) -> None:
         self.vectors = vectors_of(self.recording.channels)
+        self.kinds: dict[str, str | None] = {}
 
     def roles(self) -> Roles:
         names = self.columns
@@ -227,12 +228,12 @@ class _Choosing:
         if size > 1:
             found = [v.components for v in self.vectors if len(v) == size and self._is(v, kind)]
         else:
-            inside = {name for vector in self.vectors for name in vector.components}
-            clocks = set(recording.clocks.values())
+            used = {name for vector in self.vectors for name in vector.components}
+            used.update(recording.clocks.values())
             found = [
                 (name,)
                 for name, values in recording.channels.items()
-                if name not in inside | clocks
+                if name not in used
                 and values.ndim == 1
                 and values.dtype.kind in "fiu"
                 and self._kind(name) == kind
@@ -256,7 +257,9 @@ class _Choosing:
         return found == kind and (len(vector) != 4 or kind == "orientation")
 
     def _kind(self, name: str) -> str | None:
-        return kind_of(name, self.recording.units.get(name))
+        if name not in self.kinds:
+            self.kinds[name] = kind_of(name, self.recording.units.get(name))
+        return self.kinds[name]
 
     def _because(self, role: str, names: Sequence[str], kind: str) -> None:
         others = "the only position" if kind == "position" else f"the only {kind}"
