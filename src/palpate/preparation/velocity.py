@@ -17,6 +17,10 @@ MOST_FITTED = 16
 # Of the square's own energy the moments keep what is left of 16 digits; a window with less, such as
 # one across a pause, is fitted by itself.
 LEAST_ENERGY = 1e-5
+# Steps that differ by less of a step are even: whole nanoseconds of a 1 kHz clock do by 1e-6, and
+# the velocity by as much of itself.
+EVEN = 2e-6
+MOST_WEIGHED = 255  # samples
 AT_ONCE = 1 << 18  # samples in windows that are fitted together, 2 MB an array
 
 
@@ -60,8 +64,7 @@ def velocity_of(time: Floats, penetration: Floats, window: float | None = None) 
             return velocity
         kept = ~spiked(x)
         width = min(window_samples(float(np.median(np.diff(t))), window), int(kept.sum()))
-        fit = _local_slope if width <= MOST_FITTED else _slope_by_sums
-        slope = fit(t[kept], x[kept], width)
+        slope = _slope(t[kept], x[kept], width)
         velocity[known] = slope if kept.all() else np.interp(t, t[kept], slope)
     return velocity
 
@@ -70,6 +73,27 @@ def lost_positions(penetration: Floats) -> int:
     """Count the samples that :func:`velocity_of` leaves out."""
     with np.errstate(over="ignore", invalid="ignore"):
         return int(np.count_nonzero(spiked(penetration[np.isfinite(penetration)])))
+
+
+def _slope(t: Floats, x: Floats, width: int) -> Floats:
+    """Slope at each sample of the parabola through its window, by the quickest of three ways."""
+    steps = np.diff(t)
+    step = float(steps.mean())
+    if width <= MOST_WEIGHED and width % 2 and np.abs(steps - step).max() <= EVEN * step:
+        return _even_slope(t, x, width, step)
+    return _local_slope(t, x, width) if width <= MOST_FITTED else _slope_by_sums(t, x, width)
+
+
+def _even_slope(t: Floats, x: Floats, width: int, step: float) -> Floats:
+    """Σ k x_k / (T Σ k²), which has no part of a curvature; the ends by fits of their own."""
+    half = width // 2
+    weights = np.arange(-half, half + 1.0)
+    slope = np.empty(t.size)
+    inner = np.convolve(x, weights[::-1], "valid")
+    slope[half : t.size - half] = inner / (step * (weights @ weights))
+    ends = np.r_[:half, t.size - half : t.size]
+    slope[ends] = _local_slope(t, x, width, ends)
+    return slope
 
 
 def _slope_by_sums(t: Floats, x: Floats, width: int) -> Floats:
