@@ -71,7 +71,7 @@ def test_json_says_beyond_that_only_how_the_numbers_were_made(run, good):
     """So that a field that goes, comes or changes its name is noticed."""
     whole = json.loads(run("identify", good, "--json")[1])
     assert sorted(whole) == [
-        "file", "gate", "provenance", "results", "samples", "scale", "schema_version",
+        "file", "gate", "provenance", "results", "samples", "scale", "schema_version", "touches",
     ]  # fmt: skip
     assert sorted(whole["gate"]) == ["break_force", "make_force", "minimum_penetration"]
     assert sorted(whole["scale"]) == ["force", "penetration", "velocity"]

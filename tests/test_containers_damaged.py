@@ -20,7 +20,7 @@ from containers import (
 )
 
 from palpate import MissingExtraError, RecordingError
-from palpate.recordings import FORMATS, formats, open_recording
+from palpate.recordings import FORMATS, formats, open_recording, sources
 
 CUT = {
     "probe.parquet": (write_parquet, "cut off"),
@@ -269,7 +269,7 @@ SUFFIXES = [suffix for each in FORMATS if each.extra for suffix in each.suffixes
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_what_has_only_the_suffix_of_a_format_is_refused_on_one_line(suffix, tmp_path):
+def test_what_has_only_the_suffix_of_a_format_is_refused_on_one_line(suffix, tmp_path, monkeypatch):
     pytest.importorskip("afmformats")
     contents = {
         "empty": b"",
@@ -288,6 +288,7 @@ def test_what_has_only_the_suffix_of_a_format_is_refused_on_one_line(suffix, tmp
         open_recording(tmp_path / f"folder{suffix}")
     with pytest.raises(RecordingError, match="check the path"):
         open_recording(tmp_path / f"absent{suffix}")
+    monkeypatch.setattr(sources, "PATIENCE", 0.05)  # s; nobody writes into it
     os.mkfifo(tmp_path / f"pipe{suffix}")
     with pytest.raises(RecordingError, match="pipe"):
         open_recording(tmp_path / f"pipe{suffix}")

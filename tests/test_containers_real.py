@@ -26,7 +26,7 @@ def test_every_curve_of_a_map_is_read(path):
     for number in range(count):
         curve = open_recording(path, curve=number)
         assert set(curve.channels) == {
-            "force", "height (measured)", "height (piezo)", "segment", "time",
+            "force", "height (measured)", "height (piezo)", "segment", "time", "tip position",
         }  # fmt: skip
         assert not curve.losses
         approach = curve.channels["segment"] == 0

@@ -14,7 +14,7 @@ import zstandard
 from google.protobuf import descriptor_pb2
 
 from palpate.errors import PalpateError, RecordingError
-from palpate.recordings import open_recording
+from palpate.recordings import open_recording, sources
 
 GIVEN = files.values(30)
 WRENCH = ("cdr", "ros2msg", "geometry_msgs/msg/WrenchStamped", files.WRENCH.encode())
@@ -92,9 +92,9 @@ def test_chunks_that_unpack_without_an_end_are_stopped(tmp_path) -> None:
     command = [sys.executable, "-c", program, str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
     assert done.returncode == 0, done.stderr
-    # On Linux this is no less than the peak of the process that started it.
+    # On Linux this is no less than what the process that started it held: pages are shared.
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    assert int(done.stdout) < max(MOST_MEMORY >> 10, before)
+    assert int(done.stdout) <= max(MOST_MEMORY >> 10, before)
 
 
 def test_a_chunk_that_claims_little_and_holds_much_is_lost(tmp_path) -> None:
@@ -271,9 +271,10 @@ def test_files_without_messages_are_refused_in_a_line(tmp_path, suffix, content)
     assert path.name in str(caught.value)
 
 
-def test_folders_pipes_and_missing_files_are_refused_in_a_line(tmp_path) -> None:
+def test_folders_pipes_and_missing_files_are_refused_in_a_line(tmp_path, monkeypatch) -> None:
     folder = tmp_path / "folder.mcap"
     folder.mkdir()
+    monkeypatch.setattr(sources, "PATIENCE", 0.05)  # s; nobody writes into it
     pipe = tmp_path / "pipe.bag"
     os.mkfifo(pipe)
     for path in (folder, pipe, tmp_path / "no.mcap", tmp_path / "no.db3", tmp_path / "a\0.bag"):

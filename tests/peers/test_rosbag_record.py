@@ -21,7 +21,7 @@ from palpate.errors import RecordingError
 from palpate.recordings import open_recording
 from peers.rosbag_publisher import numbers
 
-pytestmark = pytest.mark.peers
+pytestmark = [pytest.mark.peers, pytest.mark.slow]
 
 PUBLISHER = Path(__file__).with_name("rosbag_publisher.py")
 PYTHON = "/usr/bin/python3"  # the one that Debian's packages are for

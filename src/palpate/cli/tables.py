@@ -11,7 +11,9 @@ from rich.text import Text
 from palpate.cli.places import print_places
 from palpate.cli.printing import Terminal, print_json
 from palpate.cli.verdicts import print_ranking, print_verdict
+from palpate.contact import Contact
 from palpate.identification import Identification
+from palpate.preparation.touches import touches_of
 from palpate.ranking import rank
 from palpate.recordings.truth import truth_of
 from palpate.settings import ContactGate
@@ -82,6 +84,7 @@ def as_dict(files: Sequence[Path], results: Sequence[Identification]) -> dict[st
         "file": ", ".join(map(str, files)),
         **({"files": [str(file) for file in files]} if len(files) > 1 else {}),
         "samples": len(contact),
+        "touches": [touch.as_dict() for touch in touches_of(contact)],
         "provenance": dict(contact.provenance),
         "gate": {
             "minimum_penetration": gate.minimum_penetration,
@@ -121,12 +124,18 @@ def _print_contact(first: Identification, console: Terminal) -> None:
     console.print(Text(f"{contact.source or 'contact'}", style="bold"))
     console.print(
         Text(
-            f"{len(contact)} samples, {first.estimate.samples} in contact (penetration > "
+            f"{len(contact)} samples, {_touches(contact)}, {first.estimate.samples} in contact "
+            f"(penetration > "
             f"{gate.minimum_penetration:.3g} m, {force}); computed in "
             f"units of {scale.penetration:.3g} m, {scale.velocity:.3g} m/s, {scale.force:.3g} N"
         ),
         soft_wrap=True,
     )
+
+
+def _touches(contact: Contact) -> str:
+    count = len(touches_of(contact))
+    return "1 touch" if count == 1 else f"{count} touches"
 
 
 def _stretches(result: Identification) -> list[Identification]:
