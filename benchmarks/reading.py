@@ -27,24 +27,28 @@ BEGIN = 1_700_000_000_000_000_000  # ns since 1970
 STEP = 1_000_000
 WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
 _PIECE = 10_000  # messages whose numbers are made at once
-_Message = tuple[bool, int, bytes]  # whether it is a wrench, its time, its bytes
+Sent = tuple[bool, int, bytes]  # whether it is a wrench, its time, its bytes
 
 
-def messages(minutes: float) -> Iterator[_Message]:
+def messages(minutes: float) -> Iterator[Sent]:
     """Wrenches and poses in CDR, 300 µs apart, as a driver of 1 kHz sends them."""
     random = np.random.default_rng(SEED)
-    heads = b"\x08\0\0\0ft_link\0" + bytes(4), b"\x05\0\0\0base\0" + bytes(7)
     count = int(minutes * 60_000)
     for first in range(0, count, _PIECE):
         numbers = random.normal(size=(min(_PIECE, count - first), 13))
         for k, row in enumerate(numbers, start=first):
             at = BEGIN + k * STEP
-            stamp = b"\0\1\0\0" + struct.pack("<iI", *divmod(at, 1_000_000_000))
-            yield True, at, stamp + heads[0] + row[:6].tobytes()
-            yield False, at + 300_000, stamp + heads[1] + row[6:].tobytes()
+            yield True, at, stamped(at, is_wrench=True) + row[:6].tobytes()
+            yield False, at + 300_000, stamped(at, is_wrench=False) + row[6:].tobytes()
 
 
-def write_mcap(path: Path, given: Iterable[_Message], *, compressed: bool, chunks: bool) -> None:
+def stamped(at: int, *, is_wrench: bool) -> bytes:
+    """The begin of a message in CDR: its header."""
+    frame = b"\x08\0\0\0ft_link\0" + bytes(4) if is_wrench else b"\x05\0\0\0base\0" + bytes(7)
+    return b"\0\1\0\0" + struct.pack("<iI", *divmod(at, 1_000_000_000)) + frame
+
+
+def write_mcap(path: Path, given: Iterable[Sent], *, compressed: bool, chunks: bool) -> None:
     """Write them by the ``mcap`` package."""
     from mcap.writer import CompressionType, Writer
     from rosbags.typesys import Stores, get_typestore
@@ -64,7 +68,7 @@ def write_mcap(path: Path, given: Iterable[_Message], *, compressed: bool, chunk
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def write_rosbag2(path: Path, given: Iterable[_Message]) -> None:
+def write_rosbag2(path: Path, given: Iterable[Sent]) -> None:
     """Write them by rosbags, into SQLite."""
     from rosbags.rosbag2 import Writer
     from rosbags.typesys import Stores, get_typestore
@@ -77,7 +81,7 @@ def write_rosbag2(path: Path, given: Iterable[_Message]) -> None:
             writer.write(wrench if is_wrench else pose, at, data)
 
 
-def write_rosbag1(path: Path, given: Iterable[_Message]) -> None:
+def write_rosbag1(path: Path, given: Iterable[Sent]) -> None:
     """Write them by rosbags, as a bag of ROS 1, whose messages have a count and no padding."""
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
@@ -166,11 +170,11 @@ class Kind:
 
     name: str
     file: str
-    write: Callable[[Path, Iterable[_Message]], None]
+    write: Callable[[Path, Iterable[Sent]], None]
     readers: list[str]
 
 
-def _mcap(*, compressed: bool, chunks: bool = True) -> Callable[[Path, Iterable[_Message]], None]:
+def _mcap(*, compressed: bool, chunks: bool = True) -> Callable[[Path, Iterable[Sent]], None]:
     return lambda path, given: write_mcap(path, given, compressed=compressed, chunks=chunks)
 
 

@@ -1,0 +1,85 @@
+"""``palpate identify`` on an hour of a robot's recording, step by step, beside reading it raw.
+
+``python -m benchmarks.whole_identification --minutes 60`` writes wrenches and poses of a probe that
+taps a ball, at 1 kHz, into an MCAP file, and times what the command does with it.
+"""
+
+import argparse
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from benchmarks.machine import describe
+from benchmarks.memory import resident
+from benchmarks.reading import BEGIN, STEP, Sent, by_mcap_stream, stamped, write_mcap
+from palpate import HuntCrossley, identify, open_recording, prepare
+
+SEED = 1
+BALL = HuntCrossley(2000.0, 2000.0, 1.0)
+NORMAL = np.array([0.48, -0.36, 0.8])
+NOISE = 0.05  # N, on each axis
+PERIOD = 3.0  # s, of a stroke: down to 10 mm from 3 mm above, with a sine on it
+Result = TypeVar("Result")
+
+
+def messages(minutes: float) -> Iterator[Sent]:
+    """Poses and wrenches of a probe that taps, 300 µs apart."""
+    random = np.random.default_rng(SEED)
+    count, piece = int(minutes * 60_000), 60_000
+    for first in range(0, count, piece):
+        t = 1e-3 * np.arange(first, min(first + piece, count))
+        slow, fast = 2 * np.pi / PERIOD, 2 * np.pi * 5.0
+        x = 3.5e-3 - 6.5e-3 * np.cos(slow * t) + 1e-3 * np.sin(fast * t)
+        v = 6.5e-3 * slow * np.sin(slow * t) + 1e-3 * fast * np.cos(fast * t)
+        force = BALL.force(x, v)[:, None] * NORMAL + NOISE * random.standard_normal((t.size, 3))
+        wrench = np.concatenate([force, np.zeros_like(force)], axis=1)
+        # The pose is sampled 300 µs later.
+        position = np.array([0.4, -0.1, 0.2]) - (x + 3e-4 * v)[:, None] * NORMAL
+        upright = np.tile([0.0, 0.0, 0.0, 1.0], (t.size, 1))
+        pose = np.concatenate([position, upright], axis=1)
+        for k in range(t.size):
+            at = BEGIN + (first + k) * STEP
+            yield True, at, stamped(at, is_wrench=True) + wrench[k].tobytes()
+            yield False, at + 300_000, stamped(at + 300_000, is_wrench=False) + pose[k].tobytes()
+
+
+def timed(name: str, raw: float, work: Callable[[], Result]) -> Result:
+    """Do it, and print a row of the table."""
+    begin = time.perf_counter()
+    result = work()
+    seconds = time.perf_counter() - begin
+    print(f"| {name} | {seconds:.2f} | {seconds / raw:.2f} |", flush=True)
+    return result
+
+
+def main() -> None:
+    """Write, read and identify."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--minutes", type=float, default=2.0)
+    minutes = parser.parse_args().minutes
+    for name, words in describe("none").items():
+        print(f"{name}: {words}")
+    print(f"\n{minutes:g} minutes at 1 kHz, seed {SEED}\n")
+    print("| step | s | over the raw reading |\n|---|---|---|")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "taps.mcap"
+        write_mcap(path, messages(minutes), compressed=True, chunks=True)
+        begin = time.perf_counter()
+        by_mcap_stream(path)
+        raw = time.perf_counter() - begin
+        print(f"| raw messages, by the stream reader of mcap | {raw:.2f} | 1 |", flush=True)
+        recording = timed("to arrays", raw, lambda: open_recording(path))
+        contact = timed("prepared", raw, lambda: prepare(recording))
+        result = timed("identified", raw, lambda: identify(contact))
+        verdict = timed("diagnosed", raw, lambda: result.diagnosis).verdict
+        arrays = sum(values.nbytes for values in recording.channels.values())
+        print(f"\n{result.law}: {verdict.overall}")
+        print(f"peak memory {resident('VmHWM') / arrays:.2f} of the arrays that were read")
+
+
+if __name__ == "__main__":
+    main()
