@@ -124,3 +124,15 @@ def test_channels_of_one_clock_have_one_length():
     short = {"time_s": np.arange(5.0), "penetration_m": np.arange(4.0), "force_N": np.arange(5.0)}
     with pytest.raises(RecordingError, match="'time_s' has 5, depth has 4"):
         prepare(Recording(short))
+
+
+def test_a_time_that_a_flipped_bit_made_is_none():
+    time = 1e-3 * np.arange(200)
+    time[[0, 90]] = -1.6e190, 4e200
+    contact = prepare(table(time))
+    assert len(contact) == 198
+    assert "2 without a time" in contact.remarks[0].sentence
+    with pytest.raises(RecordingError, match=r"sample 0: -1\.6e"):
+        prepare(table(time), strict=True)
+    with pytest.raises(RecordingError, match="no sample has a time"):
+        prepare(table(np.full(200, 1e190)))

@@ -16,6 +16,8 @@ from palpate.validation import Floats
 
 # s. Times since 1970 are counted from the first instead: floats of them have steps of 0.2 µs.
 SINCE_LONG_AGO = 1e8
+# s, three thousand years. Beyond it a millisecond is lost in the digits; a flipped bit leads there.
+LATEST = 1e11
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -271,7 +273,8 @@ def _running(
     recording: Recording, stream: _Stream, what: str, remarks: list[Remark], *, strict: bool
 ) -> tuple[NDArray[np.int64] | Floats, dict[str, NDArray[np.generic]], NDArray[np.int64]]:
     """A stream's samples whose time increases, and the part that each is of."""
-    rows = rows_of(stream.time, _labels(stream.values.get("segment")))
+    largest = LATEST / UNITS["time"][stream.unit]
+    rows = rows_of(stream.time, _labels(stream.values.get("segment")), largest=largest)
     if not rows.keep.any():
         where = f"{recording.source}: " if recording.source else ""
         reason = "no sample has a time" if len(stream.time) else "there are columns but no samples"
@@ -302,7 +305,9 @@ def _refuse(recording: Recording, stream: _Stream, sample: int) -> None:
     if stream.clock is not None:
         recording.numbers(stream.clock, strict=True)  # a cell of text says it better
     what = "is not finite"
-    if np.isfinite(time[sample]):
+    if np.isfinite(time[sample]) and sample == 0:
+        what = "is no time"
+    elif np.isfinite(time[sample]):
         before = time[sample - 1]
         what = f"runs back from {before:g} {stream.unit}"
         if time[sample] >= before:
@@ -316,7 +321,7 @@ def _refuse(recording: Recording, stream: _Stream, sample: int) -> None:
 
 def _origin(*streams: _Stream) -> int | float:
     """What times are counted from: the first of all where they are whole, or since 1970; else 0."""
-    firsts = [stream.time[np.isfinite(stream.time)] for stream in streams]
+    firsts = [s.time[np.abs(s.time) * UNITS["time"][s.unit] <= LATEST] for s in streams]
     known = [first.min() for first in firsts if first.size]
     if not known:
         return 0

@@ -1,5 +1,6 @@
 """Time as it was stamped, made to run forward: what is skipped, and where it starts again."""
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -76,7 +77,12 @@ class Rows:
         return found
 
 
-def rows_of(time: NDArray[np.int64] | Floats, label: NDArray[np.int64] | None = None) -> Rows:
+def rows_of(
+    time: NDArray[np.int64] | Floats,
+    label: NDArray[np.int64] | None = None,
+    *,
+    largest: float = math.inf,
+) -> Rows:
     """Say which samples have a time that increases.
 
     Parameters
@@ -85,8 +91,10 @@ def rows_of(time: NDArray[np.int64] | Floats, label: NDArray[np.int64] | None = 
         In any unit; whole numbers stay exact.
     label : numpy.ndarray of int, shape (k,), optional
         Changes where a separate contact begins: time may then be anything.
+    largest : float
+        What is beyond is no time, in the same unit.
     """
-    timed = np.isfinite(time)
+    timed = np.isfinite(time) & (np.abs(time) <= largest)
     t, given = time[timed], np.zeros(time.size, np.int64) if label is None else label
     own = given[timed]
     keep, part = np.ones(t.size, dtype=bool), np.zeros(t.size, dtype=np.int64)

@@ -98,7 +98,7 @@ def epoch_of(values: NDArray[Any]) -> tuple[str, NDArray[Any]] | None:
 
     None where they are no such times.
     """
-    if values.dtype.kind not in "fi" or not values.size:
+    if values.dtype.kind not in "fi" or not np.isfinite(values).any():
         return None
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     unit = epoch_unit(low)
