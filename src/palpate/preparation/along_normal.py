@@ -14,13 +14,13 @@ from palpate.preparation.along_penetration import (
     velocity_filter,
 )
 from palpate.preparation.baselines import Baseline
-from palpate.preparation.clocks import Signals
 from palpate.preparation.corrections import add
 from palpate.preparation.episodes import Episode, episodes_of, travel
 from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.roles import Roles
 from palpate.preparation.rows import runs_of
 from palpate.preparation.settings import Preparation
+from palpate.preparation.signals import Signals
 from palpate.preparation.spatial import Pressed, pressed, tared
 from palpate.preparation.surfaces import Surface, SurfaceRule, surface_of
 from palpate.preparation.tare import deviation_left

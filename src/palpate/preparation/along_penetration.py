@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.baselines import baseline_of, free_samples
-from palpate.preparation.clocks import Signals
 from palpate.preparation.corrections import add
 from palpate.preparation.prepared import Prepared
 from palpate.preparation.roles import Roles
 from palpate.preparation.settings import Preparation
+from palpate.preparation.signals import Signals
 from palpate.preparation.surfaces import Surface, SurfaceRule, surface_of
 from palpate.preparation.tare import deviation_left
 from palpate.preparation.velocity import lost_positions, velocity_of, window_samples

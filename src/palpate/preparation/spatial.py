@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.preparation.baselines import Baseline, baseline_of, free_samples
-from palpate.preparation.clocks import Signals
 from palpate.preparation.normals import Normal, grows, normal_found, normal_given
 from palpate.preparation.settings import Preparation
+from palpate.preparation.signals import Signals
 from palpate.remarks import Remark
 from palpate.validation import Floats
 

@@ -1,0 +1,80 @@
+"""The channels that are used, as numbers in SI."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import RecordingError
+from palpate.preparation.roles import Roles
+from palpate.preparation.rows import MOST_SKIPPED
+from palpate.recordings import Recording
+from palpate.recordings.units import UNITS, unit_in_name
+from palpate.remarks import Remark
+from palpate.validation import Floats
+
+
+def values_of(
+    recording: Recording,
+    roles: Roles,
+    units: dict[str, str],
+    made: dict[str, str],
+    remarks: list[Remark],
+    *,
+    strict: bool,
+) -> dict[str, NDArray[np.generic]]:
+    """Each role's channels as one array, in SI."""
+    channels = {"depth": roles.depth, "force": roles.force, "orientation": roles.orientation}
+    channels["velocity"] = () if roles.velocity is None else (roles.velocity,)
+    kinds = {"depth": "penetration"}
+    values: dict[str, NDArray[np.generic]] = {}
+    for role, names in channels.items():
+        if not names:
+            continue
+        columns = [recording.numbers(name, strict=strict) for name in names]
+        for name, column in zip(names, columns, strict=True):
+            remarks += _unknown(recording, name, column)
+        kind = kinds.get(role, role)
+        if kind in UNITS:
+            unit = units.get(kind) or unit_of(recording, names[0], kind)
+            columns = [column * UNITS[kind][unit] for column in columns]
+            made[kind] = _made(names, unit, kind)
+        values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
+    if roles.segment is not None:
+        values["segment"] = recording.channel(roles.segment)
+    return values
+
+
+def _unknown(recording: Recording, name: str, column: Floats) -> list[Remark]:
+    """Say how many samples of a channel hold no number: no estimator takes them."""
+    count = int(np.count_nonzero(~np.isfinite(column)))
+    if not count:
+        return []
+    first = recording.channels[name][int(np.argmin(np.isfinite(column)))]
+    text = recording.faults[name].text if name in recording.faults else str(first)
+    samples = "1 sample" if count == 1 else f"{count} samples"
+    return [
+        Remark(
+            "rows",
+            f"{name!r} holds no number in {samples}, first {text.strip()[:40]!r}: left out",
+            "look at the recorder; --strict refuses them",
+            "with-care" if count > MOST_SKIPPED * column.size else "note",
+        )
+    ]
+
+
+def _made(names: tuple[str, ...], unit: str, kind: str) -> str:
+    listed = ", ".join(repr(name) for name in names)
+    words = f"column {listed}" if len(names) == 1 else f"columns {listed}"
+    return words if unit == next(iter(UNITS[kind])) else f"{words}, in {unit}"
+
+
+def unit_of(recording: Recording, name: str, kind: str) -> str:
+    """The unit of a channel as the recording or its name says it; else SI."""
+    known = UNITS[kind]
+    said = recording.units.get(name)
+    if said is not None and said not in known:
+        raise RecordingError(
+            f"{recording.place(name)}: the {kind} is in {said}; palpate knows {', '.join(known)}: "
+            f"--unit {kind}=… says another"
+        )
+    told = said or unit_in_name(name)
+    return told if told in known else next(iter(known))
