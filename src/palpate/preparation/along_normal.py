@@ -16,6 +16,7 @@ from palpate.preparation.along_penetration import (
 from palpate.preparation.baselines import Baseline
 from palpate.preparation.clocks import Signals
 from palpate.preparation.corrections import add
+from palpate.preparation.doubts import saturated
 from palpate.preparation.episodes import Episode, episodes_of, travel
 from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.roles import Roles
@@ -101,6 +102,7 @@ def _in_frame(
     """The force in the frame of the position, without the tool's weight."""
     if signals.force.ndim == 1 or signals.depth.ndim == 1:
         return signals
+    remarks += saturated(signals.force)
     frame = frame_of(recording, roles, settings.force_frame, remarks)
     orientation = signals.orientation
     if orientation is not None:

@@ -1,0 +1,93 @@
+"""Faults of a laboratory in a robot's recording: an answer that is off is not trusted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from probing import BALL
+from robots import NORMAL, hand, table_of
+
+from palpate import identify, prepare
+from palpate.preparation.wrenches import turned
+
+SIDE = np.cross(NORMAL, [0.0, 0.0, 1.0]) / np.linalg.norm(np.cross(NORMAL, [0.0, 0.0, 1.0]))
+
+
+def said(contact, step: str) -> list[str]:
+    return [remark.severity for remark in contact.remarks if remark.step == step]
+
+
+def marks(contact) -> set[str]:
+    verdict = identify(contact).diagnosis.verdict
+    return {verdict.stiffness, verdict.damping, verdict.overall}
+
+
+def test_a_sound_recording_has_neither_doubt():
+    contact = prepare(table_of(hand(4.0)))
+    assert not said(contact, "direction")
+    assert not said(contact, "saturation")
+
+
+@pytest.mark.parametrize(
+    "wrong", [(1.0, 1.0, -1.0), (-1.0, 1.0, 1.0)], ids=["z is turned", "x is turned"]
+)
+@pytest.mark.parametrize("of", ["force", "position"])
+def test_an_axis_that_is_turned_is_not_to_be_trusted(of, wrong):
+    felt = hand(4.0)
+    contact = prepare(table_of(replace(felt, **{of: getattr(felt, of) * wrong})))
+    assert "do-not-trust" in said(contact, "direction")
+    assert marks(contact) == {"do-not-trust"}
+
+
+def test_axes_that_are_swapped_are_not_to_be_trusted():
+    felt = hand(4.0)
+    contact = prepare(table_of(replace(felt, force=felt.force[:, [1, 0, 2]])))
+    assert marks(contact) == {"do-not-trust"}
+
+
+def test_a_wrench_in_the_tools_frame_that_is_taken_for_the_bases_is_not_to_be_trusted():
+    felt = hand(4.0)
+    half = 0.35
+    into_tool = np.array([0.0, -0.6 * np.sin(half), -0.8 * np.sin(half), np.cos(half)])
+    in_tool = turned(felt.force, np.tile(into_tool, (len(felt.time), 1)))
+    assert "do-not-trust" in said(prepare(table_of(replace(felt, force=in_tool))), "direction")
+
+
+def test_friction_across_the_motion_calls_for_care_with_both_numbers():
+    felt = hand(4.0)
+    pressed = BALL.force(felt.motion.x, felt.motion.v)
+    contact = prepare(table_of(replace(felt, force=felt.force + np.outer(0.3 * pressed, SIDE))))
+    assert said(contact, "direction") == ["with-care"]
+    assert marks(contact) == {"with-care"}
+
+
+def test_a_given_normal_needs_the_motion_or_the_force_along_it():
+    felt = hand(4.0)
+    assert "do-not-trust" in said(prepare(table_of(felt), normal="z"), "direction")
+    slid = replace(felt, position=felt.position + np.outer(0.3 * felt.motion.x, SIDE))
+    assert said(prepare(table_of(slid), spot=1.0), "direction") == ["with-care"]
+    assert not said(prepare(table_of(slid), normal=NORMAL, spot=1.0), "direction")
+
+
+def test_one_axis_that_is_clipped_is_seen_before_it_is_projected():
+    felt = hand(4.0)
+    clipped = felt.force.copy()
+    clipped[:, 2] = np.minimum(clipped[:, 2], 0.6 * clipped[:, 2].max())
+    contact = prepare(table_of(replace(felt, force=clipped)))
+    assert said(contact, "saturation") == ["do-not-trust"]
+    assert marks(contact) == {"do-not-trust"}
+
+
+def test_a_coarse_force_is_not_taken_for_a_clipped_one():
+    felt = hand(4.0)
+    coarse = replace(felt, force=0.05 * np.round(felt.force / 0.05))
+    assert not said(prepare(table_of(coarse)), "saturation")
+
+
+def test_a_tool_that_turns_calls_for_care_with_both_numbers():
+    felt = hand(3.0)
+    angle = 0.08 * np.sin(2.0 * felt.time)
+    quaternions = np.column_stack([np.sin(angle / 2), 0.0 * angle, 0.0 * angle, np.cos(angle / 2)])
+    contact = prepare(table_of(felt, **{f"q{k}": quaternions[:, k] for k in range(4)}))
+    assert said(contact, "orientation") == ["with-care"]
+    assert marks(contact) == {"with-care"}
