@@ -7,7 +7,7 @@ import pytest
 from probing import BALL
 from robots import NORMAL, hand, table_of
 
-from palpate import identify, prepare
+from palpate import Recording, identify, prepare
 from palpate.preparation.wrenches import turned
 
 SIDE = np.cross(NORMAL, [0.0, 0.0, 1.0]) / np.linalg.norm(np.cross(NORMAL, [0.0, 0.0, 1.0]))
@@ -91,3 +91,26 @@ def test_a_tool_that_turns_calls_for_care_with_both_numbers():
     contact = prepare(table_of(felt, **{f"q{k}": quaternions[:, k] for k in range(4)}))
     assert said(contact, "orientation") == ["with-care"]
     assert marks(contact) == {"with-care"}
+
+
+def test_a_position_that_was_commanded_calls_for_care():
+    felt = table_of(hand(3.0))
+    renamed = {
+        f"{name[:2]}_cmd_m" if name.startswith("p") else name: values
+        for name, values in felt.channels.items()
+    }
+    contact = prepare(Recording(renamed))
+    assert said(contact, "channels") == ["with-care"]
+    assert "commanded, not measured" in contact.remarks[0].sentence
+    beside = {**renamed, **felt.channels}
+    assert not said(prepare(Recording(beside)), "channels")  # what was measured is there
+
+
+def test_options_that_find_nothing_to_act_on_are_named():
+    felt = hand(2.0)
+    along = Recording({"t": felt.time, "z_m": -felt.motion.x, "Fz_N": felt.force @ NORMAL})
+    contact = prepare(along, normal="z", tool_weight=1.0)
+    assert [r.sentence for r in contact.remarks if r.step == "options"] == [
+        "--normal and --tool-weight did nothing: position and force are not both in space"
+    ]
+    assert not said(prepare(table_of(felt), normal=NORMAL, tool_weight=1.0), "options")

@@ -144,10 +144,14 @@ class Reading:
     @property
     def _surface(self) -> Any:
         from palpate.cli.quantities import quantity
+        from palpate.errors import InvalidParameterError
 
         if self.surface in (None, "estimate", "fit", "baseline", "threshold"):
             return self.surface
-        return quantity("--surface", str(self.surface), "penetration")
+        try:
+            return quantity("--surface", str(self.surface), "penetration")
+        except InvalidParameterError as error:
+            raise InvalidParameterError(f"{error}; or threshold, baseline, fit, estimate") from None
 
     def _save(self, contact: "Contact", files: Sequence[Path]) -> None:
         from palpate.cli.config import as_toml
@@ -160,9 +164,12 @@ class Reading:
             if field.name not in ("config", "save_config")
             and getattr(self, field.name) != getattr(usual, field.name)
         }
-        found = [f"{channel}: {words}" for channel, words in contact.provenance.items()]
+        made = contact.provenance
+        if len(files) > 1:  # of several files the first one's stands there without its name too
+            made = {name: words for name, words in made.items() if " of " in name} or made
+        found = [f"{channel}: {words}" for channel, words in made.items()]
         found += [f"{remark.step}: {remark.sentence}" for remark in contact.remarks]
-        text = as_toml(options, ["", *(f"of {file}" for file in files), *found])
+        text = as_toml(options, [*(f"of {file}" for file in files), *found])
         write_text(Path(str(self.save_config)), text, inputs=list(files))
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
