@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from probing import BALL
+from probing import BALL, PVC
 from robots import NORMAL, hand, table_of
 
 from palpate import Recording, identify, prepare
@@ -114,3 +114,15 @@ def test_options_that_find_nothing_to_act_on_are_named():
         "--normal and --tool-weight did nothing: position and force are not both in space"
     ]
     assert not said(prepare(table_of(felt), normal=NORMAL, tool_weight=1.0), "options")
+
+
+def test_stiffness_at_a_depth_is_known_no_better_than_the_depth():
+    """Of pvc, F = K x²: 20 µm of the surface are many errors of a stiffness whose law is known."""
+    for seed in range(6):
+        contact = prepare(table_of(hand(6.0, PVC, seed=seed)))
+        there = identify(contact).diagnosis.working_depth
+        # Three standard errors: of six runs one is beyond by chance in sixty.
+        error = there.stiffness.value - PVC.stiffness_at(there.depth)
+        assert abs(error) < 3.0 * there.stiffness.standard_error
+        slope = PVC.stiffness * PVC.exponent * (PVC.exponent - 1.0)
+        assert there.stiffness.standard_error > 0.9 * slope * contact.surface_deviation
