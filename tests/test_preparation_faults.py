@@ -126,3 +126,13 @@ def test_stiffness_at_a_depth_is_known_no_better_than_the_depth():
         assert abs(error) < 3.0 * there.stiffness.standard_error
         slope = PVC.stiffness * PVC.exponent * (PVC.exponent - 1.0)
         assert there.stiffness.standard_error > 0.9 * slope * contact.surface_deviation
+
+
+def test_parameters_are_known_no_better_than_the_surface():
+    """Of pvc, an exponent of 2: a surface that is 20 µm off is no offset of the force."""
+    for seed in range(1000, 1006):
+        result = identify(prepare(table_of(hand(6.0, PVC, seed=seed))))
+        # Three standard errors of three numbers that hang together, as above.
+        away = np.abs(result.law.parameters - PVC.parameters)
+        assert (away < 3.0 * result.standard_errors).all()
+        assert (result.standard_errors > result.estimate.standard_errors).all()
