@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from probing import BALL, PVC
-from robots import NORMAL, hand, table_of
+from robots import NORMAL, ORIGIN, hand, table_of
 
 from palpate import Recording, identify, prepare
 from palpate.preparation.wrenches import turned
@@ -136,3 +136,22 @@ def test_parameters_are_known_no_better_than_the_surface():
         away = np.abs(result.law.parameters - PVC.parameters)
         assert (away < 3.0 * result.standard_errors).all()
         assert (result.standard_errors > result.estimate.standard_errors).all()
+
+
+def test_a_table_of_places_is_whole_in_a_narrow_window(capsys, monkeypatch, tmp_path):
+    from palpate.cli import main
+
+    monkeypatch.setenv("COLUMNS", "60")
+    apart = [hand(3.0, origin=ORIGIN + far) for far in (0.0, np.array([18e-3, 24e-3, 0.0]))]
+    position, force = (
+        np.vstack([getattr(each, name) for each in apart]) for name in ("position", "force")
+    )
+    columns = np.column_stack([1e-3 * np.arange(len(position)), position, force])
+    file = tmp_path / "robot.csv"
+    header = "time_s,x_m,y_m,z_m,Fx_N,Fy_N,Fz_N"
+    np.savetxt(file, columns, delimiter=",", header=header, comments="")
+    monkeypatch.setattr("sys.argv", ["palpate", "identify", str(file)])
+    main()
+    said = capsys.readouterr().out
+    assert "at x, y, z, mm" in said
+    assert "…" not in said[said.index("at x, y, z, mm") :]
