@@ -69,7 +69,7 @@ def test_options_come_from_a_file_and_the_command_line_has_the_last_word(run, tm
     status, out, _ = run("identify", path, "--json", *given, "--save-config", saved)
     assert status == 0
     assert tomllib.loads(saved.read_text()) == {
-        "penetration": "x", "unit": ["force=mN"], "surface": "-0.1mm", "strict": True,
+        "method": "variable-projection", "penetration": "x", "unit": ["force=mN"], "surface": "-0.1mm", "strict": True,
     }  # fmt: skip
     assert "# force: column 'load', in mN" in saved.read_text()
     again = run("identify", path, "--json", "--config", saved)

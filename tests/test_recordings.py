@@ -171,6 +171,6 @@ def test_in_real_time_a_recording_is_prepared_as_it_is_offline(path):
         assert np.array_equal(given.penetration, x[middle])
         assert np.array_equal(given.force, force[middle])
         expected = velocity_of(time, x)
-        # The same sums in another order, 5e-16; but offline takes steps for even that differ by 2e-6.
+        # The same sums in another order, 5e-16; but steps that differ by 2e-6 are even offline.
         atol = 2e-6 * np.abs(expected).max()
         np.testing.assert_allclose(given.velocity, expected[middle], rtol=0.0, atol=atol)

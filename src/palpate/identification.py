@@ -26,7 +26,7 @@ from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate
 from palpate.preparation.velocity import window_samples
 from palpate.refusals import check_approach, why_nothing
-from palpate.replaying import choices, estimator_of, replayed
+from palpate.replaying import choices, estimator_of, replayed, with_surface_off
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.trace import Trace
 from palpate.validation import Floats, number_in
@@ -169,8 +169,19 @@ class Identification:
 
         Those of the estimate, but for methods that take their residual for white, the paper's:
         there as much wider as its correlation makes the least squares of the samples that they took
-        since their last restart.
+        since their last restart. Where the preparation found the surface, with what the parameters
+        are elsewhere when that is off by its deviation.
         """
+        own, contact = self._own_errors(), self.contact
+        deviation = contact.surface_deviation
+        if deviation is None or self.estimate.surface_standard_error > 0.0:
+            return own
+        moved = with_surface_off(contact, self.estimator.replace(), deviation)
+        errors: Floats = np.hypot(own, moved.parameters - self.estimate.parameters)
+        return errors if np.isfinite(errors).all() else own
+
+    def _own_errors(self) -> Floats:
+        """Those that the force leaves, were the surface known."""
         estimate, contact = self.estimate, self.contact
         if self.estimator.minimises is None:
             return estimate.standard_errors

@@ -18,9 +18,13 @@ class Remark:
         What to do about it: an option, or a few words.
     severity : str
         ``"note"``, ``"with-care"`` or ``"do-not-trust"``: what it does to the verdict.
+    numbers : bool
+        It may move stiffness and damping at working depth beyond their errors, and the verdict of
+        each is no better than this; else only that of the whole.
     """
 
     step: str
     sentence: str
     remedy: str | None = None
     severity: Literal["note", "with-care", "do-not-trust"] = "note"
+    numbers: bool = False

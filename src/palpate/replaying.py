@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
+from palpate.estimate import Estimate
 from palpate.estimators import (
     ESTIMATORS,
     ContactEstimator,
@@ -58,6 +60,12 @@ def estimator_of(given: ContactEstimator | str | None) -> ContactEstimator:
             f"not {shown(given)}"
         )
     return given
+
+
+def with_surface_off(contact: Contact, estimator: ContactEstimator, deviation: float) -> Estimate:
+    """What an estimator makes of a contact whose surface lies deeper, by a deviation in m."""
+    replayed(replace(contact, penetration=contact.penetration - deviation), estimator)
+    return estimator.estimate()
 
 
 def replayed(contact: Contact, estimator: ContactEstimator) -> Trace:

@@ -40,12 +40,16 @@ def expanded(arguments: Sequence[str], known: Iterable[str]) -> list[str]:
         option = f"--{key.replace('_', '-')}"
         if option not in options:
             raise InvalidParameterError(
-                f"{path}: {key!r} is no option; there are "
-                f"{', '.join(sorted(name[2:] for name in options if len(name) > 2))}"
+                f"{path}: {key!r} is no option; there are {', '.join(sorted(_keys(options)))}"
             )
         if not {option, f"--no-{option[2:]}"} & there:
             added += _as_arguments(f"{path}: {key!r}", option, value)
     return [*given, *added]
+
+
+def _keys(options: Iterable[str]) -> list[str]:
+    """The options' names without dashes; ``--no-dark`` is ``dark = false``."""
+    return [name[2:] for name in options if name.startswith("--") and name[2:5] != "no-"]
 
 
 def _without_config(arguments: list[str]) -> tuple[list[str], str | None]:
@@ -93,7 +97,8 @@ def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
         Lines.
     """
     lines = [f"{name} = {_value(value)}" for name, value in options.items()]
-    lines += ["", *(f"# {' '.join(each.split())}" for each in comments)]
+    lines += [""] if lines else []
+    lines += [f"# {' '.join(each.split())}" for each in comments]
     return "\n".join(lines) + "\n"
 
 

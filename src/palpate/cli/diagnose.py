@@ -33,7 +33,7 @@ def diagnose(
 
     reading, judging = reading or Reading(), judging or Judging()
     depth, kind = judging.depth, estimator_named(method)
-    contact = reading.contact(files)
+    contact = reading.contact(files, method)
     result = run(contact, kind(**reading.settings(contact, kind)))
     result = result if depth is None else result.at_depth(depth)
     if as_json:

@@ -53,7 +53,7 @@ def identify(
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=list(files))
-    contact = reading.contact(files)
+    contact = reading.contact(files, method)
     result = run(contact, kind(**reading.settings(contact, kind)))
     result = result if depth is None else result.at_depth(depth)
     result = result.by_stretch() if changes else result

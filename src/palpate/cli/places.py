@@ -23,7 +23,10 @@ def print_places(result: Identification, console: Console) -> None:
     table.add_column("verdict", no_wrap=True)
     for part in result.stretches:
         table.add_row(*_row(part))
-    console.print(table, width=WIDTH, crop=False, overflow="ignore")
+    window = console.width
+    console.width = max(window, WIDTH)  # a width that is asked for never exceeds the console's
+    console.print(table, crop=False, overflow="ignore")
+    console.width = window
 
 
 def _row(part: Identification) -> tuple[str | Text, ...]:

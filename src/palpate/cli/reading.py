@@ -79,13 +79,13 @@ class Reading:
     save_config: Path | None = None
     "Write the options to this TOML file, with what was found as comments."
 
-    def contact(self, files: Sequence[Path]) -> "Contact":
-        """Read the files, each a contact with one object."""
+    def contact(self, files: Sequence[Path], method: str | None = None) -> "Contact":
+        """Read the files, each a contact with one object; a method is saved with the options."""
         from palpate.preparation.joining import joined
 
         contact = joined([self._contact(file) for file in files])
         if self.save_config is not None:
-            self._save(contact, files)
+            self._save(contact, files, {} if method is None else {"method": method})
         return contact
 
     def _contact(self, file: Path) -> "Contact":
@@ -144,25 +144,32 @@ class Reading:
     @property
     def _surface(self) -> Any:
         from palpate.cli.quantities import quantity
+        from palpate.errors import InvalidParameterError
 
         if self.surface in (None, "estimate", "fit", "baseline", "threshold"):
             return self.surface
-        return quantity("--surface", str(self.surface), "penetration")
+        try:
+            return quantity("--surface", str(self.surface), "penetration")
+        except InvalidParameterError as error:
+            raise InvalidParameterError(f"{error}; or threshold, baseline, fit, estimate") from None
 
-    def _save(self, contact: "Contact", files: Sequence[Path]) -> None:
+    def _save(self, contact: "Contact", files: Sequence[Path], options: dict[str, Any]) -> None:
         from palpate.cli.config import as_toml
         from palpate.writing import write_text
 
         usual = Reading()
-        options = {
+        options |= {
             field.name.replace("_", "-"): getattr(self, field.name)
             for field in dataclasses.fields(self)
             if field.name not in ("config", "save_config")
             and getattr(self, field.name) != getattr(usual, field.name)
         }
-        found = [f"{channel}: {words}" for channel, words in contact.provenance.items()]
+        made = contact.provenance
+        if len(files) > 1:  # of several files the first one's stands there without its name too
+            made = {name: words for name, words in made.items() if " of " in name} or made
+        found = [f"{channel}: {words}" for channel, words in made.items()]
         found += [f"{remark.step}: {remark.sentence}" for remark in contact.remarks]
-        text = as_toml(options, ["", *(f"of {file}" for file in files), *found])
+        text = as_toml(options, [*(f"of {file}" for file in files), *found])
         write_text(Path(str(self.save_config)), text, inputs=list(files))
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:

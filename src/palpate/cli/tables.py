@@ -144,8 +144,10 @@ def _stretches(result: Identification) -> list[Identification]:
 
 
 def _print_remarks(first: Identification, console: Terminal) -> None:
-    """What was assumed on the way from the recording; what calls for care is in the verdict too."""
+    """What was assumed on the way from the recording, but for what the verdict says again."""
     for remark in first.contact.remarks:
+        if remark.severity != "note" and remark.sentence in first.diagnosis.reason:
+            continue
         words = Text(f"{remark.step}: {remark.sentence}")
         if remark.remedy:
             words.append(f" ({remark.remedy})", "dim")

@@ -158,7 +158,7 @@ def _surface_said(fit: Fit) -> bool:
 def _working_depth(fit: Fit, judged: Judged, *, known: bool) -> WorkingDepth:
     law, depth = fit.estimate.law, fit.depth
     force_error, stiffness_error, damping_error = (
-        standard_errors(fit) if known else (math.nan, math.nan, math.nan)
+        _with_surface(fit, standard_errors(fit)) if known else (math.nan, math.nan, math.nan)
     )
     if not math.isfinite(depth):
         nothing = Quantity(math.nan, math.nan, math.nan)
@@ -173,6 +173,28 @@ def _working_depth(fit: Fit, judged: Judged, *, known: bool) -> WorkingDepth:
         ),
         Quantity(law.damping_at(depth), damping_error, max(judged.damping, off[1]) * sizes[1]),
     )
+
+
+def _with_surface(fit: Fit, errors: tuple[float, float, float]) -> tuple[float, float, float]:
+    """With how far the numbers move as the depth does, by the deviation of the surface.
+
+    The law holds at the place where the probe was; how deep that is, no fit knows better than it
+    knows the surface.
+    """
+    law, depth = fit.estimate.law, fit.depth
+    deviation = min(fit.data.contact.surface_deviation or 0.0, 0.5 * depth)
+    if not deviation > 0.0:
+        return errors
+    low, high = depth - deviation, depth + deviation
+    moves = (
+        float(law.force(high, 0.0)) - float(law.force(low, 0.0)),
+        law.stiffness_at(high) - law.stiffness_at(low),
+        law.damping_at(high) - law.damping_at(low),
+    )
+    force, stiffness, damping = (
+        math.hypot(error, 0.5 * move) for error, move in zip(errors, moves, strict=True)
+    )
+    return force, stiffness, damping
 
 
 def _episodes(fit: Fit, changed: Changes | None) -> tuple[Episode, ...]:

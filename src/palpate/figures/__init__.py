@@ -23,6 +23,8 @@ from palpate.identification import Identification
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+WIDEST_TITLE = 130  # letters; of 11 points 143 are as wide as the figure
+
 __all__ = ["check_figure", "draw", "draw_comparison", "save"]
 
 
@@ -109,5 +111,5 @@ def _title(result: Identification) -> str:
     fitted = "the stretches' own laws fit" if result.stretches else "final law fits"
     fit = f"{result.method}, {fitted} to {result.fit_rmse_percent:.2g} %"
     verdict = f"{result.diagnosis.verdict.overall}: {result.diagnosis.reason}"
-    words = textwrap.shorten(verdict, 150, placeholder=" …")
+    words = textwrap.shorten(verdict, WIDEST_TITLE, placeholder=" …")
     return f"{words}\n{name}: {fit}" if name else f"{words}\n{fit}"

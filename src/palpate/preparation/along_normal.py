@@ -15,6 +15,7 @@ from palpate.preparation.along_penetration import (
 )
 from palpate.preparation.baselines import Baseline
 from palpate.preparation.corrections import add
+from palpate.preparation.doubts import saturated
 from palpate.preparation.episodes import Episode, episodes_of, travel
 from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.roles import Roles
@@ -101,6 +102,7 @@ def _in_frame(
     """The force in the frame of the position, without the tool's weight."""
     if signals.force.ndim == 1 or signals.depth.ndim == 1:
         return signals
+    remarks += saturated(signals.force)
     frame = frame_of(recording, roles, settings.force_frame, remarks)
     orientation = signals.orientation
     if orientation is not None:
@@ -171,10 +173,15 @@ def _same_signs(settings: Preparation, whole: Pressed) -> Preparation:
 def _travelled(pieces: list[Piece], signals: Signals) -> list[Remark]:
     kept = sum(len(piece[0].time) for piece in pieces)
     left = 1.0 - kept / len(signals.time)
-    words = f"the probe travels over the material: {len(pieces)} places, each by itself"
-    if left > 0.0:
-        words += f"; {left:.0%} of the samples were between them, or at none for a second"
-    words += "; one law of all of them is an average"
+    if len(pieces) == 1:
+        words = "the probe travels over the material, and stays at one place of it for a second"
+        if left > 0.0:
+            words += f"; {left:.0%} of the samples were elsewhere, and are left out"
+    else:
+        words = f"the probe travels over the material: {len(pieces)} places, each by itself"
+        if left > 0.0:
+            words += f"; {left:.0%} of the samples were between them, or at none for a second"
+        words += "; one law of all of them is an average"
     return [Remark("episodes", words, "--spot inf, where all of it is one material", "with-care")]
 
 

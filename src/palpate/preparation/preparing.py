@@ -14,7 +14,8 @@ from palpate.preparation.along_normal import along_normal
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
 from palpate.preparation.clocks import signals_of
 from palpate.preparation.episodes import RADIUS
-from palpate.preparation.roles import Columns, roles_of
+from palpate.preparation.kinds import is_wanted
+from palpate.preparation.roles import Columns, Roles, roles_of
 from palpate.preparation.settings import Preparation
 from palpate.preparation.surfaces import SurfaceRule
 from palpate.preparation.wrenches import ForceFrame
@@ -198,8 +199,44 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
         contact,
         source=recording.source,
         provenance={**notes, **done},
-        remarks=(*_lost(recording), *signals.remarks, *contact.remarks),
+        remarks=(
+            *_lost(recording),
+            *_commanded(roles),
+            *_unused(settings, roles, pressing=pressing),
+            *signals.remarks,
+            *contact.remarks,
+        ),
     )
+
+
+def _commanded(roles: Roles) -> list[Remark]:
+    """Say that a channel is what was wanted: the robot, and the material, may not have done it."""
+    found = []
+    for kind, names in (("position", roles.depth), ("force", roles.force)):
+        if is_wanted(names[0]):
+            words = f"the {kind} {names[0]!r} is, by its name, what was commanded, not measured"
+            remedy = f"record what the robot did, and name it with --{kind}"
+            found.append(Remark("channels", words, remedy, "with-care", numbers=True))
+    return found
+
+
+def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Remark]:
+    """Say which settings found nothing to act on."""
+    flat = pressing or len(roles.depth) == 1 or len(roles.force) == 1
+    idle = [
+        option
+        for option, value, unused in (
+            ("--normal", settings.normal, pressing or len(roles.depth) == len(roles.force) == 1),
+            ("--force-frame", settings.force_frame, flat),
+            ("--tool-weight", settings.tool_weight, flat),
+        )
+        if unused and value is not None
+    ]
+    if not idle:
+        return []
+    listed = " and ".join(idle)
+    words = f"{listed} did nothing: position and force are not both in space"
+    return [Remark("options", words, "leave it out, or name three channels of each")]
 
 
 def _lost(recording: Recording) -> list[Remark]:

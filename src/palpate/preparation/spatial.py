@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.preparation.baselines import Baseline, baseline_of, free_samples
+from palpate.preparation.doubts import misdirected
 from palpate.preparation.normals import Normal, grows, normal_found, normal_given
 from palpate.preparation.settings import Preparation
 from palpate.preparation.signals import Signals
@@ -83,6 +84,7 @@ def _in_space(
         along = force @ n
     if given is not None:
         remarks += _against(-(position @ n), along)
+    remarks += misdirected(position, force, n, given=given is not None)
     return Pressed(-(position @ n), along, found, remarks)
 
 

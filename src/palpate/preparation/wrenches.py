@@ -12,8 +12,9 @@ from palpate.remarks import Remark
 from palpate.validation import Floats
 
 ForceFrame = Literal["tool", "base"]
-#: Turned by more than this the tool's weight moves by 9 % of it from one axis to another.
-LARGEST_TURN = math.radians(5.0)
+#: Turned by more than this the tool's weight moves by 3 % of it from one axis to another: 0.3 N of
+#: a kilogram, which is a tenth of a soft contact.
+LARGEST_TURN = math.radians(2.0)
 UNIT_LENGTH = 0.02  # from 1, of a quaternion: printed digits and interpolation stay within
 
 
@@ -117,5 +118,6 @@ def turn_remark(orientation: Floats, weight: float | None) -> list[Remark]:
             "tool's weight that the sensor feels; no weight is given",
             "--tool-weight, such as 1.2N; or keep the tool's orientation",
             "with-care",
+            numbers=True,
         )
     ]

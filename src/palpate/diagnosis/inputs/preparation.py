@@ -11,8 +11,11 @@ def preparation(data: Data) -> list[Finding]:
 
 
 def _finding(remark: Remark) -> Finding:
-    # What spoils the whole recording spoils both; what calls for care is said of the whole.
-    mark: Mark = "do-not-trust" if remark.severity == "do-not-trust" else "trust"
+    # What spoils the whole recording spoils both; what calls for care is said of the whole, unless
+    # the numbers at working depth suffer from it.
+    mark: Mark = "trust"
+    if remark.severity == "do-not-trust" or (remark.numbers and remark.severity == "with-care"):
+        mark = remark.severity
     return Finding(
         remark.step,
         remark.sentence,
