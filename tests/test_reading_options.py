@@ -69,8 +69,12 @@ def test_options_come_from_a_file_and_the_command_line_has_the_last_word(run, tm
     status, out, _ = run("identify", path, "--json", *given, "--save-config", saved)
     assert status == 0
     assert tomllib.loads(saved.read_text()) == {
-        "method": "variable-projection", "penetration": "x", "unit": ["force=mN"], "surface": "-0.1mm", "strict": True,
-    }  # fmt: skip
+        "method": "variable-projection",
+        "penetration": "x",
+        "unit": ["force=mN"],
+        "surface": "-0.1mm",
+        "strict": True,
+    }
     assert "# force: column 'load', in mN" in saved.read_text()
     again = run("identify", path, "--json", "--config", saved)
     assert again[1] == out
