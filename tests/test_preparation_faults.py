@@ -138,6 +138,7 @@ def test_parameters_are_known_no_better_than_the_surface():
         assert (result.standard_errors > result.estimate.standard_errors).all()
 
 
+@pytest.mark.slow
 def test_a_table_of_places_is_whole_in_a_narrow_window(capsys, monkeypatch, tmp_path):
     from palpate.cli import main
 

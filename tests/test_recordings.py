@@ -31,6 +31,17 @@ def files(*patterns: str) -> list:
     return [pytest.param(path, id=path.stem) for path in found] or [ABSENT]
 
 
+def one_of_each_set(*patterns: str) -> list:
+    """Of each set, which a file's first letter names, one; the others are slow."""
+    found, seen = [], set()
+    for each in files(*patterns):
+        path = each.values[0]
+        marks = [] if path is None or path.name[0] not in seen else [pytest.mark.slow]
+        seen.add("" if path is None else path.name[0])
+        found.append(pytest.param(path, id=each.id, marks=[*each.marks, *marks]))
+    return found
+
+
 def reference_rmse(name: str) -> float:
     """The README's "final RMSE%" of the log form in SI: the third number of its column."""
     rows = [line.split("|") for line in (FOLDER / "README.md").read_text().splitlines()]
@@ -49,7 +60,7 @@ def window_of(contact: palpate.Contact, fit: dict) -> palpate.Contact:
     return contact.window(*fit["time"]) if "time" in fit else contact
 
 
-@pytest.mark.parametrize("path", files("*.csv"))
+@pytest.mark.parametrize("path", one_of_each_set("*.csv"))
 def test_every_recording_runs_through_every_method(path):
     if not has_penetration(path):
         return  # a robot's, which travels: below
