@@ -135,6 +135,7 @@ def test_drawing_leaves_matplotlibs_settings_as_they_were():
     assert dict(matplotlib.rcParams) == before
 
 
+@pytest.mark.slow
 def test_the_same_result_gives_the_same_file(tmp_path):
     result = palpate.identify(contact_of(BALL))
     for name in ("a.svg", "b.svg"):

@@ -117,6 +117,7 @@ def test_nonsense_is_refused_by_name(make, words):
         make()
 
 
+@pytest.mark.slow
 def test_the_file_does_not_depend_on_what_the_processor_can_do(tmp_path):
     pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
     core = pytest.importorskip("numpy._core._multiarray_umath", reason="NumPy 1 names it otherwise")

@@ -91,7 +91,8 @@ def test_a_motion_from_a_file_is_followed(run, tmp_path):
     assert palpate.prepare(file).penetration.max() == pytest.approx(8e-3, rel=0.2)
 
 
-@pytest.mark.parametrize("ending", [".png", pytest.param(".svg", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", [".png", ".svg"])
 def test_the_rig_is_pictured(run, tmp_path, ending):
     picture = tmp_path / f"rig{ending}"
     status, out, err = run("lab", "ball", "-o", tmp_path / "b.csv", "--picture", picture, *QUICK)

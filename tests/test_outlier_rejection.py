@@ -231,6 +231,7 @@ def test_a_threshold_that_noise_exceeds_is_refused(threshold: object) -> None:
         OutlierRejection(threshold=threshold)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_the_command_line_turns_it_off_and_says_what_was_left_out(run, tmp_path) -> None:
     motion, force = probed()
     force[1000] += 50.0

@@ -129,6 +129,7 @@ def test_it_is_compared_with_the_others(recording):
     assert results["sticky"].fit_rmse_percent < 1.0
 
 
+@pytest.mark.slow
 def test_the_command_line_presses_the_law_and_identifies_it(run, tmp_path, registered):
     file = tmp_path / "pressed.csv"
     numbers = [f"--{name.replace('_', '-')}={value}" for name, value in TRUTH.as_dict().items()]

@@ -39,6 +39,7 @@ def test_a_run_writes_everything_and_a_second_takes_it_over(tmp_path):
     assert again.summary == report.summary
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_files(tmp_path):
     for name in ("one", "two"):
         run(tmp_path / name, Tiny("a"), seeds=1)
@@ -74,6 +75,7 @@ cli.main()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no interrupt can be sent there")
 @pytest.mark.parametrize("whole_group", [False, True], ids=["to the parent", "as a terminal does"])
 def test_an_interrupted_run_ends_at_once_and_is_resumed(tmp_path, whole_group):

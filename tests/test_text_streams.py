@@ -229,6 +229,7 @@ def test_a_file_that_goes_on_with_empty_lines_is_read_as_far_as_those(tmp_path):
     assert read.losses == ["a line of more than 1 MiB ends what could be read"]
 
 
+@pytest.mark.slow
 def test_what_is_made_to_take_long_does_not(tmp_path):
     """Each would take hours by the square of its length."""
     begin = "t,v\n0,1\n"
