@@ -198,11 +198,8 @@ def test_a_surface_is_found_within_its_deviation(law, rule):
         assert found.deviation < (1.5e-3 if rule == "baseline" else 3e-3)
 
 
-def travelling() -> Motion:
-    return three_sines(3.0)
-
-
-def test_a_probe_that_travels_is_cut_into_places():
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["the material's", "the probe's"])
+def test_a_probe_that_travels_is_cut_into_places(sign):
     """Ball, then sponge 30 mm on, with a lift between: each is identified for itself."""
     lifted = Motion(np.full(400, -5e-3), np.zeros(400))
     parts = [(BALL, 0.0, tapping(4.0)), (BALL, 0.015, lifted), (SPONGE, 0.03, tapping(4.0))]
@@ -214,7 +211,8 @@ def test_a_probe_that_travels_is_cut_into_places():
         force.append(felt.force)
     whole = hand(motion=Motion(*np.zeros((2, sum(map(len, position))))))
     recorded = table_of(type(whole)(
-        1e-3 * np.arange(len(whole.time)), np.vstack(position), np.vstack(force), whole.motion
+        1e-3 * np.arange(len(whole.time)), np.vstack(position), sign * np.vstack(force),
+        whole.motion,
     ))  # fmt: skip
     contact = prepare(recorded)
     assert len(contact.prepared.places) == 2

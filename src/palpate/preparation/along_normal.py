@@ -158,16 +158,19 @@ def _pieces(signals: Signals, whole: Pressed, settings: Preparation) -> list[Pie
                 float(np.nanpercentile(whole.force[part][each.start : each.stop], 99.0))
                 > FIRM * peak
             ):
-                found.append((own, each, pressed(own, _same_signs(settings, whole), "")))
+                found.append((own, each, _pressed_there(own, whole, settings)))
     if not found:
         return [(signals, None, whole)]
     return found
 
 
-def _same_signs(settings: Preparation, whole: Pressed) -> Preparation:
-    """The settings, with the sign that the whole recording told of the force."""
-    turned_ = whole.normal is not None and whole.normal.turned
-    return replace(settings, flip=(*settings.flip, "force")) if turned_ else settings
+def _pressed_there(own: Signals, whole: Pressed, settings: Preparation) -> Pressed:
+    """Depth and compression at one place, with the signs that the whole recording told."""
+    if own.force.ndim == 1:  # its sign is that of the largest of it, there as everywhere
+        return pressed(own, settings, "")
+    if whole.normal is not None and whole.normal.turned and "force" not in settings.flip:
+        own = replace(own, force=-own.force)
+    return pressed(own, replace(settings, flip=(*settings.flip, "force")), "")
 
 
 def _travelled(pieces: list[Piece], signals: Signals) -> list[Remark]:
