@@ -61,7 +61,7 @@ def along_normal(
         window=velocity_filter(contact, settings.velocity_window),
         places=tuple(places) if pieces[0][1] is not None else (),
     )
-    left = None if zero is None else _left(signals, zero, whole)
+    left = None if zero is None else deviation_left(whole.force, zero.free)
     contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
     return settings.corrections().in_step(contact)
 
@@ -130,11 +130,6 @@ def _say_tare(zero: Baseline, made: dict[str, str], remarks: list[Remark]) -> No
         words = f"the zero of the force drifts by {zero.drift:.3g} N, which was taken off"
         remarks.append(Remark("tare", words, "let the sensor warm up"))
         add(made, "force", f"and its drift of {zero.drift:.3g} N")
-
-
-def _left(signals: Signals, zero: Baseline, whole: Pressed) -> float:
-    """What the tare leaves of the offset, along the normal."""
-    return deviation_left(whole.force, zero.free)
 
 
 def _pieces(signals: Signals, whole: Pressed, settings: Preparation) -> list[Piece]:
