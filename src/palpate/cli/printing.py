@@ -15,11 +15,13 @@ AsJson = Annotated[bool, Parameter(name="--json", negative="")]
 
 # What the tables print beyond ASCII, for terminals that have no more than that.
 _PLAIN = {
-    "ⁿ": "^n", "⁺": "+", "¹": "1", "²": "^2", "³": "^3", "₁": "1", "₂": "2", "·": "*", "±": "+-",
+    "₁": "1", "₂": "2", "·": "*", "±": "+-",
     "–": "-", "−": "-", "×": "x", "√": "sqrt", "≥": ">=", "≤": "<=", "…": "...", "“": '"',
     "”": '"', "é": "e", "ó": "o", "σ": "sigma", "✓": "+", "✗": "-", "◐": "~",
-    "≈": "~", "→": "->", "λ": "lambda", "₀": "0", "⁻": "-",
+    "≈": "~", "→": "->", "λ": "lambda", "₀": "0",
 }  # fmt: skip
+# Of several in a row only the first needs the sign that says what they are: 10⁻¹² is 10^-12.
+_SUPERSCRIPTS = dict(zip("ⁿ⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "n+-0123456789", strict=True))
 
 
 class Terminal(Console):
@@ -84,6 +86,13 @@ def _in_plain_signs(error: UnicodeError) -> tuple[str | bytes, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
     signs = error.object[error.start : error.end]
-    if not all(sign in _PLAIN for sign in signs):
-        return codecs.backslashreplace_errors(error)
-    return "".join(_PLAIN[sign] for sign in signs), error.end
+    plain, raised = "", False
+    for sign in signs:
+        if sign in _SUPERSCRIPTS:
+            plain += _SUPERSCRIPTS[sign] if raised else f"^{_SUPERSCRIPTS[sign]}"
+        elif sign in _PLAIN:
+            plain += _PLAIN[sign]
+        else:
+            return codecs.backslashreplace_errors(error)
+        raised = sign in _SUPERSCRIPTS
+    return plain, error.end

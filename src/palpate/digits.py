@@ -1,0 +1,110 @@
+"""Numbers with the digits that their error allows.
+
+The rule is the Particle Data Group's, which the package ``uncertainties`` follows too: of the first
+three digits of the error, 100 to 354 are written with two digits, 355 to 949 with one, and 950 to
+999 are rounded up to 1000, with two. The value ends at the same decimal.
+"""
+
+import math
+from decimal import Decimal
+
+_POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: From 10⁻³ to below 10⁵ a number is written without a power of ten.
+_PLAIN = range(-3, 5)
+
+
+def with_error(value: float, *errors: float, unit: str = "") -> str:
+    """Write a number and its errors: ``4300 ± 1600``, ``(1.000 ± 0.008)·10⁵``.
+
+    Parameters
+    ----------
+    value : float
+        The number.
+    errors : float
+        Of it, such as the repeatable and the systematic one. What is not finite or not positive is
+        left out. The largest decides on the digits; one that these would write as zero keeps one.
+    unit : str
+        Written behind, if any.
+    """
+    known = [error for error in errors if math.isfinite(error) and error > 0.0]
+    if not math.isfinite(value):
+        words = "unknown"
+    elif not known:
+        words = rounded(value, 4)
+    else:
+        words = _together(value, known)
+    return f"{words} {unit}".rstrip()
+
+
+def rounded(value: float, digits: int) -> str:
+    """Write a number without an error in so many significant digits; ``1.2·10⁵`` where long.
+
+    Parameters
+    ----------
+    value : float
+        The number.
+    digits : int
+        At least 1. A whole number below 10⁵ keeps all of its own.
+    """
+    if not math.isfinite(value):
+        return "unknown"
+    if value == 0.0:
+        return "0"
+    power = _power(float(f"{value:.{digits - 1}e}"))
+    if power in _PLAIN:
+        return _trimmed(f"{value:.{max(digits - 1 - power, 0)}f}")
+    return _trimmed(f"{_scaled(value, power):.{digits - 1}f}") + f"·10{_superscript(power)}"
+
+
+def _together(value: float, errors: list[float]) -> str:
+    largest, place = _last_place(max(errors))
+    power = max(_power(value), _power(largest)) if value else _power(largest)
+    if power in _PLAIN:
+        parts = [_written(value, place), *(_error(error, place) for error in errors)]
+        return " ± ".join(parts)
+    scaled = [_scaled(number, power) for number in (value, *errors)]
+    parts = [_written(scaled[0], place - power), *(_error(e, place - power) for e in scaled[1:])]
+    return f"({' ± '.join(parts)})·10{_superscript(power)}"
+
+
+def _last_place(error: float) -> tuple[float, int]:
+    """The error as it is written, and the power of ten of its last digit."""
+    power = _power(error)
+    leading = int(100.0 * _scaled(error, power))
+    if leading <= 354:
+        return error, power - 1
+    if leading <= 949:
+        return error, power
+    return 10.0 ** (power + 1), power  # 950 is written 1000, with two digits
+
+
+def _error(error: float, place: int) -> str:
+    """An error to a decimal; one that would be half or less of its unit keeps a digit."""
+    return _written(error, min(place, _power(float(f"{error:.0e}"))))
+
+
+def _written(value: float, place: int) -> str:
+    if place <= 0:
+        words = f"{value:.{-place}f}"
+    else:
+        words = f"{round(value / 10.0**place) * 10**place:d}"
+    return words[1:] if words.startswith("-") and not words.strip("-0.") else words
+
+
+def _scaled(value: float, power: int) -> float:
+    """value/10ᵖ, also where 10ᵖ is no double."""
+    mantissa, exponent = f"{value:.16e}".split("e")
+    return float(f"{mantissa}e{int(exponent) - power}")
+
+
+def _power(value: float) -> int:
+    # Of its shortest digits: written out, 1e-6 begins with 9.99.
+    return Decimal(repr(float(value))).adjusted() if value else 0
+
+
+def _trimmed(words: str) -> str:
+    return words.rstrip("0").rstrip(".") if "." in words else words
+
+
+def _superscript(power: int) -> str:
+    return str(power).translate(_POWERS)
