@@ -9,10 +9,20 @@ from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from palpate._core import Status
 from palpate.contact import Contact
-from palpate.diagnosis import Data, Diagnosis, Episode, diagnose_parts
+from palpate.diagnosis import (
+    Data,
+    Diagnosis,
+    Episode,
+    Quantity,
+    WorkingDepth,
+    diagnose_parts,
+    stacked,
+)
+from palpate.diagnosis.fit import DEEP
 from palpate.error_bars import widening
 from palpate.errors import RecordingError
 from palpate.estimate import Estimate
@@ -29,7 +39,7 @@ from palpate.refusals import check_approach, why_nothing
 from palpate.replaying import choices, estimator_of, replayed, with_surface_off
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.trace import Trace
-from palpate.validation import Floats, number_in
+from palpate.validation import Floats, number_in, positive
 
 _Placed: TypeAlias = tuple[Place, Contact]
 
@@ -77,21 +87,73 @@ class Identification:
     def diagnosis(self) -> Diagnosis:
         """What may be wrong, and how far to trust it; worked out when it is first asked for."""
         data = self.data or Data(self.contact)
-        depth = self._firm_depth() if self.depth is None else self.depth
-        return diagnose_parts(data, self.trace, self.estimate, depth=depth)
+        return diagnose_parts(data, self.trace, self.estimate, depths=self._depths)
 
-    def _firm_depth(self) -> float | None:
-        """Median penetration of the samples taken that a gate would take, m.
+    @cached_property
+    def _depths(self) -> tuple[float, ...]:
+        """Working depth, and the 90th percentile of the penetration, m.
 
-        A method that chooses its samples takes light ones too: a probe that rests at the surface
-        would leave its working depth there, and that of no other method. None: of all taken.
+        Of the samples taken that a gate would take: a method that chooses its samples takes light
+        ones too, and a probe that rests at the surface would leave its working depth there.
         """
-        if not self.estimator.chooses_samples:
-            return None
-        gate, contact = choose_gate(self.contact), self.contact
-        firm = (contact.penetration > gate.minimum_penetration) & (contact.force > gate.make_force)
-        depth = contact.penetration[firm & self.trace.taken] - self.estimate.surface
-        return float(np.median(depth)) if depth.size and np.median(depth) > 0.0 else None
+        contact, inside = self.contact, self.trace.taken
+        if self.estimator.chooses_samples:
+            gate = choose_gate(contact)
+            firm = contact.penetration > gate.minimum_penetration
+            inside = inside & firm & (contact.force > gate.make_force)
+        penetration = contact.penetration[inside] - self.estimate.surface
+        depths = np.percentile(penetration, (50.0, DEEP)).tolist() if penetration.size else []
+        if not all(depth > 0.0 for depth in depths):
+            depths = []
+        if self.depth is not None:
+            depths[:1] = [self.depth]
+        return tuple(depths)
+
+    @property
+    def working_depths(self) -> tuple[WorkingDepth, ...]:
+        """Force, stiffness and damping at the working depth and at the 90th percentile, SI."""
+        return self.diagnosis.working_depths
+
+    def at(self, depth: ArrayLike) -> WorkingDepth:
+        """Force, stiffness and damping at other depths, each with both error bars, SI.
+
+        Those of the diagnosis: what repeats, and what the causes that were found would move. It is
+        made once more, so ask for many depths at once.
+
+        Parameters
+        ----------
+        depth : float or array_like
+            Below the surface, m, > 0. Beyond the depths in contact the law is extrapolated, and
+            the error bars hold only as far as the law does.
+
+        Returns
+        -------
+        WorkingDepth
+            Its numbers are arrays of the shape of ``depth``, or floats for a float.
+
+        Raises
+        ------
+        InvalidParameterError
+            A depth is not a finite number > 0.
+        """
+        wanted = positive("depth", depth)
+        data = self.data or Data(self.contact)
+        first = self.diagnosis.working_depth.depth
+        depths = (first, *wanted.reshape(-1).tolist())
+        found = diagnose_parts(data, self.trace, self.estimate, depths=depths).working_depths[1:]
+        return stacked(found, wanted.shape)
+
+    def force_at(self, depth: ArrayLike) -> Quantity:
+        """Force at depths [m] and at rest, N, with both error bars; see :meth:`at`."""
+        return self.at(depth).force
+
+    def stiffness_at(self, depth: ArrayLike) -> Quantity:
+        """∂F/∂x at depths [m] and at rest, N/m, with both error bars; see :meth:`at`."""
+        return self.at(depth).stiffness
+
+    def damping_at(self, depth: ArrayLike) -> Quantity:
+        """∂F/∂v at depths [m], N·s/m, with both error bars; see :meth:`at`."""
+        return self.at(depth).damping
 
     def at_depth(self, depth: float) -> "Identification":
         """Return the same with another working depth, m, for its diagnosis."""
@@ -163,40 +225,55 @@ class Identification:
         """The contact model, SI."""
         return self.estimate.law
 
-    @cached_property
+    @property
     def standard_errors(self) -> Floats:
-        """Standard errors of the law's parameters, SI, as wide as a correlated residual asks for.
+        """Standard errors of the law's parameters, SI: square roots of the variances."""
+        errors: Floats = np.sqrt(np.diag(self.covariance))
+        return errors
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Joint covariance of the law's parameters, SI, as wide as a correlated residual asks for.
 
         Those of the estimate, but for methods that take their residual for white, the paper's:
         there as much wider as its correlation makes the least squares of the samples that they took
         since their last restart. Where the preparation found the surface, with what the parameters
         are elsewhere when that is off by its deviation.
         """
-        own, contact = self._own_errors(), self.contact
+        widths, contact = self._widening(), self.contact
+        own: Floats = self.estimate.covariance * np.outer(widths, widths)
         deviation = contact.surface_deviation
         if deviation is None or self.estimate.surface_standard_error > 0.0:
             return own
-        moved = with_surface_off(contact, self.estimator.replace(), deviation)
-        errors: Floats = np.hypot(own, moved.parameters - self.estimate.parameters)
-        return errors if np.isfinite(errors).all() else own
+        off = with_surface_off(contact, self.estimator.replace(), deviation)
+        moved = off.parameters - self.estimate.parameters
+        whole: Floats = own + np.outer(moved, moved)
+        return whole if np.isfinite(whole).all() else own
 
-    def _own_errors(self) -> Floats:
-        """Those that the force leaves, were the surface known."""
+    @property
+    def correlations(self) -> Floats:
+        """Correlations of the law's parameters, shape (p, p); NaN beside one without an error."""
+        errors = self.standard_errors
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found: Floats = self.covariance / np.outer(errors, errors)
+        return found
+
+    def _widening(self) -> Floats:
+        """How much wider a correlated residual makes the method's own standard errors."""
         estimate, contact = self.estimate, self.contact
         if self.estimator.minimises is None:
-            return estimate.standard_errors
+            return np.ones(len(estimate.parameters))
         taken = np.flatnonzero(self.trace.taken)
         restarts = np.flatnonzero(self.trace.status == Status.RESTARTED)
         if restarts.size:
             taken = taken[taken >= restarts[-1]]
-        factors = widening(
+        return widening(
             estimate.law,
             contact.penetration[taken],
             contact.velocity[taken],
             contact.force[taken],
             logarithmic=self.estimator.minimises == "logarithm",
         )
-        return estimate.standard_errors * factors
 
     @property
     def gate(self) -> ContactGate:
@@ -226,14 +303,14 @@ class Identification:
         Where there are stretches, by the law of the one that began last.
         """
         contact, parts = self.contact, self.stretches
-        fitted = (parts[0] if parts else self).force_at(contact)
+        fitted = (parts[0] if parts else self).predicted_force(contact)
         for before, part in pairwise(parts):
             border = 0.5 * (before.contact.time[-1] + part.contact.time[0])
             begun = contact.time >= border
-            fitted[begun] = part.force_at(contact)[begun]
+            fitted[begun] = part.predicted_force(contact)[begun]
         return fitted
 
-    def force_at(self, contact: Contact) -> Floats:
+    def predicted_force(self, contact: Contact) -> Floats:
         """Force by the final law, and offset, at every sample of a contact, N."""
         estimate = self.estimate
         depth = contact.penetration - estimate.surface
