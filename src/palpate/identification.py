@@ -37,6 +37,7 @@ from palpate.preparation.suggestions import choose_gate
 from palpate.preparation.velocity import window_samples
 from palpate.refusals import check_approach, why_nothing
 from palpate.replaying import choices, estimator_of, replayed, with_surface_off
+from palpate.results.description import of_one
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.trace import Trace
 from palpate.validation import Floats, number_in, positive
@@ -167,7 +168,7 @@ class Identification:
         filter of the velocity smears over it. Without a change there are none. The whole is
         replayed once more with a change detector: when would a control loop have noticed?
         """
-        parts = (self._stretch(episode) for episode in self.diagnosis.episodes)
+        parts = (self.stretch(episode) for episode in self.diagnosis.episodes)
         found = tuple(part for part in parts if part is not None)
         return replace(self, stretches=found, noticed=self._watched())
 
@@ -194,7 +195,8 @@ class Identification:
         """An estimator of the same settings, but for those that were chosen from these data."""
         return self.estimator.replace(**dict.fromkeys(self.chosen))
 
-    def _stretch(self, episode: Episode) -> "Identification | None":
+    def stretch(self, episode: Episode) -> "Identification | None":
+        """Identify an episode of the diagnosis by itself; None where that cannot be."""
         smear = window_samples(self.contact.sample_time) * self.contact.sample_time
         with suppress(RecordingError):
             part = self.contact.window(episode.start + smear, episode.stop - smear)
@@ -331,49 +333,7 @@ class Identification:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and words; what is not defined is None."""
-        law = self.law
-        errors = self.standard_errors.tolist()
-        estimate, beside = self.estimate, {}
-        if estimate.offset_standard_error > 0.0:
-            beside["offset"] = estimate.offset
-            beside["offset_standard_error"] = estimate.offset_standard_error
-        if estimate.surface_standard_error > 0.0:
-            beside["surface"] = estimate.surface
-            beside["surface_standard_error"] = estimate.surface_standard_error
-        return {
-            "method": self.method,
-            **self.diagnosis.as_dict(),
-            "episodes": self._episodes(),
-            "law": {"kind": law.kind, **law.as_dict()},
-            "standard_errors": dict(zip(law.as_dict(), errors, strict=True)),
-            **beside,
-            "prediction_rmse_percent": _defined(self.prediction_rmse_percent),
-            "fit_rmse_percent": _defined(self.fit_rmse_percent),
-            "violated_fraction": _defined(self.violated_fraction),
-            "changes": self.changes.tolist(),
-            "contact_samples": int(np.count_nonzero(self.trace.taken)),
-            "rejected_samples": int(np.count_nonzero(self.trace.rejected)),
-            "flags": list(self.flags),
-        }
-
-    def _episodes(self) -> list[dict[str, Any]]:
-        """Each stretch by its own law; or as the change was found, with the verdict on it alone."""
-        if self.stretches:
-            return [stretch.as_episode() for stretch in self.stretches]
-        return [
-            {**episode.as_dict(), "verdict": part.diagnosis.verdict.as_dict() if part else None}
-            for episode in self.diagnosis.episodes
-            for part in (self._stretch(episode),)
-        ]
-
-    def as_episode(self) -> dict[str, Any]:
-        """Return it as one of the episodes of a longer contact."""
-        found, time = self.diagnosis, self.contact.time
-        own = Episode(float(time[0]), float(time[-1]), self.law, found.working_depth)
-        there: dict[str, Any] = {}
-        if self.place is not None:
-            there = {"kind": "place", "place": self.place.as_dict()}
-        return {**own.as_dict(), "verdict": found.verdict.as_dict(), **there}
+        return of_one(self)
 
 
 def identify(
@@ -479,7 +439,3 @@ def compare(
         estimator = estimator.replace(**own)
         results[name] = _identified(data, estimator)
     return results
-
-
-def _defined(value: float) -> float | None:
-    return value if math.isfinite(value) else None
