@@ -40,6 +40,7 @@ from palpate.diagnosis.misfit import (
 from palpate.diagnosis.surface import has_free_air, surface
 from palpate.diagnosis.velocity_noise import velocity_noise
 from palpate.diagnosis.working_depth import nothing_known, working_depth
+from palpate.digits import rounded
 from palpate.estimate import Estimate
 from palpate.trace import Trace
 
@@ -136,8 +137,8 @@ def _notes(fit: Fit) -> list[Finding]:
         Finding("skew", skew_matters(fit), severity="note"),
         Finding(
             "peak force",
-            f"the largest force is {fit.data.peak_force:.3g} N, the largest penetration "
-            f"{1e3 * fit.data.peak_penetration:.3g} mm",
+            f"the largest force is {rounded(fit.data.peak_force, 3)} N, the largest penetration "
+            f"{rounded(1e3 * fit.data.peak_penetration, 3)} mm",
             severity="note",
         ),
     ]

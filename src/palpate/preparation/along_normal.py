@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from palpate.contact import Contact
+from palpate.digits import rounded
 from palpate.errors import RecordingError
 from palpate.preparation.along_penetration import (
     assumption,
@@ -124,12 +125,12 @@ def _in_frame(
 
 def _say_tare(zero: Baseline, made: dict[str, str], remarks: list[Remark]) -> None:
     count = int(np.count_nonzero(zero.free))
-    listed = ", ".join(f"{value:.3g}" for value in zero.mean)
+    listed = ", ".join(f"{rounded(value, 3)}" for value in zero.mean)
     add(made, "force", f"less {listed} N, its mean over {count} samples out of contact")
     if zero.drift:
-        words = f"the zero of the force drifts by {zero.drift:.3g} N, which was taken off"
+        words = f"the zero of the force drifts by {rounded(zero.drift, 3)} N, which was taken off"
         remarks.append(Remark("tare", words, "let the sensor warm up"))
-        add(made, "force", f"and its drift of {zero.drift:.3g} N")
+        add(made, "force", f"and its drift of {rounded(zero.drift, 3)} N")
 
 
 def _pieces(signals: Signals, whole: Pressed, settings: Preparation) -> list[Piece]:
@@ -236,9 +237,9 @@ def _place(signals: Signals, episode: Episode | None, own: Pressed, surface: Sur
 def _say_surface(places: list[Place], made: dict[str, str], remarks: list[Remark]) -> None:
     if len(places) == 1:
         surface = places[0].surface
-        words = f"counted from {surface.position:.6g} m, {surface.words}"
+        words = f"counted from {rounded(surface.position, 6)} m, {surface.words}"
         if surface.deviation:
-            words += f" (± {surface.deviation:.2g} m)"
+            words += f" (± {rounded(surface.deviation, 2)} m)"
         add(made, "penetration", words)
         remarks += assumption(surface)
         return

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.contact import Contact
+from palpate.digits import rounded
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.baselines import baseline_of, free_samples
 from palpate.preparation.corrections import add
@@ -137,11 +138,15 @@ def _tare_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     found = baseline_of(contact.time, contact.force, free)
     made = dict(contact.provenance)
     count = int(np.count_nonzero(found.free))
-    add(made, "force", f"less {float(found.mean[0]):.3g} N, its mean over {count} free samples")
+    add(
+        made,
+        "force",
+        f"less {rounded(float(found.mean[0]), 3)} N, its mean over {count} free samples",
+    )
     remarks = list(contact.remarks)
     if found.drift:
-        add(made, "force", f"and its drift of {found.drift:.3g} N")
-        words = f"the zero of the force drifts by {found.drift:.3g} N, which was taken off"
+        add(made, "force", f"and its drift of {rounded(found.drift, 3)} N")
+        words = f"the zero of the force drifts by {rounded(found.drift, 3)} N, which was taken off"
         remarks.append(Remark("tare", words, "let the sensor warm up"))
     force = contact.force - found.zero
     left = deviation_left(force, found.free)
@@ -164,9 +169,9 @@ def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]
 def counted_from(contact: Contact, surface: Surface, rule: SurfaceRule) -> Contact:
     """Count the penetration from a surface that was found; say so, and how well it is known."""
     made = dict(contact.provenance)
-    words = f"counted from {surface.position:.6g} m, {surface.words}"
+    words = f"counted from {rounded(surface.position, 6)} m, {surface.words}"
     if surface.deviation is not None:
-        words += f" (± {surface.deviation:.2g} m)"
+        words += f" (± {rounded(surface.deviation, 2)} m)"
     add(made, "penetration", words)
     deviation = surface.deviation if rule != "estimate" else None
     return replace(
