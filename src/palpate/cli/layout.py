@@ -118,15 +118,16 @@ def _without_the_empty(columns: Sequence[Column], rows: Sequence[Sequence[Text]]
 
 
 def _broken(columns: Sequence[Column], rows: Sequence[Sequence[Text]]) -> Shaped:
-    """With what has a hyphen in two lines."""
+    """With what has a hyphen in two lines, where it is wider than the column has to be."""
     columns, rows = _without_the_empty(columns, rows)
-    return columns, [
-        [
-            _in_two_lines(cell) if column.hyphens else cell
-            for column, cell in zip(columns, row, strict=True)
-        ]
-        for row in rows
-    ]
+    cells = [list(row) for row in rows]
+    for k, column in enumerate(columns):
+        if column.hyphens:
+            broken = [_in_two_lines(row[k]) for row in cells]
+            least = max(_width(words) for words in (column.heading, *(b.plain for b in broken)))
+            for row, lines in zip(cells, broken, strict=True):
+                row[k] = lines if row[k].cell_len > least else row[k]
+    return columns, cells
 
 
 def _in_two_lines(cell: Text) -> Text:
