@@ -13,6 +13,7 @@ from palpate.cli.printing import (
     finish_output,
     prepare_output,
 )
+from palpate.cli.session import in_a_session, session_of, speaking
 from palpate.errors import PalpateError
 
 #: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
@@ -30,7 +31,7 @@ def application() -> App:
         console=Terminal(),
     )
     for name in COMMANDS:
-        app.command(getattr(import_module(f"palpate.cli.{name}"), name))
+        app.command(in_a_session(getattr(import_module(f"palpate.cli.{name}"), name)))
     return app
 
 
@@ -46,14 +47,16 @@ def run(arguments: Sequence[str]) -> None:
     prepare_output()
     # Standard input: cyclopts takes a lone hyphen for an option, and Path makes it of this again.
     words = ["./-" if word == "-" else word for word in arguments]
+    plain, loudness, words = session_of(words)
     try:
-        app = application()
-        status = app(
-            _with_config(app, words),
-            exit_on_error=False,
-            print_error=False,
-            result_action="return_value",
-        )
+        with speaking(plain, loudness):
+            app = application()
+            status = app(
+                _with_config(app, words),
+                exit_on_error=False,
+                print_error=False,
+                result_action="return_value",
+            )
         finish_output()
     except (PalpateError, CycloptsError) as error:
         complain(str(error))
@@ -83,6 +86,6 @@ def _with_config(app: App, arguments: Sequence[str]) -> Sequence[str]:
 
 
 def _version() -> str:
-    from importlib.metadata import version
+    import palpate
 
-    return version("palpate")
+    return palpate.__version__

@@ -55,7 +55,7 @@ def _correlations(result: Identification) -> str:
 def _correlation(value: float) -> str:
     """With as many digits as keep it apart from one, up to four."""
     words = next((w for w in (f"{value:.{k}f}" for k in (2, 3, 4)) if abs(float(w)) < 1.0), "")
-    return (words or f"{value:.4f}").replace("-", "−")
+    return words or f"{value:.4f}"
 
 
 def _beside(result: Identification) -> list[str]:

@@ -36,4 +36,4 @@ def beside_truth(value: float, truth: float, *errors: float) -> str:
 
 def _signed(distance: float) -> str:
     size = rounded(abs(distance), 2)
-    return f"{'−' if distance < 0.0 else '+'}{size}"
+    return f"{'-' if distance < 0.0 else '+'}{size}"

@@ -1,5 +1,6 @@
 """A recording of positions and forces, in space or along an axis: tared, projected, counted."""
 
+import logging
 import math
 from dataclasses import replace
 
@@ -29,7 +30,10 @@ from palpate.preparation.tare import deviation_left
 from palpate.preparation.wrenches import frame_of, turn_remark, turned
 from palpate.recordings import Recording
 from palpate.remarks import Remark
+from palpate.stages import stage, timed
 from palpate.validation import Floats
+
+_LOGGER = logging.getLogger(__name__)
 
 WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
 FIRM = 0.1  # of the largest force: an episode without as much is free air
@@ -42,11 +46,13 @@ def along_normal(
     made, remarks = dict(signals.made), list[Remark]()
     signals = _windowed(_flipped(signals, settings), settings, recording.source)
     signals = _in_frame(recording, roles, signals, settings, made, remarks)
-    signals, zero, said = tared(signals, settings, recording.source)
+    with stage(_LOGGER, "zero of the force"):
+        signals, zero, said = tared(signals, settings, recording.source)
     remarks += said
     if zero is not None:
         _say_tare(zero, made, remarks)
-    whole = pressed(signals, settings, recording.source)
+    with stage(_LOGGER, "contact normal"):
+        whole = pressed(signals, settings, recording.source)
     pieces = _pieces(signals, whole, settings)
     if len(pieces) > 1 or pieces[0][1] is not None:
         remarks += _travelled(pieces, signals)
@@ -92,6 +98,7 @@ def _windowed(signals: Signals, settings: Preparation, source: str) -> Signals:
     return signals.taken(keep)
 
 
+@timed("frame of the force")
 def _in_frame(
     recording: Recording,
     roles: Roles,
@@ -133,6 +140,7 @@ def _say_tare(zero: Baseline, made: dict[str, str], remarks: list[Remark]) -> No
         add(made, "force", f"and its drift of {rounded(zero.drift, 3)} N")
 
 
+@timed("episodes")
 def _pieces(signals: Signals, whole: Pressed, settings: Preparation) -> list[Piece]:
     """The whole; or its episodes, where the probe travels over the material."""
     position, force = signals.depth, signals.force
@@ -184,6 +192,7 @@ def _travelled(pieces: list[Piece], signals: Signals) -> list[Remark]:
     return [Remark("episodes", words, "--spot inf, where all of it is one material", "with-care")]
 
 
+@timed("surface and velocity of each place")
 def _joined(
     pieces: list[Piece], settings: Preparation, made: dict[str, str], remarks: list[Remark]
 ) -> tuple[Contact, list[Place]]:

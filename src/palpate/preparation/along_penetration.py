@@ -20,6 +20,7 @@ from palpate.preparation.tare import deviation_left
 from palpate.preparation.velocity import lost_positions, velocity_of, window_samples
 from palpate.recordings import Recording
 from palpate.remarks import Remark
+from palpate.stages import timed
 from palpate.validation import Floats
 from palpate.validation import signals as checked_signals
 
@@ -64,6 +65,7 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
     return replace(contact, prepared=None if done is None else replace(done, recording=raw))
 
 
+@timed("velocity by the filter")
 def with_velocity(contact: Contact, window: float | None) -> Contact:
     """Work the velocity out, a segment at a time."""
     runs = list(contact.segments())
@@ -125,6 +127,7 @@ def _prepared(
     return contact if low is None and high is None else contact.window(low, high)
 
 
+@timed("zero of the force")
 def _tare_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     if done.settings.tare != "find":
         return contact, done
@@ -156,6 +159,7 @@ def _tare_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     return contact, replace(done, zero=found.mean, drift=found.drift)
 
 
+@timed("surface")
 def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     rule = done.settings.surface
     if not isinstance(rule, str):

@@ -1,0 +1,77 @@
+"""What every command takes beside its own options: ``--no-color`` and ``-v``."""
+
+import functools
+import inspect
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from cyclopts import Group, Parameter
+
+from palpate.cli.logs import logged
+from palpate.cli.printing import colourless
+
+_ANY_COMMAND = Group("Any command", sort_key=9)
+_COLOURLESS = "--no-color"
+_LOUD = {"--verbose": 1, "-v": 1, "-vv": 2}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True)
+class Session:
+    """How a command speaks, whichever it is; as help and completion show it."""
+
+    no_color: Annotated[bool, Parameter(negative="", group=_ANY_COMMAND)] = False
+    "Print without colour, as NO_COLOR in the environment does."
+    verbose: Annotated[
+        bool, Parameter(name=["--verbose", "-v"], negative="", group=_ANY_COMMAND)
+    ] = False
+    "Say on standard error what is read, taken and done, with seconds; -vv says more."
+
+
+def session_of(words: Sequence[str]) -> tuple[bool, int, list[str]]:
+    """Part what every command takes from the rest, wherever before ``--`` it stands.
+
+    Returns
+    -------
+    tuple
+        Whether there is to be no colour, how much is to be said (0 to 2), and the other words.
+    """
+    end = list(words).index("--") if "--" in words else len(words)
+    before, rest = words[:end], words[end:]
+    loudness = sum(_LOUD.get(word, 0) for word in before)
+    kept = [word for word in before if word != _COLOURLESS and word not in _LOUD]
+    return _COLOURLESS in before, min(loudness, 2), [*kept, *rest]
+
+
+@contextmanager
+def speaking(plain: bool, loudness: int) -> Iterator[None]:
+    """Let what happens inside be said and coloured so."""
+    with colourless(plain), logged(loudness):
+        yield
+
+
+def in_a_session(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the command with the session among its options, for help and completion.
+
+    Its words are taken out before a command is looked for; so there is none to be handed on.
+    """
+
+    @functools.wraps(command)
+    def wrapped(*args: Any, session: Session | None = None, **kwargs: Any) -> Any:
+        return command(*args, **kwargs)
+
+    own = inspect.signature(command)
+    parameters = list(own.parameters.values())
+    last = parameters.pop() if parameters[-1].kind is inspect.Parameter.VAR_KEYWORD else None
+    parameters.append(
+        inspect.Parameter(
+            "session", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Session | None
+        )
+    )
+    wrapped.__signature__ = own.replace(  # type: ignore[attr-defined]
+        parameters=[*parameters, *([last] if last else [])]
+    )
+    wrapped.__annotations__ = {**command.__annotations__, "session": Session | None}
+    return wrapped
