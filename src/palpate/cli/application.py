@@ -6,6 +6,9 @@ from importlib import import_module
 
 from cyclopts import App, CycloptsError
 
+from palpate.cli.groups import COMMANDS as COMMANDS_SHOWN
+from palpate.cli.groups import WHAT
+from palpate.cli.help import Help
 from palpate.cli.printing import (
     Terminal,
     abandon_output,
@@ -13,7 +16,7 @@ from palpate.cli.printing import (
     finish_output,
     prepare_output,
 )
-from palpate.cli.session import in_a_session, session_of, speaking
+from palpate.cli.session import ANY_COMMANDS, in_a_session, session_of, speaking
 from palpate.errors import PalpateError
 
 #: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
@@ -29,6 +32,9 @@ def application() -> App:
         version=_version,
         version_flags=["--version"],
         console=Terminal(),
+        help_formatter=Help(),
+        group_parameters=WHAT,
+        group_commands=COMMANDS_SHOWN,
     )
     for name in COMMANDS:
         app.command(in_a_session(getattr(import_module(f"palpate.cli.{name}"), name)))
@@ -82,7 +88,8 @@ def _with_config(app: App, arguments: Sequence[str]) -> Sequence[str]:
     if name not in COMMANDS:
         return arguments
     known = [option for each in app[name].assemble_argument_collection() for option in each.names]
-    return [name, *expanded(arguments[1:], known)]
+    own = [option for option in known if option not in ANY_COMMANDS]
+    return [name, *expanded(arguments[1:], own)]
 
 
 def _version() -> str:

@@ -29,6 +29,10 @@ def paper(
 
     What is finished stays: a run that was interrupted goes on where it was.
 
+    For example:
+
+        palpate paper --only fig05 fig06 --seeds 2 -o report
+
     Parameters
     ----------
     only

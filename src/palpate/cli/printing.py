@@ -13,7 +13,9 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 from rich.console import Console
 
-AsJson = Annotated[bool, Parameter(name="--json", negative="")]
+from palpate.cli.groups import OUTPUT
+
+AsJson = Annotated[bool, Parameter(name="--json", negative="", group=OUTPUT)]
 
 #: Of a line that goes to a file or a pipe, unless COLUMNS says otherwise.
 PIPE_WIDTH = 100

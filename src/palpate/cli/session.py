@@ -7,13 +7,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from cyclopts import Group, Parameter
+from cyclopts import Parameter
 
+from palpate.cli.groups import ANY
 from palpate.cli.logs import logged
 from palpate.cli.printing import colourless
 
-_ANY_COMMAND = Group("Any command", sort_key=9)
 _COLOURLESS = "--no-color"
+#: What no file of options holds.
+ANY_COMMANDS = ("--no-color", "--verbose", "-v")
 _LOUD = {"--verbose": 1, "-v": 1, "-vv": 2}
 
 
@@ -22,11 +24,9 @@ _LOUD = {"--verbose": 1, "-v": 1, "-vv": 2}
 class Session:
     """How a command speaks, whichever it is; as help and completion show it."""
 
-    no_color: Annotated[bool, Parameter(negative="", group=_ANY_COMMAND)] = False
+    no_color: Annotated[bool, Parameter(negative="", group=ANY)] = False
     "Print without colour, as NO_COLOR in the environment does."
-    verbose: Annotated[
-        bool, Parameter(name=["--verbose", "-v"], negative="", group=_ANY_COMMAND)
-    ] = False
+    verbose: Annotated[bool, Parameter(name=["--verbose", "-v"], negative="", group=ANY)] = False
     "Say on standard error what is read, taken and done, with seconds; -vv says more."
 
 
