@@ -6,6 +6,7 @@ from importlib import import_module
 
 from cyclopts import App, CycloptsError
 
+from palpate.cli.completion import OPTION, install_completion
 from palpate.cli.groups import COMMANDS as COMMANDS_SHOWN
 from palpate.cli.groups import WHAT
 from palpate.cli.help import Help
@@ -16,15 +17,21 @@ from palpate.cli.printing import (
     finish_output,
     prepare_output,
 )
-from palpate.cli.session import ANY_COMMANDS, in_a_session, session_of, speaking
+from palpate.cli.session import ANY_COMMANDS, Hints, in_a_session, session_of, speaking
 from palpate.errors import PalpateError
 
 #: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
 COMMANDS = ("identify", "diagnose", "compare", "info", "design", "lab", "paper")
 
 
-def application() -> App:
-    """Return the command line with every command."""
+def application(hints: Hints | None = None) -> App:
+    """Return the command line with every command.
+
+    Parameters
+    ----------
+    hints : mapping, optional
+        Types of parameters by command, in place of those of its signature.
+    """
     app = App(
         name="palpate",
         help="Identify what a probe touches: contact models from penetration, velocity and force.",
@@ -37,7 +44,9 @@ def application() -> App:
         group_commands=COMMANDS_SHOWN,
     )
     for name in COMMANDS:
-        app.command(in_a_session(getattr(import_module(f"palpate.cli.{name}"), name)))
+        command = getattr(import_module(f"palpate.cli.{name}"), name)
+        app.command(in_a_session(command, (hints or {}).get(name, {})))
+    app.command(install_completion, name=OPTION)
     return app
 
 

@@ -2,10 +2,10 @@
 
 import functools
 import inspect
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 from cyclopts import Parameter
 
@@ -17,6 +17,9 @@ _COLOURLESS = "--no-color"
 #: What no file of options holds.
 ANY_COMMANDS = ("--no-color", "--verbose", "-v")
 _LOUD = {"--verbose": 1, "-v": 1, "-vv": 2}
+
+#: Types of parameters, by command and name.
+Hints: TypeAlias = dict[str, dict[str, Any]]
 
 
 @Parameter(name="*")
@@ -52,26 +55,33 @@ def speaking(plain: bool, loudness: int) -> Iterator[None]:
         yield
 
 
-def in_a_session(command: Callable[..., Any]) -> Callable[..., Any]:
+def in_a_session(command: Callable[..., Any], hints: Mapping[str, Any]) -> Callable[..., Any]:
     """Return the command with the session among its options, for help and completion.
 
     Its words are taken out before a command is looked for; so there is none to be handed on.
+
+    Parameters
+    ----------
+    command : callable
+        As its module has it.
+    hints : mapping
+        Types of some of its parameters, in place of those of its signature.
     """
 
     @functools.wraps(command)
     def wrapped(*args: Any, session: Session | None = None, **kwargs: Any) -> Any:
         return command(*args, **kwargs)
 
+    session = inspect.Parameter(
+        "session", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Session | None
+    )
     own = inspect.signature(command)
-    parameters = list(own.parameters.values())
-    last = parameters.pop() if parameters[-1].kind is inspect.Parameter.VAR_KEYWORD else None
-    parameters.append(
-        inspect.Parameter(
-            "session", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Session | None
-        )
-    )
-    wrapped.__signature__ = own.replace(  # type: ignore[attr-defined]
-        parameters=[*parameters, *([last] if last else [])]
-    )
-    wrapped.__annotations__ = {**command.__annotations__, "session": Session | None}
+    parameters = [
+        each.replace(annotation=hints.get(name, each.annotation))
+        for name, each in own.parameters.items()
+    ]
+    last = len(parameters) - (parameters[-1].kind is inspect.Parameter.VAR_KEYWORD)
+    parameters.insert(last, session)
+    wrapped.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+    wrapped.__annotations__ = {**command.__annotations__, **hints, "session": Session | None}
     return wrapped
