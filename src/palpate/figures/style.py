@@ -39,6 +39,13 @@ class Theme:
     measured: str
     lines: tuple[str, ...]
 
+    def variables(self) -> dict[str, str]:
+        """Each colour by the name that a page's style sheet has for it."""
+        named = {"background": self.background, "ink": self.ink, "grid": self.grid}
+        named |= {"measured": self.measured}
+        named |= {f"line-{k}": colour for k, colour in enumerate(self.lines)}
+        return {f"--drawing-{name}": colour for name, colour in named.items()}
+
     def looks(self, count: int) -> list[dict[str, Any]]:
         """Return so many looks of a line: a colour each, then the same dashed; the first on top."""
         styles = itertools.cycle(itertools.product(("-", "--", ":", "-."), self.lines))
