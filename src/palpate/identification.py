@@ -1,5 +1,6 @@
 """Identify a whole contact, with one estimator or with all of them side by side."""
 
+import logging
 import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
     import pandas
     import xarray
     from matplotlib.figure import Figure
+
+_LOGGER = logging.getLogger(__name__)
 
 _Placed: TypeAlias = tuple[Place, Contact]
 
@@ -446,8 +449,12 @@ def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identif
     contact, given = data.contact, estimator_of(estimator)
     chosen = choices(contact, given)
     fresh = given.replace(**chosen)
+    known = ", ".join(f"{name}={value}" for name, value in chosen.items() if value is not None)
+    _LOGGER.info("%s: chosen from the data: %s", fresh.method, known or "nothing")
     trace = replayed(contact, fresh)
     flags = tuple(flags_of(contact, trace, fresh))
+    taken = np.count_nonzero(trace.taken)
+    _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
     result = Identification(contact, fresh, trace, flags, data, chosen=tuple(chosen))
     if not (trace.taken & ~(contact.force <= 0.0)).any():
         raise RecordingError(why_nothing(data, result.gate))

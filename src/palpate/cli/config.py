@@ -42,7 +42,8 @@ def expanded(arguments: Sequence[str], known: Iterable[str]) -> list[str]:
                 f"{path}: {key!r} is no option; there are {', '.join(sorted(_keys(options)))}"
             )
         if not {option, f"--no-{option[2:]}"} & there:
-            added += _as_arguments(f"{path}: {key!r}", option, value)
+            off = f"--no-{option[2:]}" if f"--no-{option[2:]}" in options else None
+            added += _as_arguments(f"{path}: {key!r}", option, off, value)
     return [*given, *added]
 
 
@@ -75,11 +76,11 @@ def _table(path: Path) -> dict[str, Any]:
         raise RecordingError(f"{path}: not TOML: {error}") from None
 
 
-def _as_arguments(where: str, option: str, value: Any) -> list[str]:
+def _as_arguments(where: str, option: str, off: str | None, value: Any) -> list[str]:
     if isinstance(value, bool):
-        return [option if value else f"--no-{option[2:]}"]
+        return [option] if value else [off] if off else []
     if isinstance(value, list):
-        return [part for each in value for part in _as_arguments(where, option, each)]
+        return [part for each in value for part in _as_arguments(where, option, off, each)]
     if isinstance(value, str | int | float):
         return [f"{option}={value}"]
     raise InvalidParameterError(f"{where} must be text, a number, true, false or a list of these")

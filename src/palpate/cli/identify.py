@@ -25,6 +25,12 @@ def identify(
 ) -> int:
     """Identify the contact model of a recording.
 
+    For example:
+
+        palpate identify ball.csv --figure ball.pdf
+        palpate identify probing.mcap --position /pose --force /ft --tare find
+        palpate identify touch.csv --unit penetration=mm --at 3mm --json
+
     Parameters
     ----------
     files

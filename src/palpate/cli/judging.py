@@ -6,18 +6,21 @@ from typing import TYPE_CHECKING, Literal
 
 from cyclopts import Parameter
 
+from palpate.cli.groups import JUDGED
+from palpate.cli.values import Depth
+
 if TYPE_CHECKING:
     from palpate.diagnosis import Verdict
 
 UNTRUSTED = 3  # exit status
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=JUDGED)
 @dataclass(frozen=True)
 class Judging:
     """Where the numbers are wanted, and which verdict is a failure."""
 
-    at: str | None = None
+    at: Depth | None = None
     "Working depth, such as 3mm; the median penetration unless given."
     fail_on: Literal["do-not-trust", "with-care"] | None = None
     "End with exit status 3 on this verdict or a worse one."
