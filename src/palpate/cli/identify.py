@@ -19,6 +19,7 @@ def identify(
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     figure: Path | None = None,
     dark: bool = False,
+    width: str | None = None,
     as_json: AsJson = False,
     judging: Judging | None = None,
     reading: Reading | None = None,
@@ -46,12 +47,15 @@ def identify(
         Draw it to this file (.svg, .pdf or .png).
     dark
         Draw on a dark background.
+    width
+        Width of the figure as it is printed, 60mm to 400mm: a journal's column is 88mm.
     as_json
         Print one JSON object instead of a table.
     """
     from functools import partial
 
     from palpate.cli.progress import counted
+    from palpate.cli.quantities import figure_width
     from palpate.cli.tables import print_identifications
     from palpate.estimators import estimator_named
     from palpate.identification import compare
@@ -59,6 +63,7 @@ def identify(
 
     reading, judging = reading or Reading(), judging or Judging()
     depth, kind = judging.depth, estimator_named(method)
+    wide = figure_width(width, figure)
     if figure is not None:
         from palpate.figures import check_figure
 
@@ -77,7 +82,7 @@ def identify(
     if figure is not None:
         from palpate import figures
 
-        figures.save(figures.draw(result, dark=dark), figure, inputs=list(files))
+        figures.save(figures.draw(result, dark=dark, width=wide), figure, inputs=list(files))
     if folder is not None:
         folder.save(
             result,
