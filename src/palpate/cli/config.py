@@ -1,8 +1,7 @@
-"""Options from a TOML file, and options written to one."""
+"""Options from a TOML file."""
 
-import json
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -85,30 +84,3 @@ def _as_arguments(where: str, option: str, off: str | None, value: Any) -> list[
     if isinstance(value, str | int | float):
         return [f"{option}={value}"]
     raise InvalidParameterError(f"{where} must be text, a number, true, false or a list of these")
-
-
-def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
-    """Return options as TOML, with comments below them.
-
-    Parameters
-    ----------
-    options : mapping
-        Values by their option's name without dashes before it.
-    comments : iterable of str
-        Lines.
-    """
-    lines = [f"{name} = {_value(value)}" for name, value in options.items()]
-    lines += [""] if lines else []
-    lines += [f"# {' '.join(each.split())}" for each in comments]
-    return "\n".join(lines) + "\n"
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, tuple | list):
-        return f"[{', '.join(_value(each) for each in value)}]"
-    if isinstance(value, int | float):
-        return repr(value)
-    # JSON's escapes are TOML's, but for those of characters beyond 16 bits: left as they are.
-    return json.dumps(str(value), ensure_ascii=False)

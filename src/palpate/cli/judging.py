@@ -35,6 +35,11 @@ class Judging:
             return None
         return number_in("--at", quantity("--at", self.at, "penetration"), 0, 1e100, open_low=True)
 
+    @property
+    def options(self) -> dict[str, str]:
+        """What was asked for of the numbers, by option."""
+        return {} if self.at is None else {"at": self.at}
+
     def status(self, verdicts: "Iterable[Verdict]") -> int:
         """Return 3 where a verdict is to fail, else 0."""
         from palpate.diagnosis import MARKS

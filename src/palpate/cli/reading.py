@@ -109,7 +109,12 @@ class Reading:
 
         contact = joined([self._contact(file) for file in files])
         if self.save_config is not None:
-            self._save(contact, files, {} if method is None else {"method": method})
+            from palpate.results.toml import as_toml, how_made
+            from palpate.writing import write_text
+
+            options = {**({} if method is None else {"method": method}), **self.options}
+            text = as_toml(options, how_made(contact, files))
+            write_text(self.save_config, text, inputs=list(files))
         return contact
 
     def _contact(self, file: Path) -> "Contact":
@@ -177,24 +182,16 @@ class Reading:
         except InvalidParameterError as error:
             raise InvalidParameterError(f"{error}; or threshold, baseline, fit, estimate") from None
 
-    def _save(self, contact: "Contact", files: Sequence[Path], options: dict[str, Any]) -> None:
-        from palpate.cli.config import as_toml
-        from palpate.writing import write_text
-
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options that were given, by their names without dashes before them."""
         usual = Reading()
-        options |= {
+        return {
             field.name.replace("_", "-"): getattr(self, field.name)
             for field in dataclasses.fields(self)
             if field.name not in ("config", "save_config")
             and getattr(self, field.name) != getattr(usual, field.name)
         }
-        made = contact.provenance
-        if len(files) > 1:  # of several files the first one's stands there without its name too
-            made = {name: words for name, words in made.items() if " of " in name} or made
-        found = [f"{channel}: {words}" for channel, words in made.items()]
-        found += [f"{remark.step}: {remark.sentence}" for remark in contact.remarks]
-        text = as_toml(options, [*(f"of {file}" for file in files), *found])
-        write_text(Path(str(self.save_config)), text, inputs=list(files))
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
         """Return what an estimator of this kind is to be made with."""

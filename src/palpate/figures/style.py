@@ -1,7 +1,7 @@
 """How figures look, and how they are written."""
 
 import io
-import itertools
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import MissingExtraError, RecordingError
+from palpate.figures.sheet import PAGE, Sheet
 from palpate.writing import check_writable, write_bytes
 
 if TYPE_CHECKING:
@@ -23,6 +24,23 @@ _FORMATS: dict[str, dict[str, None] | None] = {
 }
 
 
+# Matplotlib brings the first, so that a figure is laid out alike everywhere. Who opens an SVG
+# without it sees one of the others: the second has the same widths, the rest are narrower.
+_FONTS = ["DejaVu Sans", "Verdana", "Helvetica", "Arial"]
+
+
+# Text stays text, in SVG and in PDF (where type 42 is a font that is embedded whole enough to be
+# searched and edited); 300 dots an inch are what journals ask for, where
+# matplotlib's own settings do not name others; names in a file are not random.
+_WRITTEN: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "palpate",
+    "pdf.fonttype": 42,
+}
+_DOTS_AN_INCH = 300
+_DECIMALS = re.compile(rb"(\.\d\d)\d+")
+
+
 @dataclass(frozen=True, slots=True)
 class Theme:
     """Colours of Okabe & Ito, distinct for colour-blind readers too, for one background."""
@@ -33,13 +51,12 @@ class Theme:
     measured: str
     lines: tuple[str, ...]
 
-    def looks(self, count: int) -> list[dict[str, Any]]:
-        """Return so many looks of a line: a colour each, then the same dashed; the first on top."""
-        styles = itertools.cycle(itertools.product(("-", "--", ":", "-."), self.lines))
-        return [
-            {"color": colour, "linestyle": style, "zorder": 2.4 - 0.4 * i / count}
-            for i, (style, colour) in enumerate(itertools.islice(styles, count))
-        ]
+    def variables(self) -> dict[str, str]:
+        """Each colour by the name that a page's style sheet has for it."""
+        named = {"background": self.background, "ink": self.ink, "grid": self.grid}
+        named |= {"measured": self.measured}
+        named |= {f"line-{k}": colour for k, colour in enumerate(self.lines)}
+        return {f"--drawing-{name}": colour for name, colour in named.items()}
 
 
 LIGHT = Theme(
@@ -61,7 +78,7 @@ DARK = Theme(
 class style:  # noqa: N801 - reads as a statement
     """Matplotlib's settings for one figure, put back afterwards."""
 
-    def __init__(self, theme: Theme) -> None:
+    def __init__(self, theme: Theme, sheet: Sheet = PAGE) -> None:
         try:
             import matplotlib
             from matplotlib.figure import Figure
@@ -70,6 +87,7 @@ class style:  # noqa: N801 - reads as a statement
                 "figures need matplotlib: pip install 'palpate[figures]'"
             ) from None
         self._new_figure = Figure
+        font, scale = sheet.font, sheet.scale
         self._context = matplotlib.rc_context(
             {
                 "figure.facecolor": theme.background,
@@ -84,13 +102,17 @@ class style:  # noqa: N801 - reads as a statement
                 "axes.spines.top": False,
                 "axes.spines.right": False,
                 "axes.axisbelow": True,
-                "axes.titlesize": 10,
+                "axes.titlesize": 10.0 * scale,
                 "axes.formatter.useoffset": False,
                 "axes.formatter.limits": (-3, 4),
                 "legend.frameon": False,
-                "legend.fontsize": 9,
-                "lines.linewidth": 1.3,
-                "font.size": 9.5,
+                "legend.fontsize": 9.0 * scale,
+                "lines.linewidth": 1.3 * scale,
+                "axes.linewidth": 0.8 * scale,
+                "grid.linewidth": 0.8 * scale,
+                "font.family": "sans-serif",
+                "font.sans-serif": _FONTS,
+                "font.size": font,
             }
         )
 
@@ -147,14 +169,24 @@ def _as_bytes(figure: "Figure", ending: str) -> bytes:
     import matplotlib
 
     drawn = io.BytesIO()
-    with matplotlib.rc_context({"svg.hashsalt": "palpate"}), warnings.catch_warnings():
+    with matplotlib.rc_context(_WRITTEN), warnings.catch_warnings():
         # A name in a script that the font lacks is drawn as boxes, and axes to 1e308 overflow.
         warnings.filterwarnings("ignore", "Glyph .* missing from")
         warnings.filterwarnings("ignore", "overflow encountered", RuntimeWarning)
+        dots = matplotlib.rcParams["savefig.dpi"]
         figure.savefig(
-            drawn, format=ending[1:], facecolor=figure.get_facecolor(), metadata=_FORMATS[ending]
+            drawn,
+            format=ending[1:],
+            dpi=_DOTS_AN_INCH if dots == "figure" else dots,
+            facecolor=figure.get_facecolor(),
+            metadata=_FORMATS[ending],
         )
-    return drawn.getvalue()
+    return _rounded(drawn.getvalue()) if ending == ".svg" else drawn.getvalue()
+
+
+def _rounded(svg: bytes) -> bytes:
+    """Paths to a hundredth of a point, which nobody sees: matplotlib writes a millionth."""
+    return re.sub(rb' d="[^"]*"', lambda path: _DECIMALS.sub(rb"\1", path[0]), svg)
 
 
 def _format_of(path: Path) -> str:
