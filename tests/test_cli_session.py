@@ -8,7 +8,7 @@ import pytest
 from recordings import recording
 
 from palpate.cli import session
-from palpate.cli.config import as_toml
+from palpate.results.toml import as_toml
 
 
 @pytest.fixture
