@@ -25,6 +25,7 @@ def print_identifications(
     figure: Path | None,
     *,
     as_json: bool,
+    folder: Path | None = None,
 ) -> None:
     """Print what a file gave: its identifications side by side, and what to know about them."""
     if as_json:
@@ -45,6 +46,8 @@ def print_identifications(
             say(console, f"{result.method}: {flag}", "yellow")
     if figure is not None:
         say_path(f"figure: {figure}", console)
+    if folder is not None:
+        say_path(f"report: {folder / 'report.html'}", console)
 
 
 def _print_result(result: Identification, console: Terminal) -> None:
