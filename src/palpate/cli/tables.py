@@ -57,13 +57,13 @@ def _print_result(result: Identification, console: Terminal) -> None:
         print_verdict(part, console, name=when(part))
     console.print()
     print_working_depths(result, console)
-    if result.stretches:
+    if stretches_of(result):
         console.print()
         print_stretches(result, console)
-        print_places(result, console)
     console.print()
     print_law(result, console)
     say(console, _quality(result))
+    print_places(result, console)
     _print_surface(result, console)
     if result.noticed is not None:
         say(console, _noticed(result))
