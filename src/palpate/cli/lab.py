@@ -99,7 +99,7 @@ def lab(
         from palpate.cli.layout import say_path
         from palpate.figures.rig import save_rig
 
-        say_path(f"picture, {save_rig(bench, picture)}: {picture}", console)
+        say_path(console, f"picture, {save_rig(bench, picture)}: {picture}")
 
 
 def _check_picture(picture: Path, instruments: Instruments) -> None:
@@ -189,10 +189,10 @@ def _print(measurement: "Measurement", output: Path, console: Terminal) -> None:
 
     contact, truth = measurement.contact, measurement.truth
     say(console, f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s")
-    say_path(f"truth: {contact.provenance['truth']}", console)
+    say_path(console, f"truth: {contact.provenance['truth']}")
     say(
         console,
         f"peak penetration {1e3 * truth.penetration.max():.2f} mm, fastest "
         f"{1e3 * abs(truth.velocity).max():.1f} mm/s, peak force {truth.force.max():.2f} N",
     )
-    say_path(f"recording: {output}", console)
+    say_path(console, f"recording: {output}")
