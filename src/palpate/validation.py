@@ -79,6 +79,54 @@ def instance(name: str, value: Any, kinds: type | tuple[type, ...]) -> None:
         raise InvalidParameterError(f"{name} must be a {words}, not {shown(value)}")
 
 
+def real_array(name: str, values: ArrayLike) -> Floats:
+    """``values`` as a float array of any shape; masked ones are refused."""
+    unmasked(name, values)
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind not in "fiub":
+            raise TypeError
+        return array.astype(np.float64, copy=False)
+    except Exception:  # an object's own __array__ may raise anything
+        raise InvalidParameterError(
+            f"{name} must be a number, or an array of numbers, not {shown(values)}"
+        ) from None
+
+
+def in_contact(depth: ArrayLike, velocity: ArrayLike = 0.0) -> tuple[Floats, Floats]:
+    """Depths in (0, 1e100] m and finite velocities, m/s, broadcast to one shape.
+
+    Raises
+    ------
+    InvalidParameterError
+        It names the first value that is not so.
+    """
+    if isinstance(depth, float | int) and isinstance(velocity, float | int):  # the usual case
+        x = number_in("depth", depth, 0.0, 1e100, open_low=True)
+        return np.array(x), np.array(number("velocity", velocity))
+    depths, speeds = real_array("depth", depth), real_array("velocity", velocity)
+    all_good("depth", depths, (depths > 0.0) & (depths <= 1e100), "in (0, 1e+100]")
+    all_good("velocity", speeds, np.isfinite(speeds), "finite")
+    try:
+        both = np.broadcast_arrays(depths, speeds)
+    except ValueError:
+        raise InvalidParameterError(
+            "depth and velocity must be of shapes that go together, not "
+            f"{depths.shape} and {speeds.shape}"
+        ) from None
+    return both[0], both[1]
+
+
+def all_good(name: str, values: Floats, good: NDArray[np.bool_], range_: str) -> None:
+    """Refuse an array unless every value is good, by the first that is not."""
+    if good.all():
+        return
+    first = int(np.argmin(good.reshape(-1)))
+    where = "" if values.ndim == 0 else f"; value {first} is not"
+    bad = values.reshape(-1)[first]
+    raise InvalidParameterError(f"{name} must be {range_}, not {bad:g}{where}")
+
+
 def unmasked(name: str, values: Any) -> None:
     """Refuse an array of which a mask hides some, since NumPy would pass over the mask."""
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
