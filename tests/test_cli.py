@@ -71,14 +71,16 @@ def test_json_says_beyond_that_only_how_the_numbers_were_made(run, good):
     """So that a field that goes, comes or changes its name is noticed."""
     whole = json.loads(run("identify", good, "--json")[1])
     assert sorted(whole) == [
-        "file", "gate", "provenance", "results", "samples", "scale", "schema_version", "touches",
+        "file", "gate", "palpate_version", "provenance", "remarks", "results", "samples", "scale",
+        "schema_version", "surface_deviation", "tare_deviation", "touches",
     ]  # fmt: skip
     assert sorted(whole["gate"]) == ["break_force", "make_force", "minimum_penetration"]
     assert sorted(whole["scale"]) == ["force", "penetration", "velocity"]
     [result] = whole["results"]
     expected = ["changes", "contact_samples", "flags", "law", "method", "standard_errors"]
     expected += ["offset", "offset_standard_error", *MEASURES]
-    expected += ["verdict", "working_depth", "findings", "episodes", "rejected_samples"]
+    expected += ["verdict", "working_depth", "working_depths", "findings", "episodes"]
+    expected += ["rejected_samples", "correlations"]
     assert sorted(result) == sorted(expected)
 
 

@@ -9,10 +9,20 @@ from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from palpate._core import Status
 from palpate.contact import Contact
-from palpate.diagnosis import Data, Diagnosis, Episode, diagnose_parts
+from palpate.diagnosis import (
+    Data,
+    Diagnosis,
+    Episode,
+    Quantity,
+    WorkingDepth,
+    diagnose_parts,
+    stacked,
+)
+from palpate.diagnosis.fit import DEEP
 from palpate.error_bars import widening
 from palpate.errors import RecordingError
 from palpate.estimate import Estimate
@@ -27,9 +37,10 @@ from palpate.preparation.suggestions import choose_gate
 from palpate.preparation.velocity import window_samples
 from palpate.refusals import check_approach, why_nothing
 from palpate.replaying import choices, estimator_of, replayed, with_surface_off
+from palpate.results.description import of_one
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.trace import Trace
-from palpate.validation import Floats, number_in
+from palpate.validation import Floats, number_in, positive
 
 _Placed: TypeAlias = tuple[Place, Contact]
 
@@ -77,21 +88,73 @@ class Identification:
     def diagnosis(self) -> Diagnosis:
         """What may be wrong, and how far to trust it; worked out when it is first asked for."""
         data = self.data or Data(self.contact)
-        depth = self._firm_depth() if self.depth is None else self.depth
-        return diagnose_parts(data, self.trace, self.estimate, depth=depth)
+        return diagnose_parts(data, self.trace, self.estimate, depths=self._depths)
 
-    def _firm_depth(self) -> float | None:
-        """Median penetration of the samples taken that a gate would take, m.
+    @cached_property
+    def _depths(self) -> tuple[float, ...]:
+        """Working depth, and the 90th percentile of the penetration, m.
 
-        A method that chooses its samples takes light ones too: a probe that rests at the surface
-        would leave its working depth there, and that of no other method. None: of all taken.
+        Of the samples taken that a gate would take: a method that chooses its samples takes light
+        ones too, and a probe that rests at the surface would leave its working depth there.
         """
-        if not self.estimator.chooses_samples:
-            return None
-        gate, contact = choose_gate(self.contact), self.contact
-        firm = (contact.penetration > gate.minimum_penetration) & (contact.force > gate.make_force)
-        depth = contact.penetration[firm & self.trace.taken] - self.estimate.surface
-        return float(np.median(depth)) if depth.size and np.median(depth) > 0.0 else None
+        contact, inside = self.contact, self.trace.taken
+        if self.estimator.chooses_samples:
+            gate = choose_gate(contact)
+            firm = contact.penetration > gate.minimum_penetration
+            inside = inside & firm & (contact.force > gate.make_force)
+        penetration = contact.penetration[inside] - self.estimate.surface
+        depths = np.percentile(penetration, (50.0, DEEP)).tolist() if penetration.size else []
+        if not all(depth > 0.0 for depth in depths):
+            depths = []
+        if self.depth is not None:
+            depths[:1] = [self.depth]
+        return tuple(depths)
+
+    @property
+    def working_depths(self) -> tuple[WorkingDepth, ...]:
+        """Force, stiffness and damping at the working depth and at the 90th percentile, SI."""
+        return self.diagnosis.working_depths
+
+    def at(self, depth: ArrayLike) -> WorkingDepth:
+        """Force, stiffness and damping at other depths, each with both error bars, SI.
+
+        Those of the diagnosis: what repeats, and what the causes that were found would move. It is
+        made once more, so ask for many depths at once.
+
+        Parameters
+        ----------
+        depth : float or array_like
+            Below the surface, m, > 0. Beyond the depths in contact the law is extrapolated, and
+            the error bars hold only as far as the law does.
+
+        Returns
+        -------
+        WorkingDepth
+            Its numbers are arrays of the shape of ``depth``, or floats for a float.
+
+        Raises
+        ------
+        InvalidParameterError
+            A depth is not a finite number > 0.
+        """
+        wanted = positive("depth", depth)
+        data = self.data or Data(self.contact)
+        first = self.diagnosis.working_depth.depth
+        depths = (first, *wanted.reshape(-1).tolist())
+        found = diagnose_parts(data, self.trace, self.estimate, depths=depths).working_depths[1:]
+        return stacked(found, wanted.shape)
+
+    def force_at(self, depth: ArrayLike) -> Quantity:
+        """Force at depths [m] and at rest, N, with both error bars; see :meth:`at`."""
+        return self.at(depth).force
+
+    def stiffness_at(self, depth: ArrayLike) -> Quantity:
+        """∂F/∂x at depths [m] and at rest, N/m, with both error bars; see :meth:`at`."""
+        return self.at(depth).stiffness
+
+    def damping_at(self, depth: ArrayLike) -> Quantity:
+        """∂F/∂v at depths [m], N·s/m, with both error bars; see :meth:`at`."""
+        return self.at(depth).damping
 
     def at_depth(self, depth: float) -> "Identification":
         """Return the same with another working depth, m, for its diagnosis."""
@@ -105,7 +168,7 @@ class Identification:
         filter of the velocity smears over it. Without a change there are none. The whole is
         replayed once more with a change detector: when would a control loop have noticed?
         """
-        parts = (self._stretch(episode) for episode in self.diagnosis.episodes)
+        parts = (self.stretch(episode) for episode in self.diagnosis.episodes)
         found = tuple(part for part in parts if part is not None)
         return replace(self, stretches=found, noticed=self._watched())
 
@@ -132,7 +195,8 @@ class Identification:
         """An estimator of the same settings, but for those that were chosen from these data."""
         return self.estimator.replace(**dict.fromkeys(self.chosen))
 
-    def _stretch(self, episode: Episode) -> "Identification | None":
+    def stretch(self, episode: Episode) -> "Identification | None":
+        """Identify an episode of the diagnosis by itself; None where that cannot be."""
         smear = window_samples(self.contact.sample_time) * self.contact.sample_time
         with suppress(RecordingError):
             part = self.contact.window(episode.start + smear, episode.stop - smear)
@@ -163,40 +227,55 @@ class Identification:
         """The contact model, SI."""
         return self.estimate.law
 
-    @cached_property
+    @property
     def standard_errors(self) -> Floats:
-        """Standard errors of the law's parameters, SI, as wide as a correlated residual asks for.
+        """Standard errors of the law's parameters, SI: square roots of the variances."""
+        errors: Floats = np.sqrt(np.diag(self.covariance))
+        return errors
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Joint covariance of the law's parameters, SI, as wide as a correlated residual asks for.
 
         Those of the estimate, but for methods that take their residual for white, the paper's:
         there as much wider as its correlation makes the least squares of the samples that they took
         since their last restart. Where the preparation found the surface, with what the parameters
         are elsewhere when that is off by its deviation.
         """
-        own, contact = self._own_errors(), self.contact
+        widths, contact = self._widening(), self.contact
+        own: Floats = self.estimate.covariance * np.outer(widths, widths)
         deviation = contact.surface_deviation
         if deviation is None or self.estimate.surface_standard_error > 0.0:
             return own
-        moved = with_surface_off(contact, self.estimator.replace(), deviation)
-        errors: Floats = np.hypot(own, moved.parameters - self.estimate.parameters)
-        return errors if np.isfinite(errors).all() else own
+        off = with_surface_off(contact, self.estimator.replace(), deviation)
+        moved = off.parameters - self.estimate.parameters
+        whole: Floats = own + np.outer(moved, moved)
+        return whole if np.isfinite(whole).all() else own
 
-    def _own_errors(self) -> Floats:
-        """Those that the force leaves, were the surface known."""
+    @property
+    def correlations(self) -> Floats:
+        """Correlations of the law's parameters, shape (p, p); NaN beside one without an error."""
+        errors = self.standard_errors
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found: Floats = self.covariance / np.outer(errors, errors)
+        return found
+
+    def _widening(self) -> Floats:
+        """How much wider a correlated residual makes the method's own standard errors."""
         estimate, contact = self.estimate, self.contact
         if self.estimator.minimises is None:
-            return estimate.standard_errors
+            return np.ones(len(estimate.parameters))
         taken = np.flatnonzero(self.trace.taken)
         restarts = np.flatnonzero(self.trace.status == Status.RESTARTED)
         if restarts.size:
             taken = taken[taken >= restarts[-1]]
-        factors = widening(
+        return widening(
             estimate.law,
             contact.penetration[taken],
             contact.velocity[taken],
             contact.force[taken],
             logarithmic=self.estimator.minimises == "logarithm",
         )
-        return estimate.standard_errors * factors
 
     @property
     def gate(self) -> ContactGate:
@@ -226,14 +305,14 @@ class Identification:
         Where there are stretches, by the law of the one that began last.
         """
         contact, parts = self.contact, self.stretches
-        fitted = (parts[0] if parts else self).force_at(contact)
+        fitted = (parts[0] if parts else self).predicted_force(contact)
         for before, part in pairwise(parts):
             border = 0.5 * (before.contact.time[-1] + part.contact.time[0])
             begun = contact.time >= border
-            fitted[begun] = part.force_at(contact)[begun]
+            fitted[begun] = part.predicted_force(contact)[begun]
         return fitted
 
-    def force_at(self, contact: Contact) -> Floats:
+    def predicted_force(self, contact: Contact) -> Floats:
         """Force by the final law, and offset, at every sample of a contact, N."""
         estimate = self.estimate
         depth = contact.penetration - estimate.surface
@@ -254,49 +333,7 @@ class Identification:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and words; what is not defined is None."""
-        law = self.law
-        errors = self.standard_errors.tolist()
-        estimate, beside = self.estimate, {}
-        if estimate.offset_standard_error > 0.0:
-            beside["offset"] = estimate.offset
-            beside["offset_standard_error"] = estimate.offset_standard_error
-        if estimate.surface_standard_error > 0.0:
-            beside["surface"] = estimate.surface
-            beside["surface_standard_error"] = estimate.surface_standard_error
-        return {
-            "method": self.method,
-            **self.diagnosis.as_dict(),
-            "episodes": self._episodes(),
-            "law": {"kind": law.kind, **law.as_dict()},
-            "standard_errors": dict(zip(law.as_dict(), errors, strict=True)),
-            **beside,
-            "prediction_rmse_percent": _defined(self.prediction_rmse_percent),
-            "fit_rmse_percent": _defined(self.fit_rmse_percent),
-            "violated_fraction": _defined(self.violated_fraction),
-            "changes": self.changes.tolist(),
-            "contact_samples": int(np.count_nonzero(self.trace.taken)),
-            "rejected_samples": int(np.count_nonzero(self.trace.rejected)),
-            "flags": list(self.flags),
-        }
-
-    def _episodes(self) -> list[dict[str, Any]]:
-        """Each stretch by its own law; or as the change was found, with the verdict on it alone."""
-        if self.stretches:
-            return [stretch.as_episode() for stretch in self.stretches]
-        return [
-            {**episode.as_dict(), "verdict": part.diagnosis.verdict.as_dict() if part else None}
-            for episode in self.diagnosis.episodes
-            for part in (self._stretch(episode),)
-        ]
-
-    def as_episode(self) -> dict[str, Any]:
-        """Return it as one of the episodes of a longer contact."""
-        found, time = self.diagnosis, self.contact.time
-        own = Episode(float(time[0]), float(time[-1]), self.law, found.working_depth)
-        there: dict[str, Any] = {}
-        if self.place is not None:
-            there = {"kind": "place", "place": self.place.as_dict()}
-        return {**own.as_dict(), "verdict": found.verdict.as_dict(), **there}
+        return of_one(self)
 
 
 def identify(
@@ -402,7 +439,3 @@ def compare(
         estimator = estimator.replace(**own)
         results[name] = _identified(data, estimator)
     return results
-
-
-def _defined(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -4,13 +4,16 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.diagnosis import MARKS, Quantity
-from palpate.identification import Identification
 from palpate.metrics import rmse_percent
+
+if TYPE_CHECKING:
+    from palpate.identification import Identification
 
 EXCLUDED = 3.0  # standard errors of the difference
 
@@ -37,7 +40,7 @@ class Ranking:
     exclusions: tuple[str, ...]
 
 
-def rank(results: Mapping[str, Identification]) -> Ranking:
+def rank(results: "Mapping[str, Identification]") -> Ranking:
     """Rank what :func:`palpate.compare` returned.
 
     Parameters
@@ -55,12 +58,12 @@ def rank(results: Mapping[str, Identification]) -> Ranking:
     return Ranking(order, best, failing, tuple(each for each in words if each))
 
 
-def fails(result: Identification) -> bool:
+def fails(result: "Identification") -> bool:
     """Whether the method's answer is not the least squares of its own law on these samples."""
     return any(f.check == "method" and f.severity != "note" for f in result.diagnosis.findings)
 
 
-def _badness(result: Identification, common: NDArray[np.bool_]) -> tuple[int, int, int, float]:
+def _badness(result: "Identification", common: NDArray[np.bool_]) -> tuple[int, int, int, float]:
     verdict = result.diagnosis.verdict
     marks = [MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)]
     # On the samples that every method took: variable projection takes light ones too.
@@ -69,7 +72,7 @@ def _badness(result: Identification, common: NDArray[np.bool_]) -> tuple[int, in
     return marks[0], marks[1], marks[2], round(fit, 1) if math.isfinite(fit) else math.inf
 
 
-def _exclusion(one: Identification, other: Identification) -> str | None:
+def _exclusion(one: "Identification", other: "Identification") -> str | None:
     first, second = one.diagnosis.working_depth, other.diagnosis.working_depth
     words = []
     for name, a, b in (

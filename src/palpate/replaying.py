@@ -69,7 +69,10 @@ def with_surface_off(contact: Contact, estimator: ContactEstimator, deviation: f
 
 
 def replayed(contact: Contact, estimator: ContactEstimator) -> Trace:
-    """Replay a contact, a segment at a time; the estimator has then learned all of it."""
+    """Replay a contact, a segment at a time; the estimator has then learned all of it.
+
+    The trace has the contact's clock.
+    """
     steps = contact.time_steps
     traces = []
     for part in contact.segments():
@@ -79,6 +82,6 @@ def replayed(contact: Contact, estimator: ContactEstimator) -> Trace:
                 contact.penetration[part], contact.velocity[part], contact.force[part], steps[part]
             )
         )
-    if len(traces) == 1:
-        return traces[0]
-    return Trace.joined(traces, len(estimator.law_type.symbols))
+    size = len(estimator.law_type.symbols)
+    trace = traces[0] if len(traces) == 1 else Trace.joined(traces, size)
+    return replace(trace, time=contact.time)

@@ -1,7 +1,7 @@
 """What a replay wrote down, sample by sample."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ class Trace:
         Condition 10 as 1 − |v B/K| / 0.1, with the estimates in place of the truth.
     status : numpy.ndarray of uint8, shape (k,)
         A :class:`Status` each.
+    time : numpy.ndarray, shape (k,)
+        s, of :func:`palpate.identify`; empty where a replay was given no clock.
     """
 
     parameters: NDArray[np.float64]
@@ -32,6 +34,7 @@ class Trace:
     predicted_force: NDArray[np.float64]
     validity_margin: NDArray[np.float64]
     status: NDArray[np.uint8]
+    time: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def empty(cls, samples: int, size: int) -> "Trace":
@@ -72,6 +75,7 @@ class Trace:
             self.predicted_force[window],
             self.validity_margin[window],
             self.status[window],
+            self.time[window],
         )
 
     @property

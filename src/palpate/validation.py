@@ -163,6 +163,24 @@ def signals(**arrays: ArrayLike) -> tuple[Floats, ...]:
     return tuple(checked.values())
 
 
+def positive(name: str, values: ArrayLike) -> Floats:
+    """``values``, of any shape, as floats that are all finite and > 0."""
+    unmasked(name, values)
+    try:
+        given = np.asarray(values)
+        if given.dtype.kind not in "fiub":
+            raise TypeError
+        array: Floats = given.astype(np.float64)
+    except Exception:  # an object's own __array__ may raise anything
+        raise InvalidParameterError(
+            f"{name} must be a number, or an array of numbers, not {shown(values)}"
+        ) from None
+    wrong = ~((array > 0.0) & np.isfinite(array))
+    if wrong.any():
+        raise InvalidParameterError(f"{name} must be finite and > 0, not {array[wrong].flat[0]}")
+    return array
+
+
 def covariance_matrix(name: str, value: ArrayLike, size: int) -> Floats:
     """A positive definite matrix from a scalar, a diagonal or a matrix."""
     try:

@@ -26,10 +26,10 @@ def diagnose(
         Print one JSON object instead of a table.
     """
     from palpate.cli.printing import print_json
-    from palpate.cli.tables import as_dict
     from palpate.cli.verdicts import print_diagnosis
     from palpate.estimators import estimator_named
     from palpate.identification import identify as run
+    from palpate.results.description import described
 
     reading, judging = reading or Reading(), judging or Judging()
     depth, kind = judging.depth, estimator_named(method)
@@ -37,7 +37,7 @@ def diagnose(
     result = run(contact, kind(**reading.settings(contact, kind)))
     result = result if depth is None else result.at_depth(depth)
     if as_json:
-        print_json(as_dict(files, [result]))
+        print_json(described(files, [result]))
     else:
         print_diagnosis(result)
     return judging.status([result.diagnosis.verdict])

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from rich.table import Table
 from rich.text import Text
@@ -14,12 +13,8 @@ from palpate.cli.verdicts import print_ranking, print_verdict
 from palpate.contact import Contact
 from palpate.identification import Identification
 from palpate.preparation.touches import touches_of
-from palpate.ranking import rank
 from palpate.recordings.truth import truth_of
-from palpate.settings import ContactGate
-
-#: Of the JSON; a field that goes, or means another thing, makes it the next.
-SCHEMA_VERSION = 1
+from palpate.results.description import described
 
 
 def new_table() -> Table:
@@ -36,7 +31,7 @@ def print_identifications(
 ) -> None:
     """Print what a file gave: its identifications side by side, and what to know about them."""
     if as_json:
-        print_json(as_dict(files, results))
+        print_json(described(files, results))
         return
     console = Terminal()
     _print_contact(results[0], console)
@@ -73,48 +68,6 @@ def _noticed(result: Identification) -> str:
     """When a control loop would have known of the changes."""
     times = ", ".join(f"{time:.4g} s" for time in result.changes)
     return f"the change detector, in a control loop, alarms at {times or 'no time'}"
-
-
-def as_dict(files: Sequence[Path], results: Sequence[Identification]) -> dict[str, Any]:
-    """Return what a file gave as plain numbers and words."""
-    first = results[0]
-    gate, scale, contact = _gate(results), first.scale, first.contact
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "file": ", ".join(map(str, files)),
-        **({"files": [str(file) for file in files]} if len(files) > 1 else {}),
-        "samples": len(contact),
-        "touches": [touch.as_dict() for touch in touches_of(contact)],
-        "provenance": dict(contact.provenance),
-        "gate": {
-            "minimum_penetration": gate.minimum_penetration,
-            "make_force": gate.make_force,
-            "break_force": gate.break_force,
-        },
-        "scale": {
-            "penetration": scale.penetration,
-            "velocity": scale.velocity,
-            "force": scale.force,
-        },
-        "results": [result.as_dict() for result in results],
-        **({"ranking": _ranking(results)} if len(results) > 1 else {}),
-    }
-
-
-def _gate(results: Sequence[Identification]) -> ContactGate:
-    """Return the gate of those methods that need one."""
-    gated = (result.gate for result in results if result.estimator.settings.get("gate"))
-    return next(gated, results[0].gate)
-
-
-def _ranking(results: Sequence[Identification]) -> dict[str, Any]:
-    ranking = rank({result.method: result for result in results})
-    return {
-        "recommended": ranking.recommended,
-        "order": list(ranking.order),
-        "failing": list(ranking.failing),
-        "exclusions": list(ranking.exclusions),
-    }
 
 
 def _print_contact(first: Identification, console: Terminal) -> None:

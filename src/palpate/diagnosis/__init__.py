@@ -15,6 +15,7 @@ from palpate.diagnosis.finding import (
     Quantity,
     Verdict,
     WorkingDepth,
+    stacked,
 )
 
 __all__ = [
@@ -27,4 +28,5 @@ __all__ = [
     "Verdict",
     "WorkingDepth",
     "diagnose_parts",
+    "stacked",
 ]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,8 @@ class Cause:
         For a person.
     remedy : str or None
         What to do.
+    moves : callable
+        Gives stiffness and damping for a fit, at its working depth.
     sure : bool
         Whether it may be named by itself.
     """
@@ -47,8 +49,14 @@ class Cause:
     damping: float
     parameter: float
     sentence: str
-    remedy: str | None = None
+    remedy: str | None
+    moves: "Moves"
     sure: bool = True
+
+    def moving(self, fit: Fit, moves: "Moves") -> "Cause":
+        """Return the same that moves stiffness and damping otherwise."""
+        stiffness, damping = moves(fit)
+        return replace(self, stiffness=stiffness, damping=damping, moves=moves)
 
     @property
     def family(self) -> str:
@@ -114,4 +122,6 @@ def of_parameter(fit: Fit, change: Floats) -> float:
     return moved
 
 
+#: How far something moves stiffness and damping at a fit's working depth, of their size.
+Moves = Callable[[Fit], tuple[float, float]]
 Search = Callable[[Fit], list[Cause]]

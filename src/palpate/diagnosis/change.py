@@ -232,7 +232,8 @@ def _judged(fit: Fit, cut: Cut) -> Changes | None:
         return None
     gain = 1.0 - float(residual @ residual) / max(fit.solution.energy, np.finfo(float).tiny)
     times = tuple(_to_the_sample(fit, cut, laws, k) for k in range(len(cut.borders)))
-    return Changes(_described(fit, values, times, min(wald), gain), times, laws, max(size))
+    local = [fit.units.local(law) for law in laws]
+    return Changes(_described(fit, local, times, min(wald), gain), times, laws, max(size))
 
 
 def _to_the_sample(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) -> float:
@@ -258,19 +259,23 @@ def _law(fit: Fit, cut: Cut, row: Floats) -> ForceLaw:
 
 
 def _described(
-    fit: Fit, values: list[float], times: tuple[float, ...], z: float, gain: float
+    fit: Fit, laws: list[ForceLaw], times: tuple[float, ...], z: float, gain: float
 ) -> Cause:
     when = ", ".join(f"{time:.3g} s" for time in times)
-    steps = " → ".join(f"{value:.3g}" for value in values)
-    pooled = fit.stiffness(fit.solution.law)
-    moved = max((value - pooled for value in values), key=abs) / fit.sizes[0]
+    steps = " → ".join(f"{fit.stiffness(law):.3g}" for law in laws)
+
+    def moves(other: Fit) -> tuple[float, float]:
+        pooled = other.stiffness(other.solution.law)
+        moved = max((other.stiffness(law) - pooled for law in laws), key=abs)
+        return moved / other.sizes[0], 0.0
+
     return Cause(
         "change",
         z,
         gain,
-        moved,
-        0.0,
+        *moves(fit),
         0.0,
         f"the material changes at {when}: stiffness at working depth {steps} N/m",
         "--changes identifies each stretch by itself",
+        moves,
     )

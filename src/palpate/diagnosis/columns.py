@@ -156,16 +156,16 @@ def columns(fit: Fit) -> list[Cause]:
 
 def cause_of(fit: Fit, name: str, result: Beside, sentence: str, remedy: str | None) -> Cause:
     """A cause from what its column gave."""
-    stiffness, damping = fit.moves(result.change)
+    change = result.change
     if not math.isfinite(result.z):
         result = Beside(result.change, result.amount, 0.0, 0.0)
     return Cause(
         name,
         result.z,
         result.gain,
-        stiffness,
-        damping,
-        of_parameter(fit, result.change),
+        *fit.moves(change),
+        of_parameter(fit, change),
         sentence,
         remedy,
+        lambda other: other.moves(change),
     )

@@ -1,7 +1,6 @@
 """Delay: the force late, or early, against the penetration."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,11 +42,7 @@ def _shifted(fit: Fit, late: float, fine: Beside, moved: Solution) -> Cause:
     change = np.zeros(before.jacobian.shape[1])
     change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
     cause = _described(fit, late, fine, Beside(change, late, fine.z, max(gain, fine.gain)))
-    return replace(
-        cause,
-        stiffness=(fit.stiffness(moved.law) - fit.stiffness(before.law)) / fit.sizes[0],
-        damping=(fit.damping(moved.law) - fit.damping(before.law)) / fit.sizes[1],
-    )
+    return cause.moving(fit, lambda other: other.between(before.law, moved.law))
 
 
 def _described(fit: Fit, late: float, fine: Beside, result: Beside) -> Cause:

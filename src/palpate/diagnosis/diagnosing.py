@@ -1,6 +1,7 @@
 """All checks together: from an identification's parts to its diagnosis."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,16 +30,16 @@ from palpate.diagnosis.marking import Judged, judge
 from palpate.diagnosis.memory import memory
 from palpate.diagnosis.misfit import (
     excitation,
+    extrapolation,
     method,
     misfit,
-    off_least_squares,
     offset,
     ratio,
-    standard_errors,
     unexplained,
 )
 from palpate.diagnosis.surface import has_free_air, surface
 from palpate.diagnosis.velocity_noise import velocity_noise
+from palpate.diagnosis.working_depth import nothing_known, working_depth
 from palpate.estimate import Estimate
 from palpate.trace import Trace
 
@@ -47,7 +48,7 @@ SEARCHES: tuple[Search, ...] = (columns, memory, delay, surface)
 
 
 def diagnose_parts(
-    data: Data, trace: Trace, estimate: Estimate, *, depth: float | None = None
+    data: Data, trace: Trace, estimate: Estimate, *, depths: Sequence[float] = ()
 ) -> Diagnosis:
     """Diagnose what an estimator made of a recording.
 
@@ -59,28 +60,32 @@ def diagnose_parts(
         Of the replay.
     estimate : Estimate
         At its end.
-    depth : float, optional
-        The working depth, m; the median penetration of the samples taken unless given.
+    depths : sequence of float
+        The working depth, which the verdict is about, and others, m, > 0. Unless given the median
+        and the 90th percentile of the penetration of the samples taken.
     """
     found = list(data.findings)
     with np.errstate(all="ignore"):  # a column of an absurd fit may overflow; it is then left out
-        fit = Fit(data, trace, estimate, depth)
+        fit = Fit(data, trace, estimate, depths[0] if depths else None)
+        others = depths[1:] if depths else fit.deeper
         try:
             if len(fit.band) >= FEWEST_ROWS // 2 and fit.finite:
-                return _diagnosed(fit, found)
+                return _diagnosed(fit, found, others)
         except np.linalg.LinAlgError:  # of a motion that says nothing, such as a probe held still
             pass
         found = [*data.findings, _nothing_to_check(fit)]
-        return _whole(found, _working_depth(fit, Judged([]), known=False), ())
+        return _whole(
+            found, tuple(nothing_known(fit.at_depth(d)) for d in (fit.depth, *others)), ()
+        )
 
 
-def _diagnosed(fit: Fit, found: list[Finding]) -> Diagnosis:
+def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagnosis:
     changed = changes(fit)
     causes: list[Cause] = [cause for search in SEARCHES for cause in search(fit)]
     if changed is not None:
         causes.append(changed.cause)
     judged = judge(causes, ratio(fit), unexplained(fit))
-    checks = (flat, left_out, method, excitation, offset, velocity_noise, misfit)
+    checks = (flat, left_out, method, excitation, offset, velocity_noise, misfit, extrapolation)
     wide = [check(fit) for check in checks]
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
@@ -88,8 +93,9 @@ def _diagnosed(fit: Fit, found: list[Finding]) -> Diagnosis:
     found += judged.findings
     found += [f for f in wide if f is not None and not (f.check == "offset" and named_surface)]
     found += _notes(fit)
-    working_depth = _working_depth(fit, _moved_by_velocity(judged, found), known=True)
-    return _whole(found, working_depth, _episodes(fit, changed))
+    judged = _moved_by_velocity(judged, found)
+    depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
+    return _whole(found, depths, _episodes(fit, changed))
 
 
 def _moved_by_velocity(judged: Judged, found: list[Finding]) -> Judged:
@@ -100,7 +106,7 @@ def _moved_by_velocity(judged: Judged, found: list[Finding]) -> Judged:
 
 
 def _whole(
-    found: list[Finding], working_depth: WorkingDepth, episodes: tuple[Episode, ...]
+    found: list[Finding], depths: tuple[WorkingDepth, ...], episodes: tuple[Episode, ...]
 ) -> Diagnosis:
     order: tuple[Mark | str, ...] = ("do-not-trust", "with-care", "note")
     sorted_ = sorted(found, key=lambda finding: order.index(finding.severity))
@@ -108,7 +114,7 @@ def _whole(
     stiffness = worst(*(finding.stiffness for finding in sorted_))
     damping = worst(*(finding.damping for finding in sorted_))
     overall = worst(*severities, stiffness, "with-care" if damping != "trust" else "trust")
-    return Diagnosis(Verdict(stiffness, damping, overall), tuple(sorted_), working_depth, episodes)
+    return Diagnosis(Verdict(stiffness, damping, overall), tuple(sorted_), depths, episodes)
 
 
 def _nothing_to_check(fit: Fit) -> Finding:
@@ -153,48 +159,6 @@ def _surface_said(fit: Fit) -> bool:
     contact = fit.data.contact
     said = any(remark.step == "surface" for remark in contact.remarks)
     return said or contact.surface_deviation is not None
-
-
-def _working_depth(fit: Fit, judged: Judged, *, known: bool) -> WorkingDepth:
-    law, depth = fit.estimate.law, fit.depth
-    force_error, stiffness_error, damping_error = (
-        _with_surface(fit, standard_errors(fit)) if known else (math.nan, math.nan, math.nan)
-    )
-    if not math.isfinite(depth):
-        nothing = Quantity(math.nan, math.nan, math.nan)
-        return WorkingDepth(depth, nothing, nothing, nothing)
-    sizes = fit.sizes if known else (0.0, 0.0)
-    off = [abs(each) for each in off_least_squares(fit)[:2]] if known else [0.0, 0.0]
-    return WorkingDepth(
-        depth,
-        Quantity(float(law.force(depth, 0.0)), force_error, 0.0),
-        Quantity(
-            law.stiffness_at(depth), stiffness_error, max(judged.stiffness, off[0]) * sizes[0]
-        ),
-        Quantity(law.damping_at(depth), damping_error, max(judged.damping, off[1]) * sizes[1]),
-    )
-
-
-def _with_surface(fit: Fit, errors: tuple[float, float, float]) -> tuple[float, float, float]:
-    """With how far the numbers move as the depth does, by the deviation of the surface.
-
-    The law holds at the place where the probe was; how deep that is, no fit knows better than it
-    knows the surface.
-    """
-    law, depth = fit.estimate.law, fit.depth
-    deviation = min(fit.data.contact.surface_deviation or 0.0, 0.5 * depth)
-    if not deviation > 0.0:
-        return errors
-    low, high = depth - deviation, depth + deviation
-    moves = (
-        float(law.force(high, 0.0)) - float(law.force(low, 0.0)),
-        law.stiffness_at(high) - law.stiffness_at(low),
-        law.damping_at(high) - law.damping_at(low),
-    )
-    force, stiffness, damping = (
-        math.hypot(error, 0.5 * move) for error, move in zip(errors, moves, strict=True)
-    )
-    return force, stiffness, damping
 
 
 def _episodes(fit: Fit, changed: Changes | None) -> tuple[Episode, ...]:

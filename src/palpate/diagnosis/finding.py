@@ -1,8 +1,11 @@
 """What a diagnosis says: findings, a verdict, and numbers at the working depth."""
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
+
+import numpy as np
 
 from palpate.force_laws import ForceLaw
 
@@ -88,7 +91,7 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number at the working depth, SI.
+    """A number with two error bars, SI; or arrays of them.
 
     Attributes
     ----------
@@ -144,6 +147,25 @@ class WorkingDepth:
         }
 
 
+def stacked(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDepth:
+    """Return the numbers at several depths as one, with arrays of a shape; floats for ()."""
+
+    def column(values: Iterable[float]) -> Any:
+        found = np.array(list(values)).reshape(shape)
+        return found if shape else float(found)
+
+    quantities = [
+        Quantity(
+            *(
+                column(getattr(getattr(depth, name), part) for depth in depths)
+                for part in ("value", "standard_error", "systematic")
+            )
+        )
+        for name in ("force", "stiffness", "damping")
+    ]
+    return WorkingDepth(column(depth.depth for depth in depths), *quantities)
+
+
 @dataclass(frozen=True, slots=True)
 class Episode:
     """A stretch of time in which the material stayed as it was.
@@ -185,16 +207,23 @@ class Diagnosis:
         On the stiffness and the damping at working depth, and overall.
     findings : tuple of Finding
         The gravest first.
-    working_depth : WorkingDepth
-        Force, stiffness and damping at the median penetration, with both error bars.
+    working_depths : tuple of WorkingDepth
+        Force, stiffness and damping with both error bars: at the working depth, which the verdict
+        is about and is the median penetration unless another is asked for; then at the 90th
+        percentile of the penetration.
     episodes : tuple of Episode
         One for each stretch between changes of the material; empty where none was found.
     """
 
     verdict: Verdict
     findings: tuple[Finding, ...]
-    working_depth: WorkingDepth
+    working_depths: tuple[WorkingDepth, ...]
     episodes: tuple[Episode, ...] = ()
+
+    @property
+    def working_depth(self) -> WorkingDepth:
+        """Numbers at the working depth."""
+        return self.working_depths[0]
 
     @property
     def reason(self) -> str:
@@ -215,6 +244,7 @@ class Diagnosis:
         return {
             "verdict": self.verdict.as_dict(),
             "working_depth": self.working_depth.as_dict(),
+            "working_depths": [depth.as_dict() for depth in self.working_depths],
             "findings": [finding.as_dict() for finding in self.findings],
             "episodes": [episode.as_dict() for episode in self.episodes],
         }

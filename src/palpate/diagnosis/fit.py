@@ -1,6 +1,7 @@
 """The law fitted once more, in the motion's band, and all that its checks ask of that fit."""
 
 import math
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from palpate.validation import Floats
 
 EXPONENTS = (0.2, 6.0)  # beyond what any material shows; keeps powers finite
 MOST_STEPS = 25
+DEEP = 90.0  # percentile of the penetration that is looked at beside the working depth
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +95,8 @@ class Fit:
         x, v = self.penetration[self.inside], data.velocity[self.inside]
         self.reference = float(np.median(x)) if x.size else math.nan
         self.depth = self.reference if depth is None else depth
+        self.range = (float(x.min()), float(x.max())) if x.size else (math.nan, math.nan)
+        self.deeper = (float(np.percentile(x, DEEP)),) if x.size else (math.nan,)
         self.speed = float(np.sqrt(np.mean(v**2))) or 1.0
         self.period = 2.0 * math.pi * float(np.std(x)) / self.speed
         hunt_crossley = isinstance(estimate.law, HuntCrossley)
@@ -109,6 +113,14 @@ class Fit:
         segment, sample_time = self.data.segment[kept], self.data.sample_time
         band = band_of(self.inside[kept], segment, self.period, sample_time)
         return replace(band, samples=kept[band.samples])
+
+    def at_depth(self, depth: float) -> "Fit":
+        """Return the same fit, which is not made again, with another working depth, m."""
+        other = copy(self)
+        other.depth = depth
+        for name in ("gradients", "sizes"):  # cached, and of the depth
+            other.__dict__.pop(name, None)
+        return other
 
     @cached_property
     def finite(self) -> bool:
@@ -206,6 +218,13 @@ class Fit:
         return (
             max(abs(self.stiffness(law)), 0.1 * force / self.depth),
             max(abs(self.damping(law)), 0.1 * force / self.speed),
+        )
+
+    def between(self, before: ForceLaw, after: ForceLaw) -> tuple[float, float]:
+        """Relative moves of stiffness and damping from one law in local units to another."""
+        return (
+            (self.stiffness(after) - self.stiffness(before)) / self.sizes[0],
+            (self.damping(after) - self.damping(before)) / self.sizes[1],
         )
 
     def moves(self, change: Floats) -> tuple[float, float]:

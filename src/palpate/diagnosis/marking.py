@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from palpate.diagnosis.cause import SIGNIFICANT, Cause
 from palpate.diagnosis.finding import Finding, Mark, severity_of, worst
+from palpate.diagnosis.fit import Fit
 
 # How far a cause moves the numbers: judgement, not calibration.
 CARE = 0.05
@@ -25,13 +26,21 @@ class Judged:
     ----------
     findings : list of Finding
         One for each significant cause, the named one first.
-    stiffness, damping : float
-        Systematic part, of their size.
+    counted : tuple of (Cause, float)
+        The causes that may have moved stiffness and damping, each with its weight.
+    damping : float
+        Least systematic part of the damping, of its size.
     """
 
     findings: list[Finding]
-    stiffness: float = 0.0
+    counted: tuple[tuple[Cause, float], ...] = ()
     damping: float = 0.0
+
+    def systematic(self, fit: Fit) -> tuple[float, float]:
+        """Systematic parts of stiffness and damping at the fit's working depth, of their size."""
+        moved = [(weight, *cause.moves(fit)) for cause, weight in self.counted]
+        stiffness = max((weight * abs(s) for weight, s, _ in moved), default=0.0)
+        return stiffness, max((self.damping, *(weight * abs(c) for weight, _, c in moved)))
 
 
 def judge(causes: list[Cause], ratio: float, unexplained: float) -> Judged:
@@ -64,11 +73,7 @@ def judge(causes: list[Cause], ratio: float, unexplained: float) -> Judged:
             continue
         relative = rival.gain / highest
         counted.append((rival, 1.0 if relative > ALIKE else 0.5 * relative))
-    return Judged(
-        findings,
-        max((weight * abs(cause.stiffness) for cause, weight in counted), default=0.0),
-        max((weight * abs(cause.damping) for cause, weight in counted), default=0.0),
-    )
+    return Judged(findings, tuple(counted))
 
 
 def _named(significant: list[Cause], unexplained: float) -> Cause:

@@ -1,6 +1,7 @@
 """Memory: a branch that relaxes, as viscoelastic materials have."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,16 +39,20 @@ def memory(fit: Fit) -> list[Cause]:
         return []
     cause = cause_of(fit, "memory", best, "", "")
     turn = 2.0 * math.pi * time / fit.period
-    part = best.amount / (1.0 + turn**2)
-    slope = law.stiffness_at(fit.depth / fit.units.depth) / fit.units.depth / at_depth
-    stiffness = cause.stiffness + part * turn**2 * slope / fit.sizes[0]
-    damping = cause.damping + part * time * slope / fit.sizes[1]
+    part, change = best.amount / (1.0 + turn**2) / at_depth, best.change
+
+    def moves(other: Fit) -> tuple[float, float]:
+        stiffness, damping = other.moves(change)
+        slope = part * other.stiffness(law)
+        by_branch = turn**2 * slope / other.sizes[0], time * slope / other.sizes[1]
+        return stiffness + by_branch[0], damping + by_branch[1]
+
     sentence = (
         f"the material remembers for about {time:.2g} s: its stiffness is that at "
         f"{1.0 / fit.period:.2g} Hz"
     )
     remedy = "move as fast as the task will, or hold longer; no law here has memory"
-    return [Cause("memory", cause.z, cause.gain, stiffness, damping, 0.0, sentence, remedy)]
+    return [replace(cause.moving(fit, moves), parameter=0.0, sentence=sentence, remedy=remedy)]
 
 
 def relaxed(drive: Floats, steps: Floats, tau: float, sample_time: float) -> Floats:

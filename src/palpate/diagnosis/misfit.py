@@ -101,6 +101,21 @@ def excitation(fit: Fit) -> Finding | None:
     )
 
 
+def extrapolation(fit: Fit) -> Finding | None:
+    """The working depth that is asked for is not among the depths of the recording."""
+    least, peak = fit.range
+    if least <= fit.depth <= peak:
+        return None
+    return Finding(
+        "depth",
+        f"the working depth, {in_words(fit.depth, 'm')}, lies outside the depths in contact, "
+        f"{in_words(least, 'm')} to {in_words(peak, 'm')}: the law is extrapolated",
+        "choose another with --at, or press as deep",
+        stiffness="with-care",
+        damping="with-care",
+    )
+
+
 def standard_errors(fit: Fit) -> tuple[float, float, float]:
     """Of force, stiffness and damping at the working depth, SI."""
     names = len(fit.solution.law.symbols)

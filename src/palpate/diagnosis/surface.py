@@ -58,8 +58,15 @@ def surface(fit: Fit) -> list[Cause]:
 def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
     k, c, n, _, depth = found.tolist()
     before, reference = fit.solution.law, fit.reference
-    at = max(fit.depth / reference - depth, 0.05)
-    stiffness, damping = n * k * at ** (n - 1.0) / reference, c * at**n / fit.speed
+
+    def moves(other: Fit) -> tuple[float, float]:
+        at = max(other.depth / reference - depth, 0.05)
+        stiffness, damping = n * k * at ** (n - 1.0) / reference, c * at**n / other.speed
+        return (
+            (stiffness - other.stiffness(before)) / other.sizes[0],
+            (damping - other.damping(before)) / other.sizes[1],
+        )
+
     after = fit.units.restored(HuntCrossley(k, c, n)).parameters / fit.law.parameters - 1.0
     way = "deeper than" if depth > 0.0 else "above where"
     sentence = (
@@ -71,11 +78,11 @@ def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
         "surface",
         abs(depth) / max(error, 1e-300),
         gain,
-        (stiffness - fit.stiffness(before)) / fit.sizes[0],
-        (damping - fit.damping(before)) / fit.sizes[1],
+        *moves(fit),
         abs((n - before.parameters[2]) * math.log(reference)) + n * abs(depth),
         sentence,
         "--surface estimate",
+        moves,
     )
 
 

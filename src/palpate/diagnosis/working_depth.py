@@ -1,0 +1,62 @@
+"""Force, stiffness and damping at a depth, with what they may be wrong by."""
+
+import math
+
+from palpate.diagnosis.finding import Quantity, WorkingDepth
+from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.marking import Judged
+from palpate.diagnosis.misfit import off_least_squares, standard_errors
+
+
+def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
+    """Return the numbers at the fit's working depth.
+
+    Parameters
+    ----------
+    fit : Fit
+        At its working depth.
+    judged : Judged
+        The causes that may move them.
+    """
+    errors = _with_surface(fit, standard_errors(fit))
+    off = [abs(each) for each in off_least_squares(fit)[:2]]
+    found = judged.systematic(fit)
+    moved = [max(a, b) * size for a, b, size in zip(found, off, fit.sizes, strict=True)]
+    return _numbers(fit, errors, (0.0, *moved))
+
+
+def nothing_known(fit: Fit) -> WorkingDepth:
+    """Return the numbers at the working depth of a fit that could not be checked."""
+    unknown = (math.nan, math.nan, math.nan)
+    return _numbers(fit, unknown, (0.0, 0.0, 0.0) if math.isfinite(fit.depth) else unknown)
+
+
+def _numbers(fit: Fit, errors: tuple[float, ...], moved: tuple[float, ...]) -> WorkingDepth:
+    law, depth = fit.estimate.law, fit.depth
+    values = (math.nan, math.nan, math.nan)
+    if math.isfinite(depth):
+        values = float(law.force(depth, 0.0)), law.stiffness_at(depth), law.damping_at(depth)
+    quantities = (Quantity(*each) for each in zip(values, errors, moved, strict=True))
+    return WorkingDepth(depth, *quantities)
+
+
+def _with_surface(fit: Fit, errors: tuple[float, float, float]) -> tuple[float, float, float]:
+    """With how far the numbers move as the depth does, by the deviation of the surface.
+
+    The law holds at the place where the probe was; how deep that is, no fit knows better than it
+    knows the surface.
+    """
+    law, depth = fit.estimate.law, fit.depth
+    deviation = min(fit.data.contact.surface_deviation or 0.0, 0.5 * depth)
+    if not deviation > 0.0:
+        return errors
+    low, high = depth - deviation, depth + deviation
+    moves = (
+        float(law.force(high, 0.0)) - float(law.force(low, 0.0)),
+        law.stiffness_at(high) - law.stiffness_at(low),
+        law.damping_at(high) - law.damping_at(low),
+    )
+    force, stiffness, damping = (
+        math.hypot(error, 0.5 * move) for error, move in zip(errors, moves, strict=True)
+    )
+    return force, stiffness, damping

@@ -1,0 +1,134 @@
+"""What was identified, as plain numbers and words: the object that ``--json`` prints.
+
+``docs/results.md`` says what each field means.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from palpate.diagnosis import Episode
+from palpate.preparation.touches import touches_of
+from palpate.ranking import rank
+from palpate.validation import Floats
+
+if TYPE_CHECKING:
+    from palpate.identification import Identification
+    from palpate.settings import ContactGate
+
+#: A field that goes, or means another thing, makes it the next.
+SCHEMA_VERSION = 1
+
+
+def described(files: Sequence[Path], results: "Sequence[Identification]") -> dict[str, Any]:
+    """Return what files gave, by one method or by several.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        Where the contact came from; may be empty.
+    results : sequence of Identification
+        Of one contact, a method each.
+    """
+    first = results[0]
+    gate, scale, contact = _gate(results), first.scale, first.contact
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "palpate_version": version("palpate"),
+        "file": ", ".join(map(str, files)) or contact.source,
+        **({"files": [str(file) for file in files]} if len(files) > 1 else {}),
+        "samples": len(contact),
+        "touches": [touch.as_dict() for touch in touches_of(contact)],
+        "provenance": dict(contact.provenance),
+        "remarks": [asdict(remark) for remark in contact.remarks],
+        "tare_deviation": contact.tare_deviation,
+        "surface_deviation": contact.surface_deviation,
+        "gate": {
+            "minimum_penetration": gate.minimum_penetration,
+            "make_force": gate.make_force,
+            "break_force": gate.break_force,
+        },
+        "scale": {
+            "penetration": scale.penetration,
+            "velocity": scale.velocity,
+            "force": scale.force,
+        },
+        "results": [result.as_dict() for result in results],
+        **({"ranking": _ranking(results)} if len(results) > 1 else {}),
+    }
+
+
+def of_one(result: "Identification") -> dict[str, Any]:
+    """Return what one method gave; what is not defined is None."""
+    law, estimate, trace = result.law, result.estimate, result.trace
+    beside: dict[str, float] = {}
+    for name in ("offset", "surface"):
+        error = getattr(estimate, f"{name}_standard_error")
+        if error > 0.0:
+            beside |= {name: getattr(estimate, name), f"{name}_standard_error": error}
+    return {
+        "method": result.method,
+        **result.diagnosis.as_dict(),
+        "episodes": _episodes(result),
+        "law": {"kind": law.kind, **law.as_dict()},
+        "standard_errors": dict(zip(law.as_dict(), result.standard_errors.tolist(), strict=True)),
+        "correlations": _correlations(result.correlations),
+        **beside,
+        "prediction_rmse_percent": _defined(result.prediction_rmse_percent),
+        "fit_rmse_percent": _defined(result.fit_rmse_percent),
+        "violated_fraction": _defined(result.violated_fraction),
+        "changes": result.changes.tolist(),
+        "contact_samples": int(np.count_nonzero(trace.taken)),
+        "rejected_samples": int(np.count_nonzero(trace.rejected)),
+        "flags": list(result.flags),
+    }
+
+
+def _episodes(result: "Identification") -> list[dict[str, Any]]:
+    """Each stretch by its own law; or as the change was found, with the verdict on it alone."""
+    if result.stretches:
+        return [_episode(stretch) for stretch in result.stretches]
+    return [
+        {**episode.as_dict(), "verdict": part.diagnosis.verdict.as_dict() if part else None}
+        for episode in result.diagnosis.episodes
+        for part in (result.stretch(episode),)
+    ]
+
+
+def _episode(stretch: "Identification") -> dict[str, Any]:
+    """One of the episodes of a longer contact."""
+    found, time = stretch.diagnosis, stretch.contact.time
+    own = Episode(float(time[0]), float(time[-1]), stretch.law, found.working_depth)
+    there: dict[str, Any] = {}
+    if stretch.place is not None:
+        there = {"kind": "place", "place": stretch.place.as_dict()}
+    return {**own.as_dict(), "verdict": found.verdict.as_dict(), **there}
+
+
+def _gate(results: "Sequence[Identification]") -> "ContactGate":
+    """Return the gate of those methods that need one."""
+    gated = (result.gate for result in results if result.estimator.settings.get("gate"))
+    return next(gated, results[0].gate)
+
+
+def _ranking(results: "Sequence[Identification]") -> dict[str, Any]:
+    ranking = rank({result.method: result for result in results})
+    return {
+        "recommended": ranking.recommended,
+        "order": list(ranking.order),
+        "failing": list(ranking.failing),
+        "exclusions": list(ranking.exclusions),
+    }
+
+
+def _correlations(matrix: Floats) -> list[list[float | None]]:
+    return [[_defined(value) for value in row] for row in matrix.tolist()]
+
+
+def _defined(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,87 @@
+"""Force, stiffness and damping at any depth, with the error bars of the diagnosis."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cases import exciting
+
+import palpate
+from palpate.errors import InvalidParameterError
+
+HARD = palpate.HuntCrossley(228e3, 2e3, 2.0)
+EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return palpate.identify(EXAMPLES / "ball.csv")
+
+
+@pytest.fixture(scope="module")
+def late():
+    """A force that is 3 ms late: the verdict is no trust, and the damping is off."""
+    signals = exciting(HARD, seconds=4.0, noise=0.02, seed=3)
+    return palpate.identify(
+        palpate.Contact(
+            np.arange(len(signals.force)) * 1e-3,
+            penetration=signals.penetration,
+            velocity=signals.velocity,
+            force=np.roll(signals.force, 3),
+        )
+    )
+
+
+def test_the_working_depths_are_the_median_and_the_90th_percentile(ball):
+    taken = ball.contact.penetration[ball.trace.taken]
+    depths = [depth.depth for depth in ball.working_depths]
+    # A gate leaves the lightest samples out of them: a thousandth of the depth.
+    assert depths == pytest.approx(np.percentile(taken, [50, 90]), rel=2e-3)
+    assert ball.diagnosis.working_depth is ball.working_depths[0]
+
+
+def test_numbers_at_many_depths_are_those_of_a_diagnosis_at_each(late):
+    depths = np.array([[4e-3, 8e-3], [9e-3, 12e-3]])
+    found = late.at(depths)
+    assert found.depth.shape == found.stiffness.value.shape == (2, 2)
+    for place, depth in np.ndenumerate(depths):
+        alone = late.at_depth(depth).diagnosis.working_depth
+        for name in ("force", "stiffness", "damping"):
+            many, one = getattr(found, name), getattr(alone, name)
+            for part in ("value", "standard_error", "systematic"):
+                assert getattr(many, part)[place] == pytest.approx(getattr(one, part), rel=1e-12)
+    assert found.damping.systematic.min() > 0.0
+
+
+def test_one_depth_gives_plain_numbers(ball):
+    stiffness = ball.stiffness_at(8e-3)
+    assert isinstance(stiffness.value, float)
+    assert stiffness.value == pytest.approx(ball.law.stiffness_at(8e-3))
+    assert ball.damping_at(8e-3).value == pytest.approx(ball.law.damping_at(8e-3))
+    assert ball.force_at(8e-3).value == pytest.approx(ball.law.force(8e-3, 0.0))
+
+
+@pytest.mark.parametrize("depth", [0.0, -1e-3, np.nan, "deep", [1e-3, np.inf], 1j])
+def test_a_depth_is_a_number_above_zero(ball, depth):
+    with pytest.raises(InvalidParameterError, match="depth must be"):
+        ball.at(depth)
+
+
+def test_a_working_depth_that_was_not_reached_is_said(ball):
+    there = ball.at_depth(50e-3).diagnosis
+    assert there.verdict.stiffness == there.verdict.damping == "with-care"
+    assert "50 mm, lies outside the depths in contact" in there.reason
+    assert ball.at_depth(9e-3).diagnosis.verdict.overall == "trust"
+
+
+def test_the_covariance_has_the_standard_errors_and_keeps_the_correlations(ball):
+    errors = ball.standard_errors
+    np.testing.assert_allclose(np.sqrt(np.diag(ball.covariance)), errors)
+    own = ball.estimate.covariance / np.outer(*[ball.estimate.standard_errors] * 2)
+    np.testing.assert_allclose(ball.correlations, own)
+    assert ball.correlations[0, 2] > 0.9  # K and n of a power law
+
+
+def test_the_trace_has_the_clock_of_the_contact(ball):
+    assert ball.trace.time is ball.contact.time
+    assert np.array_equal(ball.trace[10:20].time, ball.contact.time[10:20])
