@@ -1,7 +1,7 @@
 """What is quoted for the restitution of a Hunt–Crossley contact, in place of the exact relation.
 
-Each is published as the dissipation that a wanted e needs, d = b v₀ = d(e), and is solved here for e.
-How near the exact e they come was found by comparing them over d from 10⁻³ to 10².
+Each is published as the dissipation that a wanted e needs, d = b v₀ = d(e); it is solved for e.
+How near they come to the exact e was found over d from 10⁻³ to 10².
 """
 
 import math

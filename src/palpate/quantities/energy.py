@@ -23,14 +23,15 @@ class EnergyLoss:
     Attributes
     ----------
     kind : str
-        ``"touch"``: from out of contact to out of contact. ``"cycle"``: from one passage through the
-        median depth to the next, of a probe that stays in contact. ``"none"``: no loop closes.
+        ``"touch"``: from out of contact to out of contact. ``"cycle"``: from one passage through
+        the median depth to the next, of a probe that stays in contact. ``"none"``: no loop closes.
     measured : Quantity
         ∮ F dx, mean of the loops; its standard error is what white noise of force and penetration
         makes of it.
     predicted : Quantity
-        The same by the law along the same motion, with the relative errors of its damping: over a
-        closed loop all that a law loses is lost in its damper.
+        The same by the law along the same motion, with the relative standard error of its damping:
+        over a closed loop all that a law loses is lost in its damper. What the diagnosis' findings
+        may move is not in it: it shows as what parts the two.
     put_in : float
         Work that went in, mean of the loops.
     fraction : Quantity
@@ -88,7 +89,7 @@ def energy_of(
     law : ForceLaw
         What was identified.
     damping : Quantity
-        Of the law at working depth, N·s/m: its relative errors are those of the predicted loss.
+        Of the law at working depth, N·s/m: its relative error is that of the predicted loss.
     force_noise, depth_noise : float
         Standard deviations of white noise, N and m.
     """
@@ -113,9 +114,9 @@ def energy_of(
 
 
 def _by_damping(lost: float, damping: Quantity) -> Quantity:
-    """A loss that is proportional to the damping, with the errors that this gives it."""
+    """A loss that is proportional to the damping, with the error that this gives it."""
     factor = abs(lost / damping.value) if damping.value else math.nan
-    return Quantity(lost, factor * damping.standard_error, factor * damping.systematic)
+    return Quantity(lost, factor * damping.standard_error, 0.0)
 
 
 def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
@@ -127,14 +128,13 @@ def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
             "the recording gives energy back that was not put in: the force is early, or the "
             "surface moves"
         )
-    if predicted.value < 0.0:
-        remarks.append("the law makes energy: its damping is negative")
-    errors = (measured.standard_error, predicted.standard_error, predicted.systematic)
+    errors = (measured.standard_error, predicted.standard_error)
     known = [error for error in errors if math.isfinite(error)]
     off = abs(measured.value - predicted.value)
-    if measured.value > 0.0 and off > max(UNACCOUNTED * measured.value, 2.0 * math.hypot(*known)):
+    if predicted.value < 0.0:
+        remarks.append("the law makes energy: its damping is negative")
+    elif measured.value > 0.0 and off > max(UNACCOUNTED * measured.value, 2.0 * math.hypot(*known)):
         remarks.append(
-            f"the law's damper accounts for {predicted.value / measured.value:.0%} of what was "
-            "lost: the material loses energy in another way too, or not by this one"
+            f"the law's damper accounts for {predicted.value / measured.value:.0%} of what was lost"
         )
     return remarks

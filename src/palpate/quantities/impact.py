@@ -1,7 +1,7 @@
 """How a free body rebounds from a Hunt–Crossley contact: exactly, and its inverse.
 
-A rigid body of mass m meets the surface at v₀, with no other force on it and no adhesion. It moves by
-m ẍ = −K xⁿ (1 + b ẋ), with b = B/K; by the depth in place of the time, m v dv = −K xⁿ (1 + b v) dx, or
+A rigid body of mass m meets the surface at v₀, with no other force on it and no adhesion. It moves
+by m ẍ = −K xⁿ (1 + b ẋ), b = B/K; with the depth in place of the time, and divided by 1 + b v,
 
     m v dv/(1 + b v) = −K xⁿ dx.
 
@@ -22,8 +22,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate.errors import InvalidParameterError
-from palpate.validation import Floats, all_good, real_array
+from palpate.validation import Floats, all_good, together
 
 # Below it e = 1 − 2d/3 + 4d²/9 is exact: the next term, 44 d³/135, is under 10⁻¹⁵. They follow from
 # φ(d) = e² φ(−d e), where φ(z) = 2 [z − ln(1 + z)]/z² = 1 − 2z/3 + z²/2 − …: for e = 1 + p d + q d² the
@@ -41,9 +40,9 @@ def restitution(dissipation: float, speed: float) -> float: ...
 @overload
 def restitution(dissipation: ArrayLike, speed: ArrayLike) -> Floats: ...
 def restitution(dissipation: ArrayLike, speed: ArrayLike) -> float | Floats:
-    """Return the coefficient of restitution e = −v₁/v₀ of a free impact on a Hunt–Crossley contact.
+    """Return the coefficient of restitution e of a free impact on a Hunt–Crossley contact.
 
-    d (1 + e) = ln[(1 + d)/(1 − d e)], d = b v₀, solved to some roundings for any d; where it comes
+    e = −v₁/v₀, the velocities after and before; d (1 + e) = ln[(1 + d)/(1 − d e)], d = b v₀, solved to some roundings for any d; where it comes
     from is said at the top of :mod:`palpate.quantities.impact`. Neither adhesion nor any other
     force, such as the body's weight.
 
@@ -95,7 +94,7 @@ def dissipation_for(restitution: ArrayLike, speed: ArrayLike) -> float | Floats:
     InvalidParameterError
         It names the first value that is out of its range.
     """
-    e, speeds = _together("restitution", restitution, speed)
+    e, speeds = together(restitution=restitution, speed=speed)
     all_good("restitution", e, (e >= 1e-12) & (e <= 1.0), "in [1e-12, 1]")
     all_good("speed", speeds, (speeds > 0.0) & np.isfinite(speeds), "above 0 and finite")
     found = _inverse(e.reshape(-1)).reshape(e.shape) / speeds
@@ -124,7 +123,7 @@ def _solved(d: Floats) -> tuple[Floats, Floats]:
 
 
 def _without_logarithm(z: Floats) -> Floats:
-    """Return z − ln(1 + z); near 0, where that cancels, by r = z/(2 + z): r z − 2 Σ r^(2k+1)/(2k+1)."""
+    """Return z − ln(1 + z); where that cancels r z − 2 (r³/3 + r⁵/5 + …), r = z/(2 + z)."""
     near = (z > -0.4) & (z < 0.66)
     value = z - np.log1p(np.where(near, 0.0, z))
     r = z[near] / (2.0 + z[near])
@@ -167,19 +166,8 @@ def _inverse(e: Floats) -> Floats:
 
 
 def _product(dissipation: ArrayLike, speed: ArrayLike) -> Floats:
-    b, speeds = _together("dissipation", dissipation, speed)
+    b, speeds = together(dissipation=dissipation, speed=speed)
     all_good("dissipation", b, np.isfinite(b), "finite")
     all_good("speed", speeds, (speeds >= 0.0) & np.isfinite(speeds), "at least 0 and finite")
     with np.errstate(over="ignore"):  # what overflows rebounds as little as 10³⁰⁰ does
         return np.clip(b * speeds, -1e300, 1e300)
-
-
-def _together(name: str, first: ArrayLike, speed: ArrayLike) -> tuple[Floats, Floats]:
-    a, b = real_array(name, first), real_array("speed", speed)
-    try:
-        both = np.broadcast_arrays(a, b)
-    except ValueError:
-        raise InvalidParameterError(
-            f"{name} and speed must be of shapes that go together, not {a.shape} and {b.shape}"
-        ) from None
-    return both[0], both[1]

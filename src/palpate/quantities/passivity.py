@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from palpate.diagnosis.finding import Quantity, WorkingDepth, defined
 from palpate.force_laws import ForceLaw
 from palpate.quantities.work import Path
+from palpate.validation import Floats
 
 # Standard deviations of its noise below 0: a recorded force that pulls. Of 10⁵ samples without
 # force white noise makes less than one such.
@@ -82,9 +82,11 @@ def passivity_of(path: Path, law: ForceLaw, there: WorkingDepth, force_noise: fl
         lowest_velocity=math.nan if lowest is None else float(velocity[lowest]),
         deepest=float(depth[pulls].max()) if pulls.any() else math.nan,
         measured_there=float(measured[pulls].mean()) if pulls.any() else math.nan,
-        measured_fraction=float(np.mean(measured < -PULLS * force_noise)) if force.size else math.nan,
+        measured_fraction=float(np.mean(measured < -PULLS * force_noise))
+        if force.size
+        else math.nan,
         limit=_limit(there.force, there.damping),
-        fastest_withdrawal=_fastest(-velocity),
+        fastest_withdrawal=fastest_of(-velocity),
     )
 
 
@@ -92,6 +94,7 @@ def _limit(force: Quantity, damping: Quantity) -> float:
     return -force.value / damping.value if damping.value > 0.0 else math.nan
 
 
-def _fastest(speeds: "np.ndarray[tuple[int], np.dtype[np.float64]]") -> float:
-    found = speeds[speeds > 0.0]
-    return float(np.percentile(found, 99.9)) if found.size else 0.0
+def fastest_of(velocity: Floats) -> float:
+    """99.9th percentile of the velocities inwards, m/s, so that a spike sets nothing; 0 of none."""
+    inwards = velocity[velocity > 0.0]
+    return float(np.percentile(inwards, 99.9)) if inwards.size else 0.0

@@ -6,10 +6,13 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from palpate.diagnosis.finding import Quantity, WorkingDepth, defined
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.quantities.approximations import APPROXIMATIONS
 from palpate.quantities.impact import restitution, restitution_slope
+from palpate.validation import Floats
 
 UNKNOWN = Quantity(math.nan, math.nan, math.nan)
 
@@ -27,7 +30,7 @@ class Restitution:
     coefficient : Quantity
         e by the law's exact relation, :func:`palpate.restitution`; NaN where it is not defined.
     dissipation : Quantity
-        b = B/K, s/m, from damping and force at the working depth.
+        b = B/K, s/m, by :func:`dissipation_of`.
     approximations : mapping of str to float
         e by relations that people quote, at the same b v₀; NaN where one says nothing.
     remarks : tuple of str
@@ -54,20 +57,18 @@ class Restitution:
 
 
 def restitution_of(
-    law: ForceLaw, there: WorkingDepth, fastest_approach: float, speed: float | None = None
+    law: ForceLaw, b: Quantity, fastest_approach: float, speed: float | None = None
 ) -> Restitution:
-    """Return the restitution of a law whose numbers are known at a working depth.
+    """Return the restitution of a law whose dissipation is known with its errors.
 
-    b = C/F, damping over force at rest: B/K of a Hunt–Crossley law, at any depth, but with the
-    error bars of the diagnosis. Their relative parts are combined in quadrature, the repeatable and
-    the systematic ones apart, and go to e by de/dd of the exact relation.
+    They go to e by de/dd of the exact relation, the repeatable and the systematic part apart.
 
     Parameters
     ----------
     law : ForceLaw
         What was identified.
-    there : WorkingDepth
-        Its numbers with their errors.
+    b : Quantity
+        Its dissipation, by :func:`dissipation_of`.
     fastest_approach : float
         That was recorded in contact, m/s.
     speed : float, optional
@@ -76,13 +77,12 @@ def restitution_of(
     v0 = fastest_approach if speed is None else speed
     if not isinstance(law, HuntCrossley):
         words = f"not defined by a {law.kind} law without the mass of the body"
-        return Restitution(v0, fastest_approach, UNKNOWN, UNKNOWN, remarks=(words,))
-    b = _ratio(there.damping, there.force)
-    if not (math.isfinite(b.value) and v0 > 0.0):
-        words = "not known: " + (
-            "nothing approached in contact" if math.isfinite(b.value) else "the law has no force"
-        )
         return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(words,))
+    if not (math.isfinite(b.value) and v0 > 0.0):
+        force = (
+            "the law's stiffness is not positive" if v0 > 0.0 else "nothing approached in contact"
+        )
+        return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(f"not known: {force}",))
     d = b.value * v0
     e, slope = restitution(b.value, v0), abs(restitution_slope(d)) * v0 if d > -1.0 else math.nan
     return Restitution(
@@ -95,16 +95,29 @@ def restitution_of(
     )
 
 
-def _ratio(above: Quantity, below: Quantity) -> Quantity:
-    """Return above/below with its errors; they may be unknown, and above may be 0."""
-    if not below.value > 0.0:
+def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Quantity:
+    """Return b = B/K of a Hunt–Crossley law, s/m; unknown of another, or without stiffness.
+
+    Var b = b² (Var B/B² + Var K/K² − 2 Cov/(B K)): K and B go together with the exponent and with
+    the surface, of which b knows nothing. Systematic: that of the damping at working depth over the
+    force there, C/F = b.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        What was identified.
+    covariance : numpy.ndarray, shape (3, 3)
+        Of K, B and n, SI.
+    there : WorkingDepth
+        Its numbers.
+    """
+    if not (isinstance(law, HuntCrossley) and law.stiffness > 0.0):
         return UNKNOWN
-    value = above.value / below.value
-    return Quantity(
-        value,
-        math.hypot(above.standard_error, value * below.standard_error) / below.value,
-        math.hypot(above.systematic, value * below.systematic) / below.value,
-    )
+    slope = np.array([-law.dissipation, 1.0]) / law.stiffness
+    variance = float(slope @ covariance[:2, :2] @ slope)
+    force = there.force.value
+    systematic = there.damping.systematic / force if force > 0.0 else math.nan
+    return Quantity(law.dissipation, math.sqrt(max(variance, 0.0)), systematic)
 
 
 def _remarks(b: Quantity, speed: float, fastest: float) -> list[str]:

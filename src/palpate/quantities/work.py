@@ -198,8 +198,9 @@ def put_in(work: Floats, loops: Loops) -> Floats:
 
 def _turns(values: Floats, least: float) -> list[float]:
     """Values at the turning points between swings larger than ``least``, and at both ends."""
+    values = values[np.append(True, np.diff(values) != 0.0)]
     steps = np.diff(values)
-    kept = np.flatnonzero(steps[1:] * steps[:-1] < 0.0) + 1
+    kept = np.flatnonzero((steps[1:] > 0.0) != (steps[:-1] > 0.0)) + 1
     turns = [float(values[0])]
     extreme, rising = float(values[0]), True
     for value in [*values[kept].tolist(), float(values[-1])]:

@@ -1,0 +1,160 @@
+"""Young's modulus of what was touched, where the tip's shape is known."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from palpate.diagnosis.data import in_words
+from palpate.diagnosis.finding import Diagnosis, Quantity, WorkingDepth, defined
+from palpate.digits import with_error
+from palpate.force_laws import ForceLaw
+from palpate.quantities.restitution import UNKNOWN
+from palpate.tips import Tip
+
+# How far the modulus at the 10th and the 90th percentile of the depths may be apart. A tip of
+# another shape, half a power of the depth away, makes it 50 % over depths from 1 to 2.3; half of
+# that is nearer to this tip than to any other.
+APART = 0.25
+# Half way to the exponent of the next shape, and standard errors that it must be away for certain.
+NEXT_SHAPE, CERTAIN = 0.25, 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class ElasticModulus:
+    """Young's modulus E, Pa, or why there is none.
+
+    Attributes
+    ----------
+    value : Quantity
+        E = (1 − ν²) F(x)/(g xᵐ) at the working depth x, with the tip's own exponent m. Systematic:
+        what m does over the depths in contact where it is not the law's n, Hertz's paraboloid in
+        place of a ball, and as large a part as the diagnosis' findings would move the stiffness by.
+        NaN where it is refused.
+    tip : Tip
+        That was given.
+    poisson_ratio : float
+        ν, which was given or assumed; no indentation says it.
+    exponent : Quantity
+        n = x (∂F/∂x)/F of the law at the working depth, which should be the tip's.
+    refused : str or None
+        Why there is no modulus.
+    remarks : tuple of str
+        What a reader should know of it.
+    """
+
+    value: Quantity
+    tip: Tip
+    poisson_ratio: float
+    exponent: Quantity
+    refused: str | None = None
+    remarks: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers and words; what is not defined is None."""
+        return {
+            **self.value.as_dict(),
+            "reduced": defined(self.value.value / (1.0 - self.poisson_ratio**2)),
+            "poisson_ratio": self.poisson_ratio,
+            "tip": self.tip.as_dict(),
+            "exponent": {**self.exponent.as_dict(), "of_tip": self.tip.exponent},
+            "refused": self.refused,
+            "remarks": list(self.remarks),
+        }
+
+
+def elastic_modulus_of(
+    law: ForceLaw,
+    found: Diagnosis,
+    depths: tuple[float, float],
+    tip: Tip,
+    poisson_ratio: float,
+) -> ElasticModulus:
+    """Return Young's modulus by the force at working depth and the shape of the tip.
+
+    By the force where it was measured rather than by K, which is the force at one metre and hangs
+    on the exponent. Refused where the modulus at light and at deep touch differ by more than 25 %,
+    or the exponent is certainly another shape's: the numbers are then not this tip's.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        What was identified.
+    found : Diagnosis
+        Of it.
+    depths : tuple of float
+        10th and 90th percentile of the penetration in contact, m, > 0.
+    tip : Tip
+        Of the probe.
+    poisson_ratio : float
+        ν of the material.
+    """
+    there = found.working_depth
+    exponent = _exponent(there)
+    refused = _refused(law, there, depths, exponent, tip)
+    if refused:
+        return ElasticModulus(UNKNOWN, tip, poisson_ratio, exponent, refused)
+    low, modulus, high = (
+        (1.0 - poisson_ratio**2) * float(law.force(depth, 0.0)) / tip.force(1.0, depth)
+        for depth in (depths[0], there.depth, depths[1])
+    )
+    parts = (
+        0.5 * abs(high - low) / modulus,
+        tip.departure(there.depth),
+        there.stiffness.systematic / abs(there.stiffness.value),
+    )
+    repeats = there.force.standard_error / there.force.value
+    value = Quantity(modulus, modulus * repeats, modulus * math.hypot(*parts))
+    remarks = (*_doubts(found, exponent, tip), *tip.doubts(depths[1]))
+    return ElasticModulus(value, tip, poisson_ratio, exponent, remarks=remarks)
+
+
+def _exponent(there: WorkingDepth) -> Quantity:
+    """Of the force, d ln F/d ln x, with the relative errors of the stiffness: F is known better by far."""
+    if not there.force.value > 0.0:
+        return UNKNOWN
+    per = there.depth / there.force.value
+    s = there.stiffness
+    return Quantity(per * s.value, per * s.standard_error, per * s.systematic)
+
+
+def _refused(
+    law: ForceLaw, there: WorkingDepth, depths: tuple[float, float], exponent: Quantity, tip: Tip
+) -> str | None:
+    if not math.isfinite(exponent.value):
+        return "the law has no force at the working depth"
+    if not tip.holds(there.depth):
+        return f"at the working depth, {in_words(there.depth, 'm')}, the tip is no {tip.kind} left"
+    off = exponent.value - tip.exponent
+    words = (
+        f"the force grows with depth to the power {_with_errors(exponent)}, and under a {tip.kind} "
+        f"to the power {tip.exponent:g}"
+    )
+    low, high = (float(law.force(depth, 0.0)) / tip.force(1.0, depth) for depth in depths)
+    if not low > 0.0 < high:
+        return f"{words}: the law's force is not positive at every depth in contact"
+    ratio = max(high / low, low / high)
+    if ratio > 1.0 + APART:
+        return f"{words}: deep and light touch would differ by {ratio - 1.0:.0%}"
+    error = math.hypot(exponent.standard_error, exponent.systematic)
+    if abs(off) > max(NEXT_SHAPE, CERTAIN * error):
+        return f"{words}: another shape's"
+    return None
+
+
+def _with_errors(quantity: Quantity) -> str:
+    return with_error(quantity.value, quantity.standard_error, quantity.systematic)
+
+
+def _doubts(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
+    remarks = []
+    error = math.hypot(exponent.standard_error, exponent.systematic)
+    if not CERTAIN * error < NEXT_SHAPE:
+        remarks.append(
+            f"the exponent, {_with_errors(exponent)}, does not say whether the tip is a {tip.kind}"
+        )
+    if any(finding.check == "surface" for finding in found.findings):
+        remarks.append(
+            "where the surface lies is in doubt, as palpate diagnose says: 1 % of the depth moves the "
+            f"modulus by {tip.exponent:g} %"
+        )
+    return remarks
