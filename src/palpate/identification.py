@@ -45,7 +45,7 @@ from palpate.quantities.elastic_modulus import ElasticModulus
 from palpate.quantities.energy import EnergyLoss
 from palpate.quantities.passivity import Passivity
 from palpate.quantities.restitution import Restitution
-from palpate.quantities.wanted import POISSON_RATIO, Wanted
+from palpate.quantities.wanted import Wanted
 from palpate.refusals import check_approach, why_nothing
 from palpate.replaying import choices, estimator_of, replayed, with_surface_off
 from palpate.results.description import of_one
@@ -175,15 +175,9 @@ class Identification:
         """Return the same with another working depth, m, for its diagnosis."""
         return replace(self, depth=number_in("depth", depth, 0.0, 1e100, open_low=True))
 
-    def wanting(
-        self,
-        *,
-        impact_speed: float | None = None,
-        tip: Tip | None = None,
-        poisson_ratio: float = POISSON_RATIO,
-    ) -> "Identification":
-        """Return the same with derived numbers for an impact and a tip; see :class:`Wanted`."""
-        return replace(self, wanted=Wanted(impact_speed, tip, poisson_ratio))
+    def wanting(self, wanted: Wanted) -> "Identification":
+        """Return the same with derived numbers for an impact and a tip."""
+        return replace(self, wanted=wanted)
 
     def restitution(self, speed: float | None = None) -> Restitution:
         """How a free body would rebound that meets the material at a speed.

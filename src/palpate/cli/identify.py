@@ -5,6 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from palpate.cli.deriving import Deriving
 from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
 from palpate.cli.reading import Files, Reading
@@ -20,6 +21,7 @@ def identify(
     dark: bool = False,
     as_json: AsJson = False,
     judging: Judging | None = None,
+    deriving: Deriving | None = None,
     reading: Reading | None = None,
 ) -> int:
     """Identify the contact model of a recording.
@@ -48,6 +50,7 @@ def identify(
     from palpate.identification import identify as run
 
     reading, judging = reading or Reading(), judging or Judging()
+    wanted = (deriving or Deriving()).wanted
     depth, kind = judging.depth, estimator_named(method)
     if figure is not None:
         from palpate.figures import check_figure
@@ -55,6 +58,7 @@ def identify(
         check_figure(figure, inputs=list(files))
     contact = reading.contact(files, method)
     result = run(contact, kind(**reading.settings(contact, kind)))
+    result = result.wanting(wanted)
     result = result if depth is None else result.at_depth(depth)
     result = result.by_stretch() if changes else result
     if not changes and contact.prepared is not None and contact.prepared.places:

@@ -5,6 +5,7 @@ import math
 from rich.console import Console
 from rich.text import Text
 
+from palpate.cli.derived import with_prefix
 from palpate.cli.verdicts import COLOURS
 from palpate.diagnosis import Quantity
 from palpate.identification import Identification
@@ -18,7 +19,7 @@ def print_places(result: Identification, console: Console) -> None:
 
     table = new_table()
     headings = ("time, s", "at x, y, z, mm", "depth, mm", "stiffness, N/m", "damping, N·s/m")
-    for heading in headings:
+    for heading in (*headings, *(["E"] if result.wanted.tip else [])):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for part in result.stretches:
@@ -39,8 +40,15 @@ def _row(part: Identification) -> tuple[str | Text, ...]:
         f"{1e3 * there.depth:.2f}",
         _number(there.stiffness),
         _number(there.damping),
+        *([_modulus(part)] if part.wanted.tip else []),
         Text(verdict, style=COLOURS[verdict]),
     )
+
+
+def _modulus(part: Identification) -> str:
+    """Young's modulus; why there is none is in the JSON."""
+    found = part.elastic_modulus()
+    return "refused" if found.refused else with_prefix(found.value, "Pa")
 
 
 def _number(quantity: Quantity) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.table import Table
 from rich.text import Text
 
+from palpate.cli.derived import print_derived
 from palpate.cli.places import print_places
 from palpate.cli.printing import Terminal, print_json
 from palpate.cli.verdicts import print_ranking, print_verdict
@@ -52,6 +53,8 @@ def print_identifications(
         ),
         soft_wrap=True,
     )
+    if len(results) == 1:
+        print_derived(results[0], console)
     if any(part.place for part in results[0].stretches):
         print_places(results[0], console)
     if results[0].noticed is not None:

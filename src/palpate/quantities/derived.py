@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,8 @@ LONGEST_GAP = 20.0
 def path_of(result: "Identification") -> Path:
     """Return the samples that are finite and were not left out as outliers.
 
-    Where the time goes on from one segment to the next, as from the approach of a force curve to its
-    retract, the work does too.
+    Where the time goes on from one segment to the next, as from the approach of a force curve to
+    its retract, the work does too.
     """
     contact, trace, estimate = result.contact, result.trace, result.estimate
     channels = contact.penetration, contact.velocity, contact.force
@@ -43,6 +43,19 @@ def path_of(result: "Identification") -> Path:
         _going_on(contact)[kept],
         trace.taken[kept],
     )
+
+
+def derived(result: "Identification") -> dict[str, Any]:
+    """Return what follows from a law as plain numbers and words, a key each."""
+    modulus = {}
+    if result.wanted.tip is not None:
+        modulus = {"elastic_modulus": result.elastic_modulus().as_dict()}
+    return {
+        "restitution": result.restitution().as_dict(),
+        "energy": result.energy.as_dict(),
+        "passivity": result.passivity.as_dict(),
+        **modulus,
+    }
 
 
 def _going_on(contact: Contact) -> NDArray[np.int64]:
@@ -92,7 +105,7 @@ def elastic_modulus_from(
     ratio = wanted.poisson_ratio if poisson_ratio is None else poisson_ratio
     if tip is None:
         raise InvalidParameterError(
-            "tip must be given, such as Sphere(radius=5e-3), here or by wanting(tip=…)"
+            "tip must be given, such as Sphere(radius=5e-3), here or by wanting(Wanted(tip=…))"
         )
     checked = Wanted(tip=tip, poisson_ratio=ratio)
     depth = result.contact.penetration[result.trace.taken] - result.estimate.surface

@@ -6,15 +6,16 @@ from typing import Any
 
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.finding import Diagnosis, Quantity, WorkingDepth, defined
+from palpate.diagnosis.misfit import WIDEST_STIFFNESS
 from palpate.digits import with_error
 from palpate.force_laws import ForceLaw
 from palpate.quantities.restitution import UNKNOWN
 from palpate.tips import Tip
 
-# How far the modulus at the 10th and the 90th percentile of the depths may be apart. A tip of
-# another shape, half a power of the depth away, makes it 50 % over depths from 1 to 2.3; half of
-# that is nearer to this tip than to any other.
-APART = 0.25
+# Systematic part from the exponent, of the modulus, beyond which there is none: a stiffness that is
+# known no better is not to be trusted either. Half a power of the depth, where the next shape lies,
+# makes as much over depths from 1 to 2.7; strokes from the surface go from 1 to 9.
+MOST_APART = WIDEST_STIFFNESS
 # Half way to the exponent of the next shape, and standard errors that it must be away for certain.
 NEXT_SHAPE, CERTAIN = 0.25, 3.0
 
@@ -71,8 +72,8 @@ def elastic_modulus_of(
 ) -> ElasticModulus:
     """Return Young's modulus by the force at working depth and the shape of the tip.
 
-    By the force where it was measured rather than by K, which is the force at one metre and hangs
-    on the exponent. Refused where the modulus at light and at deep touch differ by more than 25 %,
+    By the force where it was measured rather than by K, which is the force at one metre and depends
+    on the exponent. Refused where the moduli of light and of deep touch are more than 25 % off it,
     or the exponent is certainly another shape's: the numbers are then not this tip's.
 
     Parameters
@@ -90,26 +91,32 @@ def elastic_modulus_of(
     """
     there = found.working_depth
     exponent = _exponent(there)
-    refused = _refused(law, there, depths, exponent, tip)
+    refused = _no_tip(there, exponent, tip)
     if refused:
         return ElasticModulus(UNKNOWN, tip, poisson_ratio, exponent, refused)
     low, modulus, high = (
         (1.0 - poisson_ratio**2) * float(law.force(depth, 0.0)) / tip.force(1.0, depth)
         for depth in (depths[0], there.depth, depths[1])
     )
-    parts = (
-        0.5 * abs(high - low) / modulus,
-        tip.departure(there.depth),
-        there.stiffness.systematic / abs(there.stiffness.value),
+    apart = 0.5 * abs(high - low) / modulus
+    refused = _another_shape(exponent, apart, tip)
+    if refused:
+        return ElasticModulus(UNKNOWN, tip, poisson_ratio, exponent, refused)
+    moved = there.stiffness.systematic / abs(there.stiffness.value)
+    value = Quantity(
+        modulus,
+        modulus * there.force.standard_error / there.force.value,
+        modulus * math.hypot(apart, moved, tip.departure(there.depth)),
     )
-    repeats = there.force.standard_error / there.force.value
-    value = Quantity(modulus, modulus * repeats, modulus * math.hypot(*parts))
     remarks = (*_doubts(found, exponent, tip), *tip.doubts(depths[1]))
     return ElasticModulus(value, tip, poisson_ratio, exponent, remarks=remarks)
 
 
 def _exponent(there: WorkingDepth) -> Quantity:
-    """Of the force, d ln F/d ln x, with the relative errors of the stiffness: F is known better by far."""
+    """Of the force, d ln F/d ln x, with the relative errors of the stiffness.
+
+    They are the larger by far: force is what was measured, and stiffness its slope.
+    """
     if not there.force.value > 0.0:
         return UNKNOWN
     per = there.depth / there.force.value
@@ -117,27 +124,25 @@ def _exponent(there: WorkingDepth) -> Quantity:
     return Quantity(per * s.value, per * s.standard_error, per * s.systematic)
 
 
-def _refused(
-    law: ForceLaw, there: WorkingDepth, depths: tuple[float, float], exponent: Quantity, tip: Tip
-) -> str | None:
+def _no_tip(there: WorkingDepth, exponent: Quantity, tip: Tip) -> str | None:
     if not math.isfinite(exponent.value):
         return "the law has no force at the working depth"
     if not tip.holds(there.depth):
-        return f"at the working depth, {in_words(there.depth, 'm')}, the tip is no {tip.kind} left"
-    off = exponent.value - tip.exponent
+        return f"at the working depth, {in_words(there.depth, 'm')}, there is no {tip.kind} left"
+    return None
+
+
+def _another_shape(exponent: Quantity, apart: float, tip: Tip) -> str | None:
+    """Say why the force does not grow with depth as under this tip."""
     words = (
         f"the force grows with depth to the power {_with_errors(exponent)}, and under a {tip.kind} "
         f"to the power {tip.exponent:g}"
     )
-    low, high = (float(law.force(depth, 0.0)) / tip.force(1.0, depth) for depth in depths)
-    if not low > 0.0 < high:
-        return f"{words}: the law's force is not positive at every depth in contact"
-    ratio = max(high / low, low / high)
-    if ratio > 1.0 + APART:
-        return f"{words}: deep and light touch would differ by {ratio - 1.0:.0%}"
+    if apart > MOST_APART:
+        return f"{words}: light and deep touch would give moduli {2.0 * apart:.0%} apart"
     error = math.hypot(exponent.standard_error, exponent.systematic)
-    if abs(off) > max(NEXT_SHAPE, CERTAIN * error):
-        return f"{words}: another shape's"
+    if abs(exponent.value - tip.exponent) > max(NEXT_SHAPE, CERTAIN * error):
+        return f"{words}: it is of another shape"
     return None
 
 
@@ -154,7 +159,7 @@ def _doubts(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
         )
     if any(finding.check == "surface" for finding in found.findings):
         remarks.append(
-            "where the surface lies is in doubt, as palpate diagnose says: 1 % of the depth moves the "
-            f"modulus by {tip.exponent:g} %"
+            "where the surface lies is in doubt, as palpate diagnose says: 1 % of the depth moves "
+            f"the modulus by {tip.exponent:g} %"
         )
     return remarks

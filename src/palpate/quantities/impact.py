@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike
 from palpate.validation import Floats, all_good, together
 
 # Below it e = 1 − 2d/3 + 4d²/9 is exact: the next term, 44 d³/135, is under 10⁻¹⁵. They follow from
-# φ(d) = e² φ(−d e), where φ(z) = 2 [z − ln(1 + z)]/z² = 1 − 2z/3 + z²/2 − …: for e = 1 + p d + q d² the
-# terms in d say 2p + 2/3 = −2/3, those in d² say 2q + p² + 2p + 1/2 = 1/2.
+# φ(d) = e² φ(−d e), where φ(z) = 2 [z − ln(1 + z)]/z² = 1 − 2z/3 + z²/2 − …: of e = 1 + p d + q d²
+# the terms in d say 2p + 2/3 = −2/3, those in d² say 2q + p² + 2p + 1/2 = 1/2.
 SMALL = 1e-5
 # Newton's method on a convex function from above comes down on every step, and doubles its digits
 # once it is near. Seen: 5 for d > 0; 12 for d just above −1; 6 for the inverse.
@@ -42,9 +42,9 @@ def restitution(dissipation: ArrayLike, speed: ArrayLike) -> Floats: ...
 def restitution(dissipation: ArrayLike, speed: ArrayLike) -> float | Floats:
     """Return the coefficient of restitution e of a free impact on a Hunt–Crossley contact.
 
-    e = −v₁/v₀, the velocities after and before; d (1 + e) = ln[(1 + d)/(1 − d e)], d = b v₀, solved to some roundings for any d; where it comes
-    from is said at the top of :mod:`palpate.quantities.impact`. Neither adhesion nor any other
-    force, such as the body's weight.
+    e = −v₁/v₀, of the velocities after and before, by d (1 + e) = ln[(1 + d)/(1 − d e)], d = b v₀,
+    solved to some roundings for any d; :mod:`palpate.quantities.impact` says where that comes from.
+    Neither adhesion nor any other force, such as the body's weight.
 
     Parameters
     ----------
