@@ -167,14 +167,25 @@ def test_the_error_bar_of_the_loss_holds_the_truth():
     assert abs(np.mean(deviations)) < 0.5
 
 
-def test_energy_that_the_law_does_not_lose_is_said():
-    """Friction costs as much a slow cycle as a quick one; a damper much less."""
+def test_a_loss_that_does_not_go_with_the_speed_is_said():
+    """Friction costs a slow cycle as much as a quick one; a damper does not, but for the mean."""
     time = 1e-3 * np.arange(20000)
     phase = np.where(time < 18.0, 3.0 * time, 54.0 + 15.0 * (time - 18.0))
     x = 8e-3 + 3e-3 * np.sin(phase)
     v = np.gradient(x, time)
-    force = LAW.force(x, v) + 0.5 * np.tanh(v / 1e-3)
+    force = HuntCrossley(9000.0, 900.0, 1.4).force(x, v) + 0.5 * np.tanh(v / 1e-3)
     energy = identify(Contact(time, penetration=x, velocity=v, force=force)).energy
+    assert energy.predicted.value == pytest.approx(energy.measured.value, rel=0.1)
+    assert energy.predicted_lost[0] < 0.5 * energy.lost[0]
+    assert energy.predicted_lost[-1] > 1.5 * energy.lost[-1]
+    assert energy.remarks[0].startswith("the law's loss is ")
+    assert "off cycle by cycle" in energy.remarks[0]
+
+
+def test_a_loss_that_is_not_the_dampers_is_said():
+    """A damper without depth, and a law whose damper has it, tapping."""
+    contact = contact_of(tapping(KelvinVoigt(1500.0, 8.0), seconds=6.0, noise=0.01))
+    energy = identify(contact).energy
     accounted = energy.predicted.value / energy.measured.value
     assert accounted < 0.9
     assert energy.remarks == (f"the law's damper accounts for {accounted:.0%} of what was lost",)

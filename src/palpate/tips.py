@@ -66,7 +66,7 @@ class Sphere(Tip):
     Parameters
     ----------
     radius : float
-        R, m, in (0, 1000].
+        R, m, in (0, 1].
     """
 
     radius: float
@@ -74,7 +74,7 @@ class Sphere(Tip):
     exponent: ClassVar[float] = 1.5
 
     def __post_init__(self) -> None:
-        _checked(self, "radius", 1e3)
+        _checked(self, "radius", 1.0)
 
     @property
     def factor(self) -> float:
@@ -104,7 +104,7 @@ class FlatPunch(Tip):
     Parameters
     ----------
     radius : float
-        R, m, in (0, 1000].
+        R, m, in (0, 1].
     """
 
     radius: float
@@ -112,7 +112,7 @@ class FlatPunch(Tip):
     exponent: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
-        _checked(self, "radius", 1e3)
+        _checked(self, "radius", 1.0)
 
     @property
     def factor(self) -> float:

@@ -109,8 +109,12 @@ def energy_of(
     whole = float(each.mean())
     part = 1.0 / whole if whole > 0.0 else math.nan
     fraction = Quantity(measured.value * part, measured.standard_error * part, 0.0)
-    remarks = tuple(_remarks(measured, of_law))
-    return EnergyLoss(loops.kind, measured, of_law, whole, fraction, *arrays, remarks=remarks)
+    remarks = _remarks(measured, of_law)
+    if not remarks:
+        remarks = _loop_by_loop(loops.kind, lost, predicted, variance)
+    return EnergyLoss(
+        loops.kind, measured, of_law, whole, fraction, *arrays, remarks=tuple(remarks)
+    )
 
 
 def _by_damping(lost: float, damping: Quantity) -> Quantity:
@@ -138,3 +142,16 @@ def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
             f"the law's damper accounts for {predicted.value / measured.value:.0%} of what was lost"
         )
     return remarks
+
+
+def _loop_by_loop(kind: str, lost: Floats, predicted: Floats, variance: Floats) -> list[str]:
+    """Say where the law's loss is right on the whole, and not in the single loops."""
+    size, apart, noise = (
+        float(np.sqrt(np.mean(square))) for square in (lost**2, (lost - predicted) ** 2, variance)
+    )
+    if apart <= max(UNACCOUNTED * size, 2.0 * noise):
+        return []
+    return [
+        f"the law's loss is {apart / size:.0%} off {kind} by {kind}: what is lost goes otherwise "
+        "with speed or depth"
+    ]
