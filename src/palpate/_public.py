@@ -40,6 +40,7 @@ from palpate.quantities.passivity import Passivity
 from palpate.quantities.restitution import Restitution
 from palpate.quantities.wanted import Wanted
 from palpate.recordings import Recording, open_recording, write_contact
+from palpate.results.loading import SavedResult, load_result
 from palpate.settings import (
     ChangeDetector,
     ConstantForgetting,
@@ -92,6 +93,7 @@ __all__ = [
     "RecordingError",
     "RecursiveLeastSquaresEstimator",
     "Restitution",
+    "SavedResult",
     "Scale",
     "SelfPerturbation",
     "SingleStageRLS",
@@ -108,6 +110,7 @@ __all__ = [
     "diagnose",
     "dissipation_for",
     "identify",
+    "load_result",
     "open_recording",
     "prepare",
     "restitution",

@@ -3,8 +3,8 @@
 import math
 
 from rich.console import Console
-from rich.text import Text
 
+from palpate.cli.layout import say
 from palpate.diagnosis import Quantity
 from palpate.digits import rounded, with_error
 from palpate.identification import Identification
@@ -31,7 +31,7 @@ def print_derived(result: Identification, console: Console) -> None:
             when = "" if part is result else f"{time[0]:.4g} s to {time[-1]:.4g} s: "
             lines.append(when + _modulus(part.elastic_modulus()))
     for line in lines:
-        console.print(Text(line), soft_wrap=True)
+        say(console, line)
 
 
 def with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) -> str:

@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING
 
 from cyclopts import Parameter
 
+from palpate.cli.groups import DERIVED
+from palpate.cli.values import Shape, Speed
+
 if TYPE_CHECKING:
     from palpate.quantities.wanted import Wanted
     from palpate.tips import Tip
@@ -14,17 +17,23 @@ _FORMS = "sphere:radius=5mm, punch:diameter=4mm or cone:angle=30deg (between axi
 _ANGLE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*(deg|°|rad)\s*$")
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=DERIVED)
 @dataclass(frozen=True)
 class Deriving:
     """Which impact and which tip the numbers that follow from the law are for."""
 
-    impact_speed: str | None = None
-    "Of the coefficient of restitution, such as 0.5m/s; the fastest approach unless given."
-    tip: str | None = None
+    impact_speed: Speed | None = None
+    "Speed of the rebound's impact, such as 0.5m/s; the fastest approach unless given."
+    tip: Shape | None = None
     "Gives the elastic modulus: sphere:radius=5mm, punch:radius=2mm, cone:angle=30deg (half)."
     poisson: float | None = None
     "Poisson's ratio of the material, for --tip; 0.5, incompressible as soft tissue, unless given."
+
+    @property
+    def options(self) -> dict[str, str | float]:
+        """What was asked for, by option."""
+        given = {"impact-speed": self.impact_speed, "tip": self.tip, "poisson": self.poisson}
+        return {name: value for name, value in given.items() if value is not None}
 
     @property
     def wanted(self) -> "Wanted":

@@ -6,7 +6,6 @@ Needs the extra ``figures``.
 import math
 import textwrap
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.errors import InvalidParameterError
@@ -17,7 +16,9 @@ from palpate.figures.panels import (
     draw_loop,
     draw_parameter,
 )
+from palpate.figures.residuals import draw_residuals
 from palpate.figures.style import DARK, LIGHT, check_figure, save, style
+from palpate.figures.words import name_of
 from palpate.identification import Identification
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 WIDEST_TITLE = 130  # letters; of 11 points 143 are as wide as the figure
 
-__all__ = ["check_figure", "draw", "draw_comparison", "save"]
+__all__ = ["check_figure", "draw", "draw_comparison", "draw_residuals", "save"]
 
 
 def draw(identification: Identification, *, dark: bool = False) -> "Figure":
@@ -92,7 +93,7 @@ def draw_comparison(results: Mapping[str, Identification], *, dark: bool = False
         draw_force(figure.add_subplot(rows[0, :2]), shown, theme)
         draw_error(figure.add_subplot(rows[1, :2]), shown, theme)
         draw_loop(figure.add_subplot(rows[:, 2]), shown, theme)
-        _write_title(figure, _name(shown[0]) or "comparison")
+        _write_title(figure, name_of(shown[0]) or "comparison")
     return figure
 
 
@@ -100,14 +101,8 @@ def _write_title(figure: "Figure", words: str) -> None:
     figure.suptitle(words, fontsize=11, parse_math=False)  # a file's name may hold a $
 
 
-def _name(result: Identification) -> str:
-    """Name of the recording's file; what no font has, such as a byte that is not UTF-8, is �."""
-    name = Path(result.contact.source).name
-    return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in name)
-
-
 def _title(result: Identification) -> str:
-    name = _name(result)
+    name = name_of(result)
     fitted = "the stretches' own laws fit" if result.stretches else "final law fits"
     fit = f"{result.method}, {fitted} to {result.fit_rmse_percent:.2g} %"
     verdict = f"{result.diagnosis.verdict.overall}: {result.diagnosis.reason}"

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import MissingExtraError, RecordingError
+from palpate.figures.sheet import PAGE, Sheet
 from palpate.writing import check_writable, write_bytes
 
 if TYPE_CHECKING:
@@ -23,6 +24,11 @@ _FORMATS: dict[str, dict[str, None] | None] = {
 }
 
 
+# Matplotlib brings the first, so that a figure is laid out alike everywhere. Who opens an SVG
+# without it sees one of the others: the second has the same widths, the rest are narrower.
+_FONTS = ["DejaVu Sans", "Verdana", "Helvetica", "Arial"]
+
+
 @dataclass(frozen=True, slots=True)
 class Theme:
     """Colours of Okabe & Ito, distinct for colour-blind readers too, for one background."""
@@ -32,6 +38,13 @@ class Theme:
     grid: str
     measured: str
     lines: tuple[str, ...]
+
+    def variables(self) -> dict[str, str]:
+        """Each colour by the name that a page's style sheet has for it."""
+        named = {"background": self.background, "ink": self.ink, "grid": self.grid}
+        named |= {"measured": self.measured}
+        named |= {f"line-{k}": colour for k, colour in enumerate(self.lines)}
+        return {f"--drawing-{name}": colour for name, colour in named.items()}
 
     def looks(self, count: int) -> list[dict[str, Any]]:
         """Return so many looks of a line: a colour each, then the same dashed; the first on top."""
@@ -61,7 +74,7 @@ DARK = Theme(
 class style:  # noqa: N801 - reads as a statement
     """Matplotlib's settings for one figure, put back afterwards."""
 
-    def __init__(self, theme: Theme) -> None:
+    def __init__(self, theme: Theme, sheet: Sheet = PAGE) -> None:
         try:
             import matplotlib
             from matplotlib.figure import Figure
@@ -70,6 +83,7 @@ class style:  # noqa: N801 - reads as a statement
                 "figures need matplotlib: pip install 'palpate[figures]'"
             ) from None
         self._new_figure = Figure
+        font, scale = sheet.font, sheet.scale
         self._context = matplotlib.rc_context(
             {
                 "figure.facecolor": theme.background,
@@ -84,13 +98,17 @@ class style:  # noqa: N801 - reads as a statement
                 "axes.spines.top": False,
                 "axes.spines.right": False,
                 "axes.axisbelow": True,
-                "axes.titlesize": 10,
+                "axes.titlesize": 10.0 * scale,
                 "axes.formatter.useoffset": False,
                 "axes.formatter.limits": (-3, 4),
                 "legend.frameon": False,
-                "legend.fontsize": 9,
-                "lines.linewidth": 1.3,
-                "font.size": 9.5,
+                "legend.fontsize": 9.0 * scale,
+                "lines.linewidth": 1.3 * scale,
+                "axes.linewidth": 0.8 * scale,
+                "grid.linewidth": 0.8 * scale,
+                "font.family": "sans-serif",
+                "font.sans-serif": _FONTS,
+                "font.size": font,
             }
         )
 

@@ -175,7 +175,7 @@ def _passages(depth: Floats, low: float, level: float, high: float) -> list[floa
     places = []
     for before, after in zip(far[entered], far[entered + 1], strict=True):
         part = depth[before : after + 1]
-        last = int(np.flatnonzero(part <= level)[-1])  # noise may pass it to and fro
+        last = int(np.flatnonzero(part <= level)[-1])  # noise may pass it back and forth
         fraction = (level - part[last]) / (part[last + 1] - part[last])
         places.append(float(before + last + fraction))
     return places
