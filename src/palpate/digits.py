@@ -10,7 +10,7 @@ from decimal import Decimal
 
 _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: From 10⁻³ to below 10⁵ a number is written without a power of ten.
-_PLAIN = range(-3, 5)
+PLAIN = range(-3, 5)
 
 
 def with_error(value: float, *errors: float, unit: str = "") -> str:
@@ -51,7 +51,7 @@ def rounded(value: float, digits: int) -> str:
     if value == 0.0:
         return "0"
     power = _power(float(f"{value:.{digits - 1}e}"))
-    if power in _PLAIN:
+    if power in PLAIN:
         return _trimmed(f"{value:.{max(digits - 1 - power, 0)}f}")
     return _trimmed(f"{_scaled(value, power):.{digits - 1}f}") + f"·10{_superscript(power)}"
 
@@ -59,7 +59,7 @@ def rounded(value: float, digits: int) -> str:
 def _together(value: float, errors: list[float]) -> str:
     largest, place = _last_place(max(errors))
     power = max(_power(value), _power(largest)) if value else _power(largest)
-    if power in _PLAIN:
+    if power in PLAIN:
         parts = [_written(value, place), *(_error(error, place) for error in errors)]
         return " ± ".join(parts)
     scaled = [_scaled(number, power) for number in (value, *errors)]

@@ -13,6 +13,7 @@ def compare(
     *,
     figure: Path | None = None,
     dark: bool = False,
+    width: str | None = None,
     as_json: AsJson = False,
     judging: Judging | None = None,
     reading: Reading | None = None,
@@ -31,9 +32,12 @@ def compare(
         Draw it to this file (.svg, .pdf or .png).
     dark
         Draw on a dark background.
+    width
+        Width of the figure as it is printed, 60mm to 400mm: a journal's column is 88mm.
     as_json
         Print one JSON object instead of a table.
     """
+    from palpate.cli.quantities import figure_width
     from palpate.cli.tables import print_identifications
     from palpate.errors import InvalidParameterError
     from palpate.identification import compare as run
@@ -44,6 +48,7 @@ def compare(
         raise InvalidParameterError(
             "--surface estimate is for one method that can: palpate identify"
         )
+    wide = figure_width(width, figure)
     if figure is not None:
         from palpate.figures import check_figure
 
@@ -59,6 +64,8 @@ def compare(
     if figure is not None:
         from palpate import figures
 
-        figures.save(figures.draw_comparison(results, dark=dark), figure, inputs=list(files))
+        figures.save(
+            figures.draw_comparison(results, dark=dark, width=wide), figure, inputs=list(files)
+        )
     print_identifications(files, list(results.values()), figure, as_json=as_json)
     return judging.status([result.diagnosis.verdict for result in results.values()])

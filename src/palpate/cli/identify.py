@@ -20,6 +20,7 @@ def identify(
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     figure: Path | None = None,
     dark: bool = False,
+    width: str | None = None,
     as_json: AsJson = False,
     judging: Judging | None = None,
     deriving: Deriving | None = None,
@@ -48,12 +49,15 @@ def identify(
         Draw it to this file (.svg, .pdf or .png).
     dark
         Draw on a dark background.
+    width
+        Width of the figure as it is printed, 60mm to 400mm: a journal's column is 88mm.
     as_json
         Print one JSON object instead of a table.
     """
     from functools import partial
 
     from palpate.cli.progress import counted
+    from palpate.cli.quantities import figure_width
     from palpate.cli.tables import print_identifications
     from palpate.estimators import estimator_named
     from palpate.identification import compare
@@ -63,6 +67,7 @@ def identify(
     deriving = deriving or Deriving()
     wanted = deriving.wanted
     depth, kind = judging.depth, estimator_named(method)
+    wide = figure_width(width, figure)
     if figure is not None:
         from palpate.figures import check_figure
 
@@ -82,7 +87,7 @@ def identify(
     if figure is not None:
         from palpate import figures
 
-        figures.save(figures.draw(result, dark=dark), figure, inputs=list(files))
+        figures.save(figures.draw(result, dark=dark, width=wide), figure, inputs=list(files))
     if folder is not None:
         folder.save(
             result,

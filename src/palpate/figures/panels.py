@@ -1,186 +1,150 @@
-"""The panels of a figure, each on its own axes."""
+"""Panels that show force: over time, over penetration, and what a prediction missed."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.contact import Contact
-from palpate.figures.style import Theme
+from palpate.figures.look import Look
+from palpate.figures.scales import largest, scale_of
+from palpate.figures.sheet import head
+from palpate.figures.thinning import MOST_POINTS, broken, clock, few, shown
 from palpate.identification import Identification
-from palpate.validation import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# More points than this on a line make a heavy file that looks the same.
-MOST_POINTS = 1200
+# More crosses than this at samples that were left out make a heavy file.
+_MOST_CROSSES = 200
 
 
-def _clock(contact: Contact) -> tuple[Floats, str]:
-    """Time to draw against; segments whose clocks overlap are put one behind the other."""
-    if np.all(np.diff(contact.time) > 0.0):
-        return contact.time, "time [s]"
-    return np.cumsum(contact.time_steps), "time, contacts joined [s]"
-
-
-def _shown(contact: Contact) -> NDArray[np.intp]:
-    """Which samples to draw."""
-    return np.arange(0, len(contact), max(1, len(contact) // MOST_POINTS))
-
-
-def _broken(values: Floats, contact: Contact, keep: NDArray[np.intp]) -> Floats:
-    """The values to draw, with a gap where another contact begins."""
-    drawn = np.array(values[keep], dtype=np.float64)
-    drawn[1:][np.diff(contact.segment[keep]) != 0] = np.nan
-    return drawn
-
-
-def draw_force(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
-    """Force over time, measured and predicted a priori by each identification."""
-    contact = shown[0].contact
-    time, label = _clock(contact)
-    keep = _shown(contact)
-    measured = _broken(contact.force, contact, keep)
-    axes.plot(time[keep], measured, color=theme.measured, linewidth=2.4, label="measured")
-    left_out = np.flatnonzero(shown[0].trace.rejected)
+def draw_force(axes: "Axes", result: Identification, look: Look) -> None:
+    """Force over time, measured and predicted a priori, and the samples that were left out."""
+    contact, theme = result.contact, look.theme
+    time, label = clock(contact)
+    keep = shown(contact)
+    unit = scale_of(largest(contact.force), "N")
+    good = keep[~result.trace.rejected[keep]]
+    measured = unit.factor * broken(contact.force, contact, good)
+    axes.plot(
+        time[good], measured, color=theme.measured, linewidth=look.points(2.4), label="measured"
+    )
+    inside = np.where(result.trace.taken, result.trace.predicted_force, np.nan)
+    axes.plot(
+        time[keep],
+        unit.factor * broken(inside, contact, keep),
+        color=theme.lines[0],
+        linewidth=look.points(1.0),
+        label="predicted (a priori)",
+    )
+    left_out = few(np.flatnonzero(result.trace.rejected), _MOST_CROSSES)
     if left_out.size:
-        some = left_out[:: -(-left_out.size // MOST_POINTS)]
         axes.plot(
-            time[some],
-            contact.force[some],
-            color=theme.measured,
+            time[left_out],
+            unit.factor * contact.force[left_out],
+            color=theme.ink,
             linestyle="none",
             marker="x",
-            markersize=4.0,
+            markersize=look.points(4.0),
             label="left out",
         )
-    for result, look in zip(shown, theme.looks(len(shown)), strict=True):
-        inside = np.where(result.trace.taken, result.trace.predicted_force, np.nan)
-        predicted = _broken(inside, contact, keep)
-        axes.plot(time[keep], predicted, **look, linewidth=1.0, label=_label(result, shown))
-    known = contact.force[np.isfinite(contact.force)]
+    known = unit.factor * contact.force[np.isfinite(contact.force)]
     low, high = float(known.min()), float(known.max())
-    span = (high - low) or abs(high)
-    entries = 1 + len(shown) + bool(left_out.size)
-    rows = -(-entries // 3)  # of the legend, above the data
-    axes.set_ylim(low - 0.1 * span, high + max(0.25, 0.13 * rows) * span)
-    axes.set(xlabel=label, ylabel="force [N]", title="Force, and what was predicted of it")
-    axes.legend(loc="upper right", ncols=min(3, entries))
+    span = (high - low) or abs(high) or 1.0
+    axes.set_ylim(low - 0.06 * span, high + 0.06 * span)
+    axes.set(xlabel=label, ylabel=unit.label("force"))
+    head(axes, "Force")
 
 
-def _label(result: Identification, shown: list[Identification]) -> str:
-    return result.method if len(shown) > 1 else "predicted (a priori)"
-
-
-def draw_error(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
-    """A-priori force error over time."""
-    contact = shown[0].contact
-    time, label = _clock(contact)
-    keep = _shown(contact)
-    largest = _largest(np.abs(contact.force))
-    for result, look in zip(shown, theme.looks(len(shown)), strict=True):
-        error = np.where(result.trace.taken, contact.force - result.trace.predicted_force, np.nan)
-        rmse = result.prediction_rmse_percent
-        text = f"{_label(result, shown)}: {rmse:.2g} %" if np.isfinite(rmse) else result.method
-        axes.plot(time[keep], _broken(error, contact, keep), **look, linewidth=0.9, label=text)
-    # The first error of each start is as large as the force; the scale shows what comes after.
-    errors = [np.abs(r.contact.force - r.trace.predicted_force)[r.trace.taken] for r in shown]
-    limit = min(1.3 * max(float(np.nanpercentile(e, 99.0)) for e in errors if e.size), largest)
-    limit = max(limit, 1e-12 * largest)
-    axes.set_ylim(-limit, limit)
-    axes.set(
-        xlabel=label, ylabel="error [N]", title="Prediction error (a priori), RMSE% after 0.2 s"
-    )
-    axes.legend(loc="upper right", ncols=2)
-
-
-def draw_loop(axes: "Axes", shown: list[Identification], theme: Theme) -> None:
-    """Force over penetration, measured and by the final laws, without what was left out."""
-    contact = shown[0].contact
-    keep = _shown(contact)
-    keep = keep[~shown[0].trace.rejected[keep]]
-    prefix, factor = _length_unit(_largest(contact.penetration))
-    depth = contact.penetration * factor
+def draw_loop(
+    axes: "Axes",
+    result: Identification,
+    look: Look,
+    *,
+    colour: str | None = None,
+    points: int = MOST_POINTS,
+) -> None:
+    """Force over penetration, measured and by the final law, without what was left out."""
+    contact, theme = result.contact, look.theme
+    keep = shown(contact, points)
+    keep = keep[~result.trace.rejected[keep]]
+    depth, force = scale_of(largest(contact.penetration), "m"), scale_of(_firmest(result), "N")
+    x = depth.factor * contact.penetration[keep]
     axes.plot(
-        depth[keep],
-        _broken(contact.force, contact, keep),
+        x,
+        force.factor * broken(contact.force, contact, keep),
         color=theme.measured,
-        linewidth=2.0,
+        linewidth=look.points(2.2),
         label="measured",
     )
-    for result, look in zip(shown, theme.looks(len(shown)), strict=True):
-        inside = np.where(result.trace.taken, result.fitted_force, np.nan)
-        own = "law of each stretch" if result.stretches else "final law"
-        label = result.method if len(shown) > 1 else own
-        axes.plot(depth[keep], _broken(inside, contact, keep), **look, linewidth=0.9, label=label)
-    largest = _largest(depth)
-    axes.set_xlim(-0.1 * largest, 1.05 * largest)
-    axes.set(xlabel=f"penetration [{prefix}m]", ylabel="force [N]", title="Force–penetration loop")
-    axes.legend(loc="upper left")
-
-
-def _largest(values: Floats) -> float:
-    return float(np.max(values, where=np.isfinite(values), initial=0.0))
-
-
-def _length_unit(largest: float) -> tuple[str, float]:
-    for prefix, factor in (("", 1.0), ("m", 1e3), ("µ", 1e6)):
-        if largest * factor >= 0.5:
-            return prefix, factor
-    return "n", 1e9
-
-
-def draw_parameter(
-    axes: "Axes", result: Identification, index: int, name: str, theme: Theme
-) -> None:
-    """One parameter over time, with a band of two standard errors."""
-    contact, trace, law = result.contact, result.trace, result.law
-    time, label = _clock(contact)
-    keep = _shown(contact)
-    known = trace.taken
-    value = np.where(known, trace.parameters[:, index], np.nan)
-    error = np.where(known, trace.standard_errors[:, index], np.nan)
-    value, error = _broken(value, contact, keep), _broken(error, contact, keep)
-    final = float(law.parameters[index])
-    axes.fill_between(
-        time[keep], value - 2.0 * error, value + 2.0 * error, color=theme.lines[0], alpha=0.25, lw=0
+    inside = np.where(result.trace.taken, result.fitted_force, np.nan)
+    axes.plot(
+        x,
+        force.factor * broken(inside, contact, keep),
+        color=colour or theme.lines[0],
+        linewidth=look.points(0.9),
+        label="law of each part" if result.stretches else "final law",
     )
-    axes.plot(time[keep], value, color=theme.lines[0])
-    axes.axhline(final, color=theme.ink, linewidth=0.7, linestyle=":")
-    # The start-up leaves any scale; show the second half of the estimate, and the final value.
-    settled = value[np.isfinite(value)]
-    settled = settled[settled.size // 4 :]
-    last = float(result.standard_errors[index])
-    spread = max(float(np.ptp(settled)), 4.0 * last, 0.1 * abs(final), 1e-300)
-    middle = 0.5 * float(settled.max() + settled.min())
-    axes.set_ylim(middle - spread, middle + spread)
-    unit = f" [{law.units[index]}]" if law.units[index] else ""
-    words = name.replace("_", " ")
-    axes.set(xlabel=label, ylabel=f"{law.symbols[index]}{unit}")
-    axes.set_title(f"{words}: {final:.4g} ± {last:.2g} (band ±2 s.e.)", fontsize=9)
+    deepest = depth.factor * largest(np.maximum(contact.penetration, 0.0)) or 1.0
+    axes.set_xlim(-0.1 * deepest, 1.05 * deepest)
+    axes.set(xlabel=depth.label("penetration"), ylabel=force.label("force"))
 
 
-def draw_condition(axes: "Axes", result: Identification, theme: Theme) -> None:
+def _firmest(result: Identification) -> float:
+    return largest(result.contact.force[~result.trace.rejected])
+
+
+def _error_reach(result: Identification) -> float:
+    """How large a prediction error is but for the first of each start, N."""
+    taken = result.trace.taken
+    error = np.abs(result.contact.force - result.trace.predicted_force)[taken]
+    known = error[np.isfinite(error)]
+    # The first error of each start is as large as the force; the scale shows what comes after.
+    reach = 1.3 * float(np.percentile(known, 99.0)) if known.size else 0.0
+    force = _firmest(result)
+    return max(min(reach, force), 1e-12 * force, 1e-300)
+
+
+def draw_error(axes: "Axes", result: Identification, look: Look) -> None:
+    """A-priori force error over time."""
+    contact = result.contact
+    time, label = clock(contact)
+    keep = shown(contact)
+    limit = _error_reach(result)
+    unit = scale_of(limit, "N")
+    with np.errstate(over="ignore", invalid="ignore"):  # of absurd samples
+        error = np.where(result.trace.taken, contact.force - result.trace.predicted_force, np.nan)
+        values = unit.factor * np.clip(broken(error, contact, keep), -9.0 * limit, 9.0 * limit)
+    axes.plot(time[keep], values, color=look.theme.lines[0], linewidth=look.points(0.8))
+    axes.set_ylim(-unit.factor * limit, unit.factor * limit)
+    axes.set(xlabel=label, ylabel=unit.label("error"))
+    axes.axhline(0.0, color=look.theme.ink, linewidth=look.points(0.6))
+    rmse = result.prediction_rmse_percent
+    part = f": {rmse:.2g} % rms after 0.2 s" if math.isfinite(rmse) else ""
+    head(axes, f"Prediction error (a priori){part}")
+
+
+def draw_condition(axes: "Axes", result: Identification, look: Look) -> None:
     """The speed beside what condition 10 allows by the estimates of the moment."""
     contact, trace = result.contact, result.trace
-    time, label = _clock(contact)
-    keep = _shown(contact)
+    time, label = clock(contact)
+    keep = shown(contact)[::2]  # neither line is as quick as the noise
     speed = np.where(trace.taken, np.abs(contact.velocity), np.nan)
     stiffness, damping = trace.parameters[:, 0], np.abs(trace.parameters[:, 1])
     limit = 0.1 * np.divide(
         np.abs(stiffness), damping, out=np.full_like(damping, np.nan), where=damping > 0.0
     )
     limit = np.where(trace.taken, limit, np.nan)
-    axes.plot(time[keep], _broken(speed, contact, keep), color=theme.measured, label="|v|")
-    axes.plot(
-        time[keep], _broken(limit, contact, keep), color=theme.lines[1], label="0.1 K/B (estimated)"
-    )
-    largest = _largest(speed)
-    settled = float(np.nanmedian(limit)) if np.isfinite(limit).any() else largest
-    axes.set_ylim(0.0, 1.3 * max(largest, min(settled, 5.0 * largest), 1e-300))
-    axes.set(xlabel=label, ylabel="speed [m/s]")
-    axes.set_title(
-        f"Condition 10, |v| < 0.1 K/B: broken in {result.violated_fraction:.1%} of the contact"
-    )
-    axes.legend(loc="upper right", ncols=2)
+    fastest = largest(speed)
+    settled = float(np.nanmedian(limit)) if np.isfinite(limit).any() else fastest
+    top = 1.15 * max(fastest, min(settled, 5.0 * fastest), 1e-300)
+    unit = scale_of(top, "m/s")
+    for values, colour, words in (
+        (speed, look.theme.measured, "|v|"),
+        (limit, look.theme.lines[1], "0.1 K/B (estimated)"),
+    ):
+        shown_values = unit.factor * broken(np.minimum(values, 10.0 * top), contact, keep)
+        axes.plot(time[keep], shown_values, color=colour, label=words)
+    axes.set_ylim(0.0, unit.factor * top)
+    axes.set(xlabel=label, ylabel=unit.label("speed"))
+    head(axes, f"Condition 10, |v| < 0.1 K/B: broken in {result.violated_fraction:.1%} of contact")

@@ -1,13 +1,15 @@
 """What the final law leaves of the force, over time, depth and speed."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from palpate.diagnosis import Data
-from palpate.figures.scales import largest, scale_of
-from palpate.figures.sheet import head, set_titles, sheet_of
-from palpate.figures.style import DARK, LIGHT, Theme, style
+from palpate.figures.look import Look, look_of
+from palpate.figures.scales import Scale, largest, scale_of
+from palpate.figures.sheet import head, set_titles
+from palpate.figures.style import style
 from palpate.figures.thinning import BAND_DEVIATIONS, Scatter, clock, in_order, over
 from palpate.figures.words import name_of
 from palpate.identification import Identification
@@ -18,8 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Against = Literal["time", "depth", "velocity"]
+AGAINST: tuple[Against, ...] = ("time", "depth", "velocity")
+# Of several residuals those so many times as large as the first one's leave their panel.
+_MOST_REACH = 5.0
 CAPTION = (
-    "Line: median of the residual, measured − final law; band: from its 10th to its 90th "
+    "Residual: measured − final law. Line: its median; band: from its 10th to its 90th "
     "percentile; dotted: the same band of the sensors' noise alone, at working depth."
 )
 
@@ -48,58 +53,89 @@ def draw_residuals(
     MissingExtraError
         matplotlib is not installed.
     """
-    theme, sheet = DARK if dark else LIGHT, sheet_of(width)
-    against: tuple[Against, ...] = ("time", "depth", "velocity")
-    with style(theme, sheet) as new_figure:
+    look = look_of(dark=dark, width=width)
+    sheet, seen = look.sheet, [_scatter(identification, each) for each in AGAINST]
+    noise = _noise_band(identification)
+    unit = scale_of(max(_reach(each, noise) for _, each in seen), "N")
+    with style(look.theme, sheet) as new_figure:
         figure = new_figure(figsize=sheet.size(8.6 if sheet.narrow else 3.6), layout="constrained")
         shape = (3, 1) if sheet.narrow else (1, 3)
-        panels = figure.subplots(*shape, sharey=True, squeeze=False).reshape(-1)
-        for axes, each in zip(panels, against, strict=True):
-            draw_residual(axes, identification, theme, each)
-            head(axes, f"over {each}")
-        if not sheet.narrow:
-            for axes in panels[1:]:
-                axes.set_ylabel("")
-        fit = f"residual, {identification.fit_rmse_percent:.2g} % of the force (rms)"
-        set_titles(figure, sheet, [f"{name_of(identification)}: {fit}".removeprefix(": ")], CAPTION)
+        panels = figure.subplots(*shape, squeeze=False).reshape(-1)
+        for axes, against, (label, scatter) in zip(panels, AGAINST, seen, strict=True):
+            _draw(axes, scatter, noise, unit, look, look.theme.lines[0])
+            axes.set(xlabel=label, ylabel=unit.label("residual"))
+            head(axes, f"Over {against}")
+        low = min(axes.get_ylim()[0] for axes in panels)
+        for axes in panels:
+            axes.set_ylim(low, -low)
+        fit = f"the final law leaves {identification.fit_rmse_percent:.2g} % of the force"
+        name = name_of(identification)
+        set_titles(figure, sheet, [f"{name}: {fit}" if name else fit], CAPTION)
     return figure
 
 
-def draw_residual(
-    axes: "Axes", result: Identification, theme: Theme, against: Against = "time"
+def draw_residual(axes: "Axes", result: Identification, look: Look) -> None:
+    """One panel of the residual over time, with the band of noise alone."""
+    draw_residual_rows([axes], [result], [look.theme.lines[0]], look)
+    law = "law of each part" if result.stretches else "final law"
+    head(axes, f"Residual, measured − {law}: {result.fit_rmse_percent:.2g} % rms")
+
+
+def draw_residual_rows(
+    rows: "Sequence[Axes]",
+    results: Sequence[Identification],
+    colours: Sequence[str],
+    look: Look,
 ) -> None:
-    """One panel of the residual: its median, where most of it is, and the band of noise alone."""
-    with np.errstate(all="ignore"):  # absurd samples overflow
-        residual = result.contact.force - result.fitted_force
-        noise = BAND_DEVIATIONS * _noise(result)
-    label, seen = _scatter(result, residual, against)
-    noise = noise if np.isfinite(noise) else 0.0
-    reach = max(largest(seen.low), largest(seen.high), noise, 1e-300)
+    """The residual of each of several identifications over time, to one scale.
+
+    That is at most so large that the first of them, the best, is still to be seen.
+    """
+    noise = _noise_band(results[0])
+    seen = [_scatter(result, "time") for result in results]
+    reaches = [_reach(scatter, noise) for _, scatter in seen]
+    reach = min(max(reaches), _MOST_REACH * reaches[0])
     unit = scale_of(reach, "N")
-    k = unit.factor
-    axes.fill_between(
-        seen.place, k * seen.low, k * seen.high, color=theme.lines[0], alpha=0.3, lw=0
-    )
-    few = np.isfinite(seen.middle).sum() < 4
-    axes.plot(seen.place, k * seen.middle, "o-" if few else "-", color=theme.lines[0], markersize=3)
-    for level in (-noise, noise) if noise > 0.0 else ():
-        axes.axhline(k * level, color=theme.ink, linestyle=":", linewidth=0.8)
-    axes.axhline(0.0, color=theme.ink, linewidth=0.6)
-    axes.set_ylim(-1.15 * k * reach, 1.15 * k * reach)
-    axes.set(xlabel=label, ylabel=unit.label("residual"))
+    for axes, (label, scatter), colour in zip(rows, seen, colours, strict=True):
+        _draw(axes, scatter, noise, unit, look, colour)
+        axes.set_ylim(-1.15 * unit.factor * reach, 1.15 * unit.factor * reach)
+        axes.locator_params(axis="y", nbins=4)
+        axes.set(xlabel=label, ylabel=unit.label("residual"))
 
 
-def _noise(result: Identification) -> float:
-    """Deviation of a sample's force by noise, N: √(σ² + S²σ_x² + C²σ_v²) at working depth."""
+def _noise_band(result: Identification) -> float:
+    """Half of the band that noise alone would have, N.
+
+    Of a sample's force √(σ² + S²σ_x² + C²σ_v²), at working depth.
+    """
     data, there = result.data or Data(result.contact), result.diagnosis.working_depth
     by_position = there.stiffness.value * data.penetration_noise
     by_velocity = there.damping.value * data.velocity_noise
     parts = np.array([data.force_noise, by_position, by_velocity])
-    return float(np.linalg.norm(parts[np.isfinite(parts)]))
+    return BAND_DEVIATIONS * float(np.linalg.norm(parts[np.isfinite(parts)]))
 
 
-def _scatter(result: Identification, residual: Floats, against: Against) -> tuple[str, Scatter]:
+def _reach(seen: Scatter, noise: float) -> float:
+    return max(largest(seen.low), largest(seen.high), noise, 1e-300)
+
+
+def _draw(axes: "Axes", seen: Scatter, noise: float, unit: Scale, look: Look, colour: str) -> None:
+    k = unit.factor
+    axes.fill_between(seen.place, k * seen.low, k * seen.high, color=colour, alpha=0.3, lw=0)
+    few = np.isfinite(seen.middle).sum() < 4  # of one point there is no line
+    axes.plot(seen.place, k * seen.middle, "o-" if few else "-", color=colour, markersize=3.0)
+    for level in (-noise, noise) if noise > 0.0 else ():
+        axes.axhline(k * level, color=look.theme.ink, linestyle=":", linewidth=look.points(0.9))
+    axes.axhline(0.0, color=look.theme.ink, linewidth=look.points(0.6))
+    reach = 1.15 * k * _reach(seen, noise)
+    axes.set_ylim(-reach, reach)
+
+
+def _scatter(result: Identification, against: Against) -> tuple[str, Scatter]:
+    """What the abscissa is called, and where the residual lies over it."""
     contact, taken = result.contact, result.trace.taken
+    with np.errstate(all="ignore"):  # absurd samples overflow
+        residual = contact.force - result.fitted_force
     if against == "time":
         time, label = clock(contact)
         return label, in_order(time, residual, contact, taken)
@@ -108,4 +144,9 @@ def _scatter(result: Identification, residual: Floats, against: Against) -> tupl
         "velocity": ("velocity, inwards > 0", "m/s", contact.velocity),
     }[against]
     scale = scale_of(largest(values[taken]), unit)
-    return scale.label(name), over(scale.factor * values, residual, taken)
+    return scale.label(name), over(_scaled(values, scale), residual, taken)
+
+
+def _scaled(values: Floats, scale: Scale) -> Floats:
+    with np.errstate(over="ignore"):
+        return scale.factor * values

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.digits import PLAIN
 from palpate.validation import Floats
 
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p", -15: "f"}
@@ -51,6 +52,14 @@ def scale_of(largest: float, unit: str) -> Scale:
     if abs(power) > 300:  # its inverse would not be finite
         return Scale(1.0, unit)
     return Scale(10.0**-power, f"10{str(power).translate(_POWERS)} {unit}")
+
+
+def scale_as_written(value: float, unit: str) -> Scale:
+    """Choose the power of ten that :func:`palpate.digits.with_error` writes a value with."""
+    power = math.floor(math.log10(abs(value))) if math.isfinite(value) and value else 0
+    if power in PLAIN or abs(power) > 300:
+        return Scale(1.0, unit)
+    return Scale(10.0**-power, f"10{str(power).translate(_POWERS)} {unit}".strip())
 
 
 def largest(values: Floats) -> float:

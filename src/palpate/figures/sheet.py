@@ -1,9 +1,12 @@
 """How wide a figure is printed, and how large its letters are then."""
 
-import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from palpate.figures.letters import width_of, wrapped
 from palpate.validation import number_in
 
 if TYPE_CHECKING:
@@ -18,8 +21,6 @@ NARROWEST, WIDEST = 60e-3, 400e-3
 _ONE_COLUMN = 140e-3
 # Letters of a page, and the smallest that journals print, in points.
 _LARGEST, _SMALLEST = 9.5, 7.0
-# Mean width of a letter of a sentence in DejaVu Sans, over the size of the letters.
-_LETTER = 0.54
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,13 +59,6 @@ class Sheet:
         """Width and height of a figure that is so many inches high on a page."""
         return self.inches, height * self.scale
 
-    def wrapped(self, words: str, *, part: float = 1.0, lines: int = 2) -> str:
-        """Break a sentence into lines of a part of the width; what is too long ends with …."""
-        letters = int(part * self.inches * 72.0 / (_LETTER * self.font))
-        return "\n".join(
-            textwrap.wrap(words, max(letters, 10), max_lines=lines, placeholder=" …") or [""]
-        )
-
 
 PAGE = Sheet()
 
@@ -83,20 +77,25 @@ def sheet_of(width: float | None) -> Sheet:
 def set_titles(
     figure: "Figure", sheet: Sheet, title: list[str], caption: str = "", *, lines: int = 2
 ) -> None:
-    """Write a title, each of its sentences on a line of its own, and a caption below."""
-    # Names of files may hold a $, which is no formula.
-    words = "\n".join(sheet.wrapped(each, lines=lines) for each in title if each)
-    figure.suptitle(words, fontsize=1.1 * sheet.font, parse_math=False)
+    """Write a title, each of its sentences from a line of its own on, and a caption below."""
+    width, large, small = 72.0 * sheet.inches, 1.1 * sheet.font, 0.93 * sheet.font
+    margin = 2.0 * sheet.font
+    words = "\n".join(wrapped(each, width - margin, large, lines) for each in title if each)
+    figure.suptitle(words, fontsize=large, parse_math=False)  # a file's name may hold a $
     if caption:
-        below = sheet.wrapped(caption, lines=6)
-        figure.supxlabel(below, fontsize=0.93 * sheet.font, parse_math=False)
+        figure.supxlabel(wrapped(caption, width - margin, small, 9), fontsize=small)
 
 
-def head(axes: "Axes", title: str, *, columns: int = 4) -> None:
+def head(axes: "Axes", title: str, *, legend: bool = True) -> None:
     """Write the title of a panel, and its legend between title and panel, where no data are."""
-    handles, labels = axes.get_legend_handles_labels()
-    rows = -(-len(labels) // columns)
+    handles, labels = axes.get_legend_handles_labels() if legend else ([], [])
+    _write_numbers_out(axes)
     size = float(axes.title.get_fontsize())
+    room = _room(axes, size)
+    columns = max(len(labels), 1)
+    while columns > 1 and _legend_width(labels, columns, size) > room:
+        columns -= 1
+    rows = -(-len(labels) // columns)
     if rows:
         axes.legend(
             handles,
@@ -113,4 +112,47 @@ def head(axes: "Axes", title: str, *, columns: int = 4) -> None:
         )
     # 1.4 letters a row of the legend: the 1.16 of a line of DejaVu Sans and what is between.
     pad = 0.4 * size + 1.4 * rows * size
-    axes.set_title(title, loc="left", pad=pad, fontsize=size, parse_math=False)
+    words = wrapped(title, room, size, 3)
+    axes.set_title(words, loc="left", pad=pad, fontsize=size, parse_math=False)
+
+
+def _write_numbers_out(axes: "Axes") -> None:
+    """Let ticks have no power of ten beside the axis: the unit has it, where one is needed."""
+    from matplotlib.ticker import ScalarFormatter
+
+    for axis in (axes.xaxis, axes.yaxis):
+        formatter = axis.get_major_formatter()
+        if isinstance(formatter, ScalarFormatter):
+            formatter.set_scientific(False)
+
+
+def stack(panels: "Sequence[Axes]") -> None:
+    """Let panels one below the other have one abscissa, with its numbers below the last."""
+    low = min(axes.get_xlim()[0] for axes in panels)
+    high = max(axes.get_xlim()[1] for axes in panels)
+    for axes in panels:
+        axes.set_xlim(low, high)
+    for axes in panels[:-1]:
+        axes.tick_params(labelbottom=False)
+        axes.set_xlabel("")
+
+
+def _room(axes: "Axes", size: float) -> float:
+    """Width of a panel, points: its part of the figure, without ticks and label of its axis."""
+    place, figure = axes.get_subplotspec(), axes.figure
+    part = 1.0
+    if place is not None:
+        grid = place.get_gridspec()
+        ratios = np.asarray(grid.get_width_ratios(), dtype=np.float64)
+        part = float(ratios[list(place.colspan)].sum() / ratios.sum())
+    return max(part * figure.bbox.width * 72.0 / figure.dpi - 6.0 * size, 8.0 * size)
+
+
+def _legend_width(labels: list[str], columns: int, size: float) -> float:
+    """Width of a legend, points: 3.2 letters a column for a handle and what is between."""
+    widest = [
+        max(width_of(label, size) for label in labels[i::columns])
+        for i in range(columns)
+        if labels[i::columns]
+    ]
+    return sum(widest) + 3.2 * size * len(widest)

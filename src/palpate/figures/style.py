@@ -1,7 +1,7 @@
 """How figures look, and how they are written."""
 
 import io
-import itertools
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,6 +29,18 @@ _FORMATS: dict[str, dict[str, None] | None] = {
 _FONTS = ["DejaVu Sans", "Verdana", "Helvetica", "Arial"]
 
 
+# Text stays text, in SVG and in PDF (where type 42 is a font that is embedded whole enough to be
+# searched and edited); 300 dots an inch are what journals ask for, where
+# matplotlib's own settings do not name others; names in a file are not random.
+_WRITTEN: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "palpate",
+    "pdf.fonttype": 42,
+}
+_DOTS_AN_INCH = 300
+_DECIMALS = re.compile(rb"(\.\d\d)\d+")
+
+
 @dataclass(frozen=True, slots=True)
 class Theme:
     """Colours of Okabe & Ito, distinct for colour-blind readers too, for one background."""
@@ -45,14 +57,6 @@ class Theme:
         named |= {"measured": self.measured}
         named |= {f"line-{k}": colour for k, colour in enumerate(self.lines)}
         return {f"--drawing-{name}": colour for name, colour in named.items()}
-
-    def looks(self, count: int) -> list[dict[str, Any]]:
-        """Return so many looks of a line: a colour each, then the same dashed; the first on top."""
-        styles = itertools.cycle(itertools.product(("-", "--", ":", "-."), self.lines))
-        return [
-            {"color": colour, "linestyle": style, "zorder": 2.4 - 0.4 * i / count}
-            for i, (style, colour) in enumerate(itertools.islice(styles, count))
-        ]
 
 
 LIGHT = Theme(
@@ -165,14 +169,24 @@ def _as_bytes(figure: "Figure", ending: str) -> bytes:
     import matplotlib
 
     drawn = io.BytesIO()
-    with matplotlib.rc_context({"svg.hashsalt": "palpate"}), warnings.catch_warnings():
+    with matplotlib.rc_context(_WRITTEN), warnings.catch_warnings():
         # A name in a script that the font lacks is drawn as boxes, and axes to 1e308 overflow.
         warnings.filterwarnings("ignore", "Glyph .* missing from")
         warnings.filterwarnings("ignore", "overflow encountered", RuntimeWarning)
+        dots = matplotlib.rcParams["savefig.dpi"]
         figure.savefig(
-            drawn, format=ending[1:], facecolor=figure.get_facecolor(), metadata=_FORMATS[ending]
+            drawn,
+            format=ending[1:],
+            dpi=_DOTS_AN_INCH if dots == "figure" else dots,
+            facecolor=figure.get_facecolor(),
+            metadata=_FORMATS[ending],
         )
-    return drawn.getvalue()
+    return _rounded(drawn.getvalue()) if ending == ".svg" else drawn.getvalue()
+
+
+def _rounded(svg: bytes) -> bytes:
+    """Paths to a hundredth of a point, which nobody sees: matplotlib writes a millionth."""
+    return re.sub(rb' d="[^"]*"', lambda path: _DECIMALS.sub(rb"\1", path[0]), svg)
 
 
 def _format_of(path: Path) -> str:

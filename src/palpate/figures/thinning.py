@@ -9,11 +9,13 @@ from palpate.contact import Contact
 from palpate.validation import Floats
 
 #: More points than this on a line nobody sees.
-MOST_POINTS = 1200
+MOST_POINTS = 1000
 # Of a band: a piece holds so many samples at least, and there are at most so many of them.
 _FEWEST = 8
 _PIECES = 150
 _BINS = 50
+#: Where contact is lost more often than this no line is broken: each piece is a path of its own.
+MOST_GAPS = 60
 #: Percentiles that a band of samples spans, and how many deviations of a normal one that is.
 BAND = (10.0, 90.0)
 BAND_DEVIATIONS = 1.2816
@@ -26,9 +28,14 @@ def clock(contact: Contact) -> tuple[Floats, str]:
     return np.cumsum(contact.time_steps), "time, contacts joined [s]"
 
 
-def shown(contact: Contact) -> NDArray[np.intp]:
+def shown(contact: Contact, most: int = MOST_POINTS) -> NDArray[np.intp]:
     """Which samples to draw."""
-    return np.arange(0, len(contact), max(1, len(contact) // MOST_POINTS))
+    return few(np.arange(len(contact)), most)
+
+
+def few(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """Return at most so many of some samples, evenly."""
+    return index[:: max(-(-index.size // most), 1)]
 
 
 def broken(values: Floats, contact: Contact, keep: NDArray[np.intp]) -> Floats:
@@ -60,7 +67,7 @@ def in_order(time: Floats, values: Floats, contact: Contact, keep: NDArray[np.bo
     each = max(-(-index.size // _PIECES), _FEWEST)
     jump = (np.diff(index) > each) | (np.diff(contact.segment[index]) != 0)
     runs = np.split(index, np.flatnonzero(jump) + 1)
-    if len(runs) > _PIECES:  # more lines than a panel can show
+    if len(runs) > MOST_GAPS:
         runs = [index]
     rows = []
     for run in runs:

@@ -2,10 +2,58 @@
 
 from pathlib import Path
 
+from palpate.digits import with_error
+from palpate.figures.scales import scale_of
 from palpate.identification import Identification
+
+_JOINED = "\N{NO-BREAK SPACE}"
+
+
+def kept_together(value: float, *errors: float, unit: str = "") -> str:
+    """As :func:`palpate.digits.with_error`, in words that no line is broken between."""
+    return with_error(value, *errors, unit=unit).replace(" ", _JOINED)
+
+
+def parameters_of(result: Identification) -> str:
+    """The law's parameters and their standard errors."""
+    law = result.law
+    rows = zip(law.symbols, law.parameters, result.standard_errors, law.units, strict=True)
+    return ", ".join(
+        f"{symbol}{_JOINED}={_JOINED}{kept_together(float(value), float(error), unit=unit)}"
+        for symbol, value, error, unit in rows
+    )
+
+
+def at_depth(result: Identification) -> str:
+    """Force, stiffness and damping at working depth."""
+    there = result.diagnosis.working_depth
+    quantities = (
+        ("force", there.force, "N"),
+        ("stiffness", there.stiffness, "N/m"),
+        ("damping", there.damping, "N·s/m"),
+    )
+    words = [
+        f"{name} {kept_together(q.value, q.standard_error, q.systematic, unit=unit)}"
+        for name, q, unit in quantities
+    ]
+    length = scale_of(there.depth, "m")
+    return f"at {length.factor * there.depth:.4g} {length.unit}: {', '.join(words)}"
 
 
 def name_of(result: Identification) -> str:
     """Name of the recording's file; what no font has, such as a byte that is not UTF-8, is �."""
     name = Path(result.contact.source).name
     return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in name)
+
+
+def verdict_of(result: Identification) -> str:
+    """Verdict and its reason."""
+    return f"{result.diagnosis.verdict.overall}: {result.diagnosis.reason}"
+
+
+def fit_of(result: Identification) -> str:
+    """File, method and how well the law fits."""
+    name = name_of(result)
+    fitted = "the stretches' own laws fit" if result.stretches else "final law fits"
+    fit = f"{result.method}, {fitted} to {result.fit_rmse_percent:.2g}{_JOINED}%"
+    return f"{name}: {fit}" if name else fit
