@@ -3,7 +3,6 @@
 from rich.console import Console
 from rich.text import Text
 
-from palpate.cli.derived import with_prefix
 from palpate.cli.laws import parameters
 from palpate.cli.layout import Column, print_table
 from palpate.cli.verdicts import COLOURS, percent
@@ -11,6 +10,7 @@ from palpate.cli.working_depths import whole_error
 from palpate.diagnosis import Quantity
 from palpate.digits import rounded, with_error
 from palpate.identification import Identification
+from palpate.results.following import with_prefix
 
 _NUMBERS = (Column("stiffness\nN/m", right=True), Column("damping\nN·s/m", right=True))
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from rich.text import Text
 
 from palpate.cli.comparison import print_comparison
-from palpate.cli.derived import print_derived
 from palpate.cli.laws import print_law
 from palpate.cli.layout import say, say_path
 from palpate.cli.printing import Terminal, print_json
@@ -18,6 +17,7 @@ from palpate.digits import rounded
 from palpate.identification import Identification
 from palpate.preparation.touches import touches_of
 from palpate.results.description import described
+from palpate.results.following import following
 
 
 def print_identifications(
@@ -63,7 +63,8 @@ def _print_result(result: Identification, console: Terminal) -> None:
     print_law(result, console)
     say(console, _quality(result))
     _print_surface(result, console)
-    print_derived(result, console)
+    for line in following(result):
+        say(console, str(line))
     if result.noticed is not None:
         say(console, _noticed(result))
 
