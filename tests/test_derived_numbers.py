@@ -216,6 +216,14 @@ def test_work_goes_on_where_the_time_does_from_one_segment_to_the_next():
     assert identify(Contact(later, **curve, segment=time > 1.0)).energy.kind == "none"
 
 
+def test_the_way_over_a_long_gap_is_not_known():
+    contact = sine(LAW, noise=0.02)
+    gone = contact.taken((contact.time < 2.0) | (contact.time > 2.3))
+    whole, cut = identify(contact).energy, identify(gone).energy
+    assert len(cut.lost) == len(whole.lost) - 1
+    assert not np.any((cut.start < 2.0) & (cut.stop > 2.3))
+
+
 def test_lost_samples_are_in_no_loop():
     contact = sine(LAW, noise=0.02)
     force = contact.force.copy()

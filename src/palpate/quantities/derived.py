@@ -22,7 +22,7 @@ from palpate.validation import number_in
 if TYPE_CHECKING:
     from palpate.identification import Identification
 
-# Median sample times: the way of a probe over a longer gap is not known.
+# Usual times between samples: the way of a probe over a longer gap is not known.
 LONGEST_GAP = 20.0
 
 
@@ -60,55 +60,65 @@ def derived(result: "Identification") -> dict[str, Any]:
 
 def _going_on(contact: Contact) -> NDArray[np.int64]:
     """Numbers of the stretches between which the time jumps, or begins again."""
+    usual = np.empty(len(contact))  # time between samples, which each segment may have its own of
+    for part in contact.segments():
+        steps = np.diff(contact.time[part])
+        usual[part] = np.median(steps) if steps.size else contact.sample_time
     steps = np.diff(contact.time)
-    jumps = ~((steps > 0.0) & (steps <= LONGEST_GAP * contact.sample_time))
-    apart = (np.diff(contact.segment) != 0) & jumps
-    return np.concatenate([[0], np.cumsum(apart)])
+    known = (steps > 0.0) & (steps <= LONGEST_GAP * np.maximum(usual[1:], usual[:-1]))
+    return np.concatenate([[0], np.cumsum(~known)])
 
 
 def restitution_from(result: "Identification", speed: float | None) -> Restitution:
     """Return the restitution at a speed, m/s, or at the one that is wanted."""
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
-    taken, law = result.trace.taken, result.law
-    b = dissipation_of(law, result.covariance, result.diagnosis.working_depth)
-    fastest = fastest_of(result.contact.velocity[taken])
-    return restitution_of(law, b, fastest, speed or result.wanted.impact_speed)
+    fastest = fastest_of(result.contact.velocity[result.trace.taken])
+    with _absurd_numbers():
+        b = dissipation_of(result.law, result.covariance, result.diagnosis.working_depth)
+        return restitution_of(result.law, b, fastest, speed or result.wanted.impact_speed)
 
 
 def energy_from(result: "Identification") -> EnergyLoss:
     """Return the energy lost in the touches, or cycles, of a recording."""
     data, path = result.data or Data(result.contact), path_of(result)
-    return energy_of(
-        path,
-        loops_of(replace(result.contact, segment=_going_on(result.contact)), path),
-        result.law,
-        result.diagnosis.working_depth.damping,
-        force_noise=data.force_noise,
-        depth_noise=data.penetration_noise,
-    )
+    going_on = replace(result.contact, segment=_going_on(result.contact))
+    with _absurd_numbers():
+        return energy_of(
+            path,
+            loops_of(going_on, path),
+            result.law,
+            result.diagnosis.working_depth.damping,
+            force_noise=data.force_noise,
+            depth_noise=data.penetration_noise,
+        )
 
 
 def passivity_from(result: "Identification") -> Passivity:
     """Return where the law pulls in the recorded motion."""
-    data = result.data or Data(result.contact)
-    there = result.diagnosis.working_depth
-    return passivity_of(path_of(result), result.law, there, data.force_noise)
+    data, there = result.data or Data(result.contact), result.diagnosis.working_depth
+    with _absurd_numbers():
+        return passivity_of(path_of(result), result.law, there, data.force_noise)
 
 
 def elastic_modulus_from(
     result: "Identification", tip: Tip | None, poisson_ratio: float | None
 ) -> ElasticModulus:
     """Return Young's modulus for a tip, or for the one that is wanted."""
-    wanted = result.wanted
-    tip = tip or wanted.tip
-    ratio = wanted.poisson_ratio if poisson_ratio is None else poisson_ratio
+    tip = tip or result.wanted.tip
+    ratio = result.wanted.poisson_ratio if poisson_ratio is None else poisson_ratio
     if tip is None:
         raise InvalidParameterError(
             "tip must be given, such as Sphere(radius=5e-3), here or by wanting(Wanted(tip=…))"
         )
-    checked = Wanted(tip=tip, poisson_ratio=ratio)
+    Wanted(tip=tip, poisson_ratio=ratio)  # which checks them
     depth = result.contact.penetration[result.trace.taken] - result.estimate.surface
     inside = depth[depth > 0.0]
     low, high = np.percentile(inside, (10.0, 90.0)).tolist() if inside.size else (math.nan,) * 2
-    return elastic_modulus_of(result.law, result.diagnosis, (low, high), tip, checked.poisson_ratio)
+    with _absurd_numbers():
+        return elastic_modulus_of(result.law, result.diagnosis, (low, high), tip, ratio)
+
+
+def _absurd_numbers() -> np.errstate:
+    """Let what overflows, such as the square of 1e200 N, be not defined."""
+    return np.errstate(all="ignore")
