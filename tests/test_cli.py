@@ -10,6 +10,7 @@ import pytest
 from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
 
 import palpate
+from palpate.digits import with_error
 
 PYTHON = sys.executable
 
@@ -29,9 +30,10 @@ def test_identify_prints_a_table_that_a_person_reads(run, good):
     assert (status, err) == (0, "")
     assert "600 samples" in out
     assert "variable-" in out
-    law = palpate.identify(palpate.prepare(good)).law
-    for symbol, value in zip(law.symbols, law.parameters, strict=True):
-        assert f"{symbol} = {value:.4g}" in out
+    result = palpate.identify(palpate.prepare(good))
+    law, errors = result.law, result.standard_errors
+    for symbol, value, error in zip(law.symbols, law.parameters, errors, strict=True):
+        assert f"{symbol} = {with_error(value, error)}" in out
     assert "N/mⁿ" in out
 
 

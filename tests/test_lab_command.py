@@ -1,6 +1,8 @@
 """``palpate lab``, as a user meets it."""
 
 import json
+import math
+import re
 
 import numpy as np
 import pytest
@@ -25,14 +27,25 @@ def test_what_lab_writes_identify_reads_and_finds_the_truth_in(run, tmp_path):
         assert abs(result["law"][name] - value) < 3.0 * result["standard_errors"][name]
 
 
-def test_identify_shows_the_truth_that_a_file_states_beside_what_it_found(run, tmp_path):
+def test_identify_shows_the_truth_that_a_file_states_and_how_far_it_is(run, tmp_path):
     file = tmp_path / "ball.csv"
     run("lab", "ball", "-o", file, *QUICK)
     out = run("identify", file)[1]
-    assert "truth, by" in out
-    assert "K = 2000 N/mⁿ" in out
+    result = palpate.identify(file)
+    stiffness = result.diagnosis.working_depth.stiffness
+    pairs = [
+        (result.law.stiffness, result.standard_errors[0]),
+        (stiffness.value, math.hypot(stiffness.standard_error, stiffness.systematic)),
+    ]
+    for value, error in pairs:
+        distance = (value - 2000.0) / error
+        assert f"truth 2000, {distance:+.2g} σ" in out
+    assert "standard errors" in out
+    compared = run("compare", file)[1]
+    assert re.search(r"^truth +.* 2000 ", compared, re.MULTILINE)
+    assert "K = 2000 N/mⁿ" in compared
     file.write_text(file.read_text().replace("# truth:", "# truth: not JSON"))
-    assert "truth, by" not in run("identify", file)[1]
+    assert "σ" not in run("identify", file)[1]
 
 
 def test_the_command_makes_the_file_that_the_library_makes(run, tmp_path):

@@ -6,8 +6,8 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
+from palpate.figures.slimming import slim
 from palpate.figures.style import LIGHT, as_svg, style
-from palpate.paper.report.slimming import slim
 
 
 @pytest.fixture(scope="module")

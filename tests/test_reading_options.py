@@ -8,7 +8,7 @@ import pytest
 from recordings import HEADER, recording, rows_of, text_of, written
 from robots import hand, table_of
 
-from palpate.cli.config import as_toml
+from palpate.results.toml import as_toml
 
 
 @pytest.fixture

@@ -85,3 +85,30 @@ def test_the_covariance_has_the_standard_errors_and_keeps_the_correlations(ball)
 def test_the_trace_has_the_clock_of_the_contact(ball):
     assert ball.trace.time is ball.contact.time
     assert np.array_equal(ball.trace[10:20].time, ball.contact.time[10:20])
+
+
+@pytest.mark.parametrize("method", palpate.ESTIMATORS)
+def test_an_estimate_knows_stiffness_and_damping_with_their_errors(method):
+    signals = exciting(HARD, seconds=2.0, noise=0.05, seed=4)
+    estimator = palpate.ESTIMATORS[method]()
+    estimator.replay(*signals.arrays)
+    estimate, depth = estimator.estimate(), 9e-3
+    draws = np.random.default_rng(0).multivariate_normal(
+        estimate.parameters / (size := np.abs(estimate.parameters)),
+        estimate.covariance / np.outer(size, size),
+        4000,
+    )
+    for name in ("stiffness_at", "damping_at"):
+        value, error = getattr(estimate, name)(depth)
+        assert value == getattr(estimate.law, name)(depth)
+        spread = np.std([getattr(type(estimate.law)(*(size * d)), name)(depth) for d in draws])
+        assert error == pytest.approx(spread, rel=0.05)  # 4000 draws know it to 1 %
+
+
+@pytest.mark.parametrize("method", palpate.ESTIMATORS)
+def test_an_estimate_of_nothing_can_be_asked_too(method):
+    estimate = palpate.ESTIMATORS[method]().estimate()
+    for name in ("stiffness_at", "damping_at"):
+        value, error = getattr(estimate, name)(1e-3)
+        assert value == getattr(estimate.law, name)(1e-3)
+        assert not error < 0.0

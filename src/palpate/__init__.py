@@ -1,5 +1,6 @@
 """Real-time identification of contact models, from penetration, velocity and force."""
 
+import logging
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
@@ -7,10 +8,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from palpate._public import *  # noqa: F403 - they are listed there
     from palpate._public import __all__ as __all__
+
+    __version__: str
 else:
     # Imported when the first of them is asked for: the command line answers --help, and an
     # interrupt, without NumPy.
     def __getattr__(name: str) -> object:
+        if name == "__version__":
+            from importlib.metadata import version
+
+            return version("palpate")
         if find_spec(f"palpate.{name}"):  # a module, for one of the package's own
             return import_module(f"palpate.{name}")
         public = import_module("palpate._public")
@@ -20,4 +27,8 @@ else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), *__getattr__("__all__")})
+        return sorted({*globals(), *__getattr__("__all__"), "__version__"})
+
+
+# What its modules say of their work is heard by who asks for it.
+logging.getLogger(__name__).addHandler(logging.NullHandler())

@@ -34,6 +34,7 @@ from palpate.identification import Identification, compare, diagnose, identify
 from palpate.least_squares import LeastSquares
 from palpate.preparation import Columns, OnlinePreparation, choose_gate, prepare
 from palpate.recordings import Recording, open_recording, write_contact
+from palpate.results.loading import SavedResult, load_result
 from palpate.settings import (
     ChangeDetector,
     ConstantForgetting,
@@ -79,6 +80,7 @@ __all__ = [
     "Recording",
     "RecordingError",
     "RecursiveLeastSquaresEstimator",
+    "SavedResult",
     "Scale",
     "SelfPerturbation",
     "SingleStageRLS",
@@ -91,6 +93,7 @@ __all__ = [
     "compare",
     "diagnose",
     "identify",
+    "load_result",
     "open_recording",
     "prepare",
     "write_contact",

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 SHORTEST_STEP = 1e-100
 
 
-@dataclass(frozen=True, slots=True, eq=False, init=False)
+@dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
 class Contact:
     """What identification needs, in SI and on one clock, and how it was made.
 
@@ -99,6 +99,12 @@ class Contact:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def __repr__(self) -> str:
+        span = f" from {self.time[0]:g} s to {self.time[-1]:g} s" if len(self) else ""
+        parts = int(self.segment[-1]) - int(self.segment[0]) + 1 if len(self) else 0
+        segments = f" in {parts} segments" if parts > 1 else ""
+        return f"<Contact {self.source!r}: {len(self)} samples{span}{segments}>"
 
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""

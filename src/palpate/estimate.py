@@ -1,5 +1,7 @@
 """What an estimator knows now."""
 
+import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -131,6 +133,28 @@ class Estimate:
     def standard_errors(self) -> Floats:
         """Standard errors of the law's parameters, SI."""
         return self._value.standard_errors
+
+    def stiffness_at(self, depth: float) -> tuple[float, float]:
+        """∂F/∂x at a depth [m] and at rest, and its standard error, N/m."""
+        return self._with_error(lambda law: law.stiffness_at(depth))
+
+    def damping_at(self, depth: float) -> tuple[float, float]:
+        """∂F/∂v at a depth [m], and its standard error, N·s/m."""
+        return self._with_error(lambda law: law.damping_at(depth))
+
+    def _with_error(self, number: Callable[[ForceLaw], float]) -> tuple[float, float]:
+        """A number by the law, and its error by the delta method: √(gᵀ C g)."""
+        law, errors = self.law, self.standard_errors
+        # By differences over a hundredth of an error, in which a law is as good as linear.
+        steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
+        gradient = np.empty(len(steps))
+        with np.errstate(all="ignore"):  # of a start that knows nothing the error may be infinite
+            for k, step in enumerate(steps.tolist()):
+                up, down = law.parameters, law.parameters
+                up[k], down[k] = up[k] + step, down[k] - step
+                gradient[k] = (number(type(law)(*up)) - number(type(law)(*down))) / (2.0 * step)
+            variance = float(gradient @ self.covariance @ gradient)
+        return number(law), math.sqrt(variance) if variance >= 0.0 else math.nan
 
     @property
     def joint_covariance(self) -> Floats:

@@ -1,12 +1,14 @@
 """Identify a whole contact, with one estimator or with all of them side by side."""
 
+import logging
 import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeAlias
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,14 +40,23 @@ from palpate.preparation.velocity import window_samples
 from palpate.refusals import check_approach, why_nothing
 from palpate.replaying import choices, estimator_of, replayed, with_surface_off
 from palpate.results.description import of_one
+from palpate.results.frames import to_pandas, to_xarray
+from palpate.results.summary import line, summary
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.trace import Trace
 from palpate.validation import Floats, number_in, positive
 
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
+
+_LOGGER = logging.getLogger(__name__)
+
 _Placed: TypeAlias = tuple[Place, Contact]
 
 
-@dataclass(frozen=True, eq=False)  # no slots: the diagnosis is kept in the instance
+@dataclass(frozen=True, eq=False, repr=False)  # no slots: the diagnosis is kept in the instance
 class Identification:
     """What a whole contact gave.
 
@@ -331,6 +342,72 @@ class Identification:
         times: Floats = self.contact.time[trace.status == Status.RESTARTED]
         return times
 
+    def __repr__(self) -> str:
+        return line(self)
+
+    def _repr_html_(self) -> str:
+        """Shown by a notebook: verdict, numbers at working depth, and the law."""
+        from palpate.reports.card import card  # above this module, as all that shows a result
+
+        return card(self)
+
+    def summary(self) -> str:
+        """Return verdict, numbers, 95 % intervals, correlations and findings, as text."""
+        return summary(self)
+
+    def plot(self, *, dark: bool = False, width: float | None = None) -> "Figure":
+        """Draw it: :func:`palpate.figures.draw`."""
+        from palpate.figures import draw
+
+        return draw(self, dark=dark, width=width)
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """Return every sample, and what was known after it, as a frame indexed by time.
+
+        ``penetration``, ``velocity``, ``force``, ``segment``, ``predicted_force`` (a priori),
+        ``fitted_force`` (by the final law), ``status``, ``validity_margin``, and each parameter
+        with the ``…_standard_error`` of that moment, SI; units are in ``attrs["units"]``. Needs
+        pandas, of the extra ``notebook``.
+
+        Raises
+        ------
+        MissingExtraError
+            pandas is not installed.
+        """
+        return to_pandas(self)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the same along ``time``, the law's parameters along ``parameter``.
+
+        Raises
+        ------
+        MissingExtraError
+            xarray, of the extra ``notebook``, is not installed.
+        """
+        return to_xarray(self)
+
+    def save(self, folder: str | Path) -> None:
+        """Write report, numbers, trace and options to a folder; :func:`load_result` reads it back.
+
+        ``report.html``, ``result.json``, ``trace.parquet`` (``.csv`` without pyarrow) and
+        ``run.toml``, each whole or not at all.
+
+        Parameters
+        ----------
+        folder : str or Path
+            It is made where it is not there.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be made or written to.
+        MissingExtraError
+            matplotlib, which the report needs, is not installed.
+        """
+        from palpate.reports.saving import Destination
+
+        Destination(Path(folder)).save(self)
+
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and words; what is not defined is None."""
         return of_one(self)
@@ -372,8 +449,12 @@ def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identif
     contact, given = data.contact, estimator_of(estimator)
     chosen = choices(contact, given)
     fresh = given.replace(**chosen)
+    known = ", ".join(f"{name}={value}" for name, value in chosen.items() if value is not None)
+    _LOGGER.info("%s: chosen from the data: %s", fresh.method, known or "nothing")
     trace = replayed(contact, fresh)
     flags = tuple(flags_of(contact, trace, fresh))
+    taken = np.count_nonzero(trace.taken)
+    _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
     result = Identification(contact, fresh, trace, flags, data, chosen=tuple(chosen))
     if not (trace.taken & ~(contact.force <= 0.0)).any():
         raise RecordingError(why_nothing(data, result.gate))
@@ -408,6 +489,7 @@ def compare(
     *,
     gate: ContactGate | None = None,
     outlier_rejection: Rejection = None,
+    watch: Callable[[Sequence[str]], Iterable[str]] = iter,
 ) -> dict[str, Identification]:
     """Identify a contact with every method.
 
@@ -420,6 +502,8 @@ def compare(
         same for all but variable projection, which chooses its samples itself.
     outlier_rejection : OutlierRejection or False, optional
         How outliers are left out; False takes them all.
+    watch : callable
+        Goes through the methods' names, such as with a progress bar.
 
     Returns
     -------
@@ -430,7 +514,8 @@ def compare(
     chosen = choose_gate(contact) if gate is None else gate
     data = Data(contact)  # checked once for all methods
     results = {}
-    for name, kind in ESTIMATORS.items():
+    for name in watch(list(ESTIMATORS)):
+        kind = ESTIMATORS[name]
         estimator = kind()
         shared: dict[str, object] = {"outlier_rejection": outlier_rejection}
         if gate is not None or not kind.chooses_samples:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.diagnosis import MARKS, Quantity
+from palpate.digits import rounded, with_error
 from palpate.metrics import rmse_percent
 
 if TYPE_CHECKING:
@@ -81,7 +82,8 @@ def _exclusion(one: "Identification", other: "Identification") -> str | None:
     ):
         apart = abs(a.value - b.value) / math.hypot(_bar(a), _bar(b))
         if apart > EXCLUDED:
-            words.append(f"{name} {a.value:.4g} and {b.value:.4g} ({apart:.2g} standard errors)")
+            both = f"{with_error(a.value, _bar(a))} and {with_error(b.value, _bar(b))}"
+            words.append(f"{name} {both} ({rounded(apart, 2)} standard errors)")
     if not words:
         return None
     return f"{one.method} and {other.method} exclude each other: {', '.join(words)}"

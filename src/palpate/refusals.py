@@ -4,6 +4,7 @@ import numpy as np
 
 from palpate.contact import Contact
 from palpate.diagnosis import Data
+from palpate.digits import rounded
 from palpate.errors import RecordingError
 from palpate.settings import ContactGate
 from palpate.trace import Trace
@@ -36,7 +37,7 @@ def nothing_taken(contact: Contact, gate: ContactGate) -> str:
         )
     return (
         f"{where}the probe never touches: no sample has penetration above "
-        f"{gate.minimum_penetration:.3g} m and force above {gate.make_force:.3g} N "
+        f"{rounded(gate.minimum_penetration, 3)} m and force above {rounded(gate.make_force, 3)} N "
         f"(the largest are {_largest(contact.penetration)} m and {_largest(contact.force)} N); "
         "check the units and signs, or lower the gate"
     )
@@ -56,7 +57,7 @@ def not_finite(contact: Contact) -> str:
 
 def _largest(values: Floats) -> str:
     known = values[~np.isnan(values)]
-    return f"{known.max():.3g}" if known.size else "no"
+    return rounded(known.max(), 3) if known.size else "no"
 
 
 def check_approach(contact: Contact, trace: Trace, surface: float) -> None:
@@ -66,7 +67,7 @@ def check_approach(contact: Contact, trace: Trace, surface: float) -> None:
         where = f"{contact.source}: " if contact.source else ""
         raise RecordingError(
             f"{where}the search for the surface needs the free approach: {above} of "
-            f"{len(contact)} samples lie above the best surface, {surface:.3g} m, and at least "
-            f"{FEWEST_ABOVE} have to; record from before the touch, or give the penetration from "
-            "a known surface and leave surface out"
+            f"{len(contact)} samples lie above the best surface, {rounded(surface, 3)} m, and at "
+            f"least {FEWEST_ABOVE} have to; record from before the touch, or give the "
+            "penetration from a known surface and leave surface out"
         )

@@ -1,5 +1,6 @@
 """An estimator for a whole contact: what was asked for, what the data choose, and the replay."""
 
+import logging
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,8 +18,11 @@ from palpate.estimators import (
 from palpate.preparation.resolution import suggest_surface_deviation
 from palpate.preparation.suggestions import choose_gate, suggest_scale
 from palpate.settings import OutlierRejection
+from palpate.stages import timed
 from palpate.trace import Trace
 from palpate.validation import shown
+
+_LOGGER = logging.getLogger(__name__)
 
 
 def choices(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
@@ -68,11 +72,13 @@ def with_surface_off(contact: Contact, estimator: ContactEstimator, deviation: f
     return estimator.estimate()
 
 
+@timed("replay")
 def replayed(contact: Contact, estimator: ContactEstimator) -> Trace:
     """Replay a contact, a segment at a time; the estimator has then learned all of it.
 
     The trace has the contact's clock.
     """
+    _LOGGER.debug("settings: %s", _in_words(estimator))
     steps = contact.time_steps
     traces = []
     for part in contact.segments():
@@ -85,3 +91,7 @@ def replayed(contact: Contact, estimator: ContactEstimator) -> Trace:
     size = len(estimator.law_type.symbols)
     trace = traces[0] if len(traces) == 1 else Trace.joined(traces, size)
     return replace(trace, time=contact.time)
+
+
+def _in_words(estimator: ContactEstimator) -> str:
+    return ", ".join(f"{name}={value!r}" for name, value in estimator.settings.items())

@@ -6,6 +6,10 @@ from importlib import import_module
 
 from cyclopts import App, CycloptsError
 
+from palpate.cli.completion import OPTION, install_completion
+from palpate.cli.groups import COMMANDS as COMMANDS_SHOWN
+from palpate.cli.groups import WHAT
+from palpate.cli.help import Help
 from palpate.cli.printing import (
     Terminal,
     abandon_output,
@@ -13,14 +17,21 @@ from palpate.cli.printing import (
     finish_output,
     prepare_output,
 )
+from palpate.cli.session import ANY_COMMANDS, Hints, in_a_session, session_of, speaking
 from palpate.errors import PalpateError
 
 #: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
 COMMANDS = ("identify", "diagnose", "compare", "info", "design", "lab", "paper")
 
 
-def application() -> App:
-    """Return the command line with every command."""
+def application(hints: Hints | None = None) -> App:
+    """Return the command line with every command.
+
+    Parameters
+    ----------
+    hints : mapping, optional
+        Types of parameters by command, in place of those of its signature.
+    """
     app = App(
         name="palpate",
         help="Identify what a probe touches: contact models from penetration, velocity and force.",
@@ -28,9 +39,14 @@ def application() -> App:
         version=_version,
         version_flags=["--version"],
         console=Terminal(),
+        help_formatter=Help(),
+        group_parameters=WHAT,
+        group_commands=COMMANDS_SHOWN,
     )
     for name in COMMANDS:
-        app.command(getattr(import_module(f"palpate.cli.{name}"), name))
+        command = getattr(import_module(f"palpate.cli.{name}"), name)
+        app.command(in_a_session(command, (hints or {}).get(name, {})))
+    app.command(install_completion, name=OPTION)
     return app
 
 
@@ -46,14 +62,16 @@ def run(arguments: Sequence[str]) -> None:
     prepare_output()
     # Standard input: cyclopts takes a lone hyphen for an option, and Path makes it of this again.
     words = ["./-" if word == "-" else word for word in arguments]
+    plain, loudness, words = session_of(words)
     try:
-        app = application()
-        status = app(
-            _with_config(app, words),
-            exit_on_error=False,
-            print_error=False,
-            result_action="return_value",
-        )
+        with speaking(plain, loudness):
+            app = application()
+            status = app(
+                _with_config(app, words),
+                exit_on_error=False,
+                print_error=False,
+                result_action="return_value",
+            )
         finish_output()
     except (PalpateError, CycloptsError) as error:
         complain(str(error))
@@ -79,10 +97,11 @@ def _with_config(app: App, arguments: Sequence[str]) -> Sequence[str]:
     if name not in COMMANDS:
         return arguments
     known = [option for each in app[name].assemble_argument_collection() for option in each.names]
-    return [name, *expanded(arguments[1:], known)]
+    own = [option for option in known if option not in ANY_COMMANDS]
+    return [name, *expanded(arguments[1:], own)]
 
 
 def _version() -> str:
-    from importlib.metadata import version
+    import palpate
 
-    return version("palpate")
+    return palpate.__version__

@@ -20,6 +20,10 @@ def compare(
 ) -> int:
     """Identify a recording with every method, side by side.
 
+    For example:
+
+        palpate compare ball.csv --figure methods.pdf
+
     Parameters
     ----------
     files

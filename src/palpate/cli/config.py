@@ -1,8 +1,7 @@
-"""Options from a TOML file, and options written to one."""
+"""Options from a TOML file."""
 
-import json
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +42,8 @@ def expanded(arguments: Sequence[str], known: Iterable[str]) -> list[str]:
                 f"{path}: {key!r} is no option; there are {', '.join(sorted(_keys(options)))}"
             )
         if not {option, f"--no-{option[2:]}"} & there:
-            added += _as_arguments(f"{path}: {key!r}", option, value)
+            off = f"--no-{option[2:]}" if f"--no-{option[2:]}" in options else None
+            added += _as_arguments(f"{path}: {key!r}", option, off, value)
     return [*given, *added]
 
 
@@ -76,38 +76,11 @@ def _table(path: Path) -> dict[str, Any]:
         raise RecordingError(f"{path}: not TOML: {error}") from None
 
 
-def _as_arguments(where: str, option: str, value: Any) -> list[str]:
+def _as_arguments(where: str, option: str, off: str | None, value: Any) -> list[str]:
     if isinstance(value, bool):
-        return [option if value else f"--no-{option[2:]}"]
+        return [option] if value else [off] if off else []
     if isinstance(value, list):
-        return [part for each in value for part in _as_arguments(where, option, each)]
+        return [part for each in value for part in _as_arguments(where, option, off, each)]
     if isinstance(value, str | int | float):
         return [f"{option}={value}"]
     raise InvalidParameterError(f"{where} must be text, a number, true, false or a list of these")
-
-
-def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
-    """Return options as TOML, with comments below them.
-
-    Parameters
-    ----------
-    options : mapping
-        Values by their option's name without dashes before it.
-    comments : iterable of str
-        Lines.
-    """
-    lines = [f"{name} = {_value(value)}" for name, value in options.items()]
-    lines += [""] if lines else []
-    lines += [f"# {' '.join(each.split())}" for each in comments]
-    return "\n".join(lines) + "\n"
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, tuple | list):
-        return f"[{', '.join(_value(each) for each in value)}]"
-    if isinstance(value, int | float):
-        return repr(value)
-    # JSON's escapes are TOML's, but for those of characters beyond 16 bits: left as they are.
-    return json.dumps(str(value), ensure_ascii=False)

@@ -109,6 +109,11 @@ def design(
 
     The motion is depth + Σ amplitude · sin(frequency · t); the paper's three sines unless given.
 
+    For example:
+
+        palpate design --stiffness 2000 --damping 2000 --exponent 1 --noise 0.05
+        palpate design --stiffness 300 --damping 3000 --exponent 1.2 --noise 0.1 --depth 0.005
+
     Parameters
     ----------
     offset

@@ -5,43 +5,40 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
 import numpy as np
-from rich.table import Table
-from rich.text import Text
+from rich.console import Console
 
+from palpate.cli.layout import Column, fits, print_table, say, say_command
 from palpate.cli.printing import Terminal
-from palpate.cli.tables import new_table
 from palpate.design.planned import Design
 from palpate.design.precision import HORIZON
 from palpate.design.predicted_precision import PredictedPrecision
+from palpate.digits import rounded
 
 
 def print_design(design: Design, lines: Sequence[str] = (), *, stderr: bool = False) -> None:
     """Print what the planned motion and a better one would identify, how soon, and more lines."""
     console = Terminal(stderr=stderr)
     law = design.law
-    console.print(
-        Text(f"F = {law.stiffness:.4g} x^{law.exponent:.3g} (1 + {law.dissipation:.3g} v)", "bold")
-    )
-    console.print(Text(_sensor(design)), soft_wrap=True)
-    console.print(_precision(design))
+    words = (law.stiffness, law.exponent, law.dissipation)
+    say(console, "F = {} x^{} (1 + {} v)".format(*(rounded(each, 4) for each in words)), "bold")
+    say(console, _sensor(design))
+    _print_precision(design, console)
     console.print()
-    console.print(_motions(design))
+    _print_motions(design, console)
     console.print()
     for predicted, name in _columns(design):
         for note in predicted.notes:
-            console.print(Text(f"{name}: {note}", "yellow"), soft_wrap=True)
+            say(console, f"{name}: {note}", "yellow")
     if design.better is None:
-        console.print(Text(f"no better motion: {design.reason}"), soft_wrap=True)
+        say(console, f"no better motion: {design.reason}")
     else:
-        console.print(Text(f"better, because {design.reason}:"), soft_wrap=True)
-        console.print(Text(command_line(design) or "", "bold"), soft_wrap=True)
-    console.print(
-        Text(
-            "least standard errors that any unbiased method can have (Cramér–Rao), for exact "
-            "penetration and velocity and white noise; eq. 10 matters to the single stage only",
-            "dim",
-        ),
-        soft_wrap=True,
+        say(console, f"better, because {design.reason}:")
+        say_command(console, command_line(design) or "", "bold")
+    say(
+        console,
+        "least standard errors that any unbiased method can have (Cramér–Rao), for exact "
+        "penetration and velocity and white noise; eq. 10 matters to the single stage only",
+        "dim",
     )
     for line in lines:
         console.print(Text(line), soft_wrap=True)
@@ -98,61 +95,67 @@ def _columns(design: Design) -> list[tuple[PredictedPrecision, str]]:
 
 
 def _sensor(design: Design) -> str:
-    steps = f" in steps of {design.resolution:.3g} N" if design.resolution else ""
+    steps = f" in steps of {rounded(design.resolution, 3)} N" if design.resolution else ""
     unknown = [*(["force offset"] * design.offset), *(["surface"] * design.surface)]
     return (
-        f"noise {design.noise:.3g} N{steps}, together {design.effective_noise:.3g} N, every "
-        f"{1e3 * design.sample_time:.3g} ms; also unknown: {' and '.join(unknown) or 'nothing'}"
+        f"noise {rounded(design.noise, 3)} N{steps}, together "
+        f"{rounded(design.effective_noise, 3)} N, every {rounded(1e3 * design.sample_time, 3)} ms; "
+        f"also unknown: {' and '.join(unknown) or 'nothing'}"
     )
 
 
-def _precision(design: Design) -> Table:
-    """Standard errors after each duration, and the time to each target."""
-    table = new_table()
-    table.add_column("")
-    for _, name in _columns(design):
-        for symbol in design.law.symbols:
-            table.add_column(f"{name} {symbol}", justify="right")
+def _print_precision(design: Design, console: Console) -> None:
+    """Standard errors after each duration, and the time to each target: in one table, or two."""
+    both = _columns(design)
+    tables = [both] if fits(console, *_precision(design, both)) else [[each] for each in both]
+    for shown in tables:
+        print_table(console, *_precision(design, shown))
+
+
+def _precision(
+    design: Design, shown: list[tuple[PredictedPrecision, str]]
+) -> tuple[list[Column], list[list[str]]]:
+    columns = [Column("")]
+    for _, name in shown:
+        columns += [Column(f"{name}\n{symbol}", right=True) for symbol in design.law.symbols]
+    rows: list[list[str]] = []
     for row, duration in enumerate(design.planned.durations):
-        errors = [e for predicted, _ in _columns(design) for e in predicted.relative_errors[row]]
-        table.add_row(f"± after {duration:g} s", *(_percent(float(e)) for e in errors))
+        errors = [e for predicted, _ in shown for e in predicted.relative_errors[row].tolist()]
+        rows.append([f"± after {rounded(duration, 3)} s", *map(_percent, errors)])
     if design.resolution and not all(
-        np.array_equal(o.expected_errors, o.relative_errors) for o, _ in _columns(design)
+        np.array_equal(o.expected_errors, o.relative_errors) for o, _ in shown
     ):
-        errors = [e for predicted, _ in _columns(design) for e in predicted.expected_errors[-1]]
-        table.add_row("  with rounding", *(_percent(float(e)) for e in errors))
+        errors = [e for predicted, _ in shown for e in predicted.expected_errors[-1].tolist()]
+        rows.append(["  with rounding", *map(_percent, errors)])
     for row, target in enumerate(design.planned.targets):
-        times = [t for predicted, _ in _columns(design) for t in predicted.times[row]]
-        table.add_row(f"within {target:.0%} after", *(_seconds(float(t)) for t in times))
-    return table
+        times = [t for predicted, _ in shown for t in predicted.times[row].tolist()]
+        rows.append([f"within {target:.0%} after", *map(_seconds, times)])
+    return columns, rows
 
 
-def _motions(design: Design) -> Table:
-    table = new_table()
-    table.add_column("motion")
-    for _, name in _columns(design):
-        table.add_column(name, justify="right")
-    rows: dict[str, Callable[[PredictedPrecision], str]] = {
-        "mean depth": lambda o: f"{1e3 * o.motion.depth:.4g} mm",
+def _print_motions(design: Design, console: Console) -> None:
+    columns = [Column("motion")]
+    columns += [Column(name, right=True) for _, name in _columns(design)]
+    words: dict[str, Callable[[PredictedPrecision], str]] = {
+        "mean depth": lambda o: f"{rounded(1e3 * o.motion.depth, 4)} mm",
         "sines": _sines,
         "depths reached": lambda o: (
-            f"{1e3 * o.least_penetration:.3g} to {1e3 * o.peak_penetration:.3g} mm"
+            f"{rounded(1e3 * o.least_penetration, 3)} to {rounded(1e3 * o.peak_penetration, 3)} mm"
         ),
-        "peak force": lambda o: f"{o.peak_force:.3g} N",
-        "peak speed": lambda o: f"{1e3 * o.peak_speed:.3g} mm/s",
-        f"over 0.1 K/B = {1e3 * design.speed_limit:.3g} mm/s (eq. 10)": lambda o: (
+        "peak force": lambda o: f"{rounded(o.peak_force, 3)} N",
+        "peak speed": lambda o: f"{rounded(1e3 * o.peak_speed, 3)} mm/s",
+        f"over 0.1 K/B = {rounded(1e3 * design.speed_limit, 3)} mm/s\n(eq. 10)": lambda o: (
             "–" if math.isnan(o.violated_fraction) else f"{o.violated_fraction:.1%} of contact"
         ),
     }
-    for label, word in rows.items():
-        table.add_row(label, *(word(predicted) for predicted, _ in _columns(design)))
-    return table
+    rows = [[label, *(word(o) for o, _ in _columns(design))] for label, word in words.items()]
+    print_table(console, columns, rows)
 
 
 def _sines(predicted: PredictedPrecision) -> str:
     motion = predicted.motion
     lines = [
-        f"{1e3 * a:.4g} mm at {w:.4g} rad/s"
+        f"{rounded(1e3 * a, 4)} mm at {rounded(w, 4)} rad/s"
         for a, w in zip(motion.amplitudes, motion.frequencies, strict=True)
     ]
     return "\n".join(lines) or "held"
@@ -161,10 +164,10 @@ def _sines(predicted: PredictedPrecision) -> str:
 def _percent(value: float) -> str:
     if math.isinf(value):
         return "unknown"
-    return f"{value:.2%}" if value < 1.0 else f"{value:.1e}" if value > 1e3 else f"{value:.0%}"
+    return f"{value:.2%}" if value < 1.0 else f"{rounded(100.0 * value, 3)}%"
 
 
 def _seconds(value: float) -> str:
     if math.isinf(value):
-        return f"> {HORIZON:g} s"
-    return f"{value:.3f} s" if value < 1.0 else f"{value:.3g} s"
+        return f"> {rounded(HORIZON, 3)} s"
+    return f"{value:.3f} s" if value < 1.0 else f"{rounded(value, 3)} s"

@@ -16,6 +16,10 @@ def diagnose(
 ) -> int:
     """Say what may be wrong with a recording and its identification, and how far to trust it.
 
+    For example:
+
+        palpate diagnose ball.csv --at 3mm --fail-on do-not-trust
+
     Parameters
     ----------
     files

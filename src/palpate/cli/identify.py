@@ -16,6 +16,7 @@ def identify(
     *,
     method: str = "variable-projection",
     changes: Annotated[bool, Parameter(negative="")] = False,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     figure: Path | None = None,
     dark: bool = False,
     width: str | None = None,
@@ -24,6 +25,12 @@ def identify(
     reading: Reading | None = None,
 ) -> int:
     """Identify the contact model of a recording.
+
+    For example:
+
+        palpate identify ball.csv --figure ball.pdf
+        palpate identify probing.mcap --position /pose --force /ft --tare find
+        palpate identify touch.csv --unit penetration=mm --at 3mm --json
 
     Parameters
     ----------
@@ -34,6 +41,8 @@ def identify(
         The estimator, such as single-stage; ``palpate compare`` shows them all.
     changes
         Identify each stretch between changes of the material by itself.
+    output
+        Write a report, the numbers, the trace and the options to this folder.
     figure
         Draw it to this file (.svg, .pdf or .png).
     dark
@@ -49,6 +58,7 @@ def identify(
     from palpate.cli.quantities import figure_width
     from palpate.cli.tables import print_identifications
     from palpate.estimators import estimator_named
+    from palpate.identification import compare
     from palpate.identification import identify as run
 
     reading, judging = reading or Reading(), judging or Judging()
@@ -58,6 +68,11 @@ def identify(
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=list(files))
+    folder = None
+    if output is not None:
+        from palpate.reports.saving import Destination
+
+        folder = Destination(output, [file for file in files if str(file) != "-"])
     contact = reading.contact(files, method)
     result = run(contact, kind(**reading.settings(contact, kind)))
     result = result if depth is None else result.at_depth(depth)
@@ -68,5 +83,21 @@ def identify(
         from palpate import figures
 
         figures.save(figures.draw(result, dark=dark, width=wide), figure, inputs=list(files))
+    if folder is not None:
+        folder.save(
+            result,
+            options={
+                "method": method,
+                **({"changes": True} if changes else {}),
+                **judging.options,
+                **reading.options,
+            },
+            compared=compare(
+                contact,
+                gate=reading.gate(contact),
+                outlier_rejection=None if reading.reject_outliers else False,
+                watch=partial(counted, words="comparing with every method"),
+            ),
+        )
     print_identifications(files, [result], figure, as_json=as_json)
     return judging.status([result.diagnosis.verdict])

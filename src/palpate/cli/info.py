@@ -20,6 +20,10 @@ def info(
 ) -> None:
     """Say what a recording holds: channels, units, clocks with rates and gaps, ranges.
 
+    For example:
+
+        palpate info probing.mcap --channel /ft --figure strips.pdf
+
     Parameters
     ----------
     file

@@ -4,14 +4,14 @@ import math
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
+from palpate.cli.layout import Cell, Column, print_table, say, say_path
 from palpate.cli.printing import Terminal
-from palpate.cli.tables import new_table
+from palpate.digits import rounded
 from palpate.errors import RecordingError
 from palpate.preparation import roles_of
 from palpate.recordings.recording import Recording
@@ -27,19 +27,22 @@ _MOST_LINES = 12
 # Times from 2001 on are dates: as seconds since 1970 nobody reads them.
 _DATES = 1e9
 
+#: Columns and rows of a table.
+Section: TypeAlias = tuple[list[Column], list[list[Cell]]]
+
 
 def print_recording(recording: Recording, surveyed: Survey) -> None:
     """Print what a recording holds: each section where there is something for it."""
     console = Terminal()
     channels, clocks = len(surveyed.channels), sum(bool(c.name) for c in surveyed.clocks)
-    console.print(_words(recording.source or "recording", style="bold"), soft_wrap=True)
-    console.print(f"{_count(channels, 'channel')} on {_count(clocks, 'clock')}")
+    say_path(recording.source or "recording", console, "bold")
+    say(console, f"{_count(channels, 'channel')} on {_count(clocks, 'clock')}")
     _print_section(console, _types_table(recording, surveyed))
     _print_section(console, _clocks_table(surveyed))
     _print_section(console, _channels_table(surveyed.channels))
     _print_section(console, _roles_table(recording))
     if channels > _MOST_ROWS:
-        console.print(f"and {channels - _MOST_ROWS} more channels: --channel NAME or --json")
+        say(console, f"and {channels - _MOST_ROWS} more channels: --channel NAME or --json")
     notes = [f"{name}: {words}" for name, words in recording.notes.items()]
     _print_lines(console, "note", notes, "dim")
     _print_lines(console, "not read", recording.omissions, "dim")
@@ -102,14 +105,13 @@ def _channel_dict(recording: Recording, channel: ChannelSurvey) -> dict[str, Any
     }
 
 
-def _roles_table(recording: Recording) -> Table:
+def _roles_table(recording: Recording) -> Section:
     """Which channels would be taken for what, and why; or why they cannot be chosen."""
-    table = new_table()
-    for heading in ("taken as", "channel", "because"):
-        table.add_column(heading)
-    for role, names, reason in _roles(recording):
-        table.add_row(role, _words(names), _words(reason))
-    return table
+    columns = [Column("taken as"), Column("channel"), Column("because", prose=True)]
+    rows: list[list[Cell]] = [
+        [role, _words(names), _words(reason)] for role, names, reason in _roles(recording)
+    ]
+    return columns, rows
 
 
 def _roles(recording: Recording) -> list[tuple[str, str, str]]:
@@ -137,73 +139,74 @@ def _roles(recording: Recording) -> list[tuple[str, str, str]]:
     ]
 
 
-def _types_table(recording: Recording, surveyed: Survey) -> Table:
-    table = new_table()
-    for heading in ("topic", "type", "channels"):
-        table.add_column(heading, justify="right" if heading == "channels" else "left")
+def _types_table(recording: Recording, surveyed: Survey) -> Section:
+    rows: list[list[Cell]] = []
     for topic, kind in recording.types.items():
         count = sum(channel.name.startswith(f"{topic}.") for channel in surveyed.channels)
-        table.add_row(_words(topic), _words(kind), str(count))
-    return table
+        rows.append([_words(topic), _words(kind), str(count)])
+    return [Column("topic"), Column("type"), Column("channels", right=True)], rows
 
 
-def _clocks_table(surveyed: Survey) -> Table:
-    table = new_table()
-    headings = ("clock", "samples", "rate", "begins", "span", "gaps", "repeated", "backward")
-    for heading in headings:
-        table.add_column(heading, justify="left" if heading == "clock" else "right")
+def _clocks_table(surveyed: Survey) -> Section:
+    headings = ("samples", "rate", "begins", "span", "gaps", "repeated", "backward")
+    columns = [Column("clock"), *(Column(heading, right=True) for heading in headings)]
+    rows: list[list[Cell]] = []
     for clock in surveyed.clocks[:_MOST_ROWS]:
         if not clock.name:
-            table.add_row(_words("none: samples only", style="dim"), str(clock.samples))
+            none: Cell = _words("none: samples only", style="dim")
+            rows.append([none, str(clock.samples), *("" for _ in headings[1:])])
             continue
         gaps = f"{clock.gaps} (≤ {_quantity(clock.largest_gap, 's')})" if clock.gaps else "–"
-        table.add_row(
-            _words(clock.name),
-            str(clock.samples),
-            _quantity(clock.rate, "Hz"),
-            _moment(clock.start),
-            _quantity(clock.span, "s"),
-            gaps,
-            str(clock.repeated or "–"),
-            str(clock.backward or "–"),
+        rows.append(
+            [
+                _words(clock.name),
+                str(clock.samples),
+                _quantity(clock.rate, "Hz"),
+                _moment(clock.start),
+                _quantity(clock.span, "s"),
+                gaps,
+                str(clock.repeated or "–"),
+                str(clock.backward or "–"),
+            ]
         )
-    return table
+    return columns, rows
 
 
-def _channels_table(channels: Sequence[ChannelSurvey]) -> Table:
-    table = new_table()
-    headings = ("channel", "holds", "unit", "frame", "samples", "unknown", "least", "greatest")
+def _channels_table(channels: Sequence[ChannelSurvey]) -> Section:
     shown = channels[:_MOST_ROWS]
-    framed = any(channel.frame for channel in shown)
-    for heading in headings:
-        if heading != "frame" or framed:
-            words = heading in ("channel", "holds", "unit", "frame")
-            table.add_column(heading, justify="left" if words else "right", no_wrap=not words)
+    framed = ["frame"] * any(channel.frame for channel in shown)
+    columns = [Column(heading) for heading in ("channel", "holds", "unit", *framed)]
+    numbers = ("samples", "unknown", "least", "greatest")
+    columns += [Column(heading, right=True) for heading in numbers]
+    rows: list[list[Cell]] = []
     for channel in shown:
-        cells = [_words(channel.name), _words(channel.kind), _words(channel.unit or "–")]
-        cells += [_words(channel.frame or "–")] * framed
+        frame = [channel.frame or "–"] * len(framed)
+        words = [channel.name, channel.kind, channel.unit or "–", *frame]
         unknown = channel.samples - channel.known
-        table.add_row(
-            *cells,
-            str(channel.samples),
-            str(unknown or "–"),
-            _number(channel.minimum),
-            _number(channel.maximum),
+        rows.append(
+            [
+                *map(_words, words),
+                str(channel.samples),
+                str(unknown or "–"),
+                _number(channel.minimum),
+                _number(channel.maximum),
+            ]
         )
-    return table
+    return columns, rows
 
 
-def _print_section(console: Console, table: Table) -> None:
-    if table.row_count:
+def _print_section(console: Console, section: Section) -> None:
+    columns, rows = section
+    if rows:
         console.print()
-        console.print(table)
+        print_table(console, columns, rows, compact=True)
 
 
 def _print_lines(console: Console, word: str, lines: Sequence[str], style: str) -> None:
     for line in lines[:_MOST_LINES]:
-        console.print(_words(f"{word}: {line}", style=style), soft_wrap=True)
+        say(console, _words(f"{word}: {line}"), style)
     if len(lines) > _MOST_LINES:
-        console.print(_words(f"{word}: {len(lines) - _MOST_LINES} more; see --json", style=style))
+        say(console, f"{word}: {len(lines) - _MOST_LINES} more; see --json", style)
 
 
 def _words(words: str, style: str = "") -> Text:
@@ -220,11 +223,11 @@ def _known(value: float) -> float | None:
 
 
 def _number(value: float) -> str:
-    return f"{value:.5g}" if math.isfinite(value) else "–"
+    return rounded(value, 5) if math.isfinite(value) else "–"
 
 
 def _quantity(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit}" if math.isfinite(value) else "–"
+    return f"{rounded(value, 4)} {unit}" if math.isfinite(value) else "–"
 
 
 def _moment(start: float) -> str:
@@ -233,4 +236,4 @@ def _moment(start: float) -> str:
         return "–"
     if _DATES <= start < 1e10:
         return datetime.fromtimestamp(start, UTC).strftime("%Y-%m-%d %H:%M:%S")
-    return f"{start:.4g} s"
+    return f"{rounded(start, 4)} s"

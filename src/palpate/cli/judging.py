@@ -6,18 +6,21 @@ from typing import TYPE_CHECKING, Literal
 
 from cyclopts import Parameter
 
+from palpate.cli.groups import JUDGED
+from palpate.cli.values import Depth
+
 if TYPE_CHECKING:
     from palpate.diagnosis import Verdict
 
 UNTRUSTED = 3  # exit status
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=JUDGED)
 @dataclass(frozen=True)
 class Judging:
     """Where the numbers are wanted, and which verdict is a failure."""
 
-    at: str | None = None
+    at: Depth | None = None
     "Working depth, such as 3mm; the median penetration unless given."
     fail_on: Literal["do-not-trust", "with-care"] | None = None
     "End with exit status 3 on this verdict or a worse one."
@@ -31,6 +34,11 @@ class Judging:
         if self.at is None:
             return None
         return number_in("--at", quantity("--at", self.at, "penetration"), 0, 1e100, open_low=True)
+
+    @property
+    def options(self) -> dict[str, str]:
+        """What was asked for of the numbers, by option."""
+        return {} if self.at is None else {"at": self.at}
 
     def status(self, verdicts: "Iterable[Verdict]") -> int:
         """Return 3 where a verdict is to fail, else 0."""

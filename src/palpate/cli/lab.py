@@ -46,6 +46,11 @@ def lab(
 
     The same seed gives the same file.
 
+    For example:
+
+        palpate lab ball -o ball.csv
+        palpate lab hunt-crossley --stiffness 2000 --damping 2000 --exponent 1.3 -o own.csv
+
     Parameters
     ----------
     material

@@ -29,6 +29,10 @@ def paper(
 
     What is finished stays: a run that was interrupted goes on where it was.
 
+    For example:
+
+        palpate paper --only fig05 fig06 --seeds 2 -o report
+
     Parameters
     ----------
     only
@@ -121,23 +125,22 @@ def _progress() -> "Iterator[Progress]":
 
 
 def _print(report: "Report", folder: Path) -> None:
-    from rich.text import Text
-
-    from palpate.cli.tables import new_table
+    from palpate.cli.layout import Column, print_table, say, say_path
     from palpate.paper.report.verdicts import SIGNS
 
     console = Terminal()
-    table = new_table()
-    for heading in ("figure", "claim", "the paper's", "ours", "verdict"):
-        table.add_column(heading)
-    for each in report.judgements:
-        table.add_row(
+    columns = [Column("figure"), Column("claim")]
+    columns += [Column(heading, prose=True) for heading in ("the paper's", "ours", "verdict")]
+    rows = [
+        [
             each.experiment,
             each.claim.key,
-            Text(each.claim.number or "–"),
-            Text(each.ours_words or "–"),
-            Text(f"{SIGNS[each.verdict]} {each.verdict_words}"),
-        )
-    console.print(table)
-    console.print(Text(report.summary), soft_wrap=True)
-    print(f"page: {folder / 'report.html'}")
+            each.claim.number or "–",
+            each.ours_words or "–",
+            f"{SIGNS[each.verdict]} {each.verdict_words}",
+        ]
+        for each in report.judgements
+    ]
+    print_table(console, columns, rows)
+    say(console, report.summary)
+    say_path(f"page: {folder / 'report.html'}", console)

@@ -5,13 +5,22 @@ import io
 import json
 import os
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 from rich.console import Console
 
-AsJson = Annotated[bool, Parameter(name="--json", negative="")]
+from palpate.cli.groups import OUTPUT
+
+AsJson = Annotated[bool, Parameter(name="--json", negative="", group=OUTPUT)]
+
+#: Of a line that goes to a file or a pipe, unless COLUMNS says otherwise.
+PIPE_WIDTH = 100
+
+_COLOURLESS = ContextVar("palpate.colourless", default=False)
 
 # What the tables print beyond ASCII, for terminals that have no more than that.
 _PLAIN = {
@@ -24,15 +33,48 @@ _PLAIN = {
 _SUPERSCRIPTS = dict(zip("ⁿ⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "n+-0123456789", strict=True))
 
 
+@contextmanager
+def colourless(plain: bool) -> Iterator[None]:
+    """Let every terminal that is made inside write without colour, if so asked."""
+    token = _COLOURLESS.set(plain)
+    try:
+        yield
+    finally:
+        _COLOURLESS.reset(token)
+
+
 class Terminal(Console):
-    """Where text is printed: standard output, or standard error."""
+    """Where text is printed: standard output, or standard error.
+
+    In colour only where a person looks on who did not ask for none: by ``--no-color``, by the
+    environment's NO_COLOR (no-color.org) or by TERM=dumb.
+    """
 
     def __init__(self, *, stderr: bool = False) -> None:
-        super().__init__(stderr=stderr, highlight=False)
+        plain = _COLOURLESS.get() or os.environ.get("NO_COLOR", "") != ""
+        super().__init__(
+            stderr=stderr,
+            highlight=False,
+            color_system=None if plain else "auto",
+            # A bar on standard error follows the window. A dumb terminal has a width only where
+            # there is a height too.
+            width=None if stderr else _width(),
+            height=None if stderr else 25,
+        )
 
     def on_broken_pipe(self) -> None:
         """Leave the exit status to who runs the command."""
         raise BrokenPipeError
+
+
+def _width() -> int:
+    """Of a line on standard output: COLUMNS, else the window's, else that of a pipe."""
+    columns = os.environ.get("COLUMNS", "")
+    if columns.isdecimal() and int(columns) > 0:
+        return int(columns)
+    with suppress(OSError, ValueError, AttributeError):  # no terminal, or no descriptor
+        return os.get_terminal_size(sys.stdout.fileno()).columns or PIPE_WIDTH
+    return PIPE_WIDTH
 
 
 def print_json(whole: dict[str, Any]) -> None:

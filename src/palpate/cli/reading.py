@@ -7,6 +7,24 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from palpate.cli.groups import KEPT, PREPARED, READ
+from palpate.cli.values import (
+    FORCE,
+    PENETRATION,
+    TIME,
+    VELOCITY,
+    Axis,
+    Channel,
+    Channels,
+    Depth,
+    Direction,
+    Duration,
+    Span,
+    SurfaceWord,
+    Unit,
+    Weight,
+)
+
 if TYPE_CHECKING:
     from palpate.contact import Contact
     from palpate.estimators import ContactEstimator
@@ -14,8 +32,13 @@ if TYPE_CHECKING:
 
 #: One file or several.
 Files = Annotated[tuple[Path, ...], Parameter(allow_leading_hyphen=True, negative="")]
+
+_READ = Parameter(group=READ)
+_PREPARED = Parameter(group=PREPARED)
+_FLAG = Parameter(group=PREPARED, negative="")
 #: A text that may begin with a minus sign: -3ms is no option.
-Signed = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
+_SIGNED = Parameter(group=PREPARED, allow_leading_hyphen=True)
+_KEPT = Parameter(group=KEPT)
 
 
 @Parameter(name="*")
@@ -23,60 +46,61 @@ Signed = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 class Reading:
     """How a file is read, and which of its samples are used."""
 
-    time: str = "time_s"
-    "Channel of the time; what is not named, and not there, is looked for."
-    penetration: str = "penetration_m"
-    "Channel of the penetration, positive inside the material."
-    force: str = "force_N"
-    "Channel of the force, compression positive; or x,y,z, or a topic such as /ft."
-    velocity: str = "velocity_m_s"
-    "Channel of the velocity, or none; where there is none it is worked out from the penetration."
-    position: str | None = None
-    "Channel of the probe's position in place of the penetration; or x,y,z, or a topic."
-    orientation: str | None = None
-    "Channels of the probe's orientation, a quaternion x,y,z,w; or a topic."
-    start: float | None = None
-    "Use samples from this time on, s."
-    stop: float | None = None
-    "Use samples up to this time, s."
-    rate: float | None = None
-    "Samples a second, where the file has no time."
-    min_penetration: float | None = None
-    "Contact is deeper than this, m; unless given chosen by the method, or from the data for it."
-    min_force: float | None = None
-    "Contact is firmer than this, N; unless given chosen by the method, or from the data for it."
-    velocity_window: float | None = None
-    "Length of the velocity filter, s; 15 samples but at most 15 ms unless given."
-
-    unit: Annotated[tuple[str, ...], Parameter(negative="")] = ()
+    time: Annotated[Channel, _READ] = TIME
+    "The time; a channel that is not named, and not there, is looked for."
+    penetration: Annotated[Channel, _READ] = PENETRATION
+    "The penetration, positive inside the material."
+    force: Annotated[Channel, _READ] = FORCE
+    "The force, compression positive; or x,y,z, or a topic such as /ft."
+    velocity: Annotated[Channel, _READ] = VELOCITY
+    "The velocity, or none; where there is none it is worked out from the penetration."
+    position: Annotated[Channels | None, _READ] = None
+    "The probe's position in place of the penetration; or x,y,z, or a topic."
+    orientation: Annotated[Channels | None, _READ] = None
+    "The probe's orientation, a quaternion x,y,z,w; or a topic."
+    unit: Annotated[tuple[Unit, ...], Parameter(group=READ, negative="")] = ()
     "Units of channels, such as penetration=mm,force=mN; else as the file or its names say, or SI."
-    flip_force: Annotated[bool, Parameter(negative="")] = False
-    "Turn the sign of the force: compression is to be positive."
-    flip_penetration: Annotated[bool, Parameter(negative="")] = False
-    "Turn the sign of the penetration: into the material is to be positive."
-    tare: Signed = None
-    "Take off the mean force between these times, START:STOP, s; or find such times: find."
-    delay: Signed = None
-    "How late the force is, such as 5ms; negative where it is early."
-    reject_outliers: bool = True
-    "Leave lost positions, spikes and the end of the sensor's range out."
-    surface: Signed = None
-    "Where the material begins: a penetration such as 0.7mm, threshold, baseline, fit, or estimate."
-    normal: Signed = None
-    "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers; else it is found."
-    force_frame: Literal["tool", "base"] | None = None
-    "Frame of the force: the tool's, which its orientation turns, or the position's."
-    tool_weight: str | None = None
-    "Weight that the sensor carries, such as 1.2N, along -z of the position's frame."
-    spot: str | None = None
-    "How far a travelling probe may go within an episode, such as 5mm; or inf; 2 mm unless given."
-    curve: int | None = None
+    rate: Annotated[float | None, _READ] = None
+    "Samples a second, where the file has no time."
+    curve: Annotated[int | None, _READ] = None
     "Which curve, from 0, of a file of many."
-    strict: Annotated[bool, Parameter(negative="")] = False
+    start: Annotated[float | None, _READ] = None
+    "Use samples from this time on, s."
+    stop: Annotated[float | None, _READ] = None
+    "Use samples up to this time, s."
+    strict: Annotated[bool, Parameter(group=READ, negative="")] = False
     "Refuse bad rows and damaged files, which are else left out and said."
-    config: Path | None = None
+
+    min_penetration: Annotated[float | None, _PREPARED] = None
+    "Contact is deeper than this, m; unless given chosen by the method, or from the data for it."
+    min_force: Annotated[float | None, _PREPARED] = None
+    "Contact is firmer than this, N; unless given chosen by the method, or from the data for it."
+    velocity_window: Annotated[float | None, _PREPARED] = None
+    "Length of the velocity filter, s; 15 samples but at most 15 ms unless given."
+    flip_force: Annotated[bool, _FLAG] = False
+    "Turn the sign of the force: compression is to be positive."
+    flip_penetration: Annotated[bool, _FLAG] = False
+    "Turn the sign of the penetration: into the material is to be positive."
+    tare: Annotated[Literal["find"] | Span | None, _SIGNED] = None
+    "Take off the mean force between these times, START:STOP, s; or find such times: find."
+    delay: Annotated[Duration | None, _SIGNED] = None
+    "How late the force is, such as 5ms; negative where it is early."
+    reject_outliers: Annotated[bool, _PREPARED] = True
+    "Leave lost positions, spikes and the end of the sensor's range out."
+    surface: Annotated[SurfaceWord | Depth | None, _SIGNED] = None
+    "Where the material begins: a penetration such as 0.7mm, threshold, baseline, fit, or estimate."
+    normal: Annotated[Axis | Direction | None, _SIGNED] = None
+    "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers; else it is found."
+    force_frame: Annotated[Literal["tool", "base"] | None, _PREPARED] = None
+    "Frame of the force: the tool's, which its orientation turns, or the position's."
+    tool_weight: Annotated[Weight | None, _PREPARED] = None
+    "Weight that the sensor carries, such as 1.2N, along -z of the position's frame."
+    spot: Annotated[Literal["inf"] | Depth | None, _PREPARED] = None
+    "How far a travelling probe may go within an episode, such as 5mm; or inf; 2 mm unless given."
+
+    config: Annotated[Path | None, _KEPT] = None
     "Take options from this TOML file; those on the command line have the last word."
-    save_config: Path | None = None
+    save_config: Annotated[Path | None, _KEPT] = None
     "Write the options to this TOML file, with what was found as comments."
 
     def contact(self, files: Sequence[Path], method: str | None = None) -> "Contact":
@@ -85,7 +109,12 @@ class Reading:
 
         contact = joined([self._contact(file) for file in files])
         if self.save_config is not None:
-            self._save(contact, files, {} if method is None else {"method": method})
+            from palpate.results.toml import as_toml, how_made
+            from palpate.writing import write_text
+
+            options = {**({} if method is None else {"method": method}), **self.options}
+            text = as_toml(options, how_made(contact, files))
+            write_text(self.save_config, text, inputs=list(files))
         return contact
 
     def _contact(self, file: Path) -> "Contact":
@@ -153,24 +182,16 @@ class Reading:
         except InvalidParameterError as error:
             raise InvalidParameterError(f"{error}; or threshold, baseline, fit, estimate") from None
 
-    def _save(self, contact: "Contact", files: Sequence[Path], options: dict[str, Any]) -> None:
-        from palpate.cli.config import as_toml
-        from palpate.writing import write_text
-
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options that were given, by their names without dashes before them."""
         usual = Reading()
-        options |= {
+        return {
             field.name.replace("_", "-"): getattr(self, field.name)
             for field in dataclasses.fields(self)
             if field.name not in ("config", "save_config")
             and getattr(self, field.name) != getattr(usual, field.name)
         }
-        made = contact.provenance
-        if len(files) > 1:  # of several files the first one's stands there without its name too
-            made = {name: words for name, words in made.items() if " of " in name} or made
-        found = [f"{channel}: {words}" for channel, words in made.items()]
-        found += [f"{remark.step}: {remark.sentence}" for remark in contact.remarks]
-        text = as_toml(options, [*(f"of {file}" for file in files), *found])
-        write_text(Path(str(self.save_config)), text, inputs=list(files))
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
         """Return what an estimator of this kind is to be made with."""

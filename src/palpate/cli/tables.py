@@ -1,25 +1,22 @@
-"""Identifications as a table that a person reads, or as one JSON object."""
+"""Identifications as tables that a person reads, or as one JSON object."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.table import Table
 from rich.text import Text
 
-from palpate.cli.places import print_places
+from palpate.cli.comparison import print_comparison
+from palpate.cli.laws import print_law
+from palpate.cli.layout import say, say_path
 from palpate.cli.printing import Terminal, print_json
-from palpate.cli.verdicts import print_ranking, print_verdict
+from palpate.cli.stretches import print_places, print_stretches, stretches_of, when
+from palpate.cli.verdicts import percent, print_verdict, share
+from palpate.cli.working_depths import print_working_depths
 from palpate.contact import Contact
+from palpate.digits import rounded
 from palpate.identification import Identification
 from palpate.preparation.touches import touches_of
-from palpate.recordings.truth import truth_of
 from palpate.results.description import described
-
-
-def new_table() -> Table:
-    """Return a table without lines, as all of palpate's are."""
-    return Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
 
 
 def print_identifications(
@@ -34,66 +31,74 @@ def print_identifications(
         print_json(described(files, results))
         return
     console = Terminal()
-    _print_contact(results[0], console)
-    _print_remarks(results[0], console)
+    say_path(results[0].contact.source or "contact", console, "bold")
     if len(results) > 1:
-        results = print_ranking(results, console)
+        print_comparison(results, console)
     else:
-        print_verdict(results[0], console)
-        for part in _stretches(results[0]):
-            print_verdict(part, console, name=_when(part).replace("\n", " "))
-        _print_surface(results[0], console)
-    console.print(_table(results))
-    console.print(
-        Text(
-            "predicted, fit: RMSE% of force, a priori after 0.2 s and of the final law; "
-            "cond. 10: contact in which |v| < 0.1 K/B does not hold",
-            style="dim",
-        ),
-        soft_wrap=True,
-    )
-    if any(part.place for part in results[0].stretches):
-        print_places(results[0], console)
-    if results[0].noticed is not None:
-        console.print(Text(_noticed(results[0])), soft_wrap=True)
+        _print_result(results[0], console)
+    console.print()
+    say(console, _samples(results[0]))
+    _print_remarks(results[0], console)
     for result in results:
         # One law for two materials is not identifiable by any motion: its flags would mislead.
         for flag in () if result.diagnosis.episodes else result.flags:
-            console.print(Text(f"{result.method}: {flag}", style="yellow"), soft_wrap=True)
+            say(console, f"{result.method}: {flag}", "yellow")
     if figure is not None:
-        print(f"figure: {figure}")
+        say_path(f"figure: {figure}", console)
+
+
+def _print_result(result: Identification, console: Terminal) -> None:
+    """One method: the verdict and what is at working depth, the law, and then all else."""
+    print_verdict(result, console)
+    for part in stretches_of(result):
+        print_verdict(part, console, name=when(part))
+    console.print()
+    print_working_depths(result, console)
+    if result.stretches:
+        console.print()
+        print_stretches(result, console)
+        print_places(result, console)
+    console.print()
+    print_law(result, console)
+    say(console, _quality(result))
+    _print_surface(result, console)
+    if result.noticed is not None:
+        say(console, _noticed(result))
+
+
+def _quality(result: Identification) -> str:
+    words = (
+        f"by {result.method}; RMSE of force: fit {percent(result.fit_rmse_percent)}, "
+        f"predicted a priori {percent(result.prediction_rmse_percent)}"
+    )
+    if result.law.has_condition_10:
+        words += f"; |v| < 0.1 K/B (eq. 10) fails in {share(result.violated_fraction)} of contact"
+    return words
 
 
 def _noticed(result: Identification) -> str:
     """When a control loop would have known of the changes."""
-    times = ", ".join(f"{time:.4g} s" for time in result.changes)
+    times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
     return f"the change detector, in a control loop, alarms at {times or 'no time'}"
 
 
-def _print_contact(first: Identification, console: Terminal) -> None:
+def _samples(first: Identification) -> str:
     contact, gate, scale = first.contact, first.gate, first.scale
     chosen = first.estimator.chooses_samples and not gate.make_force
-    force = "chosen by the force around each" if chosen else f"force > {gate.make_force:.3g} N"
-    console.print(Text(f"{contact.source or 'contact'}", style="bold"))
-    console.print(
-        Text(
-            f"{len(contact)} samples, {_touches(contact)}, {first.estimate.samples} in contact "
-            f"(penetration > "
-            f"{gate.minimum_penetration:.3g} m, {force}); computed in "
-            f"units of {scale.penetration:.3g} m, {scale.velocity:.3g} m/s, {scale.force:.3g} N"
-        ),
-        soft_wrap=True,
+    force = "chosen by the force around each"
+    if not chosen:
+        force = f"force > {rounded(gate.make_force, 3)} N"
+    units = ((scale.penetration, "m"), (scale.velocity, "m/s"), (scale.force, "N"))
+    return (
+        f"{len(contact)} samples, {_touches(contact)}, {first.estimate.samples} in contact "
+        f"(penetration > {rounded(gate.minimum_penetration, 3)} m, {force}); computed in units of "
+        f"{', '.join(f'{rounded(size, 3)} {unit}' for size, unit in units)}"
     )
 
 
 def _touches(contact: Contact) -> str:
     count = len(touches_of(contact))
     return "1 touch" if count == 1 else f"{count} touches"
-
-
-def _stretches(result: Identification) -> list[Identification]:
-    """Those between changes of the material; places have a table of their own."""
-    return [part for part in result.stretches if part.place is None]
 
 
 def _print_remarks(first: Identification, console: Terminal) -> None:
@@ -104,65 +109,11 @@ def _print_remarks(first: Identification, console: Terminal) -> None:
         words = Text(f"{remark.step}: {remark.sentence}")
         if remark.remedy:
             words.append(f" ({remark.remedy})", "dim")
-        console.print(words, soft_wrap=True)
+        say(console, words)
 
 
 def _print_surface(result: Identification, console: Terminal) -> None:
     """That the surface is an assumption, which is no fault of the stiffness at working depth."""
     for finding in result.diagnosis.findings:
         if finding.check == "surface" and finding.severity == "note":
-            console.print(Text(f"note: {finding.sentence}"), soft_wrap=True)
-
-
-def _table(results: Sequence[Identification]) -> Table:
-    table = new_table()
-    table.add_column("method", no_wrap=True)
-    table.add_column("contact model (± standard error)", no_wrap=True)
-    for heading in ("predicted", "fit", "cond. 10"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    shown = [(result, _in_two_lines(result.method)) for result in results]
-    shown += [(part, _when(part)) for result in results for part in _stretches(result)]
-    for result, label in shown:
-        table.add_row(
-            label,
-            "\n".join(_parameters(result)),
-            _percent(result.prediction_rmse_percent),
-            _percent(result.fit_rmse_percent),
-            _share(result.violated_fraction),
-        )
-    if truth := truth_of(results[0].contact.provenance):
-        named = zip(truth.symbols, truth.parameters, truth.units, strict=True)
-        words = "\n".join(
-            f"{symbol} = {value:.4g} {unit}".rstrip() for symbol, value, unit in named
-        )
-        table.add_row("truth, by\nthe file", words, style="dim")
-    return table
-
-
-def _when(part: Identification) -> str:
-    """The times of a stretch, in two lines."""
-    time = part.contact.time
-    return f"{time[0]:.4g} s to\n{time[-1]:.4g} s"
-
-
-def _in_two_lines(method: str) -> str:
-    """Break long names at the first hyphen: a row has room for as many lines as parameters."""
-    return method.replace("-", "-\n", 1) if len(method) > 12 else method
-
-
-def _parameters(result: Identification) -> list[str]:
-    law, errors = result.law, result.standard_errors
-    return [
-        f"{symbol} = {value:.4g} ± {error:.2g} {unit}".rstrip()
-        for symbol, value, error, unit in zip(
-            law.symbols, law.parameters, errors, law.units, strict=True
-        )
-    ]
-
-
-def _percent(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.2f} %"
-
-
-def _share(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.1%}"
+            say(console, f"note: {finding.sentence}")

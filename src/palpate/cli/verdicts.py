@@ -1,92 +1,87 @@
 """A diagnosis as a person reads it."""
 
 import math
-from collections.abc import Sequence
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
+from palpate.cli.layout import Cell, Column, print_table, say, say_path
 from palpate.cli.printing import Terminal
-from palpate.diagnosis import Diagnosis, Quantity
+from palpate.cli.working_depths import print_working_depths
+from palpate.diagnosis import Episode
+from palpate.digits import rounded
 from palpate.identification import Identification
-from palpate.ranking import rank
 
 COLOURS = {"trust": "green", "with-care": "yellow", "do-not-trust": "red", "note": "dim"}
 
 
 def print_verdict(result: Identification, console: Console, *, name: str = "") -> None:
-    """Print the verdict of an identification, its reason, and the numbers at working depth."""
+    """Print the verdict of an identification, its reason, and what to do about it."""
     found = result.diagnosis
-    start = f"{name}: " if name else ""
     verdict = found.verdict
+    start = f"{name}: " if name else ""
     words = Text(f"{start}{verdict.overall}", style=f"bold {COLOURS[verdict.overall]}")
     words.append(f" (stiffness: {verdict.stiffness}, damping: {verdict.damping})", "none")
     words.append(f": {found.reason}", "none")
     if found.remedy:
         words.append(f" ({found.remedy})", "dim")
-    console.print(words, soft_wrap=True)
-    if not name:
-        console.print(Text(_working_depth(found)), soft_wrap=True)
-
-
-def print_ranking(results: Sequence[Identification], console: Console) -> list[Identification]:
-    """Print every method's verdict, the best first, and which to take; return them so ordered."""
-    ranking = rank({result.method: result for result in results})
-    by_name = {result.method: result for result in results}
-    ordered = [by_name[name] for name in ranking.order]
-    console.print(Text(f"recommended: {ranking.recommended or 'none of them'}", style="bold"))
-    for result in ordered:
-        print_verdict(result, console, name=result.method)
-    for words in ranking.exclusions:
-        console.print(Text(words, style="yellow"), soft_wrap=True)
-    return ordered
+    say(console, words)
 
 
 def print_diagnosis(result: Identification) -> None:
-    """Print the verdict and every finding with its remedy."""
+    """Print the verdict, the numbers that it is about, and every finding with its remedy."""
     console, found = Terminal(), result.diagnosis
-    console.print(Text(result.contact.source or "contact", style="bold"))
+    say_path(result.contact.source or "contact", console, "bold")
     print_verdict(result, console)
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading in ("check", "what was found", "z", "moves S, C"):
-        table.add_column(heading, justify="right" if heading in ("z", "moves S, C") else "left")
+    print_working_depths(result, console)
+    console.print()
+    columns = [
+        Column("check"),
+        Column("what was found", prose=True),
+        Column("z", right=True),
+        Column("moves S, C", right=True),
+    ]
+    rows: list[list[Cell]] = []
     for finding in found.findings:
-        words = finding.sentence
-        if finding.remedy:
-            words += f"\n→ {finding.remedy}"
-        table.add_row(
-            Text(finding.check, style=COLOURS[finding.severity]),
-            Text(words),
-            "–" if math.isnan(finding.z) else f"{finding.z:.3g}",
-            _moves(finding.moves_stiffness_percent, finding.moves_damping_percent),
+        remedy = f"\n→ {finding.remedy}" if finding.remedy else ""
+        rows.append(
+            [
+                Text(finding.check, style=COLOURS[finding.severity]),
+                f"{finding.sentence}{remedy}",
+                "–" if math.isnan(finding.z) else rounded(finding.z, 3),
+                _moves(finding.moves_stiffness_percent, finding.moves_damping_percent),
+            ]
         )
-    console.print(table)
+    print_table(console, columns, rows)
+    say(console, "z: standard errors; S, C: stiffness and damping at working depth", "dim")
     for episode in found.episodes:
-        law = ", ".join(f"{k} = {v:.4g}" for k, v in episode.law.as_dict().items())
-        stiffness = episode.working_depth.stiffness.value
-        words = f"{episode.start:.4g} to {episode.stop:.4g} s: {law}; stiffness {stiffness:.4g} N/m"
-        console.print(Text(words), soft_wrap=True)
+        say(console, _episode(episode))
 
 
-def _working_depth(found: Diagnosis) -> str:
-    there = found.working_depth
-    return (
-        f"at {1e3 * there.depth:.4g} mm: force {_number(there.force)} N, stiffness "
-        f"{_number(there.stiffness)} N/m, damping {_number(there.damping)} N·s/m "
-        "(± repeatable ± what the findings would move)"
-    )
+def percent(value: float) -> str:
+    """Return a percentage of the force; a dash where it is not defined."""
+    return "–" if math.isnan(value) else f"{value:.2f} %"
 
 
-def _number(quantity: Quantity) -> str:
-    words = f"{quantity.value:.4g}"
-    for error in (quantity.standard_error, quantity.systematic):
-        if math.isfinite(error) and error > 0.0:
-            words += f" ± {error:.2g}"
-    return words
+def share(value: float) -> str:
+    """Return a fraction as a percentage; a dash where it is not defined."""
+    return "–" if math.isnan(value) else f"{value:.1%}"
+
+
+def _episode(episode: Episode) -> str:
+    law = ", ".join(f"{name} = {rounded(v, 4)}" for name, v in episode.law.as_dict().items())
+    stiffness = rounded(episode.working_depth.stiffness.value, 4)
+    times = f"{rounded(episode.start, 4)} to {rounded(episode.stop, 4)} s"
+    return f"{times}: {law}; stiffness {stiffness} N/m"
 
 
 def _moves(stiffness: float, damping: float) -> str:
     if math.isnan(stiffness) or math.isnan(damping):
         return "–"
-    return f"{stiffness:+.1f} %, {damping:+.1f} %"
+    return f"{_signed(stiffness)} %, {_signed(damping)} %"
+
+
+def _signed(value: float) -> str:
+    if abs(value) < 1000.0:
+        return f"{value:+.1f}"
+    return f"{'-' if value < 0.0 else '+'}{rounded(abs(value), 3)}"

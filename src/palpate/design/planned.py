@@ -10,6 +10,7 @@ from palpate.design.precision import HORIZON, Measurement
 from palpate.design.predicted_precision import PredictedPrecision, predict_precision
 from palpate.design.rounding import effective_noise
 from palpate.design.search import Limits, find_better, limits_around
+from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import HuntCrossley
 from palpate.validation import instance, number_in
@@ -237,13 +238,14 @@ def _why(planned: PredictedPrecision, better: PredictedPrecision | None, limits:
     if _span(better) > 1.02 * _span(planned):
         reasons.append(
             "its stroke covers a wider range of depths, from "
-            f"{1e3 * better.least_penetration:.3g} to {1e3 * better.peak_penetration:.3g} mm, "
+            f"{rounded(1e3 * better.least_penetration, 3)} to "
+            f"{rounded(1e3 * better.peak_penetration, 3)} mm, "
             "which identifies the exponent, and with it the stiffness"
         )
     if better.rms_speed > 1.02 * planned.rms_speed:
         reasons.append(
-            f"it is faster, {1e3 * better.rms_speed:.3g} mm/s rms for "
-            f"{1e3 * planned.rms_speed:.3g}, which identifies the damping"
+            f"it is faster, {rounded(1e3 * better.rms_speed, 3)} mm/s rms for "
+            f"{rounded(1e3 * planned.rms_speed, 3)}, which identifies the damping"
         )
     if len(better.motion.amplitudes) < len(planned.motion.amplitudes):
         reasons.append("the stroke and the speed are divided among fewer sines")

@@ -9,6 +9,7 @@ import numpy as np
 from palpate.design.motion import Motion
 from palpate.design.precision import Measurement
 from palpate.design.search import FASTEST_PHASE
+from palpate.digits import rounded
 from palpate.validation import Floats
 
 TARGETS = (0.05, 0.01)
@@ -141,20 +142,21 @@ def _notes(
         notes.append("the probe is held: nothing of the law is identifiable")
     if least_penetration <= 0.0:
         notes.append(
-            f"the probe leaves contact: it comes up to {1e3 * least_penetration:.3g} mm; a "
+            f"the probe leaves contact: it comes up to {rounded(1e3 * least_penetration, 3)} mm; a "
             "larger depth or smaller amplitudes keep it in"
         )
     if outward < -law.stiffness / law.damping:
         notes.append(
-            f"on its way out the probe is faster than K/B = {law.stiffness / law.damping:.3g} m/s: "
-            "there the law pulls, which no contact can"
+            "on its way out the probe is faster than K/B = "
+            f"{rounded(law.stiffness / law.damping, 3)} m/s: there the law pulls, "
+            "which no contact can"
         )
     fastest = max(motion.frequencies, default=0.0)
     if fastest * measurement.sample_time > FASTEST_PHASE:
         loss = 5.57 * (fastest * measurement.sample_time) ** 2
         notes.append(
             f"a velocity filter of 15 samples takes {loss:.1%} off the speed of the sine of "
-            f"{fastest:.4g} rad/s, and with it biases the damping"
+            f"{rounded(fastest, 4)} rad/s, and with it biases the damping"
         )
     return notes
 

@@ -11,6 +11,7 @@ from palpate.covariance import robust_covariance
 from palpate.diagnosis.band import WINDOWS_A_PERIOD
 from palpate.diagnosis.cause import Cause
 from palpate.diagnosis.fit import Fit
+from palpate.digits import rounded
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.validation import Floats
 
@@ -261,8 +262,8 @@ def _law(fit: Fit, cut: Cut, row: Floats) -> ForceLaw:
 def _described(
     fit: Fit, laws: list[ForceLaw], times: tuple[float, ...], z: float, gain: float
 ) -> Cause:
-    when = ", ".join(f"{time:.3g} s" for time in times)
-    steps = " → ".join(f"{fit.stiffness(law):.3g}" for law in laws)
+    when = ", ".join(f"{rounded(time, 3)} s" for time in times)
+    steps = " → ".join(rounded(fit.stiffness(law), 3) for law in laws)
 
     def moves(other: Fit) -> tuple[float, float]:
         pooled = other.stiffness(other.solution.law)

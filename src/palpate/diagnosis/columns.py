@@ -9,6 +9,7 @@ import numpy as np
 from palpate.diagnosis.cause import Beside, Cause, beside, of_parameter
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.fit import Fit
+from palpate.digits import rounded
 from palpate.validation import Floats
 
 
@@ -99,7 +100,7 @@ def _friction(fit: Fit, found: Beside) -> str:
 
 
 def _inertia(fit: Fit, found: Beside) -> str:
-    words = f"a mass of {found.amount:.2g} kg moves with the probe beyond the force sensor"
+    words = f"a mass of {rounded(found.amount, 2)} kg moves with the probe beyond the force sensor"
     return words if found.amount > 0.0 else "the force follows the acceleration"
 
 

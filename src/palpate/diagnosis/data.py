@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.diagnosis.finding import Finding
+from palpate.digits import rounded
 from palpate.preparation.spikes import largest_of, step_of
 from palpate.preparation.suggestions import noise_of
 from palpate.preparation.velocity import window_samples
@@ -91,9 +92,9 @@ class Data:
         return float(np.percentile(self.penetration, 99.9)) if len(self) else 0.0
 
 
-def in_words(value: float, unit: str) -> str:
+def in_words(value: float, unit: str, digits: int = 3) -> str:
     """A quantity with the prefix that a person reads best: 0.0008 m is 0.8 mm."""
     for prefix, size in (("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9)):
         if abs(value) >= 0.1 * size:
-            return f"{value / size:.3g} {prefix}{unit}"
-    return f"{value:.3g} {unit}"
+            return f"{rounded(value / size, digits)} {prefix}{unit}"
+    return f"{rounded(value, digits)} {unit}"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from palpate.diagnosis.cause import Beside, Cause, beside
 from palpate.diagnosis.columns import cause_of
 from palpate.diagnosis.fit import Fit, Motion, Solution
+from palpate.digits import with_error
 from palpate.validation import Floats
 
 LONGEST = 25e-3  # s; beyond that a recording is out of step, not late
@@ -48,7 +49,7 @@ def _shifted(fit: Fit, late: float, fine: Beside, moved: Solution) -> Cause:
 def _described(fit: Fit, late: float, fine: Beside, result: Beside) -> Cause:
     error = abs(fine.amount) / max(fine.z, 1e-300)
     sentence = (
-        f"the force is {abs(late) * 1e3:.2g} ± {error * 1e3:.1g} ms "
+        f"the force is {with_error(abs(late) * 1e3, error * 1e3, unit='ms')} "
         f"{'late' if late > 0.0 else 'early'}, or the damping follows another law; the two cannot "
         "be told apart by the recording"
     )

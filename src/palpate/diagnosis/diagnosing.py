@@ -1,6 +1,8 @@
 """All checks together: from an identification's parts to its diagnosis."""
 
+import logging
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -40,13 +42,18 @@ from palpate.diagnosis.misfit import (
 from palpate.diagnosis.surface import has_free_air, surface
 from palpate.diagnosis.velocity_noise import velocity_noise
 from palpate.diagnosis.working_depth import nothing_known, working_depth
+from palpate.digits import rounded
 from palpate.estimate import Estimate
+from palpate.stages import timed
 from palpate.trace import Trace
+
+_LOGGER = logging.getLogger(__name__)
 
 #: Each looks for causes beside the fit.
 SEARCHES: tuple[Search, ...] = (columns, memory, delay, surface)
 
 
+@timed("diagnosis")
 def diagnose_parts(
     data: Data, trace: Trace, estimate: Estimate, *, depths: Sequence[float] = ()
 ) -> Diagnosis:
@@ -81,7 +88,11 @@ def diagnose_parts(
 
 def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagnosis:
     changed = changes(fit)
-    causes: list[Cause] = [cause for search in SEARCHES for cause in search(fit)]
+    causes: list[Cause] = []
+    for search in SEARCHES:
+        begun = time.perf_counter()
+        causes += search(fit)
+        _LOGGER.debug("search for %s: %.4f s", search.__name__, time.perf_counter() - begun)
     if changed is not None:
         causes.append(changed.cause)
     judged = judge(causes, ratio(fit), unexplained(fit))
@@ -136,8 +147,8 @@ def _notes(fit: Fit) -> list[Finding]:
         Finding("skew", skew_matters(fit), severity="note"),
         Finding(
             "peak force",
-            f"the largest force is {fit.data.peak_force:.3g} N, the largest penetration "
-            f"{1e3 * fit.data.peak_penetration:.3g} mm",
+            f"the largest force is {rounded(fit.data.peak_force, 3)} N, the largest penetration "
+            f"{rounded(1e3 * fit.data.peak_penetration, 3)} mm",
             severity="note",
         ),
     ]

@@ -64,6 +64,8 @@ class Finding:
             "sentence": self.sentence,
             "remedy": self.remedy,
             "z": defined(self.z),
+            "stiffness": self.stiffness,
+            "damping": self.damping,
             "severity": self.severity,
             "moves_stiffness_percent": defined(self.moves_stiffness_percent),
             "moves_damping_percent": defined(self.moves_damping_percent),

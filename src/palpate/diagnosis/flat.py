@@ -5,6 +5,7 @@ import numpy as np
 from palpate.diagnosis.finding import Finding, Mark, severity_of
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.inputs.held import beat_of
+from palpate.digits import rounded
 
 SHORTEST = 5  # samples
 MOVES = 4.0  # of the noise or the step, that the law's force moves meanwhile
@@ -42,7 +43,8 @@ def _said(at_top: float, elsewhere: float, top: float) -> Finding | None:
         return None
     mark: Mark = "do-not-trust" if part > MANY else "with-care"
     words = (
-        f"the force stays at its largest, {top:.3g} N, for {part:.1%} of the contact: saturated?"
+        f"the force stays at its largest, {rounded(top, 3)} N, for {part:.1%} of the contact: "
+        "saturated?"
         if at_top >= elsewhere
         else f"the force stands still for {part:.1%} of the contact while the probe moves"
     )

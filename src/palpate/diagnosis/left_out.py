@@ -4,6 +4,7 @@ import numpy as np
 
 from palpate.diagnosis.finding import Finding
 from palpate.diagnosis.fit import Fit
+from palpate.digits import rounded
 
 MANY = 0.02  # of the samples in contact
 
@@ -27,4 +28,4 @@ def count_of_outliers(count: int, samples: int) -> str:
     words = "1 sample was left out as an outlier"
     if count != 1:
         words = f"{count} samples were left out as outliers"
-    return f"{words} ({100.0 * count / samples:.2g} %)"
+    return f"{words} ({rounded(100.0 * count / samples, 2)} %)"

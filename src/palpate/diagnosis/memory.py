@@ -8,6 +8,7 @@ import numpy as np
 from palpate.diagnosis.cause import Cause, beside
 from palpate.diagnosis.columns import cause_of
 from palpate.diagnosis.fit import Fit
+from palpate.digits import rounded
 from palpate.validation import Floats
 
 TIMES = 7  # relaxation times tried, from P/30 to 0.7 of the recording
@@ -48,8 +49,8 @@ def memory(fit: Fit) -> list[Cause]:
         return stiffness + by_branch[0], damping + by_branch[1]
 
     sentence = (
-        f"the material remembers for about {time:.2g} s: its stiffness is that at "
-        f"{1.0 / fit.period:.2g} Hz"
+        f"the material remembers for about {rounded(time, 2)} s: its stiffness is that at "
+        f"{rounded(1.0 / fit.period, 2)} Hz"
     )
     remedy = "move as fast as the task will, or hold longer; no law here has memory"
     return [replace(cause.moving(fit, moves), parameter=0.0, sentence=sentence, remedy=remedy)]

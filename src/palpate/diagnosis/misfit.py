@@ -10,6 +10,7 @@ from palpate.diagnosis.finding import Finding, Mark, severity_of, worst
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.marking import STOP_DAMPING, STOP_STIFFNESS
 from palpate.diagnosis.surface import offset_against_free
+from palpate.digits import rounded
 
 UNEXPLAINED, MOST_UNEXPLAINED = 0.05, 0.30  # of the force
 RATIO = 3.0  # times the noise; clean recordings have 0.67 to 1.13
@@ -40,11 +41,10 @@ def misfit(fit: Fit) -> Finding | None:
     if left <= UNEXPLAINED and times <= RATIO:
         return None
     mark: Mark = "do-not-trust" if left > MOST_UNEXPLAINED else "with-care"
+    part = rounded(left, 2) if left < 0.01 else f"{left:.0%}"
     return Finding(
         "misfit",
-        f"the law leaves {left:.2g} of the force unexplained, {times:.2g} times the noise"
-        if left < 0.01
-        else f"the law leaves {left:.0%} of the force unexplained, {times:.2g} times the noise",
+        f"the law leaves {part} of the force unexplained, {rounded(times, 2)} times the noise",
         "palpate compare shows whether another law fits better",
         z=times,
         stiffness=mark if mark == "do-not-trust" else "trust",
@@ -149,7 +149,7 @@ def method(fit: Fit) -> Finding | None:
     return Finding(
         "method",
         f"{words} stiffness is {off_s:+.2g} and its damping {off_c:+.2g} of their size off the "
-        f"least squares of its own law, {z:.2g} standard errors",
+        f"least squares of its own law, {rounded(z, 2)} standard errors",
         "--method variable-projection",
         z=z,
         stiffness=mark_s,

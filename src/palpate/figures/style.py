@@ -51,6 +51,13 @@ class Theme:
     measured: str
     lines: tuple[str, ...]
 
+    def variables(self) -> dict[str, str]:
+        """Each colour by the name that a page's style sheet has for it."""
+        named = {"background": self.background, "ink": self.ink, "grid": self.grid}
+        named |= {"measured": self.measured}
+        named |= {f"line-{k}": colour for k, colour in enumerate(self.lines)}
+        return {f"--drawing-{name}": colour for name, colour in named.items()}
+
 
 LIGHT = Theme(
     "#ffffff",

@@ -11,10 +11,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from palpate.figures.slimming import slim
 from palpate.paper import EXPERIMENTS
 from palpate.paper import outcomes as on_disk
 from palpate.paper.experiment import Experiment, Outcome, Table
-from palpate.paper.report.slimming import slim
 from palpate.paper.sessions import share_sessions
 
 

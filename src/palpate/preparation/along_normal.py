@@ -1,11 +1,13 @@
 """A recording of positions and forces, in space or along an axis: tared, projected, counted."""
 
+import logging
 import math
 from dataclasses import replace
 
 import numpy as np
 
 from palpate.contact import Contact
+from palpate.digits import rounded
 from palpate.errors import RecordingError
 from palpate.preparation.along_penetration import (
     assumption,
@@ -28,7 +30,10 @@ from palpate.preparation.tare import deviation_left
 from palpate.preparation.wrenches import frame_of, turn_remark, turned
 from palpate.recordings import Recording
 from palpate.remarks import Remark
+from palpate.stages import stage, timed
 from palpate.validation import Floats
+
+_LOGGER = logging.getLogger(__name__)
 
 WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
 FIRM = 0.1  # of the largest force: an episode without as much is free air
@@ -41,11 +46,13 @@ def along_normal(
     made, remarks = dict(signals.made), list[Remark]()
     signals = _windowed(_flipped(signals, settings), settings, recording.source)
     signals = _in_frame(recording, roles, signals, settings, made, remarks)
-    signals, zero, said = tared(signals, settings, recording.source)
+    with stage(_LOGGER, "zero of the force"):
+        signals, zero, said = tared(signals, settings, recording.source)
     remarks += said
     if zero is not None:
         _say_tare(zero, made, remarks)
-    whole = pressed(signals, settings, recording.source)
+    with stage(_LOGGER, "contact normal"):
+        whole = pressed(signals, settings, recording.source)
     pieces = _pieces(signals, whole, settings)
     if len(pieces) > 1 or pieces[0][1] is not None:
         remarks += _travelled(pieces, signals)
@@ -91,6 +98,7 @@ def _windowed(signals: Signals, settings: Preparation, source: str) -> Signals:
     return signals.taken(keep)
 
 
+@timed("frame of the force")
 def _in_frame(
     recording: Recording,
     roles: Roles,
@@ -124,14 +132,15 @@ def _in_frame(
 
 def _say_tare(zero: Baseline, made: dict[str, str], remarks: list[Remark]) -> None:
     count = int(np.count_nonzero(zero.free))
-    listed = ", ".join(f"{value:.3g}" for value in zero.mean)
+    listed = ", ".join(f"{rounded(value, 3)}" for value in zero.mean)
     add(made, "force", f"less {listed} N, its mean over {count} samples out of contact")
     if zero.drift:
-        words = f"the zero of the force drifts by {zero.drift:.3g} N, which was taken off"
+        words = f"the zero of the force drifts by {rounded(zero.drift, 3)} N, which was taken off"
         remarks.append(Remark("tare", words, "let the sensor warm up"))
-        add(made, "force", f"and its drift of {zero.drift:.3g} N")
+        add(made, "force", f"and its drift of {rounded(zero.drift, 3)} N")
 
 
+@timed("episodes")
 def _pieces(signals: Signals, whole: Pressed, settings: Preparation) -> list[Piece]:
     """The whole; or its episodes, where the probe travels over the material."""
     position, force = signals.depth, signals.force
@@ -183,6 +192,7 @@ def _travelled(pieces: list[Piece], signals: Signals) -> list[Remark]:
     return [Remark("episodes", words, "--spot inf, where all of it is one material", "with-care")]
 
 
+@timed("surface and velocity of each place")
 def _joined(
     pieces: list[Piece], settings: Preparation, made: dict[str, str], remarks: list[Remark]
 ) -> tuple[Contact, list[Place]]:
@@ -236,9 +246,9 @@ def _place(signals: Signals, episode: Episode | None, own: Pressed, surface: Sur
 def _say_surface(places: list[Place], made: dict[str, str], remarks: list[Remark]) -> None:
     if len(places) == 1:
         surface = places[0].surface
-        words = f"counted from {surface.position:.6g} m, {surface.words}"
+        words = f"counted from {rounded(surface.position, 6)} m, {surface.words}"
         if surface.deviation:
-            words += f" (± {surface.deviation:.2g} m)"
+            words += f" (± {rounded(surface.deviation, 2)} m)"
         add(made, "penetration", words)
         remarks += assumption(surface)
         return

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.contact import Contact
+from palpate.digits import rounded
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.baselines import baseline_of, free_samples
 from palpate.preparation.corrections import add
@@ -19,6 +20,7 @@ from palpate.preparation.tare import deviation_left
 from palpate.preparation.velocity import lost_positions, velocity_of, window_samples
 from palpate.recordings import Recording
 from palpate.remarks import Remark
+from palpate.stages import timed
 from palpate.validation import Floats
 from palpate.validation import signals as checked_signals
 
@@ -63,6 +65,7 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
     return replace(contact, prepared=None if done is None else replace(done, recording=raw))
 
 
+@timed("velocity by the filter")
 def with_velocity(contact: Contact, window: float | None) -> Contact:
     """Work the velocity out, a segment at a time."""
     runs = list(contact.segments())
@@ -124,6 +127,7 @@ def _prepared(
     return contact if low is None and high is None else contact.window(low, high)
 
 
+@timed("zero of the force")
 def _tare_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     if done.settings.tare != "find":
         return contact, done
@@ -137,11 +141,15 @@ def _tare_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     found = baseline_of(contact.time, contact.force, free)
     made = dict(contact.provenance)
     count = int(np.count_nonzero(found.free))
-    add(made, "force", f"less {float(found.mean[0]):.3g} N, its mean over {count} free samples")
+    add(
+        made,
+        "force",
+        f"less {rounded(float(found.mean[0]), 3)} N, its mean over {count} free samples",
+    )
     remarks = list(contact.remarks)
     if found.drift:
-        add(made, "force", f"and its drift of {found.drift:.3g} N")
-        words = f"the zero of the force drifts by {found.drift:.3g} N, which was taken off"
+        add(made, "force", f"and its drift of {rounded(found.drift, 3)} N")
+        words = f"the zero of the force drifts by {rounded(found.drift, 3)} N, which was taken off"
         remarks.append(Remark("tare", words, "let the sensor warm up"))
     force = contact.force - found.zero
     left = deviation_left(force, found.free)
@@ -151,6 +159,7 @@ def _tare_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     return contact, replace(done, zero=found.mean, drift=found.drift)
 
 
+@timed("surface")
 def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     rule = done.settings.surface
     if not isinstance(rule, str):
@@ -164,9 +173,9 @@ def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]
 def counted_from(contact: Contact, surface: Surface, rule: SurfaceRule) -> Contact:
     """Count the penetration from a surface that was found; say so, and how well it is known."""
     made = dict(contact.provenance)
-    words = f"counted from {surface.position:.6g} m, {surface.words}"
+    words = f"counted from {rounded(surface.position, 6)} m, {surface.words}"
     if surface.deviation is not None:
-        words += f" (± {surface.deviation:.2g} m)"
+        words += f" (± {rounded(surface.deviation, 2)} m)"
     add(made, "penetration", words)
     deviation = surface.deviation if rule != "estimate" else None
     return replace(

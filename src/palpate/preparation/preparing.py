@@ -1,6 +1,7 @@
 """From a recording, a frame or arrays to a contact."""
 
 import dataclasses
+import logging
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Protocol, TypeAlias
@@ -21,6 +22,9 @@ from palpate.preparation.surfaces import SurfaceRule
 from palpate.preparation.wrenches import ForceFrame
 from palpate.recordings import Recording, open_recording
 from palpate.remarks import Remark
+from palpate.stages import stage
+
+_LOGGER = logging.getLogger(__name__)
 
 
 class Frame(Protocol):
@@ -186,14 +190,19 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
         As :func:`prepare`.
     """
     roles = roles_of(recording, settings.columns)
+    _log_roles(roles)
     with np.errstate(all="ignore"):  # a flipped bit makes 1e300 N, which is then no contact
-        signals = signals_of(
-            recording, roles, settings.units, rate=settings.rate, strict=settings.strict
-        )
+        with stage(_LOGGER, "one clock, units and bad rows"):
+            signals = signals_of(
+                recording, roles, settings.units, rate=settings.rate, strict=settings.strict
+            )
         pressing = roles.is_penetration and signals.force.ndim == 1
         way = along_penetration if pressing else along_normal
-        contact = way(recording, roles, signals, settings)
+        with stage(_LOGGER, f"prepared {'the penetration' if pressing else 'a position'}"):
+            contact = way(recording, roles, signals, settings)
     done = contact.provenance
+    for channel, words in done.items():
+        _LOGGER.info("%s: %s", channel, words)
     notes = {f"note on {key}" if key in done else key: v for key, v in recording.notes.items()}
     return dataclasses.replace(
         contact,
@@ -207,6 +216,19 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
             *contact.remarks,
         ),
     )
+
+
+def _log_roles(roles: Roles) -> None:
+    """Say which channels were taken for what."""
+    depth = "penetration" if roles.is_penetration else "position"
+    taken = {depth: roles.depth, "force": roles.force, "orientation": roles.orientation}
+    alone = {"time": roles.time, "velocity": roles.velocity, "segment": roles.segment}
+    taken |= {role: (name,) for role, name in alone.items() if name}
+    for role, names in taken.items():
+        if names:
+            why = roles.reasons.get(role)
+            words = f"{', '.join(names)} ({why})" if why else ", ".join(names)
+            _LOGGER.info("%s is %s", role, words)
 
 
 def _commanded(roles: Roles) -> list[Remark]:

@@ -1,6 +1,8 @@
 """From a file to the format that reads it: by its content, else by the suffix of its name."""
 
+import logging
 import os
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +11,8 @@ from palpate.errors import InvalidParameterError, RecordingError
 from palpate.recordings.formats import FORMATS, TEXT, Format, Request
 from palpate.recordings.recording import Recording, printable
 from palpate.recordings.sources import on_disk
+
+_LOGGER = logging.getLogger(__name__)
 
 
 def open_recording(
@@ -51,7 +55,14 @@ def open_recording(
         raise InvalidParameterError(f"path must be a path, not {path!r}") from None
     if curve is not None and curve < 0:
         raise InvalidParameterError(f"curve must be counted from 0, not {curve}")
-    request = Request(wanted, strict, curve, progress)
+    begun = time.perf_counter()
+    recording = _read(file, Request(wanted, strict, curve, progress))
+    _log(recording, time.perf_counter() - begun)
+    return recording
+
+
+def _read(file: Path, request: Request) -> Recording:
+    strict = request.strict
     with on_disk(file) as (copy, source, lost):
         if lost and strict:
             raise RecordingError(f"{source}: {lost[0]}")
@@ -62,6 +73,24 @@ def open_recording(
         except RecordingError as error:  # the name of a copy would tell a person nothing
             raise RecordingError(str(error).replace(printable(copy), source)) from None
         return replace(recording, source=source, losses=[*recording.losses, *lost])
+
+
+def _log(recording: Recording, seconds: float) -> None:
+    """Say what was read, and how long that took."""
+    if not _LOGGER.isEnabledFor(logging.INFO):
+        return
+    sizes = {len(values) for values in recording.channels.values()}
+    samples = " or ".join(map(str, sorted(sizes)[:3])) or "no"
+    _LOGGER.info(
+        "read %s: %d channels of %s samples, %.4f s",
+        recording.source,
+        len(recording.channels),
+        samples,
+        seconds,
+    )
+    for name, values in recording.channels.items():
+        unit = recording.units.get(name) or "unit not said"
+        _LOGGER.debug("channel %s: %s, %d samples, %s", name, values.dtype, len(values), unit)
 
 
 def format_of(path: Path) -> Format:

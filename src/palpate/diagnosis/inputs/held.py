@@ -4,6 +4,7 @@ import numpy as np
 
 from palpate.diagnosis.data import Data
 from palpate.diagnosis.finding import Finding
+from palpate.digits import rounded
 from palpate.validation import Floats
 
 LONGEST = 60  # samples of a beat
@@ -20,7 +21,7 @@ def held(data: Data) -> Finding | None:
             return Finding(
                 "held channel",
                 f"the {name} changes only every {beat} samples, as one that is held: "
-                f"{late:.2g} ms late on average",
+                f"{rounded(late, 2)} ms late on average",
                 "record at the rate of the slowest channel, or keep one sample of each beat",
                 stiffness="with-care",
                 damping="with-care",

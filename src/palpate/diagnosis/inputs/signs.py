@@ -5,6 +5,7 @@ import numpy as np
 from palpate.diagnosis.data import Data
 from palpate.diagnosis.finding import Finding
 from palpate.diagnosis.inputs.stop import stop
+from palpate.digits import rounded
 from palpate.validation import Floats
 
 MOST = 5000  # samples whose ranks are taken
@@ -27,9 +28,12 @@ def signs(data: Data) -> Finding | None:
     if deep >= shallow:
         return None
     if deep < 0.0 and abs(deep) > abs(shallow):
-        words = f"the force is negative, {deep:.3g} N, where the penetration is largest"
+        words = f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest"
         return stop("signs", f"{words}: compression must be positive", "--flip-force")
-    words = f"the force falls from {shallow:.3g} N to {deep:.3g} N as the penetration grows"
+    words = (
+        f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the penetration "
+        "grows"
+    )
     return stop("signs", f"{words}: is it positive into the material?", "--flip-penetration")
 
 

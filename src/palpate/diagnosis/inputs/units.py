@@ -5,6 +5,7 @@ import numpy as np
 from palpate.diagnosis.data import Data
 from palpate.diagnosis.finding import Finding
 from palpate.diagnosis.inputs.stop import stop
+from palpate.digits import rounded
 
 DEEPEST, FASTEST = 0.25, 3.0  # m, m/s; of the recordings the largest are 19 mm and 0.84 m/s
 # F/x², a modulus that no geometry changes much: recordings show 6e3 to 7e7 Pa.
@@ -24,7 +25,8 @@ def penetration_unit(data: Data) -> Finding | None:
         return None
     return stop(
         "penetration unit",
-        f"the penetration reaches {depth:.3g} m at {force:.3g} N: millimetres, or columns swapped?",
+        f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N: millimetres, "
+        "or columns swapped?",
         "--unit penetration=mm",
     )
 
@@ -36,7 +38,8 @@ def force_unit(data: Data) -> Finding | None:
         return None
     return stop(
         "force unit",
-        f"the force reaches {force:.3g} N at {1e3 * depth:.3g} mm: are these millinewtons?",
+        f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm: are these "
+        "millinewtons?",
         "--unit force=mN",
     )
 
@@ -47,6 +50,6 @@ def time_unit(data: Data) -> Finding | None:
         return None
     return stop(
         "time unit",
-        f"there is a sample every {data.sample_time:.3g} s: are the times milliseconds?",
+        f"there is a sample every {rounded(data.sample_time, 3)} s: are the times milliseconds?",
         "--unit time=ms",
     )

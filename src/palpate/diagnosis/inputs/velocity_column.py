@@ -5,6 +5,7 @@ import numpy as np
 from palpate.diagnosis.data import Data
 from palpate.diagnosis.finding import Finding
 from palpate.diagnosis.inputs.stop import stop
+from palpate.digits import rounded
 from palpate.validation import Floats
 
 REMEDY = "leave it out: --velocity none"
@@ -35,7 +36,7 @@ def velocity_column(data: Data) -> Finding | None:
     # Noise in one of the two lowers the first and raises the second: the one nearer to 1 is sure.
     slopes = float(way @ integral / (way @ way)), float(integral @ integral / (way @ integral))
     slope = min(slopes, key=lambda each: abs(each - 1.0))
-    words = f"the velocity column is {slope:.3g} times the rate of the penetration"
+    words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
     if not STOP[0] <= slope <= STOP[1]:
         return stop("velocity column", f"{words}: another unit, sign or channel", REMEDY)
     if abs(slope - 1.0) <= CARE:

@@ -2,15 +2,17 @@
 
 import base64
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 
 from palpate.paper.experiment import Experiment, Table
 from palpate.paper.outcomes import figures_of
 from palpate.paper.report.contents import ABOUT, TITLE, Report, Section, circumstances, settings
-from palpate.paper.report.page_style import STYLE
+from palpate.paper.report.page_style import PAPER
 from palpate.paper.report.verdicts import SIGNS, Judgement, Verdict
+from palpate.reports import html
+from palpate.reports.style import STYLE
 
 CLASSES = {
     Verdict.REPRODUCED: "yes",
@@ -38,34 +40,14 @@ def page(report: Report, folder: Path) -> str:
         *(line for section in report.sections for line in _section(section, folder)),
         "</main>",
     ]
-    return "\n".join(
-        [
-            "<!DOCTYPE html>",
-            '<html lang="en">',
-            "<head>",
-            '<meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            '<meta name="color-scheme" content="light dark">',
-            f"<title>{escape(TITLE)}</title>",
-            f"<style>{STYLE}</style>",
-            "</head>",
-            "<body>",
-            *parts,
-            "</body>",
-            "</html>",
-            "",
-        ]
-    )
+    return html.document(TITLE, STYLE + PAPER, parts)
 
 
 def _head(report: Report) -> Iterator[str]:
     yield "<header>"
     yield f"<h1>{escape(TITLE)}</h1>"
     yield f"<p>{escape(ABOUT)}</p>"
-    yield '<dl class="made">'
-    for name, value in {**circumstances(), "seeds": f"{report.seeds}, from 0 on"}.items():
-        yield f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>"
-    yield "</dl>"
+    yield from html.definitions({**circumstances(), "seeds": f"{report.seeds}, from 0 on"})
     for words, listed in (
         ("Not finished, so not shown", report.unfinished),
         ("Failed", report.failures),
@@ -117,7 +99,7 @@ def _badge(verdict: Verdict, words: str) -> str:
 
 def _claims(title: str, judgements: Sequence[Judgement], *, with_links: bool) -> Iterator[str]:
     header = ("figure" if with_links else "where", "the paper's words", "its number", "ours")
-    yield from _table_start(title, (*header, "verdict", "what was seen, and what it hinges on"))
+    yield from html.table_start(title, (*header, "verdict", "what was seen, and what it hinges on"))
     for each in judgements:
         claim, name = each.claim, each.experiment
         where = escape(claim.where)
@@ -133,8 +115,8 @@ def _claims(title: str, judgements: Sequence[Judgement], *, with_links: bool) ->
             _badge(each.verdict, each.verdict_words),
             "".join(remarks),
         )
-        yield f'<tr><th scope="row">{where}</th>' + _cells(cells) + "</tr>"
-    yield from _table_end()
+        yield f'<tr><th scope="row">{where}</th>' + html.cells(cells) + "</tr>"
+    yield from html.table_end()
 
 
 def _ours(each: Judgement) -> str:
@@ -144,27 +126,9 @@ def _ours(each: Judgement) -> str:
     return escape(each.ours_words) + (f"<br><small>{escape(what)}</small>" if what else "")
 
 
-def _cells(cells: Iterable[str]) -> str:
-    return "".join(f"<td>{cell}</td>" for cell in cells)
-
-
-def _table_start(title: str, header: Sequence[str]) -> Iterator[str]:
-    yield f'<div class="wide" role="region" tabindex="0" aria-label="{escape(title)}">'
-    yield f"<table><caption>{escape(title)}</caption>"
-    heads = "".join(f'<th scope="col">{escape(name)}</th>' for name in header)
-    yield f"<thead><tr>{heads}</tr></thead><tbody>"
-
-
-def _table_end() -> Iterator[str]:
-    yield "</tbody></table></div>"
-
-
 def _table(table: Table) -> Iterator[str]:
-    yield from _table_start(table.title, table.header)
-    for first, *others in table.rows:
-        cells = _cells(escape(cell) for cell in others)
-        yield f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>'
-    yield from _table_end()
+    rows = ([escape(cell) for cell in row] for row in table.rows)
+    yield from html.table(table.title, table.header, rows)
     if table.note:
         yield f'<p class="hinge">{escape(table.note)}</p>'
 

@@ -1,0 +1,45 @@
+"""What palpate does, said on standard error while it does it."""
+
+import logging
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+_LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
+
+
+class _Lines(logging.Handler):
+    """A line for each record, above a progress bar where there is one."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._begun = time.perf_counter()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print it: seconds since the start, where it comes from, and what it says."""
+        words = " ".join(record.getMessage().split())
+        where = record.name.removeprefix("palpate.")
+        if sys.stderr is not None:
+            with suppress(OSError):  # there is nobody left to tell
+                # Looked up each time: a bar takes its place for as long as it is shown.
+                print(
+                    f"{time.perf_counter() - self._begun:7.3f} s  {where}: {words}", file=sys.stderr
+                )
+
+
+@contextmanager
+def logged(loudness: int) -> Iterator[None]:
+    """Print what palpate's modules say: from 1 on what is done, from 2 on how."""
+    logger = logging.getLogger("palpate")
+    handler, level = _Lines(), logger.level
+    if not loudness:
+        yield
+        return
+    logger.addHandler(handler)
+    logger.setLevel(_LEVELS[loudness])
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)

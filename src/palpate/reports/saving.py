@@ -1,0 +1,125 @@
+"""A result on disk: report, numbers, trace and options, each file whole or not at all."""
+
+import json
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from palpate.errors import MissingExtraError
+from palpate.figures.style import LIGHT, style
+from palpate.identification import Identification
+from palpate.recordings.columns import has_parquet, write_columns
+from palpate.reports.identification import Circumstances, page
+from palpate.results.columns import in_file, trace_columns
+from palpate.results.description import described
+from palpate.results.loading import RESULT, TRACES
+from palpate.results.toml import as_toml, how_made
+from palpate.writing import check_writable, make_folder, write_text
+
+REPORT, OPTIONS = "report.html", "run.toml"
+_PACKAGES = ("palpate", "numpy", "matplotlib", "pyarrow")
+
+
+@dataclass(frozen=True, slots=True)
+class Destination:
+    """A folder for a result, of which was checked that it can be written to.
+
+    Parameters
+    ----------
+    folder : Path
+        It is made, with those above it, where it is not there.
+    inputs : sequence of Path
+        Files that must not be written over.
+
+    Raises
+    ------
+    RecordingError
+        The folder cannot be made or written to, or one of the files would replace an input.
+    MissingExtraError
+        matplotlib, which the report needs, is not installed.
+    """
+
+    folder: Path
+    inputs: Sequence[Path] = ()
+    trace: str = field(init=False, default_factory=lambda: TRACES[not has_parquet()])
+
+    def __post_init__(self) -> None:
+        try:
+            style(LIGHT)
+        except MissingExtraError:
+            raise MissingExtraError(
+                "a report needs matplotlib: pip install 'palpate[report]'"
+            ) from None
+        make_folder(self.folder)
+        for name in self.names:
+            check_writable(self.folder / name, self.inputs)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the files, in the order in which they are written: the result's own is the last."""
+        return (REPORT, self.trace, OPTIONS, RESULT)
+
+    def save(
+        self,
+        result: Identification,
+        *,
+        options: Mapping[str, Any] | None = None,
+        compared: Mapping[str, Identification] | None = None,
+    ) -> None:
+        """Write a result.
+
+        Parameters
+        ----------
+        result : Identification
+            What was identified.
+        options : mapping, optional
+            Of the command line that repeats it; the method unless given.
+        compared : mapping, optional
+            Every method on the same contact, for the report.
+        """
+        files = list(self.inputs)
+        given = {"method": result.method} if options is None else options
+        run = as_toml(given, how_made(result.contact, files))
+        columns = in_file(trace_columns(result))
+        whole = {**described(files, [result]), "trace": self.trace}
+        circumstances = Circumstances(
+            made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+            command=self._command(files),
+            options=run,
+            files=self.names[1:],
+            versions=_versions(),
+        )
+        write_text(self.folder / REPORT, page(result, circumstances, compared), self.inputs)
+        notes = {"made by": f"palpate {version('palpate')}", "source": result.contact.source}
+        write_columns(
+            columns.columns,
+            self.folder / self.trace,
+            units=columns.units,
+            notes=notes,
+            inputs=self.inputs,
+        )
+        write_text(self.folder / OPTIONS, run, self.inputs)
+        text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
+        write_text(self.folder / RESULT, text + "\n", self.inputs)
+
+    def _command(self, files: Sequence[Path]) -> str:
+        if not files:
+            return f"palpate.load_result({str(self.folder)!r})  # identified in Python"
+        config = self.folder / OPTIONS
+        words = ["palpate", "identify", *map(str, files), "--config", str(config)]
+        return shlex.join([*words, "-o", str(self.folder)])
+
+
+def _versions() -> dict[str, str]:
+    found = {"Python": ".".join(map(str, sys.version_info[:3]))}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,167 @@
+"""A result that was saved, read back."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.contact import Contact
+from palpate.diagnosis import Finding, Quantity, Verdict, WorkingDepth
+from palpate.errors import InvalidParameterError, RecordingError
+from palpate.force_laws import FORCE_LAWS, law_from
+from palpate.recordings import open_recording
+from palpate.remarks import Remark
+from palpate.results.columns import contact_and_trace
+from palpate.results.description import SCHEMA_VERSION
+from palpate.trace import Trace
+from palpate.validation import Floats
+
+RESULT = "result.json"
+TRACES = ("trace.parquet", "trace.csv")  # the second where there is no pyarrow
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SavedResult:
+    """What :meth:`Identification.save` or ``palpate identify -o`` wrote.
+
+    Attributes
+    ----------
+    folder : Path
+        Where it lies.
+    method : str
+        Name of the estimator.
+    law : ForceLaw
+        The contact model, SI.
+    standard_errors, correlations : numpy.ndarray, shapes (p,) and (p, p)
+        Of the law's parameters, in their order.
+    verdict : Verdict
+        How far to trust it.
+    findings : tuple of Finding
+        The gravest first.
+    working_depths : tuple of WorkingDepth
+        Force, stiffness and damping, with both error bars.
+    contact : Contact
+        What was identified; :func:`palpate.identify` takes it again.
+    trace : Trace
+        Every sample.
+    description : dict
+        The whole of ``result.json``; ``docs/results.md`` says what is in it.
+    """
+
+    folder: Path
+    method: str
+    law: Any
+    standard_errors: Floats
+    correlations: Floats
+    verdict: Verdict
+    findings: tuple[Finding, ...]
+    working_depths: tuple[WorkingDepth, ...]
+    contact: Contact = field(repr=False)
+    trace: Trace = field(repr=False)
+    description: Mapping[str, Any] = field(repr=False)
+
+
+def load_result(path: str | Path) -> SavedResult:
+    """Read back what ``palpate identify -o`` or :meth:`Identification.save` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        The folder, or its ``result.json``.
+
+    Raises
+    ------
+    RecordingError
+        There is no result, it is damaged, or another version of palpate wrote it in a way that this
+        one does not know.
+    """
+    folder = Path(path)
+    file = folder if folder.suffix == ".json" else folder / RESULT
+    whole = _described(file)
+    try:
+        [found] = whole["results"]
+        law = law_from(found["law"])
+        contact, trace = contact_and_trace(
+            open_recording(file.parent / whole["trace"]), FORCE_LAWS[law.kind]
+        )
+        return SavedResult(
+            folder=file.parent,
+            method=found["method"],
+            law=law,
+            standard_errors=_numbers([found["standard_errors"][name] for name in law.names()]),
+            correlations=_numbers(found["correlations"]),
+            verdict=Verdict(**found["verdict"]),
+            findings=tuple(_finding(each) for each in found["findings"]),
+            working_depths=tuple(_working_depth(each) for each in found["working_depths"]),
+            contact=_as_it_was(contact, whole),
+            trace=trace,
+            description=whole,
+        )
+    except RecordingError:
+        raise
+    except (KeyError, TypeError, ValueError, InvalidParameterError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise RecordingError(f"{file}: the result is damaged ({reason}); identify again") from None
+
+
+def _described(file: Path) -> dict[str, Any]:
+    try:
+        whole = json.loads(file.read_bytes())
+    except OSError as error:
+        raise RecordingError(
+            f"{file}: {error.strerror or 'cannot be read'}; palpate identify FILE -o FOLDER writes "
+            "a result"
+        ) from None
+    except (ValueError, RecursionError):
+        raise RecordingError(f"{file}: no JSON; it is cut off, or no result of palpate") from None
+    version = whole.get("schema_version") if isinstance(whole, dict) else None
+    if version is None:
+        raise RecordingError(f"{file}: no result of palpate: it has no schema_version")
+    if version != SCHEMA_VERSION:
+        raise RecordingError(
+            f"{file}: written by palpate {whole.get('palpate_version', 'of another version')} as "
+            f"schema {version}, and this one reads {SCHEMA_VERSION}; install that version, or "
+            "identify again"
+        )
+    return dict(whole)
+
+
+def _as_it_was(contact: Contact, whole: Mapping[str, Any]) -> Contact:
+    """The contact with what was known of it."""
+    return Contact(
+        contact.time,
+        penetration=contact.penetration,
+        velocity=contact.velocity,
+        force=contact.force,
+        segment=contact.segment,
+        source=whole["file"],
+        provenance=whole["provenance"],
+        tare_deviation=whole["tare_deviation"],
+        surface_deviation=whole["surface_deviation"],
+        remarks=[Remark(**remark) for remark in whole["remarks"]],
+    )
+
+
+def _finding(words: Mapping[str, Any]) -> Finding:
+    numbers = ("z", "moves_stiffness_percent", "moves_damping_percent")
+    return Finding(**{**words, **{name: _number(words[name]) for name in numbers}})
+
+
+def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:
+    quantities = {
+        name: Quantity(**{part: _number(value) for part, value in words[name].items()})
+        for name in ("force", "stiffness", "damping")
+    }
+    return WorkingDepth(_number(words["depth"]), **quantities)
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _numbers(values: Any) -> Floats:
+    """Numbers, of which JSON's null is NaN."""
+    return np.array(values, dtype=np.float64)

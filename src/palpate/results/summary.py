@@ -1,0 +1,103 @@
+"""An identification in words: a line, and a page of text."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate.diagnosis import Quantity
+from palpate.digits import rounded, with_error
+
+if TYPE_CHECKING:
+    from palpate.identification import Identification
+
+TWO_SIDED = 1.96  # standard errors: 95 of 100
+
+
+def line(result: "Identification") -> str:
+    """What was identified, in a line: verdict, stiffness and damping at the working depth."""
+    there = result.diagnosis.working_depth
+    name = Path(result.contact.source).name or "a contact"
+    return (
+        f"<Identification of {name} by {result.method}: {result.diagnosis.verdict.overall}; at "
+        f"{depth_in_words(there.depth)} stiffness {number(there.stiffness)} N/m, damping "
+        f"{number(there.damping)} N·s/m>"
+    )
+
+
+def summary(result: "Identification") -> str:
+    """What was identified, how well, and how far to trust it, as text."""
+    return "\n".join([*_head(result), "", *_depths(result), "", *_law(result), *_findings(result)])
+
+
+def number(quantity: Quantity) -> str:
+    """A number with both error bars as one; where one is not known that is said."""
+    whole = math.hypot(quantity.standard_error, quantity.systematic)
+    words = with_error(quantity.value, whole)
+    return words if math.isfinite(whole) else f"{words} ± unknown"
+
+
+def both(quantity: Quantity) -> str:
+    """A number with both error bars: what repeats, and what the findings would move."""
+    if not math.isfinite(quantity.standard_error):
+        return number(quantity)
+    return with_error(quantity.value, quantity.standard_error, quantity.systematic)
+
+
+def depth_in_words(depth: float) -> str:
+    """A depth, in mm."""
+    return f"{rounded(1e3 * depth, 4)} mm" if math.isfinite(depth) else "an unknown depth"
+
+
+def _head(result: "Identification") -> list[str]:
+    found, contact = result.diagnosis, result.contact
+    marks = found.verdict
+    lines = [
+        f"{contact.source or 'contact'}, by {result.method}",
+        f"{marks.overall} (stiffness: {marks.stiffness}, damping: {marks.damping}): {found.reason}",
+    ]
+    if found.remedy:
+        lines.append(f"  → {found.remedy}")
+    taken, rejected = result.trace.taken.sum(), result.trace.rejected.sum()
+    lines.append(
+        f"{len(contact)} samples, {taken} in contact, {rejected} left out as outliers; "
+        f"the law fits to {rounded(result.fit_rmse_percent, 2)} %"
+    )
+    return lines
+
+
+def _depths(result: "Identification") -> list[str]:
+    rows = [("at depth", "force, N", "stiffness, N/m", "damping, N·s/m")]
+    rows += [
+        (depth_in_words(each.depth), both(each.force), both(each.stiffness), both(each.damping))
+        for each in result.working_depths
+    ]
+    return [*_aligned(rows), "(± what repeats ± what the findings would move)"]
+
+
+def _law(result: "Identification") -> list[str]:
+    law, errors, matrix = result.law, result.standard_errors, result.correlations
+    rows = [(law.kind, "estimate", "95 % interval", "unit", *law.symbols)]
+    parts = zip(law.symbols, law.parameters, errors, law.units, matrix, strict=True)
+    for symbol, value, error, unit, row in parts:
+        low, high = value - TWO_SIDED * error, value + TWO_SIDED * error
+        interval = f"{rounded(low, 5)} to {rounded(high, 5)}" if error > 0.0 else "unknown"
+        correlations = (f"{each:+.3f}" if math.isfinite(each) else "–" for each in row)
+        rows.append((symbol, with_error(value, error), interval, unit, *correlations))
+    return [*_aligned(rows), "(the last columns are correlations)"]
+
+
+def _findings(result: "Identification") -> list[str]:
+    lines = [""]
+    for finding in result.diagnosis.findings:
+        lines.append(f"{finding.severity}: {finding.check}: {finding.sentence}")
+        lines += [f"  → {finding.remedy}"] if finding.remedy else []
+    return [*lines, *(f"note: {flag}" for flag in result.flags)]
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]

@@ -1,0 +1,35 @@
+"""How long each stage of the work takes, said by the logger of the module that does it."""
+
+import functools
+import logging
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import ParamSpec, TypeVar
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
+
+
+@contextmanager
+def stage(logger: logging.Logger, words: str) -> Iterator[None]:
+    """Log at the end of what happens inside how many seconds it took."""
+    begun = time.perf_counter()
+    yield
+    logger.info("%s: %.4f s", words, time.perf_counter() - begun)
+
+
+def timed(words: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
+    """Log each call of a function as a stage."""
+
+    def decorate(function: Callable[Given, Result]) -> Callable[Given, Result]:
+        logger = logging.getLogger(function.__module__)
+
+        @functools.wraps(function)
+        def call(*args: Given.args, **kwargs: Given.kwargs) -> Result:
+            with stage(logger, words):
+                return function(*args, **kwargs)
+
+        return call
+
+    return decorate

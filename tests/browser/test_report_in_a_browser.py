@@ -1,0 +1,76 @@
+"""The report of an identification, in a browser: on a desk and on a phone, light and dark."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from faults import changed
+
+import palpate
+
+pytestmark = pytest.mark.browser
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
+LOOKS = {"desk": 1280, "phone": 390}
+
+# Letters of SVG text as the screen shows them, in pixels, of drawings that are shown.
+SMALLEST_LETTERS = """() => Math.min(...[...document.querySelectorAll(".drawing text")]
+  .filter(each => each.getClientRects().length)
+  .map(each => parseFloat(getComputedStyle(each).fontSize) * each.getScreenCTM().a))"""
+SHOWN = """name => [...document.querySelectorAll(`.drawing.${name}`)]
+  .filter(each => each.getClientRects().length).length"""
+CONTRAST = """() => {
+  const channel = c => c <= 10 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4;
+  const luminance = rgb => { const [r, g, b] = rgb.map(channel);
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  const numbers = text => text.match(/[\\d.]+/g).slice(0, 3).map(Number);
+  const back = luminance(numbers(getComputedStyle(document.body).backgroundColor));
+  const words = [...document.querySelectorAll("p, td, th, dd, dt, h1, h2, small, b, .badge, text")]
+    .filter(each => each.getClientRects().length && each.textContent.trim());
+  return Math.min(...words.map(each => {
+    const style = getComputedStyle(each);
+    const ink = luminance(numbers(each.tagName == "text" ? style.fill : style.color));
+    return (Math.max(ink, back) + 0.05) / (Math.min(ink, back) + 0.05);
+  }));
+}"""
+
+
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory):
+    """A report of a recording, and one of a material that changes."""
+    folder = tmp_path_factory.mktemp("reports")
+    palpate.identify(EXAMPLES / "ball.csv").save(folder / "ball")
+    faulty = replace(changed(0.3), source="a name as long as loggers give them " * 4)
+    palpate.identify(faulty).by_stretch().save(folder / "changed")
+    return folder
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("width", LOOKS.values(), ids=LOOKS)
+@pytest.mark.parametrize("name", ["ball", "changed"])
+def test_a_report_is_readable(reports, opened, name, width, dark):
+    with opened(reports / name / "report.html", width=width, dark=dark) as page:
+        assert page.fetched == [page.url]
+        assert page.complaints == []
+        # Only tables scroll sideways, each by itself.
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate(SHOWN, "narrow") == (2 if width < 640 else 0)
+        assert page.evaluate(SHOWN, "spread") == (0 if width < 640 else 2)
+        assert page.evaluate(SMALLEST_LETTERS) >= 8.0
+        assert page.evaluate(CONTRAST) >= 4.5  # as WCAG 2 asks of text
+        words = page.inner_text("body")
+        assert words.index("stiffness at") < words.index("Correlations")
+
+
+def test_a_dark_page_is_dark(reports, opened):
+    backs = []
+    for dark in (False, True):
+        with opened(reports / "ball" / "report.html", width=1280, dark=dark) as page:
+            backs.append(
+                page.evaluate(
+                    "[getComputedStyle(document.body).backgroundColor, "
+                    "getComputedStyle(document.querySelector('.drawing path')).fill]"
+                )
+            )
+    assert backs[0] == ["rgb(255, 255, 255)"] * 2
+    assert backs[1] == ["rgb(22, 24, 28)"] * 2

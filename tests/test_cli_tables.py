@@ -1,0 +1,162 @@
+"""What a person sees on terminals of any width: every number whole, no line too long."""
+
+import os
+import pty
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rich.cells import cell_len
+
+from palpate.cli.layout import Column, print_table, say
+from palpate.cli.printing import Terminal
+
+BALL = Path(__file__).parents[1] / "examples" / "recordings" / "ball.csv"
+GUESS = ("--stiffness", "2000", "--damping", "2000", "--exponent", "1.2", "--noise", "0.05")
+COMMANDS = {
+    "identify": ("identify", BALL),
+    "compare": ("compare", BALL),
+    "diagnose": ("diagnose", BALL),
+    "info": ("info", BALL),
+    "design": ("design", *GUESS),
+}
+NUMBER = re.compile(r"\d[\d.]*")
+
+
+@pytest.fixture(scope="module")
+def wide():
+    """What each command printed at 200 columns."""
+    return {}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("columns", [40, 60, 80, 120])
+def test_no_line_is_wider_than_the_terminal_and_no_number_is_lost(
+    run, monkeypatch, wide, command, columns
+):
+    arguments = COMMANDS[command]
+    if command not in wide:
+        monkeypatch.setenv("COLUMNS", "200")
+        wide[command] = run(*arguments)[1]
+    monkeypatch.setenv("COLUMNS", str(columns))
+    status, out, err = run(*arguments)
+    assert (status, err) == (0, "")
+    assert "…" not in out
+    lines = out.replace(str(BALL), "").split("\n")
+    assert max(cell_len(line.rstrip()) for line in lines) <= columns
+    # What stands above a column once stands beside each of its numbers where rows are stacked.
+    assert set(NUMBER.findall(out)) == set(NUMBER.findall(wide[command]))
+
+
+def test_what_goes_into_a_pipe_has_a_width_of_its_own(run, monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    out = run("compare", BALL)[1]
+    monkeypatch.setenv("COLUMNS", "100")
+    assert run("compare", BALL)[1] == out
+
+
+@pytest.mark.parametrize("columns", ["", "0", "wide", "-3"])
+def test_columns_that_are_no_width_are_passed_over(monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert Terminal().width == 100
+
+
+@pytest.fixture
+def printed(capsys, monkeypatch):
+    """Lines that a function prints on a terminal of some width."""
+
+    def call(columns, function, *arguments, **options):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        function(Terminal(), *arguments, **options)
+        return [line.rstrip() for line in capsys.readouterr().out.rstrip("\n").split("\n")]
+
+    return call
+
+
+ROWS = [["one", "–", "12.0 ± 0.3\n7.5 ± 0.1", "many words about it"]]
+HEADINGS = [
+    Column("name"),
+    Column("empty"),
+    Column("size\nmm", right=True),
+    Column("why", prose=True),
+]
+
+
+def test_rows_stand_side_by_side_where_they_fit(printed):
+    assert printed(60, print_table, HEADINGS, ROWS) == [
+        "                   size",
+        "name  empty          mm  why",
+        "one   –      12.0 ± 0.3  many words about it",
+        "              7.5 ± 0.1",
+    ]
+
+
+def test_a_column_that_says_nothing_goes_before_rows_are_stacked(printed):
+    assert printed(39, print_table, HEADINGS, ROWS)[1] == "name          mm  why"
+
+
+def test_rows_are_stacked_where_a_number_would_be_cut(printed):
+    assert printed(34, print_table, HEADINGS, ROWS) == [
+        "one",
+        "  size, mm  12.0 ± 0.3",
+        "            7.5 ± 0.1",
+        "  why       many words about it",
+    ]
+    assert printed(20, print_table, HEADINGS, ROWS) == [
+        "one",
+        "  size, mm",
+        "    12.0 ± 0.3",
+        "    7.5 ± 0.1",
+        "  why",
+        "    many words about",
+        "    it",
+    ]
+
+
+def test_many_rows_are_stacked_in_few_lines(printed):
+    assert printed(34, print_table, HEADINGS, ROWS, compact=True) == [
+        "one",
+        "  size, mm 12.0 ± 0.3 7.5 ± 0.1",
+        "  why many words about it",
+    ]
+
+
+def test_words_are_folded_between_them_with_an_indent(printed):
+    assert printed(20, say, "words that fold 12.5 N and go on") == [
+        "words that fold 12.5",
+        "  N and go on",
+    ]
+
+
+def on_a_terminal(*arguments, **environment):
+    """What a command prints where a person looks on."""
+    leader, follower = pty.openpty()
+    kept = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "COLUMNS", "FORCE_COLOR")}
+    done = subprocess.Popen(
+        [sys.executable, "-m", "palpate", *map(str, arguments)],
+        stdout=follower, stderr=follower, stdin=follower,
+        env={**kept, "TERM": "xterm-256color", "LINES": "24", **environment},
+    )  # fmt: skip
+    os.close(follower)
+    seen = b""
+    try:
+        while part := os.read(leader, 65536):
+            seen += part
+    except OSError:  # the command has closed it
+        pass
+    assert done.wait() == 0
+    os.close(leader)
+    return seen.decode()
+
+
+def test_colour_is_for_who_looks_on_and_wants_it(run, monkeypatch):
+    design = COMMANDS["design"]
+    assert "\x1b[" in on_a_terminal(*design)
+    assert "\x1b[" not in on_a_terminal(*design, "--no-color")
+    assert "\x1b[" not in on_a_terminal(*design, NO_COLOR="1")
+    assert "\x1b[" not in on_a_terminal(*design, TERM="dumb", COLUMNS="60")
+    assert "\x1b[" not in on_a_terminal("design", "--help", "--no-color")
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
+    assert "\x1b[" not in run(*design)[1]

@@ -1,0 +1,126 @@
+"""The report of an identification: the verdict first, whole without anything beside it."""
+
+import html.parser
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from faults import changed
+
+import palpate
+from palpate.reports import sections
+from palpate.reports.identification import Circumstances, page
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+HERE = Circumstances("today", "palpate identify <file>", 'method = "x"\n', ("a&b.csv",))
+VOID = {"meta", "br", "img", "source"}
+
+
+class Reading(html.parser.HTMLParser):
+    """What is open, which names there are, what is referred to, and the words."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.names: list[str] = []
+        self.references: set[str] = set()
+        self.words = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        if tag not in VOID:
+            self.open.append(tag)
+        for name, value in attributes:
+            if name == "id":
+                self.names.append(value)
+            if name in ("href", "src", "xlink:href"):
+                self.references.add(value)
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words += data
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return palpate.identify(EXAMPLES / "ball.csv")
+
+
+@pytest.fixture(scope="module")
+def report(ball):
+    """Of a recording whose words could be taken for markup."""
+    contact = ball.contact
+    named = replace(
+        contact,
+        source="<script>alert(1)</script> & $x_1$.csv",
+        provenance={**contact.provenance, "<b>": "<i>not italic</i>"},
+    )
+    return page(replace(ball, contact=named), HERE, {"variable-projection": ball})
+
+
+def test_the_page_is_whole_and_fetches_nothing(report):
+    read = Reading(report)
+    assert read.open == []
+    assert len(read.names) == len(set(read.names))
+    inside = {reference for reference in read.references if reference.startswith("#")}
+    assert inside <= {f"#{name}" for name in read.names}
+    assert read.references - inside == {"a&b.csv"}
+    assert not re.search(r"url\((?!#)|@import|<script|<link", report)
+    used = set(re.findall(r"url\(#([^)]*)\)", report))
+    assert used <= set(read.names)
+
+
+def test_the_page_is_a_megabyte_at_most(report):
+    assert len(report.encode()) < 1_000_000
+
+
+def test_the_verdict_stands_first_and_the_numbers_before_the_figure(report):
+    words = Reading(report).words
+    places = [
+        words.index(each)
+        for each in ("trust", "2000.7 ± 0.5 N/m", "Correlations", "residual", "palpate identify")
+    ]
+    assert places == sorted(places)
+
+
+def test_the_colours_of_drawings_follow_the_page(report):
+    body = report[report.index("<body>") :]
+    assert body.count("var(--drawing-") > 20
+    assert not re.search(r"#[0-9a-f]{6}\b", body, re.IGNORECASE)
+
+
+def test_truth_of_the_file_stands_beside_the_estimate_with_its_distance(report):
+    assert "truth, by the file" in report
+    assert re.search(r"[+-]\d\.\d s\.e\.", report)
+
+
+def test_words_of_a_recording_are_no_markup(report):
+    assert "&lt;i&gt;not italic" in report
+    assert "<i>not" not in report
+
+
+def test_each_stretch_between_changes_is_a_row():
+    result = palpate.identify(changed(0.3)).by_stretch()
+    words = "".join(sections.parts(result))
+    assert words.count("<tr>") == 1 + 2
+    assert "change detector" in words
+
+
+def test_a_contact_that_says_nothing_has_no_error_bars():
+    time = np.arange(400) * 1e-3
+    depth = np.full(400, 5e-3)
+    contact = palpate.Contact(time, penetration=depth, velocity=0.0 * time, force=0.0 * time + 2.0)
+    result = palpate.identify(contact)
+    shown = "".join([*sections.verdict(result), *sections.numbers(result)])
+    assert "do-not-trust" in shown
+    assert "± unknown" in shown
+    assert Reading(shown).open == []

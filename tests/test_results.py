@@ -1,0 +1,193 @@
+"""A result is saved, read back and shown, and what is wrong is said in a line."""
+
+import json
+import os
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import palpate
+from palpate.errors import MissingExtraError, RecordingError
+from palpate.recordings import columns as tables
+from palpate.reports import saving
+from palpate.results.columns import in_file, trace_columns
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+BALL = EXAMPLES / "ball.csv"
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return palpate.identify(BALL)
+
+
+@pytest.fixture(scope="module")
+def saved(ball, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results") / "new" / "ball"
+    ball.save(folder)
+    return folder
+
+
+def same(one, other) -> bool:
+    return np.array_equal(one, other, equal_nan=True)
+
+
+def test_what_was_saved_is_read_back_to_the_last_bit(ball, saved):
+    found = palpate.load_result(saved)
+    assert found.law == ball.law
+    assert same(found.standard_errors, ball.standard_errors)
+    assert same(found.correlations, ball.correlations)
+    assert found.verdict == ball.diagnosis.verdict
+    assert [repr(each) for each in found.findings] == [repr(e) for e in ball.diagnosis.findings]
+    assert found.working_depths == ball.working_depths
+    for name in ("time", "penetration", "velocity", "force", "segment"):
+        assert same(getattr(found.contact, name), getattr(ball.contact, name))
+    for name in ball.trace.__dataclass_fields__:
+        assert same(getattr(found.trace, name), getattr(ball.trace, name)), name
+    assert found.contact.provenance == ball.contact.provenance
+    assert palpate.identify(found.contact).law == ball.law
+
+
+def test_the_saved_trace_is_a_recording_too(ball, saved):
+    [trace] = saved.glob("trace.*")
+    assert palpate.identify(trace).law == ball.law
+    recording = palpate.open_recording(trace)
+    assert recording.units["stiffness_standard_error"] == "N/mⁿ"
+
+
+def test_without_pyarrow_the_trace_is_text_and_as_exact(ball, tmp_path, monkeypatch):
+    monkeypatch.setattr(saving, "has_parquet", lambda: False)
+    assert "trace.csv" in saving.Destination(tmp_path).names
+    table = in_file(trace_columns(ball))
+    tables.write_columns(table.columns, tmp_path / "trace.csv", units=table.units)
+    found = palpate.open_recording(tmp_path / "trace.csv")
+    for name in set(table.columns) - {"status"}:
+        assert same(found.numbers(name), table.columns[name]), name
+    assert found.channels["status"].tolist() == table.columns["status"].tolist()
+
+
+def test_the_result_is_what_json_prints(ball, saved, run):
+    printed = json.loads(run("identify", BALL, "--json")[1])
+    written = json.loads((saved / "result.json").read_text(encoding="utf-8"))
+    assert written.pop("trace").startswith("trace.")
+    assert written.pop("file") == printed.pop("file")
+    assert written == printed
+
+
+def test_the_command_writes_the_same_and_its_options_repeat_it(run, tmp_path):
+    options = ["--start", "2.5", "--at", "9mm", "--method", "single-stage"]
+    assert run("identify", BALL, *options, "-o", tmp_path)[0] == 0
+    taken = tomllib.loads((tmp_path / "run.toml").read_text(encoding="utf-8"))
+    assert taken == {"method": "single-stage", "at": "9mm", "start": 2.5}
+    printed = run("identify", BALL, "--config", tmp_path / "run.toml", "--json")[1]
+    again = json.loads(printed)["results"][0]
+    found = palpate.load_result(tmp_path)
+    assert again["law"] == {"kind": "hunt-crossley", **found.law.as_dict()}
+    assert again["working_depth"]["depth"] == pytest.approx(9e-3)
+
+
+def test_a_trace_that_is_read_is_not_written_over(run, saved, tmp_path):
+    [trace] = saved.glob("trace.*")
+    before = trace.read_bytes()
+    status, _, err = run("identify", trace, "-o", saved)
+    assert status == 2
+    assert "this file is read" in err
+    assert trace.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "spoil, words",
+    [
+        (lambda folder: (folder / "result.json").unlink(), "No such file"),
+        (lambda folder: (folder / "result.json").write_text("{"), "no JSON"),
+        (lambda folder: (folder / "result.json").write_text("[1]"), "no schema_version"),
+        (lambda folder: change(folder, schema_version=99), "as schema 99, and this one reads 1"),
+        (lambda folder: change(folder, results=[]), "damaged"),
+        (lambda folder: change(folder, remarks=[{"wrong": 1}]), "damaged"),
+        (lambda folder: change(folder, trace="trace.hdf5"), "trace.hdf5"),
+        (lambda folder: next(folder.glob("trace.*")).write_bytes(b""), "trace."),
+        (lambda folder: next(folder.glob("trace.*")).write_text("a,b\n1,2\n"), "trace."),
+    ],
+)
+def test_a_damaged_result_is_one_line(saved, tmp_path, spoil, words):
+    for file in saved.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    spoil(tmp_path)
+    with pytest.raises(RecordingError, match=re.escape(words)) as raised:
+        palpate.load_result(tmp_path)
+    assert "\n" not in str(raised.value)
+
+
+def change(folder: Path, **fields) -> None:
+    file = folder / "result.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), **fields}))
+
+
+def test_a_folder_that_cannot_be_made_is_said_before_the_work(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("palpate.identification.identify", None)  # no work without this
+    taken = tmp_path / "taken"
+    taken.write_text("a file")
+    status, out, err = run("identify", BALL, "-o", taken)
+    assert (status, out) == (2, "")
+    assert str(taken) in err
+    assert err.count("\n") == 1
+    if os.geteuid():
+        tmp_path.chmod(0o500)
+        status, _, err = run("identify", BALL, "-o", tmp_path / "inside")
+        assert status == 2
+        assert "Permission denied" in err
+
+
+def test_a_report_without_matplotlib_names_the_extra(run, tmp_path, monkeypatch):
+    def missing(*_):
+        raise MissingExtraError("figures need matplotlib")
+
+    monkeypatch.setattr(saving, "style", missing)
+    status, _, err = run("identify", BALL, "-o", tmp_path)
+    assert status == 2
+    assert "palpate[report]" in err
+
+
+def test_a_table_has_an_ending_that_is_known(tmp_path):
+    with pytest.raises(palpate.InvalidParameterError, match=r"\.parquet or \.csv"):
+        tables.write_columns({"a": np.zeros(3)}, tmp_path / "a.xlsx")
+
+
+def test_the_representation_is_a_line_and_the_summary_a_page(ball):
+    assert repr(ball).startswith(
+        "<Identification of ball.csv by variable-projection: trust; at 8.7"
+    )
+    words = ball.summary()
+    for each in ("trust", "2000.7 ± 0.5", "17.57 ± 0.04", "2010 ± 5", "+0.996", "95 % interval"):
+        assert each in words
+    assert max(map(len, words.splitlines())) < 120
+
+
+def test_a_notebook_shows_the_verdict_first(ball):
+    shown = ball._repr_html_()
+    assert shown.index("trust") < shown.index("2000.7 ± 0.5") < shown.index("2010 ± 5")
+    assert "<script" not in shown
+    assert "http" not in shown
+
+
+def test_the_frame_has_the_clock_and_what_was_known(ball):
+    pytest.importorskip("pandas")
+    frame = ball.to_pandas()
+    assert frame.index.name == "time"
+    assert len(frame) == len(ball.contact)
+    assert same(frame["stiffness"], ball.trace.parameters[:, 0])
+    assert same(frame["fitted_force"], ball.fitted_force)
+    assert frame["status"].iloc[-1] == "updated"
+    assert frame.attrs["units"]["velocity"] == "m/s"
+
+
+def test_the_dataset_has_the_parameters_along_a_dimension(ball):
+    pytest.importorskip("xarray")
+    data = ball.to_xarray()
+    assert same(data.parameters.sel(parameter="exponent"), ball.trace.parameters[:, 2])
+    assert same(data.covariance, ball.covariance)
+    assert data.force.attrs["units"] == "N"
+    assert data.attrs["law"] == "hunt-crossley"
