@@ -6,6 +6,7 @@ from importlib.metadata import version
 
 import numpy as np
 from rich.console import Console
+from rich.text import Text
 
 from palpate.cli.layout import Column, fits, print_table, say, say_command
 from palpate.cli.printing import Terminal
