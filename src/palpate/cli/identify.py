@@ -4,6 +4,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from palpate.cli.deriving import Deriving
 from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
 from palpate.cli.reading import Files, Reading
@@ -22,6 +23,7 @@ def identify(
     width: FigureWidth = None,
     as_json: AsJson = False,
     judging: Judging | None = None,
+    deriving: Deriving | None = None,
     reading: Reading | None = None,
 ) -> int:
     """Identify the contact model of a recording.
@@ -62,6 +64,8 @@ def identify(
     from palpate.identification import identify as run
 
     reading, judging = reading or Reading(), judging or Judging()
+    deriving = deriving or Deriving()
+    wanted = deriving.wanted
     depth, kind = judging.depth, estimator_named(method)
     wide = figure_width(width, figure)
     if figure is not None:
@@ -75,6 +79,7 @@ def identify(
         folder = Destination(output, [file for file in files if str(file) != "-"])
     contact = reading.contact(files, method)
     result = run(contact, kind(**reading.settings(contact, kind)))
+    result = result.wanting(wanted)
     result = result if depth is None else result.at_depth(depth)
     result = result.by_stretch() if changes else result
     if not changes and contact.prepared is not None and contact.prepared.places:
@@ -90,6 +95,7 @@ def identify(
                 "method": method,
                 **({"changes": True} if changes else {}),
                 **judging.options,
+                **deriving.options,
                 **reading.options,
             },
             compared=compare(

@@ -17,6 +17,7 @@ from palpate.digits import rounded
 from palpate.identification import Identification
 from palpate.preparation.touches import touches_of
 from palpate.results.description import described
+from palpate.results.following import following
 
 
 def print_identifications(
@@ -65,6 +66,8 @@ def _print_result(result: Identification, console: Terminal) -> None:
     say(console, _quality(result))
     print_places(result, console)
     _print_surface(result, console)
+    for line in following(result):
+        say(console, str(line))
     if result.noticed is not None:
         say(console, _noticed(result))
 

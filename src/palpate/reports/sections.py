@@ -12,6 +12,7 @@ from palpate.identification import Identification
 from palpate.ranking import rank
 from palpate.recordings.truth import truth_of
 from palpate.reports import html
+from palpate.results.following import following
 from palpate.results.summary import TWO_SIDED, both, depth_in_words, number
 
 
@@ -101,6 +102,15 @@ def _correlations(result: Identification) -> Iterator[str]:
         for k, symbol in enumerate(symbols)
     ]
     yield from html.table("Correlations", ["", *symbols], rows)
+
+
+def follows(result: Identification) -> Iterator[str]:
+    """Rebound, energy lost, pulling and elastic modulus."""
+    rows = []
+    for line in following(result, whole=True):
+        remarks = "".join(f'<p class="soft">{escape(remark)}</p>' for remark in line.remarks)
+        rows.append([escape(line.name), f"<p>{escape(line.words)}</p>{remarks}"])
+    yield from html.table("Of a free impact, of the loops, and of the tip", ("", ""), rows)
 
 
 def findings(result: Identification) -> Iterator[str]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from palpate.diagnosis import Quantity
 from palpate.digits import rounded, with_error
+from palpate.results.following import following
 
 if TYPE_CHECKING:
     from palpate.identification import Identification
@@ -27,7 +28,8 @@ def line(result: "Identification") -> str:
 
 def summary(result: "Identification") -> str:
     """What was identified, how well, and how far to trust it, as text."""
-    return "\n".join([*_head(result), "", *_depths(result), "", *_law(result), *_findings(result)])
+    lines = [*_head(result), "", *_depths(result), "", *_law(result), ""]
+    return "\n".join([*lines, *map(str, following(result)), *_findings(result)])
 
 
 def number(quantity: Quantity) -> str:
