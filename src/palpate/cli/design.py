@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from palpate.cli.groups import GUESSED, MEASURED, OUTPUT, PLANNED
 from palpate.cli.printing import AsJson, print_json
+from palpate.cli.values import Width
 
 if TYPE_CHECKING:
     from palpate.design import Design
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
 Several = Annotated[tuple[float, ...] | None, Parameter(consume_multiple=True, negative="")]
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=GUESSED)
 @dataclass(frozen=True)
 class Guess:
     """The material as guessed; an order of magnitude is a start."""
@@ -27,7 +29,7 @@ class Guess:
     "n, 1 to 2 for most materials."
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=MEASURED)
 @dataclass(frozen=True)
 class Sensor:
     """What the force is measured with."""
@@ -40,7 +42,7 @@ class Sensor:
     "Time between samples, s."
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=PLANNED)
 @dataclass(frozen=True)
 class Plan:
     """The motion, and what a better one has to keep to."""
@@ -57,7 +59,7 @@ class Plan:
     "Highest speed of the better motion, m/s; that of the planned motion unless given."
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=OUTPUT)
 @dataclass(frozen=True)
 class Written:
     """The files that a design is written to."""
@@ -72,7 +74,7 @@ class Written:
     "Draw both motions and their precision to this file (.svg, .pdf or .png)."
     dark: bool = False
     "Draw on a dark background."
-    width: str | None = None
+    width: Width | None = None
     "Width of the figure as it is printed, 60mm to 400mm: a journal's column is 88mm."
 
     def check(self, *, as_json: bool) -> float | None:
@@ -177,7 +179,7 @@ def _write_motion(result: "Design", written: Written) -> list[str]:
     command = MotionCommand(chosen.motion, **seconds)
     write_motion(command, written.output, sample_time=step, notes=notes_of(result))
     return [
-        f"motion: {written.output}, the {name} one, {command.duration:.4g} s from rest to rest; "
+        f"motion: {written.output}, the {name} one, {command.duration:.4g} s from rest to rest:",
         f"palpate lab MATERIAL -o FILE --trajectory {written.output} "
-        f"--seconds {command.duration:.4g}"
+        f"--seconds {command.duration:.4g}",
     ]

@@ -6,9 +6,8 @@ from importlib.metadata import version
 
 import numpy as np
 from rich.console import Console
-from rich.text import Text
 
-from palpate.cli.layout import Column, fits, print_table, say, say_command
+from palpate.cli.layout import Column, fits, print_table, say, say_command, say_path
 from palpate.cli.printing import Terminal
 from palpate.design.planned import Design
 from palpate.design.precision import HORIZON
@@ -42,7 +41,7 @@ def print_design(design: Design, lines: Sequence[str] = (), *, stderr: bool = Fa
         "dim",
     )
     for line in lines:
-        console.print(Text(line), soft_wrap=True)
+        say_path(console, line)
 
 
 def notes_of(design: Design) -> dict[str, str]:
