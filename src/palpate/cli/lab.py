@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from palpate.cli.groups import RIG
 from palpate.cli.printing import Terminal
 
 if TYPE_CHECKING:
     from palpate.lab import Bench, Material, Measurement, Probe, Trajectory
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=RIG)
 @dataclass(frozen=True)
 class Instruments:
     """What carries the probe, and what measures."""
