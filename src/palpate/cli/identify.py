@@ -5,6 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from palpate.cli.drawing import Drawing
 from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
 from palpate.cli.reading import Files, Reading
@@ -17,10 +18,8 @@ def identify(
     method: str = "variable-projection",
     changes: Annotated[bool, Parameter(negative="")] = False,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    figure: Path | None = None,
-    dark: bool = False,
-    width: str | None = None,
     as_json: AsJson = False,
+    drawing: Drawing | None = None,
     judging: Judging | None = None,
     reading: Reading | None = None,
 ) -> int:
@@ -43,31 +42,21 @@ def identify(
         Identify each stretch between changes of the material by itself.
     output
         Write a report, the numbers, the trace and the options to this folder.
-    figure
-        Draw it to this file (.svg, .pdf or .png).
-    dark
-        Draw on a dark background.
-    width
-        Width of the figure as it is printed, 60mm to 400mm: a journal's column is 88mm.
     as_json
         Print one JSON object instead of a table.
     """
     from functools import partial
 
     from palpate.cli.progress import counted
-    from palpate.cli.quantities import figure_width
     from palpate.cli.tables import print_identifications
     from palpate.estimators import estimator_named
     from palpate.identification import compare
     from palpate.identification import identify as run
 
     reading, judging = reading or Reading(), judging or Judging()
+    drawing = drawing or Drawing()
     depth, kind = judging.depth, estimator_named(method)
-    wide = figure_width(width, figure)
-    if figure is not None:
-        from palpate.figures import check_figure
-
-        check_figure(figure, inputs=list(files))
+    drawing.check(list(files))
     folder = None
     if output is not None:
         from palpate.reports.saving import Destination
@@ -79,10 +68,7 @@ def identify(
     result = result.by_stretch() if changes else result
     if not changes and contact.prepared is not None and contact.prepared.places:
         result = result.by_place(partial(counted, words="identifying each place"))
-    if figure is not None:
-        from palpate import figures
-
-        figures.save(figures.draw(result, dark=dark, width=wide), figure, inputs=list(files))
+    drawing.save("draw", result, list(files))
     if folder is not None:
         folder.save(
             result,
@@ -99,5 +85,5 @@ def identify(
                 watch=partial(counted, words="comparing with every method"),
             ),
         )
-    print_identifications(files, [result], figure, as_json=as_json)
+    print_identifications(files, [result], drawing.figure, as_json=as_json)
     return judging.status([result.diagnosis.verdict])
