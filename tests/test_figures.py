@@ -252,14 +252,6 @@ def drawings() -> dict[str, object]:
     }
 
 
-WIDTHS = [
-    None,
-    COLUMN,
-    pytest.param(60e-3, marks=pytest.mark.slow),
-    pytest.param(180e-3, marks=pytest.mark.slow),
-]
-
-
 def assert_legible(figure) -> None:
     drawn = Drawn(figure)
     assert drawn.legends_on_data() == []
@@ -267,9 +259,20 @@ def assert_legible(figure) -> None:
     assert drawn.cut() == []
 
 
-@pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("draw", drawings().values(), ids=drawings())
-def test_no_legend_lies_on_data_and_no_text_on_text(draw, width):
+def test_in_a_column_no_legend_lies_on_data_and_no_text_on_text(draw):
+    assert_legible(draw(width=COLUMN))
+
+
+@pytest.mark.parametrize("kind", ["a sponge", "a comparison"])
+def test_on_a_page_no_legend_lies_on_data_and_no_text_on_text(kind):
+    assert_legible(drawings()[kind]())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [60e-3, 180e-3, None])
+@pytest.mark.parametrize("draw", drawings().values(), ids=drawings())
+def test_at_any_width_no_legend_lies_on_data_and_no_text_on_text(draw, width):
     assert_legible(draw(width=width))
 
 
@@ -314,25 +317,22 @@ def test_a_wrong_width_is_one_line_before_the_work(run, tmp_path, subcommand, op
     assert words in err
 
 
-def test_text_stays_text_in_an_svg_and_fonts_are_whole_in_a_pdf(tmp_path):
-    figure = figures.draw(of_example("ball"), width=COLUMN)
-    svg = as_svg(figure)
+def test_text_stays_text_in_an_svg_that_stays_small():
+    svg = as_svg(figures.draw(of_example("sponge")))
     words = "".join(ElementTree.fromstring(svg).itertext())
-    for each in ("Force over penetration", "penetration [mm]", "ball.csv"):
+    for each in ("Force over penetration", "penetration [mm]", "sponge.csv"):
         assert each in words
     [fonts] = set(re.findall(r"font-family: ([^;\"]*)", svg))
     assert fonts.endswith("sans-serif")  # what any reader has
-    figures.save(figure, tmp_path / "out.pdf")
+    assert len(svg) < 250e3
+    assert len(as_svg(figures.draw_residuals(of_example("sponge")))) < 150e3
+
+
+def test_the_fonts_of_a_pdf_are_in_it_as_outlines_that_can_be_edited(tmp_path):
+    figures.save(figures.draw_residuals(of_example("ball"), width=60e-3), tmp_path / "out.pdf")
     content = (tmp_path / "out.pdf").read_bytes()
     assert b"/CIDFontType2" in content  # type 42, TrueType
     assert b"/Type3" not in content
-
-
-@pytest.mark.parametrize("name", ["sponge", "tapping"])
-def test_files_stay_small(name):
-    result = of_example(name)
-    assert len(as_svg(figures.draw(result))) < 250e3
-    assert len(as_svg(figures.draw_residuals(result))) < 150e3
 
 
 @pytest.mark.parametrize("against", ["time", "depth", "velocity"])
@@ -376,15 +376,17 @@ AWKWARD = {
 def test_any_contact_that_can_be_identified_can_be_drawn(tmp_path, contact):
     """Warnings are errors here, so that nothing appears on a user's standard error."""
     result = palpate.identify(contact)
-    with matplotlib.rc_context({"savefig.dpi": 30}):  # of 11 inches; more only takes longer
-        figures.save(figures.draw(result), tmp_path / "one.png")
-        figures.save(figures.draw_residuals(result, width=COLUMN), tmp_path / "rest.png")
-        other = palpate.identify(contact, "kelvin-voigt")  # of each law would take long
-        comparison = figures.draw_comparison({"one": result, "other": other})
-        comparison.set_layout_engine("none")  # most of the time, and tested above
-        figures.save(comparison, tmp_path / "all.png")
-    assert size_of_png(tmp_path / "one.png")[0] == 330
-    assert size_of_png(tmp_path / "all.png")[0] == 330
+    other = palpate.identify(contact, "kelvin-voigt")  # of each law would take long
+    shown = {
+        "one": figures.draw(result),
+        "all": figures.draw_comparison({"one": result, "other": other}),
+        "rest": figures.draw_residuals(result),
+    }
+    for name, figure in shown.items():
+        figure.set_layout_engine("none")  # most of the time, and tested above
+        with matplotlib.rc_context({"savefig.dpi": 30}):  # of 11 inches; more only takes longer
+            figures.save(figure, tmp_path / f"{name}.png")
+        assert size_of_png(tmp_path / f"{name}.png")[0] == 330
 
 
 def test_drawing_leaves_matplotlibs_settings_as_they_were():
