@@ -1,7 +1,10 @@
 """What follows from an identified law: rebound, energy lost, and whether it pulls."""
 
+import json
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import faults
 import numpy as np
@@ -10,7 +13,7 @@ from cases import exciting, tapping
 
 import palpate
 from palpate import Contact, HuntCrossley, KelvinVoigt, Wanted, identify
-from palpate.quantities.derived import path_of
+from palpate.quantities.derived import derived, path_of
 from palpate.quantities.work import loops_of
 
 LAW = faults.LAW
@@ -290,13 +293,22 @@ def test_a_recorded_force_that_pulls_is_counted():
 
 
 def test_the_numbers_are_in_the_json_object_and_can_be_written(clean):
-    import json
-
     whole = json.loads(json.dumps(clean.as_dict(), allow_nan=False))
     assert whole["restitution"] == clean.restitution().as_dict()
     assert whole["energy"] == clean.energy.as_dict()
     assert whole["passivity"] == clean.passivity.as_dict()
     assert "elastic_modulus" not in whole
+
+
+def test_the_page_shows_the_keys_that_there_are():
+    page = Path(__file__).parents[1] / "docs" / "quantities.md"
+    [shown] = re.findall(r"^```json\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S)
+    recording = "examples/recordings/tapping.csv"
+    wanted = Wanted(impact_speed=0.3, tip=palpate.Cone(math.radians(60.0)))
+    numbers = derived(identify(page.parents[1] / recording).wanting(wanted))
+    keys = [*numbers, *(key for part in numbers.values() for key in part)]
+    keys += ["Flores", "kind", "half_angle", "of_tip"]
+    assert sorted(re.findall(r'"(\w+)":', shown)) == sorted(keys)
 
 
 def test_every_method_has_them():

@@ -10,7 +10,6 @@ from palpate.quantities.elastic_modulus import ElasticModulus
 from palpate.quantities.energy import EnergyLoss
 from palpate.quantities.passivity import Passivity
 from palpate.quantities.restitution import Restitution
-from palpate.quantities.wanted import POISSON_RATIO
 from palpate.tips import Cone, Tip
 
 if TYPE_CHECKING:
@@ -142,10 +141,7 @@ def _modulus(found: ElasticModulus, when: str) -> Line:
     name = f"{when}elastic modulus for {_tip(found.tip)}"
     if found.refused:
         return Line(name, f"none, for {found.refused}")
-    assumed = ", which is assumed" if found.poisson_ratio == POISSON_RATIO else ""
-    words = (
-        f"{with_prefix(found.value, 'Pa')} with Poisson's ratio {found.poisson_ratio:g}{assumed}"
-    )
+    words = f"{with_prefix(found.value, 'Pa')} with Poisson's ratio {found.poisson_ratio:g}"
     return Line(name, words, found.remarks)
 
 
