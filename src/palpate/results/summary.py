@@ -47,8 +47,11 @@ def both(quantity: Quantity) -> str:
 
 
 def depth_in_words(depth: float) -> str:
-    """A depth, in mm."""
-    return f"{rounded(1e3 * depth, 4)} mm" if math.isfinite(depth) else "an unknown depth"
+    """A depth, in mm; in µm or nm where it is small."""
+    for unit, size, least in (("mm", 1e-3, 1e-4), ("µm", 1e-6, 1e-6)):
+        if depth >= least:
+            return f"{rounded(depth / size, 4)} {unit}"
+    return f"{rounded(1e9 * depth, 4)} nm" if math.isfinite(depth) else "an unknown depth"
 
 
 def _head(result: "Identification") -> list[str]:
