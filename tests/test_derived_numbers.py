@@ -219,6 +219,16 @@ def test_work_goes_on_where_the_time_does_from_one_segment_to_the_next():
     assert identify(Contact(later, **curve, segment=time > 1.0)).energy.kind == "none"
 
 
+@pytest.mark.parametrize("delay", [2e-3, 10e-3, -5e-3])
+def test_a_force_that_is_late_hides_loss_and_the_systematic_part_holds_it(clean, delay):
+    found = identify(faults.late(delay)).energy.measured
+    hidden = clean.energy.measured.value - found.value
+    assert hidden * delay > 0.0
+    assert abs(hidden) > 10.0 * found.standard_error
+    assert abs(hidden) < 2.0 * found.systematic
+    assert clean.energy.measured.systematic == 0.0
+
+
 def test_the_way_over_a_long_gap_is_not_known():
     contact = sine(LAW, noise=0.02)
     gone = contact.taken((contact.time < 2.0) | (contact.time > 2.3))
@@ -233,6 +243,19 @@ def test_lost_samples_are_in_no_loop():
     force[1000:4000:500] = np.nan
     spiked = replace(contact, force=force)
     found, clean = identify(spiked).energy, identify(contact).energy
+    assert found.measured.value == pytest.approx(clean.measured.value, rel=1e-3)
+
+
+def test_a_spike_in_free_air_is_no_touch():
+    time = 1e-3 * np.arange(3000)
+    x = 6e-3 * np.sin(4.0 * time - 2.0)
+    v = np.gradient(x, time)
+    force = LAW.force(x, v) + 0.02 * np.random.default_rng(0).standard_normal(x.size)
+    spiked = force.copy()
+    spiked[3] = 30.0
+    contact = Contact(time, penetration=x, velocity=v, force=force)
+    clean, found = (identify(replace(contact, force=each)).energy for each in (force, spiked))
+    assert len(clean.lost) == len(found.lost) == 2
     assert found.measured.value == pytest.approx(clean.measured.value, rel=1e-3)
 
 

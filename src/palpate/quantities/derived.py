@@ -91,6 +91,7 @@ def energy_from(result: "Identification") -> EnergyLoss:
             result.diagnosis.working_depth.damping,
             force_noise=data.force_noise,
             depth_noise=data.penetration_noise,
+            skewed=any(each.check == "delay" for each in result.diagnosis.findings),
         )
 
 

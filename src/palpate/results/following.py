@@ -110,7 +110,9 @@ def _approximations(found: Restitution) -> Line:
 def _energy(found: EnergyLoss) -> Line:
     if found.kind == "none":
         return Line("energy lost", "; ".join(found.remarks))
-    percent = Quantity(100.0 * found.fraction.value, 100.0 * found.fraction.standard_error, 0.0)
+    part = found.fraction
+    parts = (part.value, part.standard_error, part.systematic)
+    percent = Quantity(*(100.0 * each for each in parts))
     words = (
         f"{with_prefix(found.measured, 'J')}, {_number(percent)} % of what went in; by the law "
         f"{with_prefix(found.predicted, 'J', as_of=found.measured.value)}"
