@@ -55,8 +55,8 @@ class ForceLaw:
     @overload
     def force(self, penetration: float, velocity: float) -> float: ...
     @overload
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> Floats: ...
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> float | Floats:
+    def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> Floats: ...
+    def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> float | Floats:
         """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays."""
         raise NotImplementedError
 
@@ -153,8 +153,8 @@ class _CompiledLaw(ForceLaw):
     @overload
     def force(self, penetration: float, velocity: float) -> float: ...
     @overload
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> Floats: ...
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> float | Floats:
+    def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> Floats: ...
+    def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> float | Floats:
         """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays."""
         try:
             given = np.asarray(penetration), np.asarray(velocity)

@@ -141,7 +141,7 @@ class Identification:
         """Force, stiffness and damping at the working depth and at the 90th percentile, SI."""
         return self.diagnosis.working_depths
 
-    def at(self, depth: ArrayLike) -> WorkingDepth:
+    def at(self, depth: "ArrayLike") -> WorkingDepth:
         """Force, stiffness and damping at other depths, each with both error bars, SI.
 
         Those of the diagnosis: what repeats, and what the causes that were found would move. It is
@@ -170,15 +170,15 @@ class Identification:
         found = diagnose_parts(data, self.trace, self.estimate, depths=depths).working_depths[1:]
         return stacked(found, wanted.shape)
 
-    def force_at(self, depth: ArrayLike) -> Quantity:
+    def force_at(self, depth: "ArrayLike") -> Quantity:
         """Force at depths [m] and at rest, N, with both error bars; see :meth:`at`."""
         return self.at(depth).force
 
-    def stiffness_at(self, depth: ArrayLike) -> Quantity:
+    def stiffness_at(self, depth: "ArrayLike") -> Quantity:
         """∂F/∂x at depths [m] and at rest, N/m, with both error bars; see :meth:`at`."""
         return self.at(depth).stiffness
 
-    def damping_at(self, depth: ArrayLike) -> Quantity:
+    def damping_at(self, depth: "ArrayLike") -> Quantity:
         """∂F/∂v at depths [m], N·s/m, with both error bars; see :meth:`at`."""
         return self.at(depth).damping
 
@@ -242,7 +242,7 @@ class Identification:
         return replace(self, stretches=found, noticed=self._watched())
 
     def by_place(
-        self, watch: Callable[[Sequence[_Placed]], Iterable[_Placed]] = iter
+        self, watch: "Callable[[Sequence[_Placed]], Iterable[_Placed]]" = iter
     ) -> "Identification":
         """Return the same with each place of a probe that travels by itself.
 
@@ -474,7 +474,7 @@ class Identification:
 
 
 def identify(
-    source: Contact | Recorded, estimator: ContactEstimator | str | None = None
+    source: "Contact | Recorded", estimator: ContactEstimator | str | None = None
 ) -> Identification:
     """Identify the contact model of a whole contact.
 
@@ -524,7 +524,7 @@ def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identif
 
 
 def diagnose(
-    source: Contact | Recorded,
+    source: "Contact | Recorded",
     estimator: ContactEstimator | str | None = None,
     *,
     depth: float | None = None,
@@ -545,7 +545,7 @@ def diagnose(
 
 
 def compare(
-    source: Contact | Recorded,
+    source: "Contact | Recorded",
     *,
     gate: ContactGate | None = None,
     outlier_rejection: Rejection = None,

@@ -1,19 +1,18 @@
 """The command ``palpate compare``."""
 
-from pathlib import Path
-
 from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
 from palpate.cli.reading import Files, Reading
+from palpate.cli.values import Dark, FigureFile, FigureWidth
 
 
 def compare(
     files: Files,
     /,
     *,
-    figure: Path | None = None,
-    dark: bool = False,
-    width: str | None = None,
+    figure: FigureFile = None,
+    dark: Dark = False,
+    width: FigureWidth = None,
     as_json: AsJson = False,
     judging: Judging | None = None,
     reading: Reading | None = None,

@@ -1,10 +1,12 @@
 """A planned motion's design as tables that a person reads."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
 
 import numpy as np
 from rich.console import Console
+from rich.text import Text
 
 from palpate.cli.layout import Column, fits, print_table, say, say_command
 from palpate.cli.printing import Terminal
@@ -14,9 +16,9 @@ from palpate.design.predicted_precision import PredictedPrecision
 from palpate.digits import rounded
 
 
-def print_design(design: Design) -> None:
-    """Print what the planned motion and a better one would identify, and how soon."""
-    console = Terminal()
+def print_design(design: Design, lines: Sequence[str] = (), *, stderr: bool = False) -> None:
+    """Print what the planned motion and a better one would identify, how soon, and more lines."""
+    console = Terminal(stderr=stderr)
     law = design.law
     words = (law.stiffness, law.exponent, law.dissipation)
     say(console, "F = {} x^{} (1 + {} v)".format(*(rounded(each, 4) for each in words)), "bold")
@@ -39,6 +41,26 @@ def print_design(design: Design) -> None:
         "penetration and velocity and white noise; eq. 10 matters to the single stage only",
         "dim",
     )
+    for line in lines:
+        console.print(Text(line), soft_wrap=True)
+
+
+def notes_of(design: Design) -> dict[str, str]:
+    """Return what stands above the header of a motion's file."""
+    name, chosen = design.chosen
+    law, motion = design.law, chosen.motion
+    sines = zip(motion.amplitudes, motion.frequencies, strict=True)
+    terms = [f"{a:.6g} sin({w:.6g} t)" for a, w in sines]
+    errors = zip(law.symbols, chosen.expected_errors[-1], strict=True)
+    precision = ", ".join(f"{symbol} {_percent(float(error))}" for symbol, error in errors)
+    return {
+        "made by": f"palpate design; palpate {version('palpate')}",
+        "motion": f"{name}, {' + '.join([f'{motion.depth:.6g}', *terms])} m from the sines' start",
+        "guessed material": repr(law),
+        "sensor": _sensor(design),
+        "predicted standard errors": f"{precision} after {chosen.durations[-1]:g} s of the sines",
+        **({"mind": "; ".join(chosen.notes)} if chosen.notes else {}),
+    }
 
 
 def command_line(design: Design) -> str | None:

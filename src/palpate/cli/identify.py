@@ -1,6 +1,5 @@
 """The command ``palpate identify``."""
 
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -9,6 +8,7 @@ from palpate.cli.deriving import Deriving
 from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
 from palpate.cli.reading import Files, Reading
+from palpate.cli.values import Dark, FigureFile, FigureWidth, ResultFolder
 
 
 def identify(
@@ -17,10 +17,10 @@ def identify(
     *,
     method: str = "variable-projection",
     changes: Annotated[bool, Parameter(negative="")] = False,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    figure: Path | None = None,
-    dark: bool = False,
-    width: str | None = None,
+    output: ResultFolder = None,
+    figure: FigureFile = None,
+    dark: Dark = False,
+    width: FigureWidth = None,
     as_json: AsJson = False,
     judging: Judging | None = None,
     deriving: Deriving | None = None,
@@ -105,5 +105,5 @@ def identify(
                 watch=partial(counted, words="comparing with every method"),
             ),
         )
-    print_identifications(files, [result], figure, as_json=as_json)
+    print_identifications(files, [result], figure, as_json=as_json, folder=output)
     return judging.status([result.diagnosis.verdict])

@@ -47,6 +47,9 @@ def print_stretches(result: Identification, console: Console) -> None:
 def print_places(result: Identification, console: Console) -> None:
     """Print what was identified at each place: stiffness and damping at its own working depth."""
     places = [part for part in result.stretches if part.place is not None]
+    if not places:
+        return
+    console.print()
     columns = [
         Column("time\ns", right=True),
         Column("at x, y, z\nmm", right=True),
@@ -65,12 +68,18 @@ def _place(part: Identification) -> list[str | Text]:
     return [
         f"{time[0]:.1f}–{time[-1]:.1f}",
         ", ".join(f"{1e3 * each:.1f}" for each in place),
-        rounded(1e3 * there.depth, 3),
+        _depth(1e3 * there.depth),
         _number(there.stiffness),
         _number(there.damping),
         *([_modulus(part)] if part.wanted.tip else []),
         Text(verdict, style=COLOURS[verdict]),
     ]
+
+
+def _depth(millimetres: float) -> str:
+    """Three digits, with a zero at their end where there is one: they stand in a column."""
+    plain = 0.01 <= millimetres < 1000.0
+    return f"{millimetres:#.3g}".rstrip(".") if plain else rounded(millimetres, 3)
 
 
 def _modulus(part: Identification) -> str:

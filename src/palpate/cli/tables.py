@@ -26,6 +26,7 @@ def print_identifications(
     figure: Path | None,
     *,
     as_json: bool,
+    folder: Path | None = None,
 ) -> None:
     """Print what a file gave: its identifications side by side, and what to know about them."""
     if as_json:
@@ -46,6 +47,8 @@ def print_identifications(
             say(console, f"{result.method}: {flag}", "yellow")
     if figure is not None:
         say_path(f"figure: {figure}", console)
+    if folder is not None:
+        say_path(f"report: {folder / 'report.html'}", console)
 
 
 def _print_result(result: Identification, console: Terminal) -> None:
@@ -55,13 +58,13 @@ def _print_result(result: Identification, console: Terminal) -> None:
         print_verdict(part, console, name=when(part))
     console.print()
     print_working_depths(result, console)
-    if result.stretches:
+    if stretches_of(result):
         console.print()
         print_stretches(result, console)
-        print_places(result, console)
     console.print()
     print_law(result, console)
     say(console, _quality(result))
+    print_places(result, console)
     _print_surface(result, console)
     for line in following(result):
         say(console, str(line))

@@ -62,6 +62,31 @@ class Design:
     better: PredictedPrecision | None
     reason: str
 
+    @property
+    def measurement(self) -> Measurement:
+        """What the motions are measured with."""
+        return Measurement(
+            self.law, self.noise, self.resolution, self.sample_time, self.offset, self.surface
+        )
+
+    @property
+    def chosen(self) -> tuple[str, PredictedPrecision]:
+        """The motion to play: the better one, or the planned one where none was found.
+
+        Raises
+        ------
+        InvalidParameterError
+            No motion within the limits was found, and the planned one does not keep to them.
+        """
+        if self.better is not None:
+            return "better", self.better
+        if not self.limits.allow(self.planned.motion):
+            raise InvalidParameterError(
+                "no motion within the limits was found, and the planned one exceeds them: there "
+                "is none to write"
+            )
+        return "planned", self.planned
+
     def as_dict(self) -> dict[str, Any]:
         """Return plain numbers and words; what is infinite or undefined is None."""
         return {
