@@ -38,8 +38,8 @@ _ODD = 1.0 / np.arange(3.0, 34.0, 2.0)
 @overload
 def restitution(dissipation: float, speed: float) -> float: ...
 @overload
-def restitution(dissipation: ArrayLike, speed: ArrayLike) -> Floats: ...
-def restitution(dissipation: ArrayLike, speed: ArrayLike) -> float | Floats:
+def restitution(dissipation: "ArrayLike", speed: "ArrayLike") -> Floats: ...
+def restitution(dissipation: "ArrayLike", speed: "ArrayLike") -> float | Floats:
     """Return the coefficient of restitution e of a free impact on a Hunt–Crossley contact.
 
     e = −v₁/v₀, of the velocities after and before, by d (1 + e) = ln[(1 + d)/(1 − d e)], d = b v₀,
@@ -76,8 +76,8 @@ def restitution_slope(d: float) -> float:
 @overload
 def dissipation_for(restitution: float, speed: float) -> float: ...
 @overload
-def dissipation_for(restitution: ArrayLike, speed: ArrayLike) -> Floats: ...
-def dissipation_for(restitution: ArrayLike, speed: ArrayLike) -> float | Floats:
+def dissipation_for(restitution: "ArrayLike", speed: "ArrayLike") -> Floats: ...
+def dissipation_for(restitution: "ArrayLike", speed: "ArrayLike") -> float | Floats:
     """Return the dissipation b = B/K [s/m] with which a free body that comes at v₀ rebounds by e.
 
     The inverse of :func:`restitution`, for a simulator that is given the one and needs the other.
