@@ -39,6 +39,8 @@ class ElasticModulus:
         ν, which was given or assumed; no indentation says it.
     exponent : Quantity
         n = x (∂F/∂x)/F of the law at the working depth, which should be the tip's.
+    assumed : bool
+        Whether Poisson's ratio was assumed.
     refused : str or None
         Why there is no modulus.
     remarks : tuple of str
@@ -49,6 +51,7 @@ class ElasticModulus:
     tip: Tip
     poisson_ratio: float
     exponent: Quantity
+    assumed: bool
     refused: str | None = None
     remarks: tuple[str, ...] = ()
 
@@ -58,6 +61,7 @@ class ElasticModulus:
             **self.value.as_dict(),
             "reduced": defined(self.value.value / (1.0 - self.poisson_ratio**2)),
             "poisson_ratio": self.poisson_ratio,
+            "poisson_ratio_assumed": self.assumed,
             "tip": self.tip.as_dict(),
             "exponent": {**self.exponent.as_dict(), "of_tip": self.tip.exponent},
             "refused": self.refused,
@@ -94,9 +98,10 @@ def elastic_modulus_of(
     ratio = INCOMPRESSIBLE if poisson_ratio is None else poisson_ratio
     there = found.working_depth
     exponent = _exponent(there)
+    known = (tip, ratio, exponent, poisson_ratio is None)
     refused = _no_tip(there, exponent, tip)
     if refused:
-        return ElasticModulus(UNKNOWN, tip, ratio, exponent, refused)
+        return ElasticModulus(UNKNOWN, *known, refused)
     low, modulus, high = (
         (1.0 - ratio**2) * float(law.force(depth, 0.0)) / tip.force(1.0, depth)
         for depth in (depths[0], there.depth, depths[1])
@@ -104,16 +109,15 @@ def elastic_modulus_of(
     apart = 0.5 * abs(high - low) / modulus
     refused = _another_shape(exponent, apart, tip)
     if refused:
-        return ElasticModulus(UNKNOWN, tip, ratio, exponent, refused)
+        return ElasticModulus(UNKNOWN, *known, refused)
     moved = there.stiffness.systematic / abs(there.stiffness.value)
     value = Quantity(
         modulus,
         modulus * there.force.standard_error / there.force.value,
         modulus * math.hypot(apart, moved, tip.departure(there.depth)),
     )
-    remarks = [] if poisson_ratio is not None else ["Poisson's ratio is assumed"]
-    remarks += [*_doubts(found, exponent, tip), *tip.doubts(depths[1])]
-    return ElasticModulus(value, tip, ratio, exponent, remarks=tuple(remarks))
+    remarks = (*_doubts(found, exponent, tip), *tip.doubts(depths[1]))
+    return ElasticModulus(value, *known, remarks=remarks)
 
 
 def _exponent(there: WorkingDepth) -> Quantity:

@@ -143,7 +143,8 @@ def _modulus(found: ElasticModulus, when: str) -> Line:
     name = f"{when}elastic modulus for {_tip(found.tip)}"
     if found.refused:
         return Line(name, f"none, for {found.refused}")
-    words = f"{with_prefix(found.value, 'Pa')} with Poisson's ratio {found.poisson_ratio:g}"
+    ratio = f"{'an assumed' if found.assumed else 'a'} Poisson's ratio of {found.poisson_ratio:g}"
+    words = f"{with_prefix(found.value, 'Pa')} with {ratio}"
     return Line(name, words, found.remarks)
 
 
