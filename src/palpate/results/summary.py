@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.diagnosis import Quantity
-from palpate.digits import rounded, with_error
+from palpate.digits import interval, rounded, with_error
 from palpate.results.following import following
 
 if TYPE_CHECKING:
     from palpate.identification import Identification
-
-TWO_SIDED = 1.96  # standard errors: 95 of 100
 
 
 def line(result: "Identification") -> str:
@@ -85,10 +83,8 @@ def _law(result: "Identification") -> list[str]:
     rows = [(law.kind, "estimate", "95 % interval", "unit", *law.symbols)]
     parts = zip(law.symbols, law.parameters, errors, law.units, matrix, strict=True)
     for symbol, value, error, unit, row in parts:
-        low, high = value - TWO_SIDED * error, value + TWO_SIDED * error
-        interval = f"{rounded(low, 5)} to {rounded(high, 5)}" if error > 0.0 else "unknown"
         correlations = (f"{each:+.3f}" if math.isfinite(each) else "–" for each in row)
-        rows.append((symbol, with_error(value, error), interval, unit, *correlations))
+        rows.append((symbol, with_error(value, error), interval(value, error), unit, *correlations))
     return [*_aligned(rows), "(the last columns are correlations)"]
 
 
