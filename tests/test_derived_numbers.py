@@ -106,6 +106,14 @@ def test_negative_damping_is_not_clipped_but_said():
     assert "the law makes energy" in "; ".join(result.energy.remarks)
 
 
+def test_what_the_diagnosis_does_not_trust_is_said():
+    result = identify(faults.changed(1.0))
+    assert result.diagnosis.verdict.damping == "do-not-trust"
+    assert "the diagnosis does not trust the damping" in result.restitution().remarks
+    remarks = result.elastic_modulus(palpate.Sphere(0.2)).remarks
+    assert "the diagnosis does not trust the stiffness" in remarks
+
+
 def test_a_law_whose_rebound_depends_on_the_mass_has_none():
     found = identify(faults.clean(), "kelvin-voigt").restitution()
     assert math.isnan(found.coefficient.value)

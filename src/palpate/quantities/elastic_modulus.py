@@ -160,6 +160,8 @@ def _with_errors(quantity: Quantity) -> str:
 
 def _doubts(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
     remarks = []
+    if found.verdict.stiffness == "do-not-trust":
+        remarks.append("the diagnosis does not trust the stiffness")
     error = math.hypot(exponent.standard_error, exponent.systematic)
     if not CERTAIN * error < NEXT_SHAPE:
         remarks.append(
