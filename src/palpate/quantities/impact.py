@@ -29,7 +29,7 @@ from palpate.validation import Floats, all_good, together
 # the terms in d say 2p + 2/3 = −2/3, those in d² say 2q + p² + 2p + 1/2 = 1/2.
 SMALL = 1e-5
 # Newton's method on a convex function from above comes down on every step, and doubles its digits
-# once it is near. Seen: 5 for d > 0; 12 for d just above −1; 6 for the inverse.
+# once it is near. Seen: 5 for d > 0, 11 for d just above −1, 5 for the inverse.
 MOST_STEPS = 20
 # ln(1 + z) = 2 artanh r, r = z/(2 + z): for |r| ≤ 1/4 the terms after r³³ are below 10⁻²⁰.
 _ODD = 1.0 / np.arange(3.0, 34.0, 2.0)
