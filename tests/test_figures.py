@@ -1,17 +1,24 @@
 """Figures are written whole, light or dark, for any contact that can be identified."""
 
 import dataclasses
+import functools
+import os
+import re
 import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
 import matplotlib
 import numpy as np
 import pytest
 from cases import MATERIALS, Signals, exciting, tapping
+from drawn import Drawn
 from recordings import recording
 
 import palpate
-from palpate import ESTIMATORS, Contact, InvalidParameterError, RecordingError, cli, figures
+from palpate import ESTIMATORS, Contact, InvalidParameterError, RecordingError, cli, figures, lab
+from palpate.design import Motion, design
+from palpate.figures.style import DARK, LIGHT, as_svg
 
 
 def contact_of(signals: Signals, **more) -> Contact:
@@ -38,6 +45,39 @@ def command(monkeypatch, *arguments) -> None:
     cli.main()
 
 
+EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
+REAL = Path(os.environ.get("PALPATE_DATA", BESIDE))
+COLUMN = 88e-3  # m, of a journal
+
+
+@functools.cache
+def of_example(name: str, method: str = "variable-projection") -> palpate.Identification:
+    return palpate.identify(EXAMPLES / f"{name}.csv", method)
+
+
+@functools.cache
+def all_methods() -> dict[str, palpate.Identification]:
+    return palpate.compare(CONTACT)
+
+
+@functools.cache
+def with_outliers() -> palpate.Identification:
+    force = BALL.force.copy()
+    force[100::57] += 30.0
+    return palpate.identify(contact_of(dataclasses.replace(BALL, force=force)))
+
+
+@functools.cache
+def of_a_change() -> palpate.Identification:
+    bench = lab.Bench(lab.MATERIALS["soft-then-hard"], lab.THREE_SINES, lab.IdealProbe())
+    return palpate.identify(bench.run(0, seconds=12.0).contact).by_stretch()
+
+
+def titles_of(figure) -> list[str]:
+    return [axes.get_title(loc="left") for axes in figure.axes]
+
+
 def size_of_png(path) -> tuple[int, int]:
     head = path.read_bytes()[:24]
     assert head[:8] == b"\x89PNG\r\n\x1a\n"
@@ -55,9 +95,11 @@ def test_the_command_line_writes_an_svg(monkeypatch, capsys, tmp_path, subcomman
 
 def test_the_command_line_writes_a_png(monkeypatch, capsys, tmp_path):
     path = tmp_path / "out.png"
-    command(monkeypatch, "identify", recording(tmp_path), "--figure", path, "--json")
+    options = ("--figure", path, "--width", "88mm", "--json")
+    command(monkeypatch, "identify", recording(tmp_path), *options)
     width, height = size_of_png(path)
-    assert min(width, height) > 500
+    assert width == int(88.0 / 25.4 * 300.0)  # dots an inch
+    assert height > width
     assert "figure" not in capsys.readouterr().out  # JSON stays one object
 
 
@@ -66,7 +108,8 @@ def test_a_dark_figure_has_a_dark_background(monkeypatch, capsys, tmp_path):
     monkeypatch.setitem(matplotlib.rcParams, "savefig.dpi", 30)
     for extra in ((), ("--dark",)):
         path = tmp_path / "out.png"
-        command(monkeypatch, "compare", recording(tmp_path), "--figure", path, *extra)
+        options = ("--figure", path, "--width", "60mm", *extra)
+        command(monkeypatch, "identify", recording(tmp_path), *options)
         pixels.append(matplotlib.image.imread(path)[0, 0, :3].mean())
     light, dark = pixels
     assert light > 0.9
@@ -74,28 +117,240 @@ def test_a_dark_figure_has_a_dark_background(monkeypatch, capsys, tmp_path):
 
 
 @pytest.mark.parametrize("method", ESTIMATORS)
-def test_a_figure_shows_force_loop_each_parameter_and_a_judgement(method):
-    result = palpate.identify(CONTACT, ESTIMATORS[method]())
+def test_a_figure_leads_with_stiffness_and_damping_at_working_depth(method):
+    result = all_methods()[method]
     figure = figures.draw(result)
-    titles = [axes.get_title() for axes in figure.axes]
-    assert len(titles) == 3 + len(result.law.symbols)
-    assert any("Force, and what was predicted" in title for title in titles)
-    assert any("loop" in title for title in titles)
-    for name in result.law.as_dict():
-        assert any(title.startswith(name.replace("_", " ")) for title in titles)
-    judgement = "Condition 10" if result.law.kind == "hunt-crossley" else "Prediction error"
-    assert judgement in titles[-1]
-    verdict, name = figure.get_suptitle().split("\n")
+    force, loop, stiffness, damping, *others = titles_of(figure)
+    assert (force, loop) == ("Force", "Force over penetration")
+    assert stiffness.startswith("Stiffness at 2.5")
+    assert damping.startswith("Damping at 2.5")
+    named = zip(result.law.as_dict(), result.law.symbols, others[:-2], strict=True)
+    for name, symbol, title in named:
+        assert title.startswith(f"{name.replace('_', ' ').capitalize()} {symbol}:")
+    assert others[-2].startswith("Residual, measured − final law")
+    needed = method == "single-stage"
+    assert others[-1].startswith("Condition 10" if needed else "Prediction error")
+    verdict, name, depth = figure.get_suptitle().split("\n")
     assert verdict.startswith(result.diagnosis.verdict.overall)
     assert name.startswith("probe.csv: ")
+    assert "stiffness" in depth
     assert all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)
 
 
-def test_a_comparison_names_every_method_in_its_legends():
-    figure = figures.draw_comparison(palpate.compare(CONTACT))
-    words = [text.get_text() for axes in figure.axes for text in axes.get_legend().get_texts()]
-    for method in ESTIMATORS:
-        assert method in words
+@pytest.mark.parametrize("method", ["variable-projection", "single-stage"])
+def test_condition_10_stands_in_a_column_where_the_method_needs_it(method):
+    titles = titles_of(figures.draw(all_methods()[method], width=COLUMN))
+    assert any("Condition 10" in title for title in titles) == (method == "single-stage")
+
+
+def band_and_height(axes) -> tuple[float, float]:
+    """Height of the band at the end of the recording, and of the panel, in the axis' units."""
+    [band] = axes.collections[:1]
+    points = np.vstack([path.vertices for path in band.get_paths()])
+    right = points[points[:, 0] > points[:, 0].max() - 0.02 * np.ptp(points[:, 0]), 1]
+    low, high = axes.get_ylim()
+    return float(np.ptp(right)), high - low
+
+
+@pytest.mark.parametrize("name", ["ball", "sponge", "tapping", "microscale"])
+def test_the_band_of_every_parameter_is_seen(name):
+    figure = figures.draw(of_example(name))
+    for axes in figure.axes[2:7]:
+        band, height = band_and_height(axes)
+        # A twentieth of a panel is 4 mm on paper, and 1 mm in a column; it was a hundredth once.
+        assert 0.05 * height < band < height, axes.get_title(loc="left")
+
+
+def test_the_bar_at_the_end_is_that_of_the_result_with_what_the_findings_move():
+    result = of_example("ball", "kelvin-voigt")
+    stiffness = result.diagnosis.working_depth.stiffness
+    axes = figures.draw(result).axes[2]
+    bars = [
+        bar.get_segments()[0][:, 1] for bar in axes.collections[1:] if len(bar.get_paths()) == 1
+    ]
+    heights = sorted(float(np.ptp(bar)) for bar in bars)
+    whole = np.hypot(stiffness.standard_error, stiffness.systematic)
+    assert heights == pytest.approx([4.0 * stiffness.standard_error, 4.0 * whole])
+    assert heights[0] < heights[1]
+
+
+def test_stiffness_over_time_ends_at_the_result_and_its_band_at_the_error_bar():
+    result = of_example("ball")
+    line = figures.draw(result).axes[2].get_lines()[0]
+    depth = result.diagnosis.working_depth.depth
+    assert line.get_ydata()[-1] == pytest.approx(result.law.stiffness_at(depth))
+    band, _ = band_and_height(figures.draw(result).axes[2])
+    slopes = np.array([1.0, 0.0, 0.0])  # of a law of n = 1, S = K to 1e-3 of its error
+    assert slopes @ result.law.parameters == pytest.approx(line.get_ydata()[-1], rel=0.01)
+    # Its error: far less than that of K, with which the exponent's goes.
+    assert band < 4.0 * result.standard_errors[0] / 5.0
+
+
+def test_each_stretch_has_a_box_of_its_own():
+    result = of_a_change()
+    assert len(result.stretches) == 2
+    stiffness = figures.draw(result).axes[2]
+    assert stiffness.get_title(loc="left").endswith("of each stretch")
+    [boxes] = stiffness.patches
+    corners = boxes.get_path().vertices.reshape(2, 5, 2)
+    for part, box in zip(result.stretches, corners, strict=True):
+        value = part.diagnosis.working_depth.stiffness.value
+        assert box[:, 1].min() < value < box[:, 1].max()
+        assert box[:, 0].min() >= part.contact.time[0]
+
+
+def test_a_comparison_names_every_method_in_the_order_of_its_rank():
+    figure = figures.draw_comparison(all_methods())
+    ranking = palpate.ranking.rank(all_methods())
+    rows = [title for title in titles_of(figure) if title[:1].isdigit()]
+    assert [row.split(":")[0] for row in rows] == [
+        f"{i + 1}. {method}" for i, method in enumerate(ranking.order)
+    ]
+    assert figure.get_suptitle().startswith(f"recommended: {ranking.recommended}")
+
+
+def test_every_method_of_a_comparison_has_axes_and_a_colour_of_its_own():
+    figure = figures.draw_comparison(all_methods())
+    rows = [axes for axes in figure.axes if axes.get_title(loc="left")[:1].isdigit()]
+    colours = [axes.get_lines()[0].get_color() for axes in rows]
+    assert len(set(colours)) == len(ESTIMATORS)
+
+
+def luminance(colour: str) -> float:
+    """Of WCAG 2: linear light, weighted as an eye does."""
+    light = np.array(matplotlib.colors.to_rgb(colour))
+    linear = np.where(light <= 0.04045, light / 12.92, ((light + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+@pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
+def test_every_line_stands_out_from_its_background(theme):
+    def contrast(colour: str) -> float:
+        low, high = sorted([luminance(colour), luminance(theme.background)])
+        return (high + 0.05) / (low + 0.05)
+
+    assert contrast(theme.ink) > 7.0  # of text, WCAG 2 AAA
+    for colour in (theme.measured, *theme.lines):
+        assert contrast(colour) >= 3.0  # of graphics, WCAG 2 AA
+
+
+def drawings() -> dict[str, object]:
+    """A way to draw each kind of figure, of contacts that fill panels in different ways."""
+    ball = palpate.HuntCrossley(2000.0, 2000.0, 1.0)
+    held = Motion(5e-3)
+    return {
+        "a sponge": lambda **look: figures.draw(of_example("sponge"), **look),
+        "a light contact": lambda **look: figures.draw(
+            of_example("tapping", "single-stage"), **look
+        ),
+        "outliers": lambda **look: figures.draw(with_outliers(), **look),
+        "a change": lambda **look: figures.draw(of_a_change(), **look),
+        "a comparison": lambda **look: figures.draw_comparison(all_methods(), **look),
+        "residuals": lambda **look: figures.draw_residuals(of_example("microscale"), **look),
+        "a design": lambda **look: figures.draw_design(design(ball, noise=0.05), **look),
+        "a held probe": lambda **look: figures.draw_design(design(ball, held, noise=1.0), **look),
+    }
+
+
+def assert_legible(figure) -> None:
+    drawn = Drawn(figure)
+    assert drawn.legends_on_data() == []
+    assert drawn.overlaps() == []
+    assert drawn.cut() == []
+
+
+@pytest.mark.parametrize("draw", drawings().values(), ids=drawings())
+def test_in_a_column_no_legend_lies_on_data_and_no_text_on_text(draw):
+    assert_legible(draw(width=COLUMN))
+
+
+@pytest.mark.parametrize("kind", ["a sponge", "a comparison"])
+def test_on_a_page_no_legend_lies_on_data_and_no_text_on_text(kind):
+    assert_legible(drawings()[kind]())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [60e-3, 180e-3, None])
+@pytest.mark.parametrize("draw", drawings().values(), ids=drawings())
+def test_at_any_width_no_legend_lies_on_data_and_no_text_on_text(draw, width):
+    assert_legible(draw(width=width))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [None, COLUMN])
+@pytest.mark.parametrize("path", sorted(REAL.glob("*_*.csv")), ids=lambda path: path.stem)
+def test_figures_of_real_recordings_are_legible(path, width):
+    results = palpate.compare(path)
+    for result in results.values():
+        assert_legible(figures.draw(result, width=width))
+    assert_legible(figures.draw_comparison(results, width=width))
+    assert_legible(figures.draw_residuals(results["variable-projection"], width=width))
+
+
+@pytest.mark.parametrize("width", [60e-3, COLUMN, 180e-3, 400e-3])
+def test_a_width_is_kept_and_letters_stay_legible(width):
+    figure = figures.draw_residuals(of_example("ball"), width=width)
+    assert figure.get_figwidth() == pytest.approx(width / 25.4e-3)
+    sizes = {text.get_fontsize() for text in figure.findobj(matplotlib.text.Text)}
+    assert min(sizes) > 6.0  # points: below, journals send figures back
+
+
+@pytest.mark.parametrize("width", [5e-3, 0.5, float("nan"), "wide"])
+def test_a_width_that_no_paper_has_is_refused(width):
+    with pytest.raises(InvalidParameterError, match="width must be"):
+        figures.draw(of_example("ball"), width=width)
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (["--width", "88mm"], "name one with --figure"),
+        (["--figure", "out.svg", "--width", "88"], "from 60mm to 400mm, such as 88mm, not '88'"),
+        (["--figure", "out.svg", "--width", "5cm"], "from 60mm to 400mm"),
+        (["--figure", "out.svg", "--width", "wide"], "--width must be a number and one of m, cm"),
+    ],
+)
+@pytest.mark.parametrize("subcommand", ["identify", "compare"])
+def test_a_wrong_width_is_one_line_before_the_work(run, tmp_path, subcommand, options, words):
+    status, out, err = run(subcommand, tmp_path / "absent.csv", *options)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert words in err
+
+
+def test_text_stays_text_in_an_svg_that_stays_small():
+    svg = as_svg(figures.draw(of_example("sponge")))
+    words = "".join(ElementTree.fromstring(svg).itertext())
+    for each in ("Force over penetration", "penetration [mm]", "sponge.csv"):
+        assert each in words
+    [fonts] = set(re.findall(r"font-family: ([^;\"]*)", svg))
+    assert fonts.endswith("sans-serif")  # what any reader has
+    assert len(svg) < 250e3
+    assert len(as_svg(figures.draw_residuals(of_example("sponge")))) < 150e3
+
+
+def test_the_fonts_of_a_pdf_are_in_it_as_outlines_that_can_be_edited(tmp_path):
+    figures.save(figures.draw_residuals(of_example("ball"), width=60e-3), tmp_path / "out.pdf")
+    content = (tmp_path / "out.pdf").read_bytes()
+    assert b"/CIDFontType2" in content  # type 42, TrueType
+    assert b"/Type3" not in content
+
+
+@pytest.mark.parametrize("against", ["time", "depth", "velocity"])
+def test_a_residual_of_noise_stays_in_the_band_of_noise(against):
+    """Three quarters of the pieces: the band of a piece is itself of few samples."""
+    figure = figures.draw_residuals(of_example("ball"))
+    [axes] = [each for each in figure.axes if each.get_title(loc="left") == f"Over {against}"]
+    [median, upper, lower] = axes.get_lines()[:3]
+    levels = sorted(line.get_ydata()[0] for line in (upper, lower))
+    middle = median.get_ydata()
+    middle = middle[np.isfinite(middle)]
+    assert (abs(middle) < 0.75 * levels[1]).all()
+
+
+def test_a_residual_of_another_law_leaves_the_band_of_noise():
+    figure = figures.draw_residuals(of_example("sponge", "kelvin-voigt"))
+    [median, upper, _] = figure.axes[0].get_lines()[:3]
+    assert np.nanmax(abs(median.get_ydata())) > abs(upper.get_ydata()[0])
 
 
 AWKWARD = {
@@ -120,13 +375,18 @@ AWKWARD = {
 @pytest.mark.parametrize("contact", AWKWARD.values(), ids=AWKWARD)
 def test_any_contact_that_can_be_identified_can_be_drawn(tmp_path, contact):
     """Warnings are errors here, so that nothing appears on a user's standard error."""
-    with matplotlib.rc_context({"savefig.dpi": 30}):  # of 11 inches; more only takes longer
-        figures.save(figures.draw(palpate.identify(contact)), tmp_path / "one.png")
-        comparison = figures.draw_comparison(palpate.compare(contact))
-        comparison.set_layout_engine("none")  # most of the time; the other has the same panels
-        figures.save(comparison, tmp_path / "all.png")
-    assert size_of_png(tmp_path / "one.png") == (330, 255)
-    assert size_of_png(tmp_path / "all.png") == (330, 210)
+    result = palpate.identify(contact)
+    other = palpate.identify(contact, "kelvin-voigt")  # of each law would take long
+    shown = {
+        "one": figures.draw(result),
+        "all": figures.draw_comparison({"one": result, "other": other}),
+        "rest": figures.draw_residuals(result),
+    }
+    for name, figure in shown.items():
+        figure.set_layout_engine("none")  # most of the time, and tested above
+        with matplotlib.rc_context({"savefig.dpi": 30}):  # of 11 inches; more only takes longer
+            figures.save(figure, tmp_path / f"{name}.png")
+        assert size_of_png(tmp_path / f"{name}.png")[0] == 330
 
 
 def test_drawing_leaves_matplotlibs_settings_as_they_were():

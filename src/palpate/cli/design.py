@@ -6,15 +6,17 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from palpate.cli.printing import AsJson, print_json
+from palpate.cli.drawing import Drawing
+from palpate.cli.groups import GUESSED, MEASURED, OUTPUT, PLANNED
+from palpate.cli.printing import AsJson, Terminal, print_json
 
 if TYPE_CHECKING:
-    from palpate.design import Design
+    from palpate.design import Design, MotionCommand
 
 Several = Annotated[tuple[float, ...] | None, Parameter(consume_multiple=True, negative="")]
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=GUESSED)
 @dataclass(frozen=True)
 class Guess:
     """The material as guessed; an order of magnitude is a start."""
@@ -27,7 +29,7 @@ class Guess:
     "n, 1 to 2 for most materials."
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=MEASURED)
 @dataclass(frozen=True)
 class Sensor:
     """What the force is measured with."""
@@ -40,7 +42,7 @@ class Sensor:
     "Time between samples, s."
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=PLANNED)
 @dataclass(frozen=True)
 class Plan:
     """The motion, and what a better one has to keep to."""
@@ -57,10 +59,10 @@ class Plan:
     "Highest speed of the better motion, m/s; that of the planned motion unless given."
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=OUTPUT)
 @dataclass(frozen=True)
 class Written:
-    """The files that a design is written to."""
+    """The file that the motion to play is written to."""
 
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None
     "CSV of the better motion, time_s, penetration_m, velocity_m_s: for a robot, or palpate lab."
@@ -68,31 +70,18 @@ class Written:
     "How long its sines last at least, s; 20 unless given."
     rate: float | None = None
     "Its samples a second; those of the sensor unless given."
-    figure: Path | None = None
-    "Draw both motions and their precision to this file (.svg, .pdf or .png)."
-    dark: bool = False
-    "Draw on a dark background."
-    width: str | None = None
-    "Width of the figure as it is printed, 60mm to 400mm: a journal's column is 88mm."
 
-    def check(self, *, as_json: bool) -> float | None:
-        """Say before the work what could not be written after it; return the figure's width, m."""
-        from palpate.cli.quantities import figure_width
+    def check(self, figure: Path | None, *, as_json: bool) -> None:
+        """Say before the work what could not be written after it."""
         from palpate.errors import InvalidParameterError
         from palpate.writing import check_outputs, is_standard_output
 
-        width = figure_width(self.width, self.figure)
         for name, value in (("seconds", self.seconds), ("rate", self.rate)):
             if value is not None and self.output is None:
                 raise InvalidParameterError(f"--{name} is of the motion's file: name it with -o")
-        if self.figure is not None:
-            from palpate.figures import check_figure
-
-            check_figure(self.figure)
         if as_json and self.output is not None and is_standard_output(self.output):
             raise InvalidParameterError("--json and the motion cannot both go to standard output")
-        check_outputs([each for each in (self.output, self.figure) if each is not None])
-        return width
+        check_outputs([each for each in (self.output, figure) if each is not None])
 
 
 def design(
@@ -104,6 +93,7 @@ def design(
     surface: bool = False,
     as_json: AsJson = False,
     written: Written | None = None,
+    drawing: Drawing | None = None,
 ) -> None:
     """Tell what a planned motion would identify, how soon, and find a better motion.
 
@@ -124,13 +114,15 @@ def design(
         Print one JSON object instead of a table; what is infinite is null.
     """
     from palpate.cli.design_tables import command_line, print_design
+    from palpate.cli.layout import say_command, say_path
     from palpate.design import PAPER_MOTION, Motion
     from palpate.design import design as run
     from palpate.force_laws import HuntCrossley
     from palpate.writing import is_standard_output
 
-    plan, written = plan or Plan(), written or Written()
-    width = written.check(as_json=as_json)
+    plan, written, drawing = plan or Plan(), written or Written(), drawing or Drawing()
+    drawing.check()
+    written.check(drawing.figure, as_json=as_json)
     motion = Motion(
         plan.depth,
         PAPER_MOTION.amplitudes if plan.amplitudes is None else plan.amplitudes,
@@ -147,37 +139,35 @@ def design(
         max_depth=plan.max_depth,
         max_speed=plan.max_speed,
     )
-    lines = _write_motion(result, written)
-    if written.figure is not None:
-        from palpate import figures
-
-        figures.save(figures.draw_design(result, dark=written.dark, width=width), written.figure)
-        lines.append(f"figure: {written.figure}")
+    played = _write_motion(result, written)
+    drawing.save("draw_design", result)
     if as_json:
         print_json({**result.as_dict(), "command": command_line(result)})
-    else:
-        # A motion that goes on into a pipe is not mixed with words about it.
-        piped = written.output is not None and is_standard_output(written.output)
-        print_design(result, lines, stderr=piped)
+        return
+    # A motion that goes on into a pipe is not mixed with words about it.
+    console = Terminal(stderr=written.output is not None and is_standard_output(written.output))
+    print_design(result, console)
+    if played is not None:
+        say_path(console, f"motion, the {result.chosen[0]} one: {written.output}")
+        seconds = f"--seconds {played.duration:.4g}"
+        command = f"palpate lab MATERIAL -o FILE --trajectory {written.output} {seconds}"
+        say_command(console, command)
+    if drawing.figure is not None:
+        say_path(console, f"figure: {drawing.figure}")
 
 
-def _write_motion(result: "Design", written: Written) -> list[str]:
-    """Write the motion to play, where that is asked for, and return what to say of it."""
+def _write_motion(result: "Design", written: Written) -> "MotionCommand | None":
+    """Write the motion to play, where that is asked for, and return it."""
     from palpate.cli.design_tables import notes_of
     from palpate.design import MotionCommand, write_motion
     from palpate.validation import number_in
 
     if written.output is None:
-        return []
-    name, chosen = result.chosen
+        return None
     step = result.sample_time
     if written.rate is not None:
         step = 1.0 / number_in("--rate", written.rate, 1.0, 1e5)
     seconds = {} if written.seconds is None else {"seconds": written.seconds}
-    command = MotionCommand(chosen.motion, **seconds)
+    command = MotionCommand(result.chosen[1].motion, **seconds)
     write_motion(command, written.output, sample_time=step, notes=notes_of(result))
-    return [
-        f"motion: {written.output}, the {name} one, {command.duration:.4g} s from rest to rest; "
-        f"palpate lab MATERIAL -o FILE --trajectory {written.output} "
-        f"--seconds {command.duration:.4g}"
-    ]
+    return command

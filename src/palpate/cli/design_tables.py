@@ -1,24 +1,21 @@
 """A planned motion's design as tables that a person reads."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib.metadata import version
 
 import numpy as np
 from rich.console import Console
-from rich.text import Text
 
 from palpate.cli.layout import Column, fits, print_table, say, say_command
-from palpate.cli.printing import Terminal
 from palpate.design.planned import Design
 from palpate.design.precision import HORIZON
 from palpate.design.predicted_precision import PredictedPrecision
 from palpate.digits import rounded
 
 
-def print_design(design: Design, lines: Sequence[str] = (), *, stderr: bool = False) -> None:
-    """Print what the planned motion and a better one would identify, how soon, and more lines."""
-    console = Terminal(stderr=stderr)
+def print_design(design: Design, console: Console) -> None:
+    """Print what the planned motion and a better one would identify, and how soon."""
     law = design.law
     words = (law.stiffness, law.exponent, law.dissipation)
     say(console, "F = {} x^{} (1 + {} v)".format(*(rounded(each, 4) for each in words)), "bold")
@@ -41,8 +38,6 @@ def print_design(design: Design, lines: Sequence[str] = (), *, stderr: bool = Fa
         "penetration and velocity and white noise; eq. 10 matters to the single stage only",
         "dim",
     )
-    for line in lines:
-        console.print(Text(line), soft_wrap=True)
 
 
 def notes_of(design: Design) -> dict[str, str]:

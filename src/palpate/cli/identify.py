@@ -1,14 +1,22 @@
 """The command ``palpate identify``."""
 
-from typing import Annotated
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from palpate.cli.deriving import Deriving
+from palpate.cli.drawing import Drawing
 from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
 from palpate.cli.reading import Files, Reading
-from palpate.cli.values import Dark, FigureFile, FigureWidth, ResultFolder
+from palpate.cli.values import ResultFolder
+
+if TYPE_CHECKING:
+    from palpate.contact import Contact
+    from palpate.identification import Identification
+    from palpate.reports.saving import Destination
 
 
 def identify(
@@ -18,10 +26,8 @@ def identify(
     method: str = "variable-projection",
     changes: Annotated[bool, Parameter(negative="")] = False,
     output: ResultFolder = None,
-    figure: FigureFile = None,
-    dark: Dark = False,
-    width: FigureWidth = None,
     as_json: AsJson = False,
+    drawing: Drawing | None = None,
     judging: Judging | None = None,
     deriving: Deriving | None = None,
     reading: Reading | None = None,
@@ -45,65 +51,59 @@ def identify(
         Identify each stretch between changes of the material by itself.
     output
         Write a report, the numbers, the trace and the options to this folder.
-    figure
-        Draw it to this file (.svg, .pdf or .png).
-    dark
-        Draw on a dark background.
-    width
-        Width of the figure as it is printed, 60mm to 400mm: a journal's column is 88mm.
     as_json
         Print one JSON object instead of a table.
     """
-    from functools import partial
-
-    from palpate.cli.progress import counted
-    from palpate.cli.quantities import figure_width
     from palpate.cli.tables import print_identifications
     from palpate.estimators import estimator_named
-    from palpate.identification import compare
     from palpate.identification import identify as run
 
     reading, judging = reading or Reading(), judging or Judging()
-    deriving = deriving or Deriving()
-    wanted = deriving.wanted
-    depth, kind = judging.depth, estimator_named(method)
-    wide = figure_width(width, figure)
-    if figure is not None:
-        from palpate.figures import check_figure
-
-        check_figure(figure, inputs=list(files))
-    folder = None
-    if output is not None:
-        from palpate.reports.saving import Destination
-
-        folder = Destination(output, [file for file in files if str(file) != "-"])
+    deriving, drawing = deriving or Deriving(), drawing or Drawing()
+    wanted, depth, kind = deriving.wanted, judging.depth, estimator_named(method)
+    drawing.check(list(files))
+    destination = _destination(output, files)
     contact = reading.contact(files, method)
-    result = run(contact, kind(**reading.settings(contact, kind)))
-    result = result.wanting(wanted)
-    result = result if depth is None else result.at_depth(depth)
-    result = result.by_stretch() if changes else result
-    if not changes and contact.prepared is not None and contact.prepared.places:
-        result = result.by_place(partial(counted, words="identifying each place"))
-    if figure is not None:
-        from palpate import figures
-
-        figures.save(figures.draw(result, dark=dark, width=wide), figure, inputs=list(files))
-    if folder is not None:
-        folder.save(
-            result,
-            options={
-                "method": method,
-                **({"changes": True} if changes else {}),
-                **judging.options,
-                **deriving.options,
-                **reading.options,
-            },
-            compared=compare(
-                contact,
-                gate=reading.gate(contact),
-                outlier_rejection=None if reading.reject_outliers else False,
-                watch=partial(counted, words="comparing with every method"),
-            ),
-        )
-    print_identifications(files, [result], figure, as_json=as_json, folder=output)
+    result = run(contact, kind(**reading.settings(contact, kind))).wanting(wanted)
+    result = _in_parts(result if depth is None else result.at_depth(depth), changes=changes)
+    drawing.save("draw", result, list(files))
+    if destination is not None:
+        options = {"method": method, **({"changes": True} if changes else {})}
+        options |= {**judging.options, **deriving.options, **reading.options}
+        destination.save(result, options=options, compared=_compared(contact, reading))
+    print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
     return judging.status([result.diagnosis.verdict])
+
+
+def _destination(output: Path | None, files: Files) -> "Destination | None":
+    """Where the result goes, once it is known that it can be written there."""
+    if output is None:
+        return None
+    from palpate.reports.saving import Destination
+
+    return Destination(output, [file for file in files if str(file) != "-"])
+
+
+def _in_parts(result: "Identification", *, changes: bool) -> "Identification":
+    """With each stretch between changes by itself, or each place of a probe that travels."""
+    from palpate.cli.progress import counted
+
+    if changes:
+        return result.by_stretch()
+    prepared = result.contact.prepared
+    if prepared is not None and prepared.places:
+        return result.by_place(partial(counted, words="identifying each place"))
+    return result
+
+
+def _compared(contact: "Contact", reading: Reading) -> "dict[str, Identification]":
+    """Every method on the same samples, for the report."""
+    from palpate.cli.progress import counted
+    from palpate.identification import compare
+
+    return compare(
+        contact,
+        gate=reading.gate(contact),
+        outlier_rejection=None if reading.reject_outliers else False,
+        watch=partial(counted, words="comparing with every method"),
+    )

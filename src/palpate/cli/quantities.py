@@ -1,7 +1,6 @@
 """Numbers with a unit on the command line: 3mm, 5ms, 0:2."""
 
 import re
-from pathlib import Path
 
 from palpate.errors import InvalidParameterError
 from palpate.recordings.units import UNITS
@@ -20,21 +19,6 @@ def quantity(option: str, text: str, channel: str) -> float:
             f"not {text!r}"
         )
     return float(found[1]) * units[found[2] or si]
-
-
-def figure_width(text: str | None, figure: Path | None) -> float | None:
-    """Width of a figure as it is printed, m, where one is asked for."""
-    from palpate.figures.sheet import NARROWEST, WIDEST
-
-    if text is None:
-        return None
-    if figure is None:
-        raise InvalidParameterError("--width is that of a figure: name one with --figure")
-    width = quantity("--width", text, "penetration")
-    if not NARROWEST <= width <= WIDEST:
-        limits = f"from {1e3 * NARROWEST:g}mm to {1e3 * WIDEST:g}mm"
-        raise InvalidParameterError(f"--width must be {limits}, such as 88mm, not {text!r}")
-    return width
 
 
 def span(option: str, text: str) -> tuple[float, float]:

@@ -29,5 +29,4 @@ Axis: TypeAlias = Literal["x", "y", "z", "-x", "-y", "-z"]
 #: Where a figure, or all of a result, goes.
 FigureFile: TypeAlias = Annotated[Path | None, Parameter(group=OUTPUT)]
 Dark: TypeAlias = Annotated[bool, Parameter(group=OUTPUT)]
-FigureWidth: TypeAlias = Annotated[Width | None, Parameter(group=OUTPUT)]
 ResultFolder: TypeAlias = Annotated[Folder | None, Parameter(name=["--output", "-o"], group=OUTPUT)]

@@ -10,7 +10,7 @@ from palpate.figures.panels import draw_force, draw_loop
 from palpate.figures.residuals import draw_residual_rows
 from palpate.figures.sheet import head, set_titles, stack
 from palpate.figures.style import style
-from palpate.figures.words import name_of
+from palpate.figures.words import JOINED, name_of
 from palpate.identification import Identification
 from palpate.ranking import rank
 from palpate.stages import timed
@@ -102,8 +102,8 @@ def _draw_rows(rows: "list[Axes]", ordered: list[Identification], look: Look) ->
     """The residual of each method, with its name and what it came to."""
     draw_residual_rows(rows, ordered, _colours(look, len(ordered)), look)
     for row, (axes, result) in enumerate(zip(rows, ordered, strict=True)):
-        verdict, fit = result.diagnosis.verdict.overall, f"{result.fit_rmse_percent:.2g} %"
-        head(axes, f"{row + 1}. {result.method}: {verdict}, {fit} rms")
+        fit = f"{result.fit_rmse_percent:.2g}{JOINED}%{JOINED}rms"
+        head(axes, f"{row + 1}. {result.method}: {result.diagnosis.verdict.overall}, {fit}")
     stack(rows)
 
 

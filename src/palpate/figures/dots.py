@@ -63,7 +63,7 @@ def _draw_dots(
                 capsize=look.points(cap),
             )
     axes.set(xlim=(k * low, k * high), ylim=(len(finals) - 0.4, -0.6), xlabel=f"[{scale.unit}]")
-    axes.locator_params(axis="x", nbins=4)
+    axes.locator_params(axis="x", nbins=3 if look.sheet.narrow else 4)
     axes.grid(visible=False, axis="y")
 
 

@@ -10,6 +10,7 @@ from palpate.figures.scales import largest, scale_of
 from palpate.figures.sheet import head
 from palpate.figures.thinning import MOST_POINTS, broken, clock, few, shown
 from palpate.identification import Identification
+from palpate.validation import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,8 @@ def draw_force(axes: "Axes", result: Identification, look: Look) -> None:
     contact, theme = result.contact, look.theme
     time, label = clock(contact)
     keep = shown(contact)
-    unit = scale_of(largest(contact.force), "N")
+    low, high = _force_range(result, outliers=True)
+    unit = scale_of(max(abs(low), abs(high)), "N")
     good = keep[~result.trace.rejected[keep]]
     measured = unit.factor * broken(contact.force, contact, good)
     axes.plot(
@@ -41,17 +43,14 @@ def draw_force(axes: "Axes", result: Identification, look: Look) -> None:
     if left_out.size:
         axes.plot(
             time[left_out],
-            unit.factor * contact.force[left_out],
+            unit.factor * np.clip(contact.force[left_out], low, high),
             color=theme.ink,
             linestyle="none",
             marker="x",
             markersize=look.points(4.0),
             label="left out",
         )
-    known = unit.factor * contact.force[np.isfinite(contact.force)]
-    low, high = float(known.min()), float(known.max())
-    span = (high - low) or abs(high) or 1.0
-    axes.set_ylim(low - 0.06 * span, high + 0.06 * span)
+    axes.set_ylim(unit.factor * low, unit.factor * high)
     axes.set(xlabel=label, ylabel=unit.label("force"))
     head(axes, "Force")
 
@@ -68,8 +67,11 @@ def draw_loop(
     contact, theme = result.contact, look.theme
     keep = shown(contact, points)
     keep = keep[~result.trace.rejected[keep]]
-    depth, force = scale_of(largest(contact.penetration), "m"), scale_of(_firmest(result), "N")
-    x = depth.factor * contact.penetration[keep]
+    deepest = largest(np.maximum(contact.penetration[result.trace.taken], 0.0)) or 1.0
+    low, high = _force_range(result, outliers=False)
+    depth, force = scale_of(deepest, "m"), scale_of(max(abs(low), abs(high)), "N")
+    with np.errstate(over="ignore"):  # of an absurd sample out of contact
+        x = np.clip(depth.factor * contact.penetration[keep], -1e4, 1e4)
     axes.plot(
         x,
         force.factor * broken(contact.force, contact, keep),
@@ -85,13 +87,29 @@ def draw_loop(
         linewidth=look.points(0.9),
         label="law of each part" if result.stretches else "final law",
     )
-    deepest = depth.factor * largest(np.maximum(contact.penetration, 0.0)) or 1.0
-    axes.set_xlim(-0.1 * deepest, 1.05 * deepest)
+    axes.set_xlim(-0.1 * depth.factor * deepest, 1.05 * depth.factor * deepest)
+    axes.set_ylim(force.factor * low, force.factor * high)
     axes.set(xlabel=depth.label("penetration"), ylabel=force.label("force"))
 
 
-def _firmest(result: Identification) -> float:
-    return largest(result.contact.force[~result.trace.rejected])
+def _force_range(result: Identification, *, outliers: bool) -> tuple[float, float]:
+    """Forces that a panel shows, N: those in contact, most of those out of it, maybe outliers.
+
+    An outlier further away than twice the range is at the panel's edge: it would flatten all else.
+    """
+    force, trace = result.contact.force, result.trace
+    known = np.isfinite(force)
+    ends = [*np.percentile(force[known], (1.0, 99.0)), *_ends(force[known & trace.taken])]
+    low, high = min(ends), max(ends)
+    span = (high - low) or abs(high) or 1.0
+    left_out = force[known & trace.rejected & outliers]
+    left_out = np.clip(left_out, low - 2.0 * span, high + 2.0 * span)
+    low, high = min([low, *_ends(left_out)]), max([high, *_ends(left_out)])
+    return low - 0.06 * (high - low or span), high + 0.06 * (high - low or span)
+
+
+def _ends(values: Floats) -> tuple[float, ...]:
+    return (float(values.min()), float(values.max())) if values.size else ()
 
 
 def _error_reach(result: Identification) -> float:
@@ -101,7 +119,7 @@ def _error_reach(result: Identification) -> float:
     known = error[np.isfinite(error)]
     # The first error of each start is as large as the force; the scale shows what comes after.
     reach = 1.3 * float(np.percentile(known, 99.0)) if known.size else 0.0
-    force = _firmest(result)
+    force = largest(result.contact.force[taken])
     return max(min(reach, force), 1e-12 * force, 1e-300)
 
 

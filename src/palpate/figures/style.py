@@ -29,10 +29,10 @@ _FORMATS: dict[str, dict[str, None] | None] = {
 _FONTS = ["DejaVu Sans", "Verdana", "Helvetica", "Arial"]
 
 
-# Text stays text, in SVG and in PDF (where type 42 is a font that is embedded whole enough to be
-# searched and edited); 300 dots an inch are what journals ask for, where
-# matplotlib's own settings do not name others; names in a file are not random.
+# Text stays text, in SVG and in PDF, where type 42 can be searched and edited. Names within a file
+# are not random. Journals ask for 300 dots an inch; matplotlib's own settings may name others.
 _WRITTEN: dict[Any, Any] = {
+    "font.sans-serif": _FONTS,
     "svg.fonttype": "none",
     "svg.hashsalt": "palpate",
     "pdf.fonttype": 42,

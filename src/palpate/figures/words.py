@@ -6,12 +6,12 @@ from palpate.digits import with_error
 from palpate.figures.scales import scale_of
 from palpate.identification import Identification
 
-_JOINED = "\N{NO-BREAK SPACE}"
+JOINED = "\N{NO-BREAK SPACE}"
 
 
 def kept_together(value: float, *errors: float, unit: str = "") -> str:
     """As :func:`palpate.digits.with_error`, in words that no line is broken between."""
-    return with_error(value, *errors, unit=unit).replace(" ", _JOINED)
+    return with_error(value, *errors, unit=unit).replace(" ", JOINED)
 
 
 def parameters_of(result: Identification) -> str:
@@ -19,7 +19,7 @@ def parameters_of(result: Identification) -> str:
     law = result.law
     rows = zip(law.symbols, law.parameters, result.standard_errors, law.units, strict=True)
     return ", ".join(
-        f"{symbol}{_JOINED}={_JOINED}{kept_together(float(value), float(error), unit=unit)}"
+        f"{symbol}{JOINED}={JOINED}{kept_together(float(value), float(error), unit=unit)}"
         for symbol, value, error, unit in rows
     )
 
@@ -55,5 +55,5 @@ def fit_of(result: Identification) -> str:
     """File, method and how well the law fits."""
     name = name_of(result)
     fitted = "the stretches' own laws fit" if result.stretches else "final law fits"
-    fit = f"{result.method}, {fitted} to {result.fit_rmse_percent:.2g}{_JOINED}%"
+    fit = f"{result.method}, {fitted} to {result.fit_rmse_percent:.2g}{JOINED}%"
     return f"{name}: {fit}" if name else fit

@@ -165,7 +165,7 @@ def _inverse(e: Floats) -> Floats:
     return d
 
 
-def _product(dissipation: ArrayLike, speed: ArrayLike) -> Floats:
+def _product(dissipation: "ArrayLike", speed: "ArrayLike") -> Floats:
     b, speeds = together(dissipation=dissipation, speed=speed)
     all_good("dissipation", b, np.isfinite(b), "finite")
     all_good("speed", speeds, (speeds >= 0.0) & np.isfinite(speeds), "at least 0 and finite")
