@@ -154,12 +154,12 @@ def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
 
 def _loop_by_loop(kind: str, lost: Floats, predicted: Floats, variance: Floats) -> list[str]:
     """Say where the law's loss is right on the whole, and not in the single loops."""
-    size, apart, noise = (
+    size, off, noise = (
         float(np.sqrt(np.mean(square))) for square in (lost**2, (lost - predicted) ** 2, variance)
     )
-    if apart <= max(UNACCOUNTED * size, 2.0 * noise):
+    if off <= max(UNACCOUNTED * size, 2.0 * noise):
         return []
     return [
-        f"the law's loss is {apart / size:.0%} off {kind} by {kind}: what is lost goes otherwise "
+        f"the law's loss is {off / size:.0%} off {kind} by {kind}: what is lost goes otherwise "
         "with speed or depth"
     ]
