@@ -52,9 +52,9 @@ def test_no_line_is_wider_than_the_terminal_and_no_number_is_lost(
 
 def test_what_goes_into_a_pipe_has_a_width_of_its_own(run, monkeypatch):
     monkeypatch.delenv("COLUMNS", raising=False)
-    out = run("compare", BALL)[1]
+    out = run("identify", BALL)[1]
     monkeypatch.setenv("COLUMNS", "100")
-    assert run("compare", BALL)[1] == out
+    assert run("identify", BALL)[1] == out
 
 
 @pytest.mark.parametrize("columns", ["", "0", "wide", "-3"])

@@ -9,7 +9,7 @@ import pytest
 from uncertainties import ufloat
 
 from palpate.cli.printing import prepare_output
-from palpate.digits import rounded, with_error
+from palpate.digits import interval, rounded, with_error
 
 
 @pytest.mark.parametrize(
@@ -51,6 +51,19 @@ def test_the_digits_are_those_of_the_package_uncertainties():
         for k in (1, 2):
             theirs = Decimal(found[k] + (found[3] or ""))
             assert Decimal(ours[k] + f"e{power}") == theirs, (value, error)
+
+
+@pytest.mark.parametrize(
+    "value, error, words",
+    [
+        (4300.0, 900.0, "2500 to 6100"),
+        (1.0013, 0.0006, "1.0001 to 1.0025"),
+        (1e6, 2e4, "(0.961 to 1.039)·10⁶"),
+        (1.0, 0.0, "unknown"),
+    ],
+)
+def test_an_interval_has_the_digits_of_the_error(value, error, words):
+    assert interval(value, error) == words
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from cases import MATERIALS
 
+import palpate
 from palpate import HuntCrossley, InvalidParameterError
 
 KV, EKV, HC = MATERIALS["linear"], MATERIALS["quadratic"], MATERIALS["pvc"]
@@ -101,6 +102,41 @@ def test_shapes_go_together_as_in_numpy(law, depth, speed, result):
     assert np.shape(force) == result
     assert np.all(force == law.force(0.01, 0.02))
     assert isinstance(force, float if result == () else np.ndarray)
+
+
+@pytest.mark.parametrize("depth, speed, result", SHAPES)
+def test_stiffness_and_damping_take_arrays_as_the_force_does(law, depth, speed, result):
+    x, v = np.full(depth, 0.01), np.full(speed, 0.02)
+    stiffness, damping = law.stiffness_at(x, v), law.damping_at(x)
+    assert np.shape(stiffness) == result
+    assert np.shape(damping) == depth
+    assert np.all(stiffness == law.stiffness_at(0.01, 0.02))
+    assert np.all(damping == law.damping_at(0.01))
+    for values, shape in ((stiffness, result), (damping, depth)):
+        assert isinstance(values, float if shape == () else np.ndarray)
+    by_base = palpate.ForceLaw.damping_at(law, x)  # of a law of one's own
+    np.testing.assert_allclose(by_base, damping, rtol=1e-9)  # a difference of forces at 1 mm/s
+    assert type(by_base) is type(damping)
+
+
+@pytest.mark.parametrize(
+    "depth, velocity, words",
+    [
+        (0.0, 0.0, "depth must be in"),
+        ([0.01, -0.02, 0.0], 0.0, "depth must be in .0, 1e.100., not -0.02; value 1 is not"),
+        ([0.01, math.nan], 0.0, "depth must be in .*, not nan; value 1 is not"),
+        (0.01, [0.0, math.inf], "velocity must be finite, not inf; value 1 is not"),
+        ([0.01, 0.02], [0.0, 0.1, 0.2], "depth and velocity must be of shapes that go together"),
+        ("deep", 0.0, "depth must be a number"),
+        (np.ma.masked_equal([1.0, 2.0], 2.0), 0.0, "depth must not be masked"),
+    ],
+)
+def test_a_depth_out_of_contact_has_no_stiffness_and_is_named(law, depth, velocity, words):
+    with pytest.raises(InvalidParameterError, match=words):
+        law.stiffness_at(depth, velocity)
+    if "velocity" not in words:
+        with pytest.raises(InvalidParameterError, match="depth must"):
+            law.damping_at(depth)
 
 
 @pytest.mark.parametrize("kind", [int, np.int32, np.float32, np.float64])

@@ -1,6 +1,7 @@
 """A result is saved, read back and shown, and what is wrong is said in a line."""
 
 import json
+import math
 import os
 import re
 import tomllib
@@ -14,6 +15,7 @@ from palpate.errors import MissingExtraError, RecordingError
 from palpate.recordings import columns as tables
 from palpate.reports import saving
 from palpate.results.columns import in_file, trace_columns
+from palpate.results.summary import depth_in_words
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 BALL = EXAMPLES / "ball.csv"
@@ -191,3 +193,16 @@ def test_the_dataset_has_the_parameters_along_a_dimension(ball):
     assert same(data.covariance, ball.covariance)
     assert data.force.attrs["units"] == "N"
     assert data.attrs["law"] == "hunt-crossley"
+
+
+@pytest.mark.parametrize(
+    "depth, words",
+    [
+        (8.778e-3, "8.778 mm"),
+        (2.857e-7, "285.7 nm"),
+        (3e-6, "3 µm"),
+        (math.nan, "an unknown depth"),
+    ],
+)
+def test_a_depth_has_the_prefix_that_a_person_reads_best(depth, words):
+    assert depth_in_words(depth) == words

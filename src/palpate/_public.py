@@ -33,6 +33,12 @@ from palpate.force_laws import (
 from palpate.identification import Identification, compare, diagnose, identify
 from palpate.least_squares import LeastSquares
 from palpate.preparation import Columns, OnlinePreparation, choose_gate, prepare
+from palpate.quantities.elastic_modulus import ElasticModulus
+from palpate.quantities.energy import EnergyLoss
+from palpate.quantities.impact import dissipation_for, restitution
+from palpate.quantities.passivity import Passivity
+from palpate.quantities.restitution import Restitution
+from palpate.quantities.wanted import Wanted
 from palpate.recordings import Recording, open_recording, write_contact
 from palpate.results.loading import SavedResult, load_result
 from palpate.settings import (
@@ -44,6 +50,7 @@ from palpate.settings import (
     Scale,
     SelfPerturbation,
 )
+from palpate.tips import Cone, FlatPunch, Sphere, Tip
 from palpate.trace import Trace
 
 __all__ = [
@@ -51,6 +58,7 @@ __all__ = [
     "FORCE_LAWS",
     "ChangeDetector",
     "Columns",
+    "Cone",
     "ConstantForgetting",
     "Contact",
     "ContactEstimator",
@@ -58,11 +66,14 @@ __all__ = [
     "Diagnosis",
     "DoubleStageRLS",
     "DriftTracking",
+    "ElasticModulus",
+    "EnergyLoss",
     "Estimate",
     "ExtendedKelvinVoigt",
     "ExtendedKelvinVoigtRLS",
     "FadingForgetting",
     "Finding",
+    "FlatPunch",
     "ForceLaw",
     "HuntCrossley",
     "Identification",
@@ -75,26 +86,33 @@ __all__ = [
     "OnlinePreparation",
     "OutlierRejection",
     "PalpateError",
+    "Passivity",
     "PreparedSample",
     "PythonEstimator",
     "Recording",
     "RecordingError",
     "RecursiveLeastSquaresEstimator",
+    "Restitution",
     "SavedResult",
     "Scale",
     "SelfPerturbation",
     "SingleStageRLS",
+    "Sphere",
     "Status",
+    "Tip",
     "Trace",
     "VariableProjection",
     "Verdict",
+    "Wanted",
     "WorkingDepth",
     "choose_gate",
     "compare",
     "diagnose",
+    "dissipation_for",
     "identify",
     "load_result",
     "open_recording",
     "prepare",
+    "restitution",
     "write_contact",
 ]

@@ -72,12 +72,12 @@ class Contact:
 
     def __init__(
         self,
-        time: ArrayLike,
+        time: "ArrayLike",
         *,
-        penetration: ArrayLike,
-        velocity: ArrayLike,
-        force: ArrayLike,
-        segment: ArrayLike | None = None,
+        penetration: "ArrayLike",
+        velocity: "ArrayLike",
+        force: "ArrayLike",
+        segment: "ArrayLike | None" = None,
         source: str = "",
         provenance: Mapping[str, str] | None = None,
         tare_deviation: float | None = None,
@@ -148,7 +148,7 @@ class Contact:
         return replace(self, **{name: getattr(self, name)[samples] for name in cut})
 
 
-def first_wrong_time(time: Floats, segment: ArrayLike | None = None) -> int | None:
+def first_wrong_time(time: Floats, segment: "ArrayLike | None" = None) -> int | None:
     """Return the first sample whose time is not finite or, within a segment, not later enough.
 
     Enough is 1e-100 s; ``segment`` labels the samples as in :class:`Contact`.
@@ -161,7 +161,7 @@ def first_wrong_time(time: Floats, segment: ArrayLike | None = None) -> int | No
     return int(np.argmax(wrong)) if wrong.any() else None
 
 
-def _numbered(segment: ArrayLike | None, samples: int) -> NDArray[np.int64]:
+def _numbered(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
     """Consecutive numbers for the runs of equal labels; missing ones (NaN) are equal too."""
     if segment is None:
         return np.zeros(samples, dtype=np.int64)

@@ -36,6 +36,27 @@ def with_error(value: float, *errors: float, unit: str = "") -> str:
     return f"{words} {unit}".rstrip()
 
 
+def interval(value: float, error: float, factor: float = 1.96) -> str:
+    """Write value ± factor · error as an interval with the digits of the error: ``2500 to 6000``.
+
+    Parameters
+    ----------
+    value, error : float
+        A number and its standard error.
+    factor : float
+        1.96 unless given: 95 of 100.
+    """
+    if not (math.isfinite(value) and math.isfinite(error) and error > 0.0):
+        return "unknown"
+    ends = (value - factor * error, value + factor * error)
+    largest, place = _last_place(error)
+    power = max(_power(value), _power(largest), *(_power(end) for end in ends))
+    if power in PLAIN:
+        return " to ".join(_written(end, place) for end in ends)
+    low, high = (_written(_scaled(end, power), place - power) for end in ends)
+    return f"({low} to {high})·10{_superscript(power)}"
+
+
 def rounded(value: float, digits: int) -> str:
     """Write a number without an error in so many significant digits; ``1.2·10⁵`` where long.
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import number, number_in, shown
+from palpate.validation import in_contact, number, shown
 
 Floats = NDArray[np.float64]
 
@@ -55,8 +55,8 @@ class ForceLaw:
     @overload
     def force(self, penetration: float, velocity: float) -> float: ...
     @overload
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> Floats: ...
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> float | Floats:
+    def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> Floats: ...
+    def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> float | Floats:
         """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays."""
         raise NotImplementedError
 
@@ -68,19 +68,32 @@ class ForceLaw:
         """∂F/∂x in contact, N/m, shape (k,), at penetrations > 0 [m] and velocities [m/s], (k,)."""
         raise NotImplementedError
 
-    def stiffness_at(self, depth: float, velocity: float = 0.0) -> float:
-        """∂F/∂x [N/m] at a depth > 0 [m] and a velocity [m/s]: what a small motion there feels."""
-        x = number_in("depth", depth, 0.0, 1e100, open_low=True)
-        v = number("velocity", velocity)
-        return float(self.penetration_gradient(np.array([x]), np.array([v]))[0])
+    @overload
+    def stiffness_at(self, depth: float, velocity: float = 0.0) -> float: ...
+    @overload
+    def stiffness_at(self, depth: ArrayLike, velocity: ArrayLike = 0.0) -> Floats: ...
+    def stiffness_at(self, depth: ArrayLike, velocity: ArrayLike = 0.0) -> float | Floats:
+        """∂F/∂x [N/m] at a depth > 0 [m] and a velocity [m/s]: what a small motion there feels.
 
-    def damping_at(self, depth: float) -> float:
-        """∂F/∂v [N·s/m] at a depth > 0 [m] and at rest.
+        Scalars give a float; arrays go together as in NumPy.
+        """
+        x, v = in_contact(depth, velocity)
+        slope = self.penetration_gradient(x.reshape(-1), v.reshape(-1)).reshape(x.shape)
+        return slope if slope.ndim else float(slope)
+
+    @overload
+    def damping_at(self, depth: float) -> float: ...
+    @overload
+    def damping_at(self, depth: ArrayLike) -> Floats: ...
+    def damping_at(self, depth: ArrayLike) -> float | Floats:
+        """∂F/∂v [N·s/m] at a depth > 0 [m] and at rest; a scalar gives a float.
 
         By (F(x, v) − F(x, −v))/2v at 1 mm/s: exact for every law that is linear in v.
         """
-        x, v = number_in("depth", depth, 0.0, 1e100, open_low=True), 1e-3
-        return (float(self.force(x, v)) - float(self.force(x, -v))) / (2.0 * v)
+        depths, v = in_contact(depth)[0], 1e-3
+        x = depths if depths.ndim else float(depths)
+        slope = (self.force(x, v) - self.force(x, -v)) / (2.0 * v)
+        return slope if depths.ndim else float(slope)
 
 
 Law = TypeVar("Law", bound=type[ForceLaw])
@@ -140,8 +153,8 @@ class _CompiledLaw(ForceLaw):
     @overload
     def force(self, penetration: float, velocity: float) -> float: ...
     @overload
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> Floats: ...
-    def force(self, penetration: ArrayLike, velocity: ArrayLike) -> float | Floats:
+    def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> Floats: ...
+    def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> float | Floats:
         """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays."""
         try:
             given = np.asarray(penetration), np.asarray(velocity)
@@ -197,10 +210,14 @@ class KelvinVoigt(_CompiledLaw):
         """∂F/∂x = K."""
         return np.full_like(penetration, self.stiffness)
 
-    def damping_at(self, depth: float) -> float:
+    @overload
+    def damping_at(self, depth: float) -> float: ...
+    @overload
+    def damping_at(self, depth: ArrayLike) -> Floats: ...
+    def damping_at(self, depth: ArrayLike) -> float | Floats:
         """∂F/∂v = B, at any depth > 0 [m]."""
-        number_in("depth", depth, 0.0, 1e100, open_low=True)
-        return self.damping
+        x = in_contact(depth)[0]
+        return np.full(x.shape, self.damping) if x.ndim else self.damping
 
 
 @register
@@ -237,10 +254,14 @@ class ExtendedKelvinVoigt(_CompiledLaw):
         slope: Floats = self.stiffness + 2.0 * self.quadratic_stiffness * penetration
         return slope
 
-    def damping_at(self, depth: float) -> float:
+    @overload
+    def damping_at(self, depth: float) -> float: ...
+    @overload
+    def damping_at(self, depth: ArrayLike) -> Floats: ...
+    def damping_at(self, depth: ArrayLike) -> float | Floats:
         """∂F/∂v = B, at any depth > 0 [m]."""
-        number_in("depth", depth, 0.0, 1e100, open_low=True)
-        return self.damping
+        x = in_contact(depth)[0]
+        return np.full(x.shape, self.damping) if x.ndim else self.damping
 
 
 @register
@@ -289,7 +310,12 @@ class HuntCrossley(_CompiledLaw):
         )
         return slope
 
-    def damping_at(self, depth: float) -> float:
+    @overload
+    def damping_at(self, depth: float) -> float: ...
+    @overload
+    def damping_at(self, depth: ArrayLike) -> Floats: ...
+    def damping_at(self, depth: ArrayLike) -> float | Floats:
         """∂F/∂v = B xⁿ at a depth > 0 [m]."""
-        x = number_in("depth", depth, 0.0, 1e100, open_low=True)
-        return float(self.damping * x**self.exponent)
+        x = in_contact(depth)[0]
+        slope = self.damping * x**self.exponent
+        return slope if x.ndim else float(slope)

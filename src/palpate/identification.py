@@ -37,12 +37,24 @@ from palpate.preparation.prepared import Place
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate
 from palpate.preparation.velocity import window_samples
+from palpate.quantities.derived import (
+    elastic_modulus_from,
+    energy_from,
+    passivity_from,
+    restitution_from,
+)
+from palpate.quantities.elastic_modulus import ElasticModulus
+from palpate.quantities.energy import EnergyLoss
+from palpate.quantities.passivity import Passivity
+from palpate.quantities.restitution import Restitution
+from palpate.quantities.wanted import Wanted
 from palpate.refusals import check_approach, why_nothing
 from palpate.replaying import choices, estimator_of, replayed, with_surface_off
 from palpate.results.description import of_one
 from palpate.results.frames import to_pandas, to_xarray
 from palpate.results.summary import line, summary
 from palpate.settings import ChangeDetector, ContactGate, Scale
+from palpate.tips import Tip
 from palpate.trace import Trace
 from palpate.validation import Floats, number_in, positive
 
@@ -82,6 +94,8 @@ class Identification:
         Where on the material it is, by :meth:`by_place`.
     chosen : tuple of str
         The settings that were left open, and chosen from the data.
+    wanted : Wanted
+        The impact and the tip that derived numbers are for, by :meth:`wanting`.
     """
 
     contact: Contact
@@ -94,6 +108,7 @@ class Identification:
     noticed: Trace | None = field(default=None, repr=False)
     place: Place | None = field(default=None, repr=False)
     chosen: tuple[str, ...] = ()
+    wanted: Wanted = field(default_factory=Wanted)
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -126,7 +141,7 @@ class Identification:
         """Force, stiffness and damping at the working depth and at the 90th percentile, SI."""
         return self.diagnosis.working_depths
 
-    def at(self, depth: ArrayLike) -> WorkingDepth:
+    def at(self, depth: "ArrayLike") -> WorkingDepth:
         """Force, stiffness and damping at other depths, each with both error bars, SI.
 
         Those of the diagnosis: what repeats, and what the causes that were found would move. It is
@@ -155,21 +170,65 @@ class Identification:
         found = diagnose_parts(data, self.trace, self.estimate, depths=depths).working_depths[1:]
         return stacked(found, wanted.shape)
 
-    def force_at(self, depth: ArrayLike) -> Quantity:
+    def force_at(self, depth: "ArrayLike") -> Quantity:
         """Force at depths [m] and at rest, N, with both error bars; see :meth:`at`."""
         return self.at(depth).force
 
-    def stiffness_at(self, depth: ArrayLike) -> Quantity:
+    def stiffness_at(self, depth: "ArrayLike") -> Quantity:
         """∂F/∂x at depths [m] and at rest, N/m, with both error bars; see :meth:`at`."""
         return self.at(depth).stiffness
 
-    def damping_at(self, depth: ArrayLike) -> Quantity:
+    def damping_at(self, depth: "ArrayLike") -> Quantity:
         """∂F/∂v at depths [m], N·s/m, with both error bars; see :meth:`at`."""
         return self.at(depth).damping
 
     def at_depth(self, depth: float) -> "Identification":
         """Return the same with another working depth, m, for its diagnosis."""
         return replace(self, depth=number_in("depth", depth, 0.0, 1e100, open_low=True))
+
+    def wanting(self, wanted: Wanted) -> "Identification":
+        """Return the same with derived numbers for an impact and a tip."""
+        return replace(self, wanted=wanted)
+
+    def restitution(self, speed: float | None = None) -> Restitution:
+        """How a free body would rebound that meets the material at a speed.
+
+        Parameters
+        ----------
+        speed : float, optional
+            m/s, > 0; unless given that of :attr:`wanted`, or the fastest approach in contact.
+        """
+        return restitution_from(self, speed)
+
+    @cached_property
+    def energy(self) -> EnergyLoss:
+        """Energy lost a touch, or a cycle of a probe that stays in contact; and by the law."""
+        return energy_from(self)
+
+    @cached_property
+    def passivity(self) -> Passivity:
+        """Whether the law pulls anywhere in the recorded motion, and the recorded force too."""
+        return passivity_from(self)
+
+    def elastic_modulus(
+        self, tip: Tip | None = None, poisson_ratio: float | None = None
+    ) -> ElasticModulus:
+        """Young's modulus by the force at working depth and the shape of the tip.
+
+        Parameters
+        ----------
+        tip : Tip, optional
+            Such as ``Sphere(radius=5e-3)``; that of :attr:`wanted` unless given.
+        poisson_ratio : float, optional
+            Of the material, in (−1, 0.5]; that of :attr:`wanted`, 0.5 as of soft tissue, unless
+            given.
+
+        Raises
+        ------
+        InvalidParameterError
+            No tip is given, or Poisson's ratio is out of its range.
+        """
+        return elastic_modulus_from(self, tip, poisson_ratio)
 
     def by_stretch(self) -> "Identification":
         """Return the same with each stretch between the changes that were found by itself.
@@ -184,7 +243,7 @@ class Identification:
         return replace(self, stretches=found, noticed=self._watched())
 
     def by_place(
-        self, watch: Callable[[Sequence[_Placed]], Iterable[_Placed]] = iter
+        self, watch: "Callable[[Sequence[_Placed]], Iterable[_Placed]]" = iter
     ) -> "Identification":
         """Return the same with each place of a probe that travels by itself.
 
@@ -199,7 +258,8 @@ class Identification:
         found = []
         for place, contact in watch(list(at_places(self.contact))):
             with suppress(RecordingError):
-                found.append(replace(identify(contact, self._fresh()), place=place))
+                part = identify(contact, self._fresh())
+                found.append(replace(part, place=place, wanted=self.wanted))
         return replace(self, stretches=tuple(found))
 
     def _fresh(self) -> ContactEstimator:
@@ -212,7 +272,8 @@ class Identification:
         with suppress(RecordingError):
             part = self.contact.window(episode.start + smear, episode.stop - smear)
             found = identify(part, self.estimator.replace())
-            return found.at_depth(self.diagnosis.working_depth.depth)
+            there = self.diagnosis.working_depth
+            return replace(found.at_depth(there.depth), wanted=self.wanted)
         return None
 
     def _watched(self) -> Trace:
@@ -414,7 +475,7 @@ class Identification:
 
 
 def identify(
-    source: Contact | Recorded, estimator: ContactEstimator | str | None = None
+    source: "Contact | Recorded", estimator: ContactEstimator | str | None = None
 ) -> Identification:
     """Identify the contact model of a whole contact.
 
@@ -464,7 +525,7 @@ def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identif
 
 
 def diagnose(
-    source: Contact | Recorded,
+    source: "Contact | Recorded",
     estimator: ContactEstimator | str | None = None,
     *,
     depth: float | None = None,
@@ -485,7 +546,7 @@ def diagnose(
 
 
 def compare(
-    source: Contact | Recorded,
+    source: "Contact | Recorded",
     *,
     gate: ContactGate | None = None,
     outlier_rejection: Rejection = None,

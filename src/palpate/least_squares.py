@@ -36,8 +36,8 @@ class LeastSquares(_core.LeastSquares):
         self,
         order: int,
         *,
-        initial: ArrayLike | None = None,
-        initial_covariance: ArrayLike = 1e6,
+        initial: "ArrayLike | None" = None,
+        initial_covariance: "ArrayLike" = 1e6,
     ) -> None:
         if not isinstance(order, int | np.integer) or not 1 <= order <= 8:
             raise InvalidParameterError(f"order must be a whole number in [1, 8], not {order!r}")

@@ -10,7 +10,7 @@ from palpate.validation import Floats, signals
 START_UP = 0.2  # s
 
 
-def rmse_percent(measured: ArrayLike, predicted: ArrayLike) -> float:
+def rmse_percent(measured: "ArrayLike", predicted: "ArrayLike") -> float:
     """100 √(Σ (F − F̂)² / Σ F²), the paper's RMSE%; NaN without samples or without force."""
     force, estimate = signals(measured=measured, predicted=predicted)
     energy = float(np.dot(force, force))

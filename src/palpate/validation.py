@@ -79,6 +79,53 @@ def instance(name: str, value: Any, kinds: type | tuple[type, ...]) -> None:
         raise InvalidParameterError(f"{name} must be a {words}, not {shown(value)}")
 
 
+def real_array(name: str, values: ArrayLike) -> Floats:
+    """``values`` as a float array of any shape; masked ones are refused."""
+    unmasked(name, values)
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind not in "fiub":
+            raise TypeError
+        return array.astype(np.float64, copy=False)
+    except Exception:  # an object's own __array__ may raise anything
+        raise InvalidParameterError(
+            f"{name} must be a number, or an array of numbers, not {shown(values)}"
+        ) from None
+
+
+def together(**arrays: ArrayLike) -> tuple[Floats, ...]:
+    """Each as by :func:`real_array`, broadcast to one shape."""
+    given = {name: real_array(name, values) for name, values in arrays.items()}
+    try:
+        return tuple(np.broadcast_arrays(*given.values()))
+    except ValueError:
+        shapes = " and ".join(str(array.shape) for array in given.values())
+        raise InvalidParameterError(
+            f"{' and '.join(given)} must be of shapes that go together, not {shapes}"
+        ) from None
+
+
+def in_contact(depth: ArrayLike, velocity: ArrayLike = 0.0) -> tuple[Floats, Floats]:
+    """Depths in (0, 1e100] m and finite velocities, m/s, broadcast to one shape."""
+    if isinstance(depth, float | int) and isinstance(velocity, float | int):  # the usual case
+        x = number_in("depth", depth, 0.0, 1e100, open_low=True)
+        return np.array(x), np.array(number("velocity", velocity))
+    x_all, v_all = together(depth=depth, velocity=velocity)
+    all_good("depth", x_all, (x_all > 0.0) & (x_all <= 1e100), "in (0, 1e+100]")
+    all_good("velocity", v_all, np.isfinite(v_all), "finite")
+    return x_all, v_all
+
+
+def all_good(name: str, values: Floats, good: NDArray[np.bool_], range_: str) -> None:
+    """Refuse an array unless every value is good, by the first that is not."""
+    if good.all():
+        return
+    first = int(np.argmin(good.reshape(-1)))
+    where = "" if values.ndim == 0 else f"; value {first} is not"
+    bad = values.reshape(-1)[first]
+    raise InvalidParameterError(f"{name} must be {range_}, not {bad:g}{where}")
+
+
 def unmasked(name: str, values: Any) -> None:
     """Refuse an array of which a mask hides some, since NumPy would pass over the mask."""
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
@@ -117,19 +164,8 @@ def signals(**arrays: ArrayLike) -> tuple[Floats, ...]:
 
 def positive(name: str, values: ArrayLike) -> Floats:
     """``values``, of any shape, as floats that are all finite and > 0."""
-    unmasked(name, values)
-    try:
-        given = np.asarray(values)
-        if given.dtype.kind not in "fiub":
-            raise TypeError
-        array: Floats = given.astype(np.float64)
-    except Exception:  # an object's own __array__ may raise anything
-        raise InvalidParameterError(
-            f"{name} must be a number, or an array of numbers, not {shown(values)}"
-        ) from None
-    wrong = ~((array > 0.0) & np.isfinite(array))
-    if wrong.any():
-        raise InvalidParameterError(f"{name} must be finite and > 0, not {array[wrong].flat[0]}")
+    array = real_array(name, values)
+    all_good(name, array, (array > 0.0) & np.isfinite(array), "finite and > 0")
     return array
 
 

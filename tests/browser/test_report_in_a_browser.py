@@ -16,7 +16,8 @@ LOOKS = {"desk": 1280, "phone": 390}
 # Letters of SVG text as the screen shows them, in pixels, of drawings that are shown.
 SMALLEST_LETTERS = """() => Math.min(...[...document.querySelectorAll(".drawing text")]
   .filter(each => each.getClientRects().length)
-  .map(each => parseFloat(getComputedStyle(each).fontSize) * each.getScreenCTM().a))"""
+  .map(each => [parseFloat(getComputedStyle(each).fontSize), each.getScreenCTM()])
+  .map(([size, turned]) => size * Math.hypot(turned.a, turned.b)))"""
 SHOWN = """name => [...document.querySelectorAll(`.drawing.${name}`)]
   .filter(each => each.getClientRects().length).length"""
 CONTRAST = """() => {

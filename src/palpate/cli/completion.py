@@ -66,7 +66,8 @@ def _hints() -> Hints:
         choice: Any = Literal[tuple(values)]
         hints.setdefault(command, {})[parameter] = choice | str
     several = hints["paper"]["only"]
-    hints["paper"]["only"] = Annotated[tuple[several, ...], Parameter(consume_multiple=True)]  # type: ignore[valid-type]
+    many = Parameter(consume_multiple=True, negative="")
+    hints["paper"]["only"] = Annotated[tuple[several, ...], many]  # type: ignore[valid-type]
     return hints
 
 

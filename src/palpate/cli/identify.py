@@ -1,14 +1,15 @@
 """The command ``palpate identify``."""
 
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
+from palpate.cli.deriving import Deriving
 from palpate.cli.drawing import Drawing
 from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
 from palpate.cli.reading import Files, Reading
+from palpate.cli.values import ResultFolder
 
 
 def identify(
@@ -17,10 +18,11 @@ def identify(
     *,
     method: str = "variable-projection",
     changes: Annotated[bool, Parameter(negative="")] = False,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: ResultFolder = None,
     as_json: AsJson = False,
     drawing: Drawing | None = None,
     judging: Judging | None = None,
+    deriving: Deriving | None = None,
     reading: Reading | None = None,
 ) -> int:
     """Identify the contact model of a recording.
@@ -55,6 +57,8 @@ def identify(
 
     reading, judging = reading or Reading(), judging or Judging()
     drawing = drawing or Drawing()
+    deriving = deriving or Deriving()
+    wanted = deriving.wanted
     depth, kind = judging.depth, estimator_named(method)
     drawing.check(list(files))
     folder = None
@@ -64,6 +68,7 @@ def identify(
         folder = Destination(output, [file for file in files if str(file) != "-"])
     contact = reading.contact(files, method)
     result = run(contact, kind(**reading.settings(contact, kind)))
+    result = result.wanting(wanted)
     result = result if depth is None else result.at_depth(depth)
     result = result.by_stretch() if changes else result
     if not changes and contact.prepared is not None and contact.prepared.places:
@@ -76,6 +81,7 @@ def identify(
                 "method": method,
                 **({"changes": True} if changes else {}),
                 **judging.options,
+                **deriving.options,
                 **reading.options,
             },
             compared=compare(
@@ -85,5 +91,5 @@ def identify(
                 watch=partial(counted, words="comparing with every method"),
             ),
         )
-    print_identifications(files, [result], drawing.figure, as_json=as_json)
+    print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
     return judging.status([result.diagnosis.verdict])

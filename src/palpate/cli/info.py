@@ -6,6 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from palpate.cli.printing import AsJson
+from palpate.cli.values import Dark, FigureFile
 
 
 def info(
@@ -14,8 +15,8 @@ def info(
     *,
     channel: Annotated[tuple[str, ...], Parameter(negative="")] = (),
     curve: int | None = None,
-    figure: Path | None = None,
-    dark: bool = False,
+    figure: FigureFile = None,
+    dark: Dark = False,
     as_json: AsJson = False,
 ) -> None:
     """Say what a recording holds: channels, units, clocks with rates and gaps, ranges.

@@ -10,6 +10,7 @@ from palpate.cli.working_depths import whole_error
 from palpate.diagnosis import Quantity
 from palpate.digits import rounded, with_error
 from palpate.identification import Identification
+from palpate.results.following import with_prefix
 
 _NUMBERS = (Column("stiffness\nN/m", right=True), Column("damping\nN·s/m", right=True))
 
@@ -46,11 +47,15 @@ def print_stretches(result: Identification, console: Console) -> None:
 def print_places(result: Identification, console: Console) -> None:
     """Print what was identified at each place: stiffness and damping at its own working depth."""
     places = [part for part in result.stretches if part.place is not None]
+    if not places:
+        return
+    console.print()
     columns = [
         Column("time\ns", right=True),
         Column("at x, y, z\nmm", right=True),
         Column("depth\nmm", right=True),
         *_NUMBERS,
+        *([Column("Young's\nmodulus", right=True)] if result.wanted.tip else []),
         Column("verdict"),
     ]
     print_table(console, columns, [_place(part) for part in places], compact=True)
@@ -63,11 +68,25 @@ def _place(part: Identification) -> list[str | Text]:
     return [
         f"{time[0]:.1f}–{time[-1]:.1f}",
         ", ".join(f"{1e3 * each:.1f}" for each in place),
-        rounded(1e3 * there.depth, 3),
+        _depth(1e3 * there.depth),
         _number(there.stiffness),
         _number(there.damping),
+        *([_modulus(part)] if part.wanted.tip else []),
         Text(verdict, style=COLOURS[verdict]),
     ]
+
+
+def _depth(millimetres: float) -> str:
+    """Three digits, with a zero at their end where there is one: they stand in a column."""
+    plain = 0.01 <= millimetres < 1000.0
+    return f"{millimetres:#.3g}".rstrip(".") if plain else rounded(millimetres, 3)
+
+
+def _modulus(part: Identification) -> str:
+    """With its whole error; the JSON says why there is none."""
+    found = part.elastic_modulus()
+    whole = Quantity(found.value.value, whole_error(found.value), 0.0)
+    return "refused" if found.refused else with_prefix(whole, "Pa")
 
 
 def _number(quantity: Quantity) -> str:

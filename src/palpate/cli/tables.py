@@ -17,6 +17,7 @@ from palpate.digits import rounded
 from palpate.identification import Identification
 from palpate.preparation.touches import touches_of
 from palpate.results.description import described
+from palpate.results.following import following
 
 
 def print_identifications(
@@ -25,6 +26,7 @@ def print_identifications(
     figure: Path | None,
     *,
     as_json: bool,
+    folder: Path | None = None,
 ) -> None:
     """Print what a file gave: its identifications side by side, and what to know about them."""
     if as_json:
@@ -45,6 +47,8 @@ def print_identifications(
             say(console, f"{result.method}: {flag}", "yellow")
     if figure is not None:
         say_path(f"figure: {figure}", console)
+    if folder is not None:
+        say_path(f"report: {folder / 'report.html'}", console)
 
 
 def _print_result(result: Identification, console: Terminal) -> None:
@@ -54,14 +58,16 @@ def _print_result(result: Identification, console: Terminal) -> None:
         print_verdict(part, console, name=when(part))
     console.print()
     print_working_depths(result, console)
-    if result.stretches:
+    if stretches_of(result):
         console.print()
         print_stretches(result, console)
-        print_places(result, console)
     console.print()
     print_law(result, console)
     say(console, _quality(result))
+    print_places(result, console)
     _print_surface(result, console)
+    for line in following(result):
+        say(console, str(line))
     if result.noticed is not None:
         say(console, _noticed(result))
 

@@ -19,10 +19,9 @@ def print_verdict(result: Identification, console: Console, *, name: str = "") -
     """Print the verdict of an identification, its reason, and what to do about it."""
     found = result.diagnosis
     verdict = found.verdict
-    start = f"{name}: " if name else ""
-    words = Text(f"{start}{verdict.overall}", style=f"bold {COLOURS[verdict.overall]}")
-    words.append(f" (stiffness: {verdict.stiffness}, damping: {verdict.damping})", "none")
-    words.append(f": {found.reason}", "none")
+    words = Text(f"{name}: " if name else "")
+    words.append(verdict.overall, f"bold {COLOURS[verdict.overall]}")
+    words.append(f" (stiffness: {verdict.stiffness}, damping: {verdict.damping}): {found.reason}")
     if found.remedy:
         words.append(f" ({found.remedy})", "dim")
     say(console, words)

@@ -43,7 +43,7 @@ class CramerRaoBound:
         return float(self.standard_errors[self.names.index(name)])
 
 
-def sensitivity(law: ForceLaw, penetration: ArrayLike, velocity: ArrayLike) -> Floats:
+def sensitivity(law: ForceLaw, penetration: "ArrayLike", velocity: "ArrayLike") -> Floats:
     """∂F/∂θ for the law's parameters at every sample, shape (k, p); zero out of contact.
 
     Parameters
@@ -61,8 +61,8 @@ def sensitivity(law: ForceLaw, penetration: ArrayLike, velocity: ArrayLike) -> F
 
 def jacobian(
     law: ForceLaw,
-    penetration: ArrayLike,
-    velocity: ArrayLike,
+    penetration: "ArrayLike",
+    velocity: "ArrayLike",
     *,
     offset: bool = False,
     surface: bool = False,
@@ -81,8 +81,8 @@ def jacobian(
 
 def fisher_information(
     law: ForceLaw,
-    penetration: ArrayLike,
-    velocity: ArrayLike,
+    penetration: "ArrayLike",
+    velocity: "ArrayLike",
     noise: float,
     *,
     offset: bool = False,
@@ -114,8 +114,8 @@ def fisher_information(
 
 def cramer_rao_bound(
     law: ForceLaw,
-    penetration: ArrayLike,
-    velocity: ArrayLike,
+    penetration: "ArrayLike",
+    velocity: "ArrayLike",
     noise: float,
     *,
     offset: bool = False,
@@ -133,14 +133,14 @@ def cramer_rao_bound(
     return CramerRaoBound(names, np.sqrt(np.diag(covariance)), covariance)
 
 
-def _by_surface(law: ForceLaw, penetration: ArrayLike, velocity: ArrayLike) -> Floats:
+def _by_surface(law: ForceLaw, penetration: "ArrayLike", velocity: "ArrayLike") -> Floats:
     """∂F/∂d where x becomes x − d."""
     x, v = _finite_signals(penetration, velocity)
     inside = x > 0.0
     return np.where(inside, -law.penetration_gradient(np.where(inside, x, 1.0), v), 0.0)
 
 
-def _finite_signals(penetration: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
+def _finite_signals(penetration: "ArrayLike", velocity: "ArrayLike") -> tuple[Floats, Floats]:
     x, v = signals(penetration=penetration, velocity=velocity)
     for name, values in (("penetration", x), ("velocity", v)):
         if not np.isfinite(values).all():

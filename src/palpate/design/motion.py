@@ -71,7 +71,7 @@ class Motion:
         """Σ aᵢ ωᵢ, m/s: the speed at t = 0, and never exceeded."""
         return math.fsum(a * w for a, w in zip(self.amplitudes, self.frequencies, strict=True))
 
-    def at(self, time: ArrayLike) -> tuple[Floats, Floats]:
+    def at(self, time: "ArrayLike") -> tuple[Floats, Floats]:
         """Penetration [m] and velocity [m/s] at times [s], each of their shape."""
         t = np.asarray(time, dtype=np.float64)
         x, v = np.full(t.shape, self.depth), np.zeros(t.shape)

@@ -46,10 +46,10 @@ class ContactEstimator:
 
         def replay(
             self,
-            penetration: ArrayLike,
-            velocity: ArrayLike,
-            force: ArrayLike,
-            dt: ArrayLike | None = None,
+            penetration: "ArrayLike",
+            velocity: "ArrayLike",
+            force: "ArrayLike",
+            dt: "ArrayLike | None" = None,
         ) -> Trace:
             """Take arrays sample by sample, as ``update`` would, and write everything down."""
 
@@ -110,10 +110,10 @@ class CompiledEstimator(ContactEstimator):
 
     def replay(
         self,
-        penetration: ArrayLike,
-        velocity: ArrayLike,
-        force: ArrayLike,
-        dt: ArrayLike | None = None,
+        penetration: "ArrayLike",
+        velocity: "ArrayLike",
+        force: "ArrayLike",
+        dt: "ArrayLike | None" = None,
     ) -> Trace:
         """Take arrays sample by sample, as ``update`` would, and write everything down.
 
@@ -156,10 +156,10 @@ class PythonEstimator(ContactEstimator):
 
     def replay(
         self,
-        penetration: ArrayLike,
-        velocity: ArrayLike,
-        force: ArrayLike,
-        dt: ArrayLike | None = None,
+        penetration: "ArrayLike",
+        velocity: "ArrayLike",
+        force: "ArrayLike",
+        dt: "ArrayLike | None" = None,
     ) -> Trace:
         """Take arrays sample by sample by ``update``, and write everything down.
 
@@ -189,7 +189,7 @@ class PythonEstimator(ContactEstimator):
         vars(self).update(copy.deepcopy(state))
 
 
-def _time_steps(dt: ArrayLike, samples: int) -> Floats:
+def _time_steps(dt: "ArrayLike", samples: int) -> Floats:
     """One time step, or as many as there are samples."""
     one = np.isscalar(dt) or (isinstance(dt, np.ndarray) and dt.ndim == 0)
     steps = signal("dt", np.array([dt]) if one else dt)

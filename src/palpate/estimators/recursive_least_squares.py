@@ -67,7 +67,7 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
         self,
         *,
         initial: ForceLaw | None = None,
-        initial_covariance: ArrayLike | None = None,
+        initial_covariance: "ArrayLike | None" = None,
         forgetting: Forgetting | None = None,
         perturbation: SelfPerturbation | None = None,
         change_detector: ChangeDetector | None = None,

@@ -13,6 +13,7 @@ from palpate.figures.style import style
 from palpate.figures.words import JOINED, name_of
 from palpate.identification import Identification
 from palpate.ranking import rank
+from palpate.stages import timed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,6 +29,7 @@ CAPTION = (
 )
 
 
+@timed("figure")
 def draw_comparison(
     results: Mapping[str, Identification], *, dark: bool = False, width: float | None = None
 ) -> "Figure":

@@ -12,6 +12,7 @@ from palpate.figures.sheet import head, set_titles, stack
 from palpate.figures.style import style
 from palpate.figures.words import at_depth, fit_of, parameters_of, verdict_of
 from palpate.identification import Identification
+from palpate.stages import timed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 _IN_A_ROW = 4
 
 
+@timed("figure")
 def draw(
     identification: Identification, *, dark: bool = False, width: float | None = None
 ) -> "Figure":

@@ -81,12 +81,13 @@ class style:  # noqa: N801 - reads as a statement
     def __init__(self, theme: Theme, sheet: Sheet = PAGE) -> None:
         try:
             import matplotlib
-            from matplotlib.figure import Figure
+
+            from palpate.figures.drawn import Drawn
         except ImportError:
             raise MissingExtraError(
                 "figures need matplotlib: pip install 'palpate[figures]'"
             ) from None
-        self._new_figure = Figure
+        self._new_figure = Drawn
         font, scale = sheet.font, sheet.scale
         self._context = matplotlib.rc_context(
             {

@@ -193,7 +193,7 @@ class SplineTrajectory:
         s at rest that the samples begin with, ≥ 0: the force sensor's bias is measured in it.
     """
 
-    def __init__(self, time: ArrayLike, penetration: ArrayLike, *, pause: float = 0.0) -> None:
+    def __init__(self, time: "ArrayLike", penetration: "ArrayLike", *, pause: float = 0.0) -> None:
         try:
             from scipy.interpolate import CubicSpline
         except ImportError:

@@ -78,7 +78,7 @@ class OnlinePreparation(_core.OnlinePreparation):
         force_offset: float = 0.0,
         tare_time: float = 0.0,
         flip: Sequence[str] = (),
-        direction: ArrayLike | None = None,
+        direction: "ArrayLike | None" = None,
         lost_positions: bool = _DEFAULTS["lost_positions"],
         longest_gap: float | None = None,
     ) -> None:
@@ -120,7 +120,7 @@ class OnlinePreparation(_core.OnlinePreparation):
         return dict(self._settings)
 
     def replay(
-        self, position: ArrayLike, force: ArrayLike, time: ArrayLike | None = None
+        self, position: "ArrayLike", force: "ArrayLike", time: "ArrayLike | None" = None
     ) -> Contact:
         """Take arrays sample by sample, as :meth:`update` would, and return what is given.
 
@@ -206,7 +206,7 @@ def _flipped(flip: Sequence[str]) -> set[str]:
     return names
 
 
-def _unit_vector(direction: ArrayLike) -> list[float]:
+def _unit_vector(direction: "ArrayLike") -> list[float]:
     vector = signal("direction", direction)
     length = float(np.linalg.norm(vector))
     if vector.size != 3 or not 1e-100 < length < 1e100:
@@ -217,7 +217,7 @@ def _unit_vector(direction: ArrayLike) -> list[float]:
     return unit
 
 
-def _rows(name: str, values: ArrayLike, columns: int) -> Floats:
+def _rows(name: str, values: "ArrayLike", columns: int) -> Floats:
     """``values`` one row after the other, in one dimension."""
     if columns == 1:
         return signal(name, values)

@@ -43,14 +43,14 @@ Recorded: TypeAlias = Recording | str | os.PathLike[str] | Frame
 
 
 def prepare(
-    recording: Recorded | None = None,
+    recording: "Recorded | None" = None,
     *,
     columns: Columns | None = None,
-    time: ArrayLike | None = None,
-    penetration: ArrayLike | None = None,
-    force: ArrayLike | None = None,
-    velocity: ArrayLike | None = None,
-    segment: ArrayLike | None = None,
+    time: "ArrayLike | None" = None,
+    penetration: "ArrayLike | None" = None,
+    force: "ArrayLike | None" = None,
+    velocity: "ArrayLike | None" = None,
+    segment: "ArrayLike | None" = None,
     velocity_window: float | None = None,
     source: str | None = None,
     provenance: Mapping[str, str] | None = None,

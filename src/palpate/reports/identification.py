@@ -67,6 +67,7 @@ def page(
         "</header>",
         "<main>",
         *_section("numbers", "What was identified", sections.numbers(result)),
+        *_section("following", "What follows from the law", sections.follows(result)),
         *_section("figure", "Figure", _figure(result)),
         *_section("residuals", "What the law leaves", _residuals(result)),
         *_section("findings", "Findings", sections.findings(result)),

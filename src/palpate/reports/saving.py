@@ -19,6 +19,7 @@ from palpate.results.columns import in_file, trace_columns
 from palpate.results.description import described
 from palpate.results.loading import RESULT, TRACES
 from palpate.results.toml import as_toml, how_made
+from palpate.stages import timed
 from palpate.writing import check_writable, make_folder, write_text
 
 REPORT, OPTIONS = "report.html", "run.toml"
@@ -64,6 +65,7 @@ class Destination:
         """Of the files, in the order in which they are written: the result's own is the last."""
         return (REPORT, self.trace, OPTIONS, RESULT)
 
+    @timed("report")
     def save(
         self,
         result: Identification,

@@ -7,12 +7,13 @@ from html import escape
 import numpy as np
 
 from palpate.diagnosis import Quantity, WorkingDepth
-from palpate.digits import rounded, with_error
+from palpate.digits import interval, rounded, with_error
 from palpate.identification import Identification
 from palpate.ranking import rank
 from palpate.recordings.truth import truth_of
 from palpate.reports import html
-from palpate.results.summary import TWO_SIDED, both, depth_in_words, number
+from palpate.results.following import following
+from palpate.results.summary import both, depth_in_words, number
 
 
 def verdict(result: Identification) -> Iterator[str]:
@@ -71,9 +72,8 @@ def _law(result: Identification) -> Iterator[str]:
     rows = []
     names = zip(law.names(), law.symbols, law.parameters, errors, law.units, strict=True)
     for name, symbol, value, error, unit in names:
-        low, high = value - TWO_SIDED * error, value + TWO_SIDED * error
         row = [f"{symbol}, {name.replace('_', ' ')}", with_error(value, error)]
-        row += [f"{rounded(low, 4)} to {rounded(high, 4)}", unit]
+        row += [interval(value, error), unit]
         if known and truth is not None:
             true = getattr(truth, name)
             row += [rounded(true, 5), _apart(value - true, error)]
@@ -101,6 +101,15 @@ def _correlations(result: Identification) -> Iterator[str]:
         for k, symbol in enumerate(symbols)
     ]
     yield from html.table("Correlations", ["", *symbols], rows)
+
+
+def follows(result: Identification) -> Iterator[str]:
+    """Rebound, energy lost, pulling and elastic modulus."""
+    rows = []
+    for line in following(result, whole=True):
+        remarks = "".join(f'<p class="soft">{escape(remark)}</p>' for remark in line.remarks)
+        rows.append([escape(line.name), f"<p>{escape(line.words)}</p>{remarks}"])
+    yield from html.table("Of a free impact, of the loops, and of the tip", ("", ""), rows)
 
 
 def findings(result: Identification) -> Iterator[str]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from palpate.diagnosis import Episode
 from palpate.preparation.touches import touches_of
+from palpate.quantities.derived import derived
 from palpate.ranking import rank
 from palpate.validation import Floats
 
@@ -79,6 +80,7 @@ def of_one(result: "Identification") -> dict[str, Any]:
         "standard_errors": dict(zip(law.as_dict(), result.standard_errors.tolist(), strict=True)),
         "correlations": _correlations(result.correlations),
         **beside,
+        **derived(result),
         "prediction_rmse_percent": _defined(result.prediction_rmse_percent),
         "fit_rmse_percent": _defined(result.fit_rmse_percent),
         "violated_fraction": _defined(result.violated_fraction),
@@ -107,7 +109,12 @@ def _episode(stretch: "Identification") -> dict[str, Any]:
     there: dict[str, Any] = {}
     if stretch.place is not None:
         there = {"kind": "place", "place": stretch.place.as_dict()}
-    return {**own.as_dict(), "verdict": found.verdict.as_dict(), **there}
+    return {
+        **own.as_dict(),
+        "verdict": found.verdict.as_dict(),
+        **there,
+        **derived(stretch),
+    }
 
 
 def _gate(results: "Sequence[Identification]") -> "ContactGate":

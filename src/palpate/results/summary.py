@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.diagnosis import Quantity
-from palpate.digits import rounded, with_error
+from palpate.digits import interval, rounded, with_error
+from palpate.results.following import following
 
 if TYPE_CHECKING:
     from palpate.identification import Identification
-
-TWO_SIDED = 1.96  # standard errors: 95 of 100
 
 
 def line(result: "Identification") -> str:
@@ -27,7 +26,8 @@ def line(result: "Identification") -> str:
 
 def summary(result: "Identification") -> str:
     """What was identified, how well, and how far to trust it, as text."""
-    return "\n".join([*_head(result), "", *_depths(result), "", *_law(result), *_findings(result)])
+    lines = [*_head(result), "", *_depths(result), "", *_law(result), ""]
+    return "\n".join([*lines, *map(str, following(result)), *_findings(result)])
 
 
 def number(quantity: Quantity) -> str:
@@ -45,8 +45,11 @@ def both(quantity: Quantity) -> str:
 
 
 def depth_in_words(depth: float) -> str:
-    """A depth, in mm."""
-    return f"{rounded(1e3 * depth, 4)} mm" if math.isfinite(depth) else "an unknown depth"
+    """A depth, in mm; in µm or nm where it is small."""
+    for unit, size, least in (("mm", 1e-3, 1e-4), ("µm", 1e-6, 1e-6)):
+        if depth >= least:
+            return f"{rounded(depth / size, 4)} {unit}"
+    return f"{rounded(1e9 * depth, 4)} nm" if math.isfinite(depth) else "an unknown depth"
 
 
 def _head(result: "Identification") -> list[str]:
@@ -80,10 +83,8 @@ def _law(result: "Identification") -> list[str]:
     rows = [(law.kind, "estimate", "95 % interval", "unit", *law.symbols)]
     parts = zip(law.symbols, law.parameters, errors, law.units, matrix, strict=True)
     for symbol, value, error, unit, row in parts:
-        low, high = value - TWO_SIDED * error, value + TWO_SIDED * error
-        interval = f"{rounded(low, 5)} to {rounded(high, 5)}" if error > 0.0 else "unknown"
         correlations = (f"{each:+.3f}" if math.isfinite(each) else "–" for each in row)
-        rows.append((symbol, with_error(value, error), interval, unit, *correlations))
+        rows.append((symbol, with_error(value, error), interval(value, error), unit, *correlations))
     return [*_aligned(rows), "(the last columns are correlations)"]
 
 

@@ -1,0 +1,184 @@
+"""Stiffness at working depth beside K, with their relative errors, on recordings by others.
+
+``python -m benchmarks.working_depth``. K is the force at one metre of depth, where no probe has
+been; the stiffness ∂F/∂x at the median penetration is what a recording holds. The recordings are
+those of ``PALPATE_DATA``, or of ``../shared/data`` beside the checkout.
+"""
+
+import math
+import statistics
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cyclopts import App
+from rich.console import Console
+
+from benchmarks.accuracy.recordings import recorded
+from benchmarks.machine import describe
+from palpate import Identification, RecordingError, identify
+from palpate.digits import rounded, with_error
+from palpate.writing import check_writable, write_text
+
+PAGE = "docs/accuracy/working-depth.md"
+MARKS = ("trust", "with-care", "do-not-trust")
+HEADINGS = (
+    "recording",
+    "verdict on the stiffness",
+    "depth, mm",
+    "stiffness, N/m (± repeatable ± what the findings would move)",
+    "all of its error",
+    "repeatable",
+    "K, N/mⁿ",
+    "its error",
+    "n",
+)
+WHY = (
+    "K is the force at one metre of depth, where no probe has been, in a unit that depends on the "
+    "exponent. The stiffness where the probe was is known better: that of the recordings marked "
+    "`trust` to {whole}, all told, where K is known to {coefficient} (medians)."
+)
+NOTE = (
+    "Each recording as `palpate identify` takes it, with variable projection and nothing set. The "
+    "stiffness is ∂F/∂x at the median penetration. Its repeatable error is from the scatter of the "
+    "residual, with how well the surface is known; all of it has what the diagnosis' findings "
+    "would move beside that. K's error is what the scatter leaves, and the surface; what the "
+    "findings would move of K is not in it. Errors are of one standard deviation, in per cent of "
+    "the value's size."
+)
+
+app = App(name="python -m benchmarks.working_depth", help_format="plaintext", version_flags=[])
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One recording's numbers; errors are relative."""
+
+    name: str
+    verdict: str
+    depth: float
+    stiffness: str
+    whole: float
+    repeatable: float
+    coefficient: str
+    coefficient_error: float
+    exponent: str
+
+    def cells(self) -> list[str]:
+        """The row as words, under ``HEADINGS``."""
+        return [
+            self.name,
+            self.verdict,
+            rounded(1e3 * self.depth, 3),
+            self.stiffness,
+            _percent(self.whole),
+            _percent(self.repeatable),
+            self.coefficient,
+            _percent(self.coefficient_error),
+            self.exponent,
+        ]
+
+
+@app.default
+def main(markdown: Path | None = None) -> None:
+    """Measure, and print the table.
+
+    Parameters
+    ----------
+    markdown
+        Write the page to this file.
+    """
+    if markdown is not None:
+        check_writable(markdown)
+    console = Console(stderr=True)
+    rows, skipped = [], []
+    for file in recorded():
+        try:
+            rows.append(row_of(file.stem, identify(file)))
+        except RecordingError as error:
+            skipped.append(f"{file.stem}: skipped, {str(error).removeprefix(f'{file}: ')}.")
+        console.print(f"{file.stem}: done", style="dim")
+    if not rows:
+        console.print("no recordings in PALPATE_DATA or ../shared/data")
+        sys.exit(1)
+    text = page(rows, skipped)
+    print(text)
+    if markdown is not None:
+        write_text(markdown, text)
+
+
+def row_of(name: str, result: Identification) -> Row:
+    """Return what one recording gave."""
+    there, law = result.diagnosis.working_depth, result.law
+    stiffness, errors = there.stiffness, result.standard_errors
+    parts = (stiffness.standard_error, stiffness.systematic)
+    return Row(
+        name,
+        result.diagnosis.verdict.stiffness,
+        there.depth,
+        with_error(stiffness.value, *parts),
+        math.hypot(*parts) / abs(stiffness.value),
+        stiffness.standard_error / abs(stiffness.value),
+        with_error(law.stiffness, float(errors[0])),
+        float(errors[0]) / abs(law.stiffness),
+        with_error(law.exponent, float(errors[2])),
+    )
+
+
+def page(rows: Sequence[Row], skipped: Sequence[str]) -> str:
+    """Return the table, with what it comes to, as Markdown."""
+    lines = [
+        f"<!-- Written by python -m benchmarks.working_depth --markdown {PAGE} -->",
+        "",
+        "# Stiffness at working depth, beside K",
+        "",
+        *_why(rows),
+        NOTE,
+        "",
+        "| stiffness marked | recordings | all of its error | repeatable | K's error | "
+        "K's over the repeatable one |",
+        "|---|--:|--:|--:|--:|--:|",
+        *_summaries(rows),
+        "",
+        f"| {' | '.join(HEADINGS)} |",
+        "|---|---|--:|--:|--:|--:|--:|--:|--:|",
+        *(f"| {' | '.join(row.cells())} |" for row in rows),
+        "",
+        *(f"- {words}" for words in skipped),
+        *(f"- {name}: {value}" for name, value in describe("").items() if value),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _why(rows: Sequence[Row]) -> list[str]:
+    trusted = [row for row in rows if row.verdict == "trust"]
+    if not trusted:
+        return []
+    whole = statistics.median(row.whole for row in trusted)
+    coefficient = statistics.median(row.coefficient_error for row in trusted)
+    return [WHY.format(whole=_percent(whole), coefficient=_percent(coefficient)), ""]
+
+
+def _summaries(rows: Sequence[Row]) -> list[str]:
+    lines = []
+    for mark in (*MARKS, "any"):
+        chosen = [row for row in rows if mark in (row.verdict, "any")]
+        if not chosen:
+            continue
+        medians = [
+            _percent(statistics.median(getattr(row, name) for row in chosen))
+            for name in ("whole", "repeatable", "coefficient_error")
+        ]
+        times = statistics.median(row.coefficient_error / row.repeatable for row in chosen)
+        cells = [mark, str(len(chosen)), *medians, f"{rounded(times, 2)} times"]
+        lines.append(f"| {' | '.join(cells)} |")
+    return lines
+
+
+def _percent(value: float) -> str:
+    return f"{rounded(100.0 * value, 2)} %" if math.isfinite(value) else "–"
+
+
+if __name__ == "__main__":
+    app()

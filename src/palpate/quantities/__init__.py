@@ -1,0 +1,1 @@
+"""What follows from an identified law: impacts, energy, passivity and elastic modulus."""

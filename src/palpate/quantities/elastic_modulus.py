@@ -1,0 +1,165 @@
+"""Young's modulus of what was touched, where the tip's shape is known."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from palpate.diagnosis.data import in_words
+from palpate.diagnosis.finding import Diagnosis, Quantity, WorkingDepth, defined
+from palpate.diagnosis.misfit import WIDEST_STIFFNESS
+from palpate.digits import with_error
+from palpate.force_laws import ForceLaw
+from palpate.quantities.restitution import UNKNOWN
+from palpate.tips import Tip
+
+# Systematic part from the exponent, of the modulus, beyond which there is none: a stiffness that is
+# known no better is not to be trusted either. Half a power of the depth, where the next shape lies,
+# makes as much over depths from 1 to 2.7; strokes from the surface go from 1 to 9.
+MOST_APART = WIDEST_STIFFNESS
+# Half way to the exponent of the next shape, and standard errors that it must be away for certain.
+NEXT_SHAPE, CERTAIN = 0.25, 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class ElasticModulus:
+    """Young's modulus E, Pa, or why there is none.
+
+    Attributes
+    ----------
+    value : Quantity
+        E = (1 − ν²) F(x)/(g xᵐ) at the working depth x, with the tip's own exponent m. Systematic:
+        what m does over the depths in contact where it is not the law's n, Hertz's paraboloid in
+        place of a ball, and as large a part as the diagnosis' findings would move the stiffness by.
+        NaN where it is refused.
+    tip : Tip
+        That was given.
+    poisson_ratio : float
+        ν, which was given or assumed; no indentation says it.
+    exponent : Quantity
+        n = x (∂F/∂x)/F of the law at the working depth, which should be the tip's.
+    refused : str or None
+        Why there is no modulus.
+    remarks : tuple of str
+        What a reader should know of it.
+    """
+
+    value: Quantity
+    tip: Tip
+    poisson_ratio: float
+    exponent: Quantity
+    refused: str | None = None
+    remarks: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers and words; what is not defined is None."""
+        return {
+            **self.value.as_dict(),
+            "reduced": defined(self.value.value / (1.0 - self.poisson_ratio**2)),
+            "poisson_ratio": self.poisson_ratio,
+            "tip": self.tip.as_dict(),
+            "exponent": {**self.exponent.as_dict(), "of_tip": self.tip.exponent},
+            "refused": self.refused,
+            "remarks": list(self.remarks),
+        }
+
+
+def elastic_modulus_of(
+    law: ForceLaw,
+    found: Diagnosis,
+    depths: tuple[float, float],
+    tip: Tip,
+    poisson_ratio: float,
+) -> ElasticModulus:
+    """Return Young's modulus by the force at working depth and the shape of the tip.
+
+    By the force where it was measured rather than by K, which is the force at one metre and depends
+    on the exponent. Refused where the moduli of light and of deep touch are more than 25 % off it,
+    or the exponent is certainly another shape's: the numbers are then not this tip's.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        What was identified.
+    found : Diagnosis
+        Of it.
+    depths : tuple of float
+        10th and 90th percentile of the penetration in contact, m, > 0.
+    tip : Tip
+        Of the probe.
+    poisson_ratio : float
+        ν of the material.
+    """
+    there = found.working_depth
+    exponent = _exponent(there)
+    refused = _no_tip(there, exponent, tip)
+    if refused:
+        return ElasticModulus(UNKNOWN, tip, poisson_ratio, exponent, refused)
+    low, modulus, high = (
+        (1.0 - poisson_ratio**2) * float(law.force(depth, 0.0)) / tip.force(1.0, depth)
+        for depth in (depths[0], there.depth, depths[1])
+    )
+    apart = 0.5 * abs(high - low) / modulus
+    refused = _another_shape(exponent, apart, tip)
+    if refused:
+        return ElasticModulus(UNKNOWN, tip, poisson_ratio, exponent, refused)
+    moved = there.stiffness.systematic / abs(there.stiffness.value)
+    value = Quantity(
+        modulus,
+        modulus * there.force.standard_error / there.force.value,
+        modulus * math.hypot(apart, moved, tip.departure(there.depth)),
+    )
+    remarks = (*_doubts(found, exponent, tip), *tip.doubts(depths[1]))
+    return ElasticModulus(value, tip, poisson_ratio, exponent, remarks=remarks)
+
+
+def _exponent(there: WorkingDepth) -> Quantity:
+    """Of the force, d ln F/d ln x, with the relative errors of the stiffness.
+
+    They are the larger by far: force is what was measured, and stiffness its slope.
+    """
+    if not there.force.value > 0.0:
+        return UNKNOWN
+    per = there.depth / there.force.value
+    s = there.stiffness
+    return Quantity(per * s.value, per * s.standard_error, per * s.systematic)
+
+
+def _no_tip(there: WorkingDepth, exponent: Quantity, tip: Tip) -> str | None:
+    if not math.isfinite(exponent.value):
+        return "the law has no force at the working depth"
+    if not tip.holds(there.depth):
+        return f"at the working depth, {in_words(there.depth, 'm')}, there is no {tip.kind} left"
+    return None
+
+
+def _another_shape(exponent: Quantity, apart: float, tip: Tip) -> str | None:
+    """Say why the force does not grow with depth as under this tip."""
+    words = (
+        f"the force grows with depth to the power {_with_errors(exponent)}, and under a {tip.kind} "
+        f"to the power {tip.exponent:g}"
+    )
+    if apart > MOST_APART:
+        return f"{words}: light and deep touch would give moduli {2.0 * apart:.0%} apart"
+    error = math.hypot(exponent.standard_error, exponent.systematic)
+    if abs(exponent.value - tip.exponent) > max(NEXT_SHAPE, CERTAIN * error):
+        return f"{words}: it is of another shape"
+    return None
+
+
+def _with_errors(quantity: Quantity) -> str:
+    return with_error(quantity.value, quantity.standard_error, quantity.systematic)
+
+
+def _doubts(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
+    remarks = []
+    error = math.hypot(exponent.standard_error, exponent.systematic)
+    if not CERTAIN * error < NEXT_SHAPE:
+        remarks.append(
+            f"the exponent, {_with_errors(exponent)}, does not say whether the tip is a {tip.kind}"
+        )
+    if any(finding.check == "surface" for finding in found.findings):
+        remarks.append(
+            "where the surface lies is in doubt, as palpate diagnose says: 1 % of the depth moves "
+            f"the modulus by {tip.exponent:g} %"
+        )
+    return remarks

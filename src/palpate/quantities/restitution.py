@@ -1,0 +1,135 @@
+"""The restitution of what was identified, with its error bar."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from palpate.diagnosis.finding import Quantity, WorkingDepth, defined
+from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.quantities.approximations import APPROXIMATIONS
+from palpate.quantities.impact import restitution, restitution_slope
+from palpate.validation import Floats
+
+UNKNOWN = Quantity(math.nan, math.nan, math.nan)
+
+
+@dataclass(frozen=True, slots=True)
+class Restitution:
+    """How a free body would rebound from the contact that was identified, at one speed.
+
+    Attributes
+    ----------
+    speed : float
+        v₀ at first touch, m/s.
+    fastest_approach : float
+        Into the material in the recording, m/s: 99.9 % of its samples were slower.
+    coefficient : Quantity
+        e by the law's exact relation, :func:`palpate.restitution`; NaN where it is not defined.
+    dissipation : Quantity
+        b = B/K, s/m, by :func:`dissipation_of`.
+    approximations : mapping of str to float
+        e by relations that people quote, at the same b v₀; NaN where one says nothing.
+    remarks : tuple of str
+        What a reader should know of it.
+    """
+
+    speed: float
+    fastest_approach: float
+    coefficient: Quantity
+    dissipation: Quantity
+    approximations: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    remarks: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers and words; what is not defined is None."""
+        return {
+            "speed": defined(self.speed),
+            "fastest_approach": defined(self.fastest_approach),
+            "coefficient": self.coefficient.as_dict(),
+            "dissipation": self.dissipation.as_dict(),
+            "approximations": {name: defined(e) for name, e in self.approximations.items()},
+            "remarks": list(self.remarks),
+        }
+
+
+def restitution_of(
+    law: ForceLaw, b: Quantity, fastest_approach: float, speed: float | None = None
+) -> Restitution:
+    """Return the restitution of a law whose dissipation is known with its errors.
+
+    They go to e by de/dd of the exact relation, the repeatable and the systematic part apart.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        What was identified.
+    b : Quantity
+        Its dissipation, by :func:`dissipation_of`.
+    fastest_approach : float
+        That was recorded in contact, m/s.
+    speed : float, optional
+        v₀, m/s; the fastest approach unless given.
+    """
+    v0 = fastest_approach if speed is None else speed
+    if not isinstance(law, HuntCrossley):
+        words = f"not defined by a {law.kind} law without the mass of the body"
+        return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(words,))
+    if not (math.isfinite(b.value) and v0 > 0.0):
+        force = (
+            "the law's stiffness is not positive" if v0 > 0.0 else "nothing approached in contact"
+        )
+        return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(f"not known: {force}",))
+    d = b.value * v0
+    e, slope = restitution(b.value, v0), abs(restitution_slope(d)) * v0 if d > -1.0 else math.nan
+    return Restitution(
+        v0,
+        fastest_approach,
+        Quantity(e, slope * b.standard_error, slope * b.systematic),
+        b,
+        MappingProxyType({each.name: each.restitution(b.value, v0) for each in APPROXIMATIONS}),
+        tuple(_remarks(b, v0, fastest_approach)),
+    )
+
+
+def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Quantity:
+    """Return b = B/K of a Hunt–Crossley law, s/m; unknown of another, or without stiffness.
+
+    Var b = b² (Var B/B² + Var K/K² − 2 Cov/(B K)): K and B go together with the exponent and with
+    the surface, of which b knows nothing. Systematic: that of the damping at working depth over the
+    force there, C/F = b.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        What was identified.
+    covariance : numpy.ndarray, shape (3, 3)
+        Of K, B and n, SI.
+    there : WorkingDepth
+        Its numbers.
+    """
+    if not (isinstance(law, HuntCrossley) and law.stiffness > 0.0):
+        return UNKNOWN
+    slope = np.array([-law.dissipation, 1.0]) / law.stiffness
+    variance = float(slope @ covariance[:2, :2] @ slope)
+    force = there.force.value
+    systematic = there.damping.systematic / force if force > 0.0 else math.nan
+    return Quantity(law.dissipation, math.sqrt(max(variance, 0.0)), systematic)
+
+
+def _remarks(b: Quantity, speed: float, fastest: float) -> list[str]:
+    remarks = []
+    if b.value * speed <= -1.0:
+        remarks.append("the law draws the body in at this speed: nothing rebounds")
+    elif b.value < 0.0:
+        remarks.append("the damping is negative: the law makes energy, which no material does")
+    # Two standard errors: 95 % of what the error bar leaves possible.
+    if b.value >= 0.0 and b.value < 2.0 * math.hypot(b.standard_error, b.systematic):
+        remarks.append("the damping is not distinguishable from 0: e may be 1")
+    # Of two figures: the fastest approach is itself a percentile.
+    if speed > 1.01 * fastest:
+        remarks.append(f"an extrapolation: no approach in the recording exceeds {fastest:.2g} m/s")
+    return remarks

@@ -1,0 +1,34 @@
+"""What a person says for the numbers that are derived from a law."""
+
+from dataclasses import dataclass
+
+from palpate.tips import Tip
+from palpate.validation import instance, number_in
+
+# Incompressible, as soft tissue, gels and rubber nearly are.
+POISSON_RATIO = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """For which impact and which tip the derived numbers are.
+
+    Parameters
+    ----------
+    impact_speed : float, optional
+        Of the restitution, m/s, in (0, 1e6]; the fastest approach recorded in contact unless given.
+    tip : Tip, optional
+        :class:`Sphere`, :class:`FlatPunch` or :class:`Cone`; without one there is no modulus.
+    poisson_ratio : float
+        Of the material, in (−1, 0.5].
+    """
+
+    impact_speed: float | None = None
+    tip: Tip | None = None
+    poisson_ratio: float = POISSON_RATIO
+
+    def __post_init__(self) -> None:
+        if self.impact_speed is not None:
+            number_in("impact_speed", self.impact_speed, 0.0, 1e6, open_low=True)
+        instance("tip", self.tip, (Tip, type(None)))
+        number_in("poisson_ratio", self.poisson_ratio, -1.0, 0.5, open_low=True)

@@ -1,0 +1,78 @@
+"""Help on the command line and in Python: readable at any width, and in any editor."""
+
+import inspect
+import re
+
+import pytest
+from rich.cells import cell_len
+
+import palpate
+from palpate.cli.application import COMMANDS
+
+ANY_COMMAND = "Any command\n  --no-color"
+#: A Python union, or the name of a module, has no place in front of a user.
+PYTHON = re.compile(r"Union|Optional|Literal|NoneType|typing\.|palpate\.\w|\bNone\b|\bTrue\b|False")
+
+
+@pytest.mark.parametrize("columns", [40, 60, 100])
+@pytest.mark.parametrize("command", [*COMMANDS, ""])
+def test_help_fits_the_terminal(run, monkeypatch, command, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    status, out, err = run(*command.split(), "--help")
+    assert (status, err) == (0, "")
+    assert max(map(cell_len, out.split("\n"))) <= columns
+    assert not PYTHON.search(out)
+    assert "…" not in out.replace("--exponent …", "")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_shows_an_example_and_what_every_command_takes(run, command):
+    out = run(command, "--help")[1]
+    assert out.startswith("Usage: palpate")
+    assert re.search(rf"^  palpate {command} ", out, re.MULTILINE)
+    assert ANY_COMMAND in out
+
+
+def test_options_stand_under_headings_with_what_they_take(run):
+    out = run("identify", "--help")[1]
+    headings = re.findall(r"^(?!Usage|For example)([A-Z][\w ]+)$", out, re.MULTILINE)
+    assert headings == [
+        "Arguments",
+        "Options",
+        "What is printed and drawn",
+        "How it is judged",
+        "What is read",
+        "How it is prepared",
+        "Options in a file",
+        "Any command",
+    ]
+    assert "--fail-on do-not-trust|with-care" in out
+    assert "--surface DEPTH" in out
+    assert "--[no-]reject-outliers" in out
+    assert "--no-dark" not in out  # off is what it is already
+
+
+def public_callables():
+    for name in palpate.__all__:
+        each = getattr(palpate, name)
+        yield name, each
+        for part, method in inspect.getmembers(each, callable) if inspect.isclass(each) else ():
+            if not part.startswith("_") and getattr(method, "__module__", "") == each.__module__:
+                yield f"{name}.{part}", method
+
+
+def test_no_type_in_a_signature_is_a_riddle():
+    """NumPy's array_like alone is a union of 300 characters where it is not quoted."""
+    for name, function in public_callables():
+        try:
+            parameters = inspect.signature(function).parameters.values()
+        except (TypeError, ValueError):  # compiled
+            continue
+        for parameter in parameters:
+            words = inspect.formatannotation(parameter.annotation)
+            assert len(words) <= 120, f"{name}({parameter.name}: {words})"
+
+
+def test_the_package_says_its_version(run):
+    assert palpate.__version__ == run("--version")[1].strip()
+    assert "__version__" in dir(palpate)

@@ -1,0 +1,231 @@
+"""Tips: the forces of elasticity theory, and Young's modulus by them or the reason why not."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from cases import exciting
+
+import palpate
+from palpate import (
+    Cone,
+    Contact,
+    FlatPunch,
+    HuntCrossley,
+    InvalidParameterError,
+    KelvinVoigt,
+    Sphere,
+    Wanted,
+    identify,
+)
+from palpate.cli.deriving import tip_of
+
+MODULUS, POISSON = 40e3, 0.45  # Pa
+REDUCED = MODULUS / (1.0 - POISSON**2)
+BALL = Sphere(0.1)  # so large that 15 mm are a small depth
+TIPS = [BALL, FlatPunch(0.2), Cone(math.radians(70.0))]
+
+
+def pressed(tip, *, noise=0.02, exponent=None, seed=0) -> Contact:
+    """Three sines into the material by a tip, with a Hunt–Crossley damper."""
+    power = tip.exponent if exponent is None else exponent
+    stiffness = REDUCED * tip.factor * 10e-3 ** (tip.exponent - power)  # the same at 10 mm
+    law = HuntCrossley(stiffness, stiffness, power)
+    signals = exciting(law, seconds=3.0, noise=noise, seed=seed)
+    return Contact(
+        signals.time,
+        penetration=signals.penetration,
+        velocity=signals.velocity,
+        force=signals.force,
+    )
+
+
+# By hand from F = 4/3 E* √R x^(3/2), 2 E* R x and (2/π) E* tan α x².
+@pytest.mark.parametrize(
+    "tip, force",
+    [
+        (Sphere(0.01), 4.0 / 3.0 * 1e4 * 0.1 * 1e-3),
+        (FlatPunch(0.01), 2.0 * 1e4 * 0.01 * 0.01),
+        (Cone(math.pi / 4.0), 2.0 / math.pi * 1e4 * 1e-4),
+    ],
+    ids=lambda each: each.kind if isinstance(each, palpate.Tip) else "",
+)
+def test_the_force_is_that_of_elasticity(tip, force):
+    assert tip.force(1e4, 0.01) == pytest.approx(force, rel=1e-14)
+    assert tip.force(1e4, -0.01) == 0.0
+
+
+def test_hertz_is_more_than_the_true_sphere_by_what_is_said():
+    """Sneddon 1965: F = E*/2 [(a² + R²) ln q − 2 a R], x = (a/2) ln q, q = (R + a)/(R − a)."""
+    tip = Sphere(1.0)
+    for a in (0.05, 0.3, 0.6, 0.83):
+        logarithm = math.log((1.0 + a) / (1.0 - a))
+        depth, force = 0.5 * a * logarithm, 0.5 * ((a**2 + 1.0) * logarithm - 2.0 * a)
+        ratio = force / tip.force(1.0, depth)
+        assert 1.0 - ratio == pytest.approx(tip.departure(depth), abs=1e-3)
+    assert tip.holds(0.99)
+    assert not tip.holds(1.0)
+
+
+@pytest.mark.parametrize("tip", TIPS, ids=lambda tip: tip.kind)
+def test_the_modulus_of_the_material_is_found(tip):
+    result = identify(pressed(tip))
+    found = result.elastic_modulus(tip, POISSON)
+    assert found.refused is None
+    assert abs(found.value.value - MODULUS) < 4.0 * found.value.standard_error + (
+        0.002 * MODULUS  # of the exponent's 0.001 or so, which the systematic part holds
+    )
+    # The paraboloid for a ball, 15 mm/(10 · 100 mm), is in the systematic part and in no other.
+    assert found.value.systematic < 0.02 * MODULUS
+    assert found.exponent.value == pytest.approx(tip.exponent, abs=0.01)
+    assert found.as_dict()["reduced"] == pytest.approx(REDUCED, rel=0.01)
+    assert identify(pressed(tip)).wanting(Wanted(tip=tip)).elastic_modulus().poisson_ratio == 0.5
+
+
+def test_an_exponent_that_is_nearly_the_tips_costs_an_error_bar_and_no_modulus():
+    """n = 1.52 ± 0.002 is formally not 1.5; the modulus of the force there is meaningful."""
+    result = identify(pressed(BALL, exponent=1.52))
+    found = result.elastic_modulus(BALL, POISSON)
+    assert found.exponent.value - 1.5 > 5.0 * found.exponent.standard_error
+    assert found.refused is None
+    depth = result.contact.penetration[result.trace.taken]
+    low, high = np.percentile(depth, (10.0, 90.0))
+    apart = 0.5 * ((high / low) ** 0.02 - 1.0) * MODULUS
+    hertz = BALL.departure(result.diagnosis.working_depth.depth) * MODULUS
+    assert found.value.systematic == pytest.approx(math.hypot(apart, hertz), rel=0.05)
+    assert abs(found.value.value - MODULUS) < found.value.systematic
+
+
+@pytest.mark.parametrize("of, taken_for", [(2, 0), (0, 1), (1, 0), (0, 2)])
+def test_the_modulus_of_another_shape_is_refused_with_the_reason(of, taken_for):
+    found = identify(pressed(TIPS[of])).elastic_modulus(TIPS[taken_for], POISSON)
+    assert math.isnan(found.value.value)
+    assert f"and under a {TIPS[taken_for].kind} to the power" in found.refused
+    assert found.as_dict()["value"] is None
+
+
+def test_a_tip_deeper_than_its_radius_is_no_sphere():
+    found = identify(pressed(BALL)).elastic_modulus(Sphere(5e-3))
+    assert found.refused.startswith("at the working depth")
+    assert found.refused.endswith("there is no sphere left")
+
+
+@pytest.mark.parametrize(
+    "tip, words",
+    [
+        (Sphere(0.05), "depths far below the radius"),
+        (FlatPunch(0.05), "linear elasticity is for small strains"),
+        (Cone(math.radians(30.0)), "below this cone they are 0.35 at any depth"),
+    ],
+    ids=lambda each: each.kind if isinstance(each, palpate.Tip) else "",
+)
+def test_strains_that_are_not_small_are_said(tip, words):
+    remarks = identify(pressed(tip)).elastic_modulus(tip).remarks
+    assert words in "; ".join(remarks)
+
+
+def test_a_surface_that_is_assumed_is_said():
+    remarks = identify(pressed(BALL)).elastic_modulus(BALL).remarks
+    assert "1 % of the depth moves the modulus by 1.5 %" in remarks[0]
+
+
+def test_a_law_without_an_exponent_has_that_of_its_own_slope():
+    result = identify(pressed(TIPS[1]), "kelvin-voigt")
+    assert isinstance(result.law, KelvinVoigt)
+    found = result.elastic_modulus(TIPS[1], POISSON)
+    assert found.exponent.value == 1.0
+    assert found.value.value == pytest.approx(MODULUS, rel=0.02)
+
+
+def test_the_modulus_is_in_the_json_object_where_a_tip_is_wanted():
+    result = identify(pressed(BALL)).wanting(Wanted(tip=BALL, poisson_ratio=POISSON))
+    found = json.loads(json.dumps(result.as_dict(), allow_nan=False))["elastic_modulus"]
+    assert found["tip"] == {"kind": "sphere", "radius": 0.1}
+    assert found["poisson_ratio"] == POISSON
+    assert found["value"] == result.elastic_modulus().value.value
+    assert found["exponent"]["of_tip"] == 1.5
+    with pytest.raises(InvalidParameterError, match="tip must be given"):
+        identify(pressed(BALL)).elastic_modulus()
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: Sphere(0.0), "radius must be in"),
+        (lambda: Sphere(math.nan), "radius must be finite"),
+        (lambda: FlatPunch("wide"), "radius must be a number"),
+        (lambda: Cone(60.0), r"half_angle must be in \(0, 1.57\]"),
+        (lambda: Wanted(tip="ball"), "tip must be a Tip"),
+        (lambda: Wanted(poisson_ratio=0.6), "poisson_ratio must be in"),
+        (lambda: Wanted(impact_speed=0.0), "impact_speed must be in"),
+    ],
+)
+def test_a_tip_that_cannot_be_is_refused(make, words):
+    with pytest.raises(InvalidParameterError, match=words):
+        make()
+
+
+# On the command line
+
+
+def test_a_tip_is_told_by_its_radius_or_diameter_and_a_cone_by_half_its_opening():
+    assert tip_of("sphere:radius=5mm") == tip_of("sphere:diameter=10mm") == Sphere(5e-3)
+    assert tip_of("punch:radius=0.002") == FlatPunch(2e-3)
+    assert tip_of("cone:angle=60deg").half_angle == pytest.approx(math.pi / 3.0, rel=1e-15)
+    assert tip_of("cone:opening=120deg") == tip_of("cone:angle=60deg")
+    assert tip_of("cone:angle=0.5rad") == Cone(0.5)
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (["--tip", "ball"], "--tip must be such as sphere:radius=5mm"),
+        (["--tip", "cube:edge=5mm"], "not 'cube:edge=5mm'"),
+        (["--tip", "sphere:radius=5"], "radius must be in (0, 1], not 5.0"),
+        (["--tip", "sphere:radius=5mN"], "--tip sphere:radius must be a number and one of m,"),
+        (["--tip", "sphere:radius=0mm"], "radius must be in (0, 1], not 0.0"),
+        (["--tip", "cone:angle=60"], "--tip cone:angle must be such as 30deg or 0.52rad, not '60'"),
+        (["--tip", "cone:angle=95deg"], "half_angle must be in (0, 1.57]"),
+        (["--poisson", "0.4"], "--poisson needs --tip"),
+        (["--tip", "sphere:radius=5mm", "--poisson", "0.7"], "--poisson must be in (-1, 0.5]"),
+        (["--impact-speed", "fast"], "--impact-speed must be a number and one of m/s"),
+        (["--impact-speed", "0m/s"], "--impact-speed must be in (0, 1e+06]"),
+    ],
+    ids=lambda each: " ".join(each) if isinstance(each, list) else "",
+)
+def test_what_cannot_be_is_one_line_before_the_file_is_read(run, options, words):
+    status, out, err = run("identify", "no such file.csv", *options)
+    assert (status, out) == (2, "")
+    assert words in err
+    assert err.count("\n") == 1
+
+
+@pytest.fixture
+def recording(tmp_path):
+    path = tmp_path / "ball.csv"
+    palpate.write_contact(pressed(BALL), path)
+    return path
+
+
+def test_the_table_ends_with_a_line_each(run, recording):
+    out = run("identify", recording)[1]
+    assert "restitution from 0.05" in out
+    assert ", the fastest approach: 0.9" in out
+    assert "(approximations say 0.9" in out
+    assert "energy lost a cycle: " in out
+    assert "the law would pull on withdrawals faster than 0.99" in out
+    assert "elastic modulus" not in out
+
+
+def test_with_a_tip_and_a_speed_there_are_the_modulus_and_every_approximation(run, recording):
+    options = ["--tip", "sphere:radius=100mm", "--poisson", "0.45", "--impact-speed", "0.5m/s"]
+    out = run("identify", recording, *options)[1]
+    assert "restitution from 0.5 m/s: 0.7" in out
+    assert "an extrapolation" in out
+    for name in ("Hunt–Crossley 0.6", "Lankarani–Nikravesh 0.5", "Gonthier", "Flores", "Martins"):
+        assert name in out
+    assert "elastic modulus for a sphere of 100 mm radius: 40" in out
+    assert " kPa with Poisson's ratio 0.45" in out
+    cone = run("identify", recording, "--tip", "cone:opening=60deg")[1]
+    assert "elastic modulus for a cone of 30° between axis and side: none, for the force" in cone
