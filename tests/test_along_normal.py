@@ -7,7 +7,15 @@ import pytest
 from probing import BALL, NOISE, PVC, SPONGE, Motion, tapping, three_sines
 from robots import BIAS, NORMAL, ORIGIN, hand, table_of, topics_of
 
-from palpate import HuntCrossley, InvalidParameterError, RecordingError, identify, prepare
+from palpate import (
+    FlatPunch,
+    HuntCrossley,
+    InvalidParameterError,
+    RecordingError,
+    Wanted,
+    identify,
+    prepare,
+)
 from palpate.preparation.baselines import baseline_of, free_samples
 from palpate.preparation.normals import normal_found, normal_given
 from palpate.preparation.surfaces import surface_of
@@ -217,7 +225,8 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     contact = prepare(recorded)
     assert len(contact.prepared.places) == 2
     assert any("2 places" in remark.sentence for remark in contact.remarks)
-    result = identify(contact).by_place()
+    tip = Wanted(tip=FlatPunch(0.1))
+    result = identify(contact).wanting(tip).by_place()
     assert len(result.stretches) == 2
     for part, law in zip(result.stretches, (BALL, SPONGE), strict=True):
         assert off(part, law) < 4.0
@@ -225,6 +234,9 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     assert [episode["kind"] for episode in episodes] == ["place", "place"]
     far = np.array(episodes[1]["place"]["position"]) - episodes[0]["place"]["position"]
     assert np.linalg.norm(far - (far @ NORMAL) * NORMAL) == pytest.approx(0.03, abs=2e-3)
+    moduli = [episode["elastic_modulus"] for episode in episodes]
+    assert [modulus["tip"]["kind"] for modulus in moduli] == ["punch", "punch"]
+    assert moduli[0]["value"] > 4.0 * moduli[1]["value"]  # a ball and a sponge, both of n = 1
     assert prepare(recorded, spot=1.0).prepared.places == ()
 
 

@@ -1,7 +1,10 @@
 """What follows from an identified law: rebound, energy lost, and whether it pulls."""
 
+import json
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import faults
 import numpy as np
@@ -10,7 +13,7 @@ from cases import exciting, tapping
 
 import palpate
 from palpate import Contact, HuntCrossley, KelvinVoigt, Wanted, identify
-from palpate.quantities.derived import path_of
+from palpate.quantities.derived import derived, path_of
 from palpate.quantities.work import loops_of
 
 LAW = faults.LAW
@@ -101,6 +104,14 @@ def test_negative_damping_is_not_clipped_but_said():
     assert math.isnan(drawn.coefficient.value)
     assert "nothing rebounds" in drawn.remarks[0]
     assert "the law makes energy" in "; ".join(result.energy.remarks)
+
+
+def test_what_the_diagnosis_does_not_trust_is_said():
+    result = identify(faults.changed(1.0))
+    assert result.diagnosis.verdict.damping == "do-not-trust"
+    assert "the diagnosis does not trust the damping" in result.restitution().remarks
+    remarks = result.elastic_modulus(palpate.Sphere(0.2)).remarks
+    assert "the diagnosis does not trust the stiffness" in remarks
 
 
 def test_a_law_whose_rebound_depends_on_the_mass_has_none():
@@ -216,6 +227,16 @@ def test_work_goes_on_where_the_time_does_from_one_segment_to_the_next():
     assert identify(Contact(later, **curve, segment=time > 1.0)).energy.kind == "none"
 
 
+@pytest.mark.parametrize("delay", [2e-3, 10e-3, -5e-3])
+def test_a_force_that_is_late_hides_loss_and_the_systematic_part_holds_it(clean, delay):
+    found = identify(faults.late(delay)).energy.measured
+    hidden = clean.energy.measured.value - found.value
+    assert hidden * delay > 0.0
+    assert abs(hidden) > 10.0 * found.standard_error
+    assert abs(hidden) < 2.0 * found.systematic
+    assert clean.energy.measured.systematic == 0.0
+
+
 def test_the_way_over_a_long_gap_is_not_known():
     contact = sine(LAW, noise=0.02)
     gone = contact.taken((contact.time < 2.0) | (contact.time > 2.3))
@@ -230,6 +251,19 @@ def test_lost_samples_are_in_no_loop():
     force[1000:4000:500] = np.nan
     spiked = replace(contact, force=force)
     found, clean = identify(spiked).energy, identify(contact).energy
+    assert found.measured.value == pytest.approx(clean.measured.value, rel=1e-3)
+
+
+def test_a_spike_in_free_air_is_no_touch():
+    time = 1e-3 * np.arange(3000)
+    x = 6e-3 * np.sin(4.0 * time - 2.0)
+    v = np.gradient(x, time)
+    force = LAW.force(x, v) + 0.02 * np.random.default_rng(0).standard_normal(x.size)
+    spiked = force.copy()
+    spiked[3] = 30.0
+    contact = Contact(time, penetration=x, velocity=v, force=force)
+    clean, found = (identify(replace(contact, force=each)).energy for each in (force, spiked))
+    assert len(clean.lost) == len(found.lost) == 2
     assert found.measured.value == pytest.approx(clean.measured.value, rel=1e-3)
 
 
@@ -290,13 +324,22 @@ def test_a_recorded_force_that_pulls_is_counted():
 
 
 def test_the_numbers_are_in_the_json_object_and_can_be_written(clean):
-    import json
-
     whole = json.loads(json.dumps(clean.as_dict(), allow_nan=False))
     assert whole["restitution"] == clean.restitution().as_dict()
     assert whole["energy"] == clean.energy.as_dict()
     assert whole["passivity"] == clean.passivity.as_dict()
     assert "elastic_modulus" not in whole
+
+
+def test_the_page_shows_the_keys_that_there_are():
+    page = Path(__file__).parents[1] / "docs" / "quantities.md"
+    [shown] = re.findall(r"^```json\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S)
+    recording = "examples/recordings/tapping.csv"
+    wanted = Wanted(impact_speed=0.3, tip=palpate.Cone(math.radians(60.0)))
+    numbers = derived(identify(page.parents[1] / recording).wanting(wanted))
+    keys = [*numbers, *(key for part in numbers.values() for key in part)]
+    keys += ["Flores", "kind", "half_angle", "of_tip"]
+    assert sorted(re.findall(r'"(\w+)":', shown)) == sorted(keys)
 
 
 def test_every_method_has_them():

@@ -66,7 +66,7 @@ def test_json_is_the_diagnosis_of_the_library(run, write):
     assert list(printed["verdict"]) == ["stiffness", "damping", "overall"]
     assert list(printed["working_depth"]) == ["depth", "force", "stiffness", "damping"]
     assert list(printed["findings"][0]) == [
-        "check", "sentence", "remedy", "z", "severity",
+        "check", "sentence", "remedy", "z", "stiffness", "damping", "severity",
         "moves_stiffness_percent", "moves_damping_percent",
     ]  # fmt: skip
     assert list(printed["episodes"][0]) == [

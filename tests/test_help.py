@@ -41,6 +41,7 @@ def test_options_stand_under_headings_with_what_they_take(run):
         "Options",
         "What is printed and drawn",
         "How it is judged",
+        "What follows from the law",
         "What is read",
         "How it is prepared",
         "Options in a file",

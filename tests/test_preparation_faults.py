@@ -1,5 +1,6 @@
 """Faults of a laboratory in a robot's recording: an answer that is off is not trusted."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ from probing import BALL, PVC
 from robots import NORMAL, ORIGIN, hand, table_of
 
 from palpate import Recording, identify, prepare
+from palpate.digits import with_error
 from palpate.preparation.wrenches import turned
 
 SIDE = np.cross(NORMAL, [0.0, 0.0, 1.0]) / np.linalg.norm(np.cross(NORMAL, [0.0, 0.0, 1.0]))
@@ -154,5 +156,11 @@ def test_a_table_of_places_is_whole_in_a_narrow_window(capsys, monkeypatch, tmp_
     monkeypatch.setattr("sys.argv", ["palpate", "identify", str(file)])
     main()
     said = capsys.readouterr().out
-    assert "at x, y, z, mm" in said
-    assert "…" not in said[said.index("at x, y, z, mm") :]
+    places = identify(prepare(file)).by_place().stretches
+    assert said.count("at x, y, z, mm ") == len(places) == 2
+    for part in places:
+        stiffness = part.diagnosis.working_depth.stiffness
+        error = math.hypot(stiffness.standard_error, stiffness.systematic)
+        assert f"stiffness, N/m {with_error(stiffness.value, error)}" in " ".join(said.split())
+    assert "…" not in said
+    assert max(map(len, said.replace(str(file), "").splitlines())) <= 60

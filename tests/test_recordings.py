@@ -185,3 +185,16 @@ def test_in_real_time_a_recording_is_prepared_as_it_is_offline(path):
         # The same sums in another order, 5e-16; but steps that differ by 2e-6 are even offline.
         atol = 2e-6 * np.abs(expected).max()
         np.testing.assert_allclose(given.velocity, expected[middle], rtol=0.0, atol=atol)
+
+
+@pytest.mark.parametrize("path", one_of_each_set("[ACDEFG]_*[!w].csv"))
+def test_every_recording_loses_energy_in_its_loops_and_says_what_follows(path):
+    if not has_penetration(path):
+        pytest.skip("a travelling probe: its places have their own")
+    result = palpate.identify(path)
+    energy, rebound = result.energy, result.restitution()
+    assert energy.kind in ("touch", "cycle")
+    assert 0.0 < energy.measured.value < energy.put_in  # each of these materials damps
+    assert 0.0 < rebound.coefficient.value < 1.0
+    assert 0.0 <= result.passivity.fraction < 0.05
+    json.dumps(result.as_dict(), allow_nan=False)

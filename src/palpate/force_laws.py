@@ -71,8 +71,8 @@ class ForceLaw:
     @overload
     def stiffness_at(self, depth: float, velocity: float = 0.0) -> float: ...
     @overload
-    def stiffness_at(self, depth: ArrayLike, velocity: ArrayLike = 0.0) -> Floats: ...
-    def stiffness_at(self, depth: ArrayLike, velocity: ArrayLike = 0.0) -> float | Floats:
+    def stiffness_at(self, depth: "ArrayLike", velocity: "ArrayLike" = 0.0) -> Floats: ...
+    def stiffness_at(self, depth: "ArrayLike", velocity: "ArrayLike" = 0.0) -> float | Floats:
         """∂F/∂x [N/m] at a depth > 0 [m] and a velocity [m/s]: what a small motion there feels.
 
         Scalars give a float; arrays go together as in NumPy.
@@ -84,8 +84,8 @@ class ForceLaw:
     @overload
     def damping_at(self, depth: float) -> float: ...
     @overload
-    def damping_at(self, depth: ArrayLike) -> Floats: ...
-    def damping_at(self, depth: ArrayLike) -> float | Floats:
+    def damping_at(self, depth: "ArrayLike") -> Floats: ...
+    def damping_at(self, depth: "ArrayLike") -> float | Floats:
         """∂F/∂v [N·s/m] at a depth > 0 [m] and at rest; a scalar gives a float.
 
         By (F(x, v) − F(x, −v))/2v at 1 mm/s: exact for every law that is linear in v.
@@ -213,8 +213,8 @@ class KelvinVoigt(_CompiledLaw):
     @overload
     def damping_at(self, depth: float) -> float: ...
     @overload
-    def damping_at(self, depth: ArrayLike) -> Floats: ...
-    def damping_at(self, depth: ArrayLike) -> float | Floats:
+    def damping_at(self, depth: "ArrayLike") -> Floats: ...
+    def damping_at(self, depth: "ArrayLike") -> float | Floats:
         """∂F/∂v = B, at any depth > 0 [m]."""
         x = in_contact(depth)[0]
         return np.full(x.shape, self.damping) if x.ndim else self.damping
@@ -257,8 +257,8 @@ class ExtendedKelvinVoigt(_CompiledLaw):
     @overload
     def damping_at(self, depth: float) -> float: ...
     @overload
-    def damping_at(self, depth: ArrayLike) -> Floats: ...
-    def damping_at(self, depth: ArrayLike) -> float | Floats:
+    def damping_at(self, depth: "ArrayLike") -> Floats: ...
+    def damping_at(self, depth: "ArrayLike") -> float | Floats:
         """∂F/∂v = B, at any depth > 0 [m]."""
         x = in_contact(depth)[0]
         return np.full(x.shape, self.damping) if x.ndim else self.damping
@@ -313,8 +313,8 @@ class HuntCrossley(_CompiledLaw):
     @overload
     def damping_at(self, depth: float) -> float: ...
     @overload
-    def damping_at(self, depth: ArrayLike) -> Floats: ...
-    def damping_at(self, depth: ArrayLike) -> float | Floats:
+    def damping_at(self, depth: "ArrayLike") -> Floats: ...
+    def damping_at(self, depth: "ArrayLike") -> float | Floats:
         """∂F/∂v = B xⁿ at a depth > 0 [m]."""
         x = in_contact(depth)[0]
         slope = self.damping * x**self.exponent

@@ -220,8 +220,7 @@ class Identification:
         tip : Tip, optional
             Such as ``Sphere(radius=5e-3)``; that of :attr:`wanted` unless given.
         poisson_ratio : float, optional
-            Of the material, in (−1, 0.5]; that of :attr:`wanted`, 0.5 as of soft tissue, unless
-            given.
+            Of the material, in (−1, 0.5]; that of :attr:`wanted` unless given, or 0.5.
 
         Raises
         ------

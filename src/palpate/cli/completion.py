@@ -49,9 +49,9 @@ def install_completion(
     console = Terminal()
     if output is not None:
         write_text(output, app.generate_completion(shell=chosen))
-        say_path(f"completion: {output}", console)
+        say_path(console, f"completion: {output}")
     else:
-        say_path(f"completion: {app.install_completion(shell=chosen)}", console)
+        say_path(console, f"completion: {app.install_completion(shell=chosen)}")
         say(console, "begin a new shell to use it; after an upgrade of palpate, install it again")
 
 

@@ -40,10 +40,10 @@ class Deriving:
         """What is asked for, SI."""
         from palpate.cli.quantities import quantity
         from palpate.errors import InvalidParameterError
-        from palpate.quantities.wanted import POISSON_RATIO, Wanted
+        from palpate.quantities.wanted import Wanted
         from palpate.validation import number_in
 
-        speed, ratio = None, POISSON_RATIO
+        speed, ratio = None, None
         if self.impact_speed is not None:
             given = quantity("--impact-speed", self.impact_speed, "velocity")
             speed = number_in("--impact-speed", given, 0.0, 1e6, open_low=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from palpate.cli.drawing import Drawing
+from palpate.cli.groups import GUESSED, MEASURED, OUTPUT, PLANNED
 from palpate.cli.printing import AsJson, Terminal, print_json
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 Several = Annotated[tuple[float, ...] | None, Parameter(consume_multiple=True, negative="")]
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=GUESSED)
 @dataclass(frozen=True)
 class Guess:
     """The material as guessed; an order of magnitude is a start."""
@@ -28,7 +29,7 @@ class Guess:
     "n, 1 to 2 for most materials."
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=MEASURED)
 @dataclass(frozen=True)
 class Sensor:
     """What the force is measured with."""
@@ -41,7 +42,7 @@ class Sensor:
     "Time between samples, s."
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=PLANNED)
 @dataclass(frozen=True)
 class Plan:
     """The motion, and what a better one has to keep to."""
@@ -58,7 +59,7 @@ class Plan:
     "Highest speed of the better motion, m/s; that of the planned motion unless given."
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=OUTPUT)
 @dataclass(frozen=True)
 class Written:
     """The file that the motion to play is written to."""
@@ -147,12 +148,12 @@ def design(
     console = Terminal(stderr=written.output is not None and is_standard_output(written.output))
     print_design(result, console)
     if played is not None:
-        say_path(f"motion, the {result.chosen[0]} one: {written.output}", console)
+        say_path(console, f"motion, the {result.chosen[0]} one: {written.output}")
         seconds = f"--seconds {played.duration:.4g}"
         command = f"palpate lab MATERIAL -o FILE --trajectory {written.output} {seconds}"
         say_command(console, command)
     if drawing.figure is not None:
-        say_path(f"figure: {drawing.figure}", console)
+        say_path(console, f"figure: {drawing.figure}")
 
 
 def _write_motion(result: "Design", written: Written) -> "MotionCommand | None":

@@ -1,6 +1,8 @@
 """The command ``palpate identify``."""
 
-from typing import Annotated
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -10,6 +12,11 @@ from palpate.cli.judging import Judging
 from palpate.cli.printing import AsJson
 from palpate.cli.reading import Files, Reading
 from palpate.cli.values import ResultFolder
+
+if TYPE_CHECKING:
+    from palpate.contact import Contact
+    from palpate.identification import Identification
+    from palpate.reports.saving import Destination
 
 
 def identify(
@@ -47,49 +54,56 @@ def identify(
     as_json
         Print one JSON object instead of a table.
     """
-    from functools import partial
-
-    from palpate.cli.progress import counted
     from palpate.cli.tables import print_identifications
     from palpate.estimators import estimator_named
-    from palpate.identification import compare
     from palpate.identification import identify as run
 
     reading, judging = reading or Reading(), judging or Judging()
-    drawing = drawing or Drawing()
-    deriving = deriving or Deriving()
-    wanted = deriving.wanted
-    depth, kind = judging.depth, estimator_named(method)
+    deriving, drawing = deriving or Deriving(), drawing or Drawing()
+    wanted, depth, kind = deriving.wanted, judging.depth, estimator_named(method)
     drawing.check(list(files))
-    folder = None
-    if output is not None:
-        from palpate.reports.saving import Destination
-
-        folder = Destination(output, [file for file in files if str(file) != "-"])
+    destination = _destination(output, files)
     contact = reading.contact(files, method)
-    result = run(contact, kind(**reading.settings(contact, kind)))
-    result = result.wanting(wanted)
-    result = result if depth is None else result.at_depth(depth)
-    result = result.by_stretch() if changes else result
-    if not changes and contact.prepared is not None and contact.prepared.places:
-        result = result.by_place(partial(counted, words="identifying each place"))
+    result = run(contact, kind(**reading.settings(contact, kind))).wanting(wanted)
+    result = _in_parts(result if depth is None else result.at_depth(depth), changes=changes)
     drawing.save("draw", result, list(files))
-    if folder is not None:
-        folder.save(
-            result,
-            options={
-                "method": method,
-                **({"changes": True} if changes else {}),
-                **judging.options,
-                **deriving.options,
-                **reading.options,
-            },
-            compared=compare(
-                contact,
-                gate=reading.gate(contact),
-                outlier_rejection=None if reading.reject_outliers else False,
-                watch=partial(counted, words="comparing with every method"),
-            ),
-        )
+    if destination is not None:
+        options = {"method": method, **({"changes": True} if changes else {})}
+        options |= {**judging.options, **deriving.options, **reading.options}
+        destination.save(result, options=options, compared=_compared(contact, reading))
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
     return judging.status([result.diagnosis.verdict])
+
+
+def _destination(output: Path | None, files: Files) -> "Destination | None":
+    """Where the result goes, once it is known that it can be written there."""
+    if output is None:
+        return None
+    from palpate.reports.saving import Destination
+
+    return Destination(output, [file for file in files if str(file) != "-"])
+
+
+def _in_parts(result: "Identification", *, changes: bool) -> "Identification":
+    """With each stretch between changes by itself, or each place of a probe that travels."""
+    from palpate.cli.progress import counted
+
+    if changes:
+        return result.by_stretch()
+    prepared = result.contact.prepared
+    if prepared is not None and prepared.places:
+        return result.by_place(partial(counted, words="identifying each place"))
+    return result
+
+
+def _compared(contact: "Contact", reading: Reading) -> "dict[str, Identification]":
+    """Every method on the same samples, for the report."""
+    from palpate.cli.progress import counted
+    from palpate.identification import compare
+
+    return compare(
+        contact,
+        gate=reading.gate(contact),
+        outlier_rejection=None if reading.reject_outliers else False,
+        watch=partial(counted, words="comparing with every method"),
+    )

@@ -35,7 +35,7 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
     """Print what a recording holds: each section where there is something for it."""
     console = Terminal()
     channels, clocks = len(surveyed.channels), sum(bool(c.name) for c in surveyed.clocks)
-    say_path(recording.source or "recording", console, "bold")
+    say_path(console, recording.source or "recording", "bold")
     say(console, f"{_count(channels, 'channel')} on {_count(clocks, 'clock')}")
     _print_section(console, _types_table(recording, surveyed))
     _print_section(console, _clocks_table(surveyed))

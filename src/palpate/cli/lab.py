@@ -3,17 +3,18 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TextIO
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from palpate.cli.groups import RIG
 from palpate.cli.printing import Terminal
 
 if TYPE_CHECKING:
     from palpate.lab import Bench, Material, Measurement, Probe, Trajectory
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=RIG)
 @dataclass(frozen=True)
 class Instruments:
     """What carries the probe, and what measures."""
@@ -93,12 +94,13 @@ def lab(
     measurement = _run(bench, seed, seconds)
     write_contact(measurement.contact, output, notes=_versions(bench))
     # A recording that goes on into a pipe is not mixed with words about it.
-    where = sys.stderr if is_standard_output(output) else sys.stdout
-    _print(measurement, output, where)
+    console = Terminal(stderr=is_standard_output(output))
+    _print(measurement, output, console)
     if picture is not None:
+        from palpate.cli.layout import say_path
         from palpate.figures.rig import save_rig
 
-        print(f"picture, {save_rig(bench, picture)}: {picture}", file=where)
+        say_path(console, f"picture, {save_rig(bench, picture)}: {picture}")
 
 
 def _check_picture(picture: Path, instruments: Instruments) -> None:
@@ -183,13 +185,15 @@ def _versions(bench: "Bench") -> dict[str, str]:
     return {"made by": "palpate lab; " + ", ".join(f"{name} {version(name)}" for name in names)}
 
 
-def _print(measurement: "Measurement", output: Path, where: TextIO) -> None:
+def _print(measurement: "Measurement", output: Path, console: Terminal) -> None:
+    from palpate.cli.layout import say, say_path
+
     contact, truth = measurement.contact, measurement.truth
-    lines = (
-        f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s",
-        f"truth: {contact.provenance['truth']}",
+    say(console, f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s")
+    say_path(console, f"truth: {contact.provenance['truth']}")
+    say(
+        console,
         f"peak penetration {1e3 * truth.penetration.max():.2f} mm, fastest "
         f"{1e3 * abs(truth.velocity).max():.1f} mm/s, peak force {truth.force.max():.2f} N",
-        f"recording: {output}",
     )
-    print(*lines, sep="\n", file=where)
+    say_path(console, f"recording: {output}")

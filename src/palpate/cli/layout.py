@@ -48,7 +48,7 @@ def say(console: Console, words: Cell, style: str = "", *, hang: int = 2) -> Non
         console.print(line, soft_wrap=True)
 
 
-def say_path(words: str, console: Console, style: str = "") -> None:
+def say_path(console: Console, words: str, style: str = "") -> None:
     """Print what is there to be copied, such as a file's name: in one line, however long."""
     console.print(Text(words, style), soft_wrap=True)
 
@@ -65,7 +65,7 @@ def say_command(console: Console, words: str, style: str = "") -> None:
         else:
             lines[-1] += f" {part}"
     for line in lines:
-        say_path(line, console, style)
+        say_path(console, line, style)
 
 
 def fits(console: Console, columns: Sequence[Column], rows: Sequence[Sequence[Cell]]) -> bool:

@@ -143,4 +143,4 @@ def _print(report: "Report", folder: Path) -> None:
     ]
     print_table(console, columns, rows)
     say(console, report.summary)
-    say_path(f"page: {folder / 'report.html'}", console)
+    say_path(console, f"page: {folder / 'report.html'}")

@@ -24,7 +24,7 @@ _COLOURLESS = ContextVar("palpate.colourless", default=False)
 
 # What the tables print beyond ASCII, for terminals that have no more than that.
 _PLAIN = {
-    "₁": "1", "₂": "2", "·": "*", "±": "+-",
+    "µ": "u", "°": " deg", "₁": "1", "₂": "2", "·": "*", "±": "+-",
     "–": "-", "−": "-", "×": "x", "√": "sqrt", "≥": ">=", "≤": "<=", "…": "...", "“": '"',
     "”": '"', "é": "e", "ó": "o", "σ": "sigma", "✓": "+", "✗": "-", "◐": "~",
     "≈": "~", "→": "->", "λ": "lambda", "₀": "0",

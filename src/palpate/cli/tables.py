@@ -33,7 +33,7 @@ def print_identifications(
         print_json(described(files, results))
         return
     console = Terminal()
-    say_path(results[0].contact.source or "contact", console, "bold")
+    say_path(console, results[0].contact.source or "contact", "bold")
     if len(results) > 1:
         print_comparison(results, console)
     else:
@@ -46,9 +46,9 @@ def print_identifications(
         for flag in () if result.diagnosis.episodes else result.flags:
             say(console, f"{result.method}: {flag}", "yellow")
     if figure is not None:
-        say_path(f"figure: {figure}", console)
+        say_path(console, f"figure: {figure}")
     if folder is not None:
-        say_path(f"report: {folder / 'report.html'}", console)
+        say_path(console, f"report: {folder / 'report.html'}")
 
 
 def _print_result(result: Identification, console: Terminal) -> None:

@@ -30,7 +30,7 @@ def print_verdict(result: Identification, console: Console, *, name: str = "") -
 def print_diagnosis(result: Identification) -> None:
     """Print the verdict, the numbers that it is about, and every finding with its remedy."""
     console, found = Terminal(), result.diagnosis
-    say_path(result.contact.source or "contact", console, "bold")
+    say_path(console, result.contact.source or "contact", "bold")
     print_verdict(result, console)
     print_working_depths(result, console)
     console.print()

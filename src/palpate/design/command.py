@@ -85,7 +85,7 @@ class MotionCommand:
         ):
             object.__setattr__(self, name, value)
 
-    def at(self, time: ArrayLike) -> tuple[Floats, Floats]:
+    def at(self, time: "ArrayLike") -> tuple[Floats, Floats]:
         """Penetration [m] and velocity [m/s] at times [s], each of their shape."""
         t = np.asarray(time, dtype=np.float64)
         sines = np.clip(t, self.start, self.stop) - self.start

@@ -13,6 +13,7 @@ from palpate.design.search import Limits, find_better, limits_around
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import HuntCrossley
+from palpate.stages import timed
 from palpate.validation import instance, number_in
 
 __all__ = ["DURATIONS", "PAPER_MOTION", "Design", "Motion", "design", "effective_noise"]
@@ -105,6 +106,7 @@ class Design:
         }
 
 
+@timed("design")
 def design(
     law: HuntCrossley,
     motion: Motion = PAPER_MOTION,

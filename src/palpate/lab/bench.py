@@ -12,6 +12,7 @@ from palpate.lab.sensors import Sensors, rounded
 from palpate.lab.trajectories import Command, Trajectory
 from palpate.preparation import prepare
 from palpate.preparation.tare import deviation_left
+from palpate.stages import timed
 from palpate.validation import Floats, instance, number_in
 
 
@@ -68,6 +69,7 @@ class Bench:
         instance("probe", self.probe, Probe)
         instance("sensors", self.sensors, Sensors)
 
+    @timed("pressed")
     def run(
         self, seed: int = 0, *, seconds: float = 10.0, progress: Progress | None = None
     ) -> Measurement:

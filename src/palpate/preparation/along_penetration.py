@@ -1,5 +1,6 @@
 """A recording of a penetration and a compression, or arrays of them: as they are, corrected."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -20,9 +21,11 @@ from palpate.preparation.tare import deviation_left
 from palpate.preparation.velocity import lost_positions, velocity_of, window_samples
 from palpate.recordings import Recording
 from palpate.remarks import Remark
-from palpate.stages import timed
+from palpate.stages import stage, timed
 from palpate.validation import Floats
 from palpate.validation import signals as checked_signals
+
+_LOGGER = logging.getLogger(__name__)
 
 # m. Of the estimator's own search for the surface: nearer than this to zero it needs no help.
 SEARCHED = 2e-3
@@ -127,11 +130,11 @@ def _prepared(
     return contact if low is None and high is None else contact.window(low, high)
 
 
-@timed("zero of the force")
 def _tare_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     if done.settings.tare != "find":
         return contact, done
-    free = free_samples(-contact.penetration, contact.force)
+    with stage(_LOGGER, "times out of contact"):
+        free = free_samples(-contact.penetration, contact.force)
     if free is None:
         where = f"{contact.source}: " if contact.source else ""
         raise RecordingError(
@@ -159,12 +162,12 @@ def _tare_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     return contact, replace(done, zero=found.mean, drift=found.drift)
 
 
-@timed("surface")
 def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     rule = done.settings.surface
     if not isinstance(rule, str):
         return contact, done
-    found = surface_of(contact.penetration, contact.velocity, contact.force, rule)
+    with stage(_LOGGER, "surface"):
+        found = surface_of(contact.penetration, contact.velocity, contact.force, rule)
     if rule == "estimate" and (found.assumed or abs(found.position) <= SEARCHED):
         return contact, done  # the estimator finds it from here
     return counted_from(contact, found, rule), replace(done, surface=found)

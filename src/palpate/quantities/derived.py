@@ -74,9 +74,11 @@ def restitution_from(result: "Identification", speed: float | None) -> Restituti
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
     fastest = fastest_of(result.contact.velocity[result.trace.taken])
+    found, v0 = result.diagnosis, speed or result.wanted.impact_speed
     with _absurd_numbers():
-        b = dissipation_of(result.law, result.covariance, result.diagnosis.working_depth)
-        return restitution_of(result.law, b, fastest, speed or result.wanted.impact_speed)
+        b = dissipation_of(result.law, result.covariance, found.working_depth)
+        trusted = found.verdict.damping != "do-not-trust"
+        return restitution_of(result.law, b, fastest, v0, trusted=trusted)
 
 
 def energy_from(result: "Identification") -> EnergyLoss:
@@ -91,6 +93,7 @@ def energy_from(result: "Identification") -> EnergyLoss:
             result.diagnosis.working_depth.damping,
             force_noise=data.force_noise,
             depth_noise=data.penetration_noise,
+            skewed=any(each.check == "delay" for each in result.diagnosis.findings),
         )
 
 

@@ -16,6 +16,8 @@ from palpate.tips import Tip
 # known no better is not to be trusted either. Half a power of the depth, where the next shape lies,
 # makes as much over depths from 1 to 2.7; strokes from the surface go from 1 to 9.
 MOST_APART = WIDEST_STIFFNESS
+# Poisson's ratio of what keeps its volume, as soft tissue, gels and rubber nearly do.
+INCOMPRESSIBLE = 0.5
 # Half way to the exponent of the next shape, and standard errors that it must be away for certain.
 NEXT_SHAPE, CERTAIN = 0.25, 3.0
 
@@ -37,6 +39,8 @@ class ElasticModulus:
         ν, which was given or assumed; no indentation says it.
     exponent : Quantity
         n = x (∂F/∂x)/F of the law at the working depth, which should be the tip's.
+    assumed : bool
+        Whether Poisson's ratio was assumed.
     refused : str or None
         Why there is no modulus.
     remarks : tuple of str
@@ -47,6 +51,7 @@ class ElasticModulus:
     tip: Tip
     poisson_ratio: float
     exponent: Quantity
+    assumed: bool
     refused: str | None = None
     remarks: tuple[str, ...] = ()
 
@@ -56,6 +61,7 @@ class ElasticModulus:
             **self.value.as_dict(),
             "reduced": defined(self.value.value / (1.0 - self.poisson_ratio**2)),
             "poisson_ratio": self.poisson_ratio,
+            "poisson_ratio_assumed": self.assumed,
             "tip": self.tip.as_dict(),
             "exponent": {**self.exponent.as_dict(), "of_tip": self.tip.exponent},
             "refused": self.refused,
@@ -68,7 +74,7 @@ def elastic_modulus_of(
     found: Diagnosis,
     depths: tuple[float, float],
     tip: Tip,
-    poisson_ratio: float,
+    poisson_ratio: float | None,
 ) -> ElasticModulus:
     """Return Young's modulus by the force at working depth and the shape of the tip.
 
@@ -86,22 +92,24 @@ def elastic_modulus_of(
         10th and 90th percentile of the penetration in contact, m, > 0.
     tip : Tip
         Of the probe.
-    poisson_ratio : float
-        ν of the material.
+    poisson_ratio : float or None
+        ν of the material; None: 0.5 is assumed.
     """
+    ratio = INCOMPRESSIBLE if poisson_ratio is None else poisson_ratio
     there = found.working_depth
     exponent = _exponent(there)
+    known = (tip, ratio, exponent, poisson_ratio is None)
     refused = _no_tip(there, exponent, tip)
     if refused:
-        return ElasticModulus(UNKNOWN, tip, poisson_ratio, exponent, refused)
+        return ElasticModulus(UNKNOWN, *known, refused)
     low, modulus, high = (
-        (1.0 - poisson_ratio**2) * float(law.force(depth, 0.0)) / tip.force(1.0, depth)
+        (1.0 - ratio**2) * float(law.force(depth, 0.0)) / tip.force(1.0, depth)
         for depth in (depths[0], there.depth, depths[1])
     )
     apart = 0.5 * abs(high - low) / modulus
     refused = _another_shape(exponent, apart, tip)
     if refused:
-        return ElasticModulus(UNKNOWN, tip, poisson_ratio, exponent, refused)
+        return ElasticModulus(UNKNOWN, *known, refused)
     moved = there.stiffness.systematic / abs(there.stiffness.value)
     value = Quantity(
         modulus,
@@ -109,7 +117,7 @@ def elastic_modulus_of(
         modulus * math.hypot(apart, moved, tip.departure(there.depth)),
     )
     remarks = (*_doubts(found, exponent, tip), *tip.doubts(depths[1]))
-    return ElasticModulus(value, tip, poisson_ratio, exponent, remarks=remarks)
+    return ElasticModulus(value, *known, remarks=remarks)
 
 
 def _exponent(there: WorkingDepth) -> Quantity:
@@ -152,6 +160,8 @@ def _with_errors(quantity: Quantity) -> str:
 
 def _doubts(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
     remarks = []
+    if found.verdict.stiffness == "do-not-trust":
+        remarks.append("the diagnosis does not trust the stiffness")
     error = math.hypot(exponent.standard_error, exponent.systematic)
     if not CERTAIN * error < NEXT_SHAPE:
         remarks.append(

@@ -27,7 +27,7 @@ class EnergyLoss:
         the median depth to the next, of a probe that stays in contact. ``"none"``: no loop closes.
     measured : Quantity
         ∮ F dx, mean of the loops; its standard error is what white noise of force and penetration
-        makes of it.
+        makes of it, and systematic what a delay between them would that the diagnosis names.
     predicted : Quantity
         The same by the law along the same motion, with the relative standard error of its damping:
         over a closed loop all that a law loses is lost in its damper. What the diagnosis' findings
@@ -77,6 +77,7 @@ def energy_of(
     *,
     force_noise: float,
     depth_noise: float,
+    skewed: bool,
 ) -> EnergyLoss:
     """Return the energy lost in loops of a path.
 
@@ -92,6 +93,9 @@ def energy_of(
         Of the law at working depth, N·s/m: its relative error is that of the predicted loss.
     force_noise, depth_noise : float
         Standard deviations of white noise, N and m.
+    skewed : bool
+        Whether force and penetration may be apart in time, which moves the measured loss as it
+        does the damping.
     """
     work = path.work(path.force)
     lost = loops.over(work)
@@ -104,23 +108,27 @@ def energy_of(
     if not len(loops):
         words = "no touch is whole, and no cycle closes"
         return EnergyLoss("none", UNKNOWN, UNKNOWN, math.nan, UNKNOWN, *arrays, remarks=(words,))
-    measured = Quantity(float(lost.mean()), float(np.sqrt(variance.sum())) / len(loops), 0.0)
-    of_law = _by_damping(float(predicted.mean()), damping)
-    whole = float(each.mean())
-    part = 1.0 / whole if whole > 0.0 else math.nan
-    fraction = Quantity(measured.value * part, measured.standard_error * part, 0.0)
+    # Over a closed loop a law's loss is proportional to its damping.
+    by_damping = abs(float(predicted.mean()) / damping.value) if damping.value else math.nan
+    noise = float(np.sqrt(variance.sum())) / len(loops)
+    moved = by_damping * damping.systematic if skewed else 0.0
+    measured = Quantity(float(lost.mean()), noise, moved)
+    of_law = Quantity(float(predicted.mean()), by_damping * damping.standard_error, 0.0)
     remarks = _remarks(measured, of_law)
     if not remarks:
         remarks = _loop_by_loop(loops.kind, lost, predicted, variance)
+    whole = float(each.mean())
+    fraction = _part(measured, whole)
     return EnergyLoss(
         loops.kind, measured, of_law, whole, fraction, *arrays, remarks=tuple(remarks)
     )
 
 
-def _by_damping(lost: float, damping: Quantity) -> Quantity:
-    """A loss that is proportional to the damping, with the error that this gives it."""
-    factor = abs(lost / damping.value) if damping.value else math.nan
-    return Quantity(lost, factor * damping.standard_error, 0.0)
+def _part(quantity: Quantity, whole: float) -> Quantity:
+    if not whole > 0.0:
+        return UNKNOWN
+    parts = (quantity.value, quantity.standard_error, quantity.systematic)
+    return Quantity(*(part / whole for part in parts))
 
 
 def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
@@ -129,7 +137,7 @@ def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
         remarks.append("the energy lost is not distinguishable from 0")
     elif measured.value < 0.0:
         remarks.append(
-            "the recording gives energy back that was not put in: the force is early, or the "
+            "the recording gives energy back that was not put in: the force is late, or the "
             "surface moves"
         )
     errors = (measured.standard_error, predicted.standard_error)

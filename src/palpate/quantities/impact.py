@@ -29,7 +29,7 @@ from palpate.validation import Floats, all_good, together
 # the terms in d say 2p + 2/3 = −2/3, those in d² say 2q + p² + 2p + 1/2 = 1/2.
 SMALL = 1e-5
 # Newton's method on a convex function from above comes down on every step, and doubles its digits
-# once it is near. Seen: 5 for d > 0; 12 for d just above −1; 6 for the inverse.
+# once it is near. Seen: 5 for d > 0, 11 for d just above −1, 5 for the inverse.
 MOST_STEPS = 20
 # ln(1 + z) = 2 artanh r, r = z/(2 + z): for |r| ≤ 1/4 the terms after r³³ are below 10⁻²⁰.
 _ODD = 1.0 / np.arange(3.0, 34.0, 2.0)
@@ -38,8 +38,8 @@ _ODD = 1.0 / np.arange(3.0, 34.0, 2.0)
 @overload
 def restitution(dissipation: float, speed: float) -> float: ...
 @overload
-def restitution(dissipation: ArrayLike, speed: ArrayLike) -> Floats: ...
-def restitution(dissipation: ArrayLike, speed: ArrayLike) -> float | Floats:
+def restitution(dissipation: "ArrayLike", speed: "ArrayLike") -> Floats: ...
+def restitution(dissipation: "ArrayLike", speed: "ArrayLike") -> float | Floats:
     """Return the coefficient of restitution e of a free impact on a Hunt–Crossley contact.
 
     e = −v₁/v₀, of the velocities after and before, by d (1 + e) = ln[(1 + d)/(1 − d e)], d = b v₀,
@@ -76,8 +76,8 @@ def restitution_slope(d: float) -> float:
 @overload
 def dissipation_for(restitution: float, speed: float) -> float: ...
 @overload
-def dissipation_for(restitution: ArrayLike, speed: ArrayLike) -> Floats: ...
-def dissipation_for(restitution: ArrayLike, speed: ArrayLike) -> float | Floats:
+def dissipation_for(restitution: "ArrayLike", speed: "ArrayLike") -> Floats: ...
+def dissipation_for(restitution: "ArrayLike", speed: "ArrayLike") -> float | Floats:
     """Return the dissipation b = B/K [s/m] with which a free body that comes at v₀ rebounds by e.
 
     The inverse of :func:`restitution`, for a simulator that is given the one and needs the other.
@@ -165,7 +165,7 @@ def _inverse(e: Floats) -> Floats:
     return d
 
 
-def _product(dissipation: ArrayLike, speed: ArrayLike) -> Floats:
+def _product(dissipation: "ArrayLike", speed: "ArrayLike") -> Floats:
     b, speeds = together(dissipation=dissipation, speed=speed)
     all_good("dissipation", b, np.isfinite(b), "finite")
     all_good("speed", speeds, (speeds >= 0.0) & np.isfinite(speeds), "at least 0 and finite")

@@ -15,6 +15,7 @@ from palpate.quantities.impact import restitution, restitution_slope
 from palpate.validation import Floats
 
 UNKNOWN = Quantity(math.nan, math.nan, math.nan)
+UNTRUSTED = "the diagnosis does not trust the damping"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +58,12 @@ class Restitution:
 
 
 def restitution_of(
-    law: ForceLaw, b: Quantity, fastest_approach: float, speed: float | None = None
+    law: ForceLaw,
+    b: Quantity,
+    fastest_approach: float,
+    speed: float | None = None,
+    *,
+    trusted: bool = True,
 ) -> Restitution:
     """Return the restitution of a law whose dissipation is known with its errors.
 
@@ -73,6 +79,8 @@ def restitution_of(
         That was recorded in contact, m/s.
     speed : float, optional
         v₀, m/s; the fastest approach unless given.
+    trusted : bool
+        Whether the diagnosis trusts the damping, with care or without.
     """
     v0 = fastest_approach if speed is None else speed
     if not isinstance(law, HuntCrossley):
@@ -91,7 +99,7 @@ def restitution_of(
         Quantity(e, slope * b.standard_error, slope * b.systematic),
         b,
         MappingProxyType({each.name: each.restitution(b.value, v0) for each in APPROXIMATIONS}),
-        tuple(_remarks(b, v0, fastest_approach)),
+        (*([] if trusted else [UNTRUSTED]), *_remarks(b, v0, fastest_approach)),
     )
 
 

@@ -5,9 +5,6 @@ from dataclasses import dataclass
 from palpate.tips import Tip
 from palpate.validation import instance, number_in
 
-# Incompressible, as soft tissue, gels and rubber nearly are.
-POISSON_RATIO = 0.5
-
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
@@ -19,16 +16,17 @@ class Wanted:
         Of the restitution, m/s, in (0, 1e6]; the fastest approach recorded in contact unless given.
     tip : Tip, optional
         :class:`Sphere`, :class:`FlatPunch` or :class:`Cone`; without one there is no modulus.
-    poisson_ratio : float
-        Of the material, in (−1, 0.5].
+    poisson_ratio : float, optional
+        Of the material, in (−1, 0.5]; 0.5, incompressible as soft tissue, assumed unless given.
     """
 
     impact_speed: float | None = None
     tip: Tip | None = None
-    poisson_ratio: float = POISSON_RATIO
+    poisson_ratio: float | None = None
 
     def __post_init__(self) -> None:
         if self.impact_speed is not None:
             number_in("impact_speed", self.impact_speed, 0.0, 1e6, open_low=True)
         instance("tip", self.tip, (Tip, type(None)))
-        number_in("poisson_ratio", self.poisson_ratio, -1.0, 0.5, open_low=True)
+        if self.poisson_ratio is not None:
+            number_in("poisson_ratio", self.poisson_ratio, -1.0, 0.5, open_low=True)

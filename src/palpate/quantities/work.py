@@ -111,17 +111,15 @@ def _touches(contact: Contact, path: Path) -> list[tuple[float, float]]:
     gate, found = choose_gate(contact), []
     for part in contact.segments():
         first, last = _ends(path, int(contact.segment[part.start]))
-        time = path.time[first : last + 1]
-        cores = [
-            (
-                first + int(np.searchsorted(time, touch.start)),
-                first + int(np.searchsorted(time, touch.stop, side="right")) - 1,
-            )
-            for touch in touches_of(contact.taken(part), gate)
-        ]
+        time, cores = path.time[first : last + 1], []
+        for touch in touches_of(contact.taken(part), gate):
+            start = first + int(np.searchsorted(time, touch.start))
+            stop = first + int(np.searchsorted(time, touch.stop, side="right")) - 1
+            if path.inside[start : stop + 1].any():  # a spike that was left out is none
+                cores.append((start, stop))
         limits = [first, *(_between(path.depth, a[1], b[0]) for a, b in pairwise(cores)), last]
         for (start, stop), (low, high) in zip(cores, pairwise(limits), strict=False):
-            if first < start <= stop < last and path.inside[start : stop + 1].any():
+            if first < start and stop < last:
                 found.append(_outwards(path.depth, start, stop, low, high))
     return found
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.recordings.clocks import SECONDS, clock_rank, clock_unit
 from palpate.recordings.recording import Recording
+from palpate.stages import timed
 from palpate.validation import Floats
 
 #: A step that is so many times the median one is a gap: recorders miss single samples, and jitter.
@@ -106,6 +107,7 @@ class Survey:
     channels: tuple[ChannelSurvey, ...]
 
 
+@timed("survey")
 def survey(recording: Recording) -> Survey:
     """Survey a recording.
 

@@ -10,7 +10,6 @@ from palpate.quantities.elastic_modulus import ElasticModulus
 from palpate.quantities.energy import EnergyLoss
 from palpate.quantities.passivity import Passivity
 from palpate.quantities.restitution import Restitution
-from palpate.quantities.wanted import POISSON_RATIO
 from palpate.tips import Cone, Tip
 
 if TYPE_CHECKING:
@@ -111,7 +110,9 @@ def _approximations(found: Restitution) -> Line:
 def _energy(found: EnergyLoss) -> Line:
     if found.kind == "none":
         return Line("energy lost", "; ".join(found.remarks))
-    percent = Quantity(100.0 * found.fraction.value, 100.0 * found.fraction.standard_error, 0.0)
+    part = found.fraction
+    parts = (part.value, part.standard_error, part.systematic)
+    percent = Quantity(*(100.0 * each for each in parts))
     words = (
         f"{with_prefix(found.measured, 'J')}, {_number(percent)} % of what went in; by the law "
         f"{with_prefix(found.predicted, 'J', as_of=found.measured.value)}"
@@ -142,10 +143,8 @@ def _modulus(found: ElasticModulus, when: str) -> Line:
     name = f"{when}elastic modulus for {_tip(found.tip)}"
     if found.refused:
         return Line(name, f"none, for {found.refused}")
-    assumed = ", which is assumed" if found.poisson_ratio == POISSON_RATIO else ""
-    words = (
-        f"{with_prefix(found.value, 'Pa')} with Poisson's ratio {found.poisson_ratio:g}{assumed}"
-    )
+    ratio = f"{'an assumed' if found.assumed else 'a'} Poisson's ratio of {found.poisson_ratio:g}"
+    words = f"{with_prefix(found.value, 'Pa')} with {ratio}"
     return Line(name, words, found.remarks)
 
 
