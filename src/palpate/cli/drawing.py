@@ -8,7 +8,7 @@ from typing import Any
 from cyclopts import Parameter
 
 from palpate.cli.groups import OUTPUT
-from palpate.cli.values import Width
+from palpate.cli.values import Dark, FigureFile, Width
 
 
 @Parameter(name="*", group=OUTPUT)
@@ -16,9 +16,9 @@ from palpate.cli.values import Width
 class Drawing:
     """Where a figure goes to, and how it looks."""
 
-    figure: Path | None = None
+    figure: FigureFile = None
     "Draw it to this file (.svg, .pdf or .png)."
-    dark: bool = False
+    dark: Dark = False
     "Draw on a dark background."
     width: Width | None = None
     "Width of the figure as it is printed, 60mm to 400mm: a journal's column is 88mm."
