@@ -27,7 +27,8 @@ class EnergyLoss:
         the median depth to the next, of a probe that stays in contact. ``"none"``: no loop closes.
     measured : Quantity
         ∮ F dx, mean of the loops; its standard error is what white noise of force and penetration
-        makes of it, and systematic what a delay between them would that the diagnosis names.
+        makes of it, and systematic what an error of the penetration would that goes by the place,
+        as an encoder's does, and a delay that the diagnosis names.
     predicted : Quantity
         The same by the law along the same motion, with the relative standard error of its damping:
         over a closed loop all that a law loses is lost in its damper. What the diagnosis' findings
@@ -112,7 +113,9 @@ def energy_of(
     by_damping = abs(float(predicted.mean()) / damping.value) if damping.value else math.nan
     noise = float(np.sqrt(variance.sum())) / len(loops)
     moved = by_damping * damping.systematic if skewed else 0.0
-    measured = Quantity(float(lost.mean()), noise, moved)
+    # An encoder's error goes by the place, and is the same in every loop: ∮ e dF, e of one sign.
+    steps = depth_noise * float(loops.swings(path.force).mean())
+    measured = Quantity(float(lost.mean()), noise, math.hypot(moved, steps))
     of_law = Quantity(float(predicted.mean()), by_damping * damping.standard_error, 0.0)
     remarks = _remarks(measured, of_law)
     if not remarks:
