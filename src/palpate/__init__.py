@@ -1,6 +1,5 @@
 """Real-time identification of contact models, from penetration, velocity and force."""
 
-import logging
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
@@ -28,7 +27,3 @@ else:
 
     def __dir__() -> list[str]:
         return sorted({*globals(), *__getattr__("__all__"), "__version__"})
-
-
-# What its modules say of their work is heard by who asks for it.
-logging.getLogger(__name__).addHandler(logging.NullHandler())

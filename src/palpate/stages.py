@@ -7,6 +7,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
+# What palpate's modules say of their work is heard by who asks for it.
+logging.getLogger("palpate").addHandler(logging.NullHandler())
+
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
 

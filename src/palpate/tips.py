@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from palpate.validation import number_in
 
-# Of the radius, and strain: beyond it small strains, which all of this is for, are in doubt.
+# Of the radius, and strain: beyond it small strains, which all of this is for, may not hold.
 SMALL_DEPTH = SMALL_STRAIN = 0.1
 
 
@@ -37,7 +37,7 @@ class Tip:
         """Fraction by which the formula exceeds the force on the true shape at a depth [m]."""
         return 0.0
 
-    def doubts(self, depth: float) -> list[str]:
+    def limitations(self, depth: float) -> list[str]:
         """Say, of a depth [m], what the formula leaves out there."""
         return []
 
@@ -85,7 +85,7 @@ class Sphere(Tip):
         """x/(10 R): a ball against Hertz's paraboloid."""
         return depth / (10.0 * self.radius)
 
-    def doubts(self, depth: float) -> list[str]:
+    def limitations(self, depth: float) -> list[str]:
         """Say where the depth is more than a tenth of the radius."""
         part = depth / self.radius
         if part <= SMALL_DEPTH:
@@ -119,7 +119,7 @@ class FlatPunch(Tip):
         """2 R."""
         return 2.0 * self.radius
 
-    def doubts(self, depth: float) -> list[str]:
+    def limitations(self, depth: float) -> list[str]:
         """Say where the depth is more than a tenth of the radius."""
         part = depth / self.radius
         if part <= SMALL_DEPTH:
@@ -149,7 +149,7 @@ class Cone(Tip):
         """(2/π) tan α."""
         return 2.0 / math.pi * math.tan(self.half_angle)
 
-    def doubts(self, depth: float) -> list[str]:
+    def limitations(self, depth: float) -> list[str]:
         """Say where the cone is so sharp that no strain is small, at any depth.
 
         The strain below it is about 0.2 cot α (Johnson, *Contact Mechanics*, 1985, section 6.3).

@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from rich.cells import cell_len
 from rich.console import Console, JustifyMethod
-from rich.table import Table
 from rich.text import Text
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 Cell: TypeAlias = str | Text
 
@@ -139,7 +141,9 @@ def _as_texts(rows: Sequence[Sequence[Cell]]) -> list[list[Text]]:
     return [[c.copy() if isinstance(c, Text) else Text(c) for c in row] for row in rows]
 
 
-def _table(columns: Sequence[Column], rows: Sequence[Sequence[Text]]) -> Table:
+def _table(columns: Sequence[Column], rows: Sequence[Sequence[Text]]) -> "Table":
+    from rich.table import Table  # here, so that help, which has none, comes at once
+
     table = Table(box=None, pad_edge=False, padding=(0, GAP, 0, 0), header_style="bold")
     for column in columns:
         justify: JustifyMethod = "right" if column.right else "left"

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-_LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
+_LEVELS = {1: logging.INFO, 2: logging.DEBUG}
 
 
 class _Lines(logging.Handler):
@@ -30,12 +30,9 @@ class _Lines(logging.Handler):
 
 @contextmanager
 def logged(loudness: int) -> Iterator[None]:
-    """Print what palpate's modules say: from 1 on what is done, from 2 on how."""
+    """Print what palpate's modules say: at 1 what is done, at 2 how, too."""
     logger = logging.getLogger("palpate")
     handler, level = _Lines(), logger.level
-    if not loudness:
-        yield
-        return
     logger.addHandler(handler)
     logger.setLevel(_LEVELS[loudness])
     try:

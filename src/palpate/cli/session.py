@@ -3,14 +3,13 @@
 import functools
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeAlias
 
 from cyclopts import Parameter
 
 from palpate.cli.groups import ANY
-from palpate.cli.logs import logged
 from palpate.cli.printing import colourless
 
 _COLOURLESS = "--no-color"
@@ -51,7 +50,11 @@ def session_of(words: Sequence[str]) -> tuple[bool, int, list[str]]:
 @contextmanager
 def speaking(plain: bool, loudness: int) -> Iterator[None]:
     """Let what happens inside be said and coloured so."""
-    with colourless(plain), logged(loudness):
+    with colourless(plain), ExitStack() as stack:
+        if loudness:
+            from palpate.cli.logs import logged
+
+            stack.enter_context(logged(loudness))
         yield
 
 

@@ -32,6 +32,7 @@ def print_diagnosis(result: Identification) -> None:
     console, found = Terminal(), result.diagnosis
     say_path(console, result.contact.source or "contact", "bold")
     print_verdict(result, console)
+    console.print()
     print_working_depths(result, console)
     console.print()
     columns = [

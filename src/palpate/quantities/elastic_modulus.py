@@ -15,7 +15,7 @@ from palpate.tips import Tip
 # Systematic part from the exponent, of the modulus, beyond which there is none: a stiffness that is
 # known no better is not to be trusted either. Half a power of the depth, where the next shape lies,
 # makes as much over depths from 1 to 2.7; strokes from the surface go from 1 to 9.
-MOST_APART = WIDEST_STIFFNESS
+WIDEST_SPREAD = WIDEST_STIFFNESS
 # Poisson's ratio of what keeps its volume, as soft tissue, gels and rubber nearly do.
 INCOMPRESSIBLE = 0.5
 # Half way to the exponent of the next shape, and standard errors that it must be away for certain.
@@ -106,17 +106,17 @@ def elastic_modulus_of(
         (1.0 - ratio**2) * float(law.force(depth, 0.0)) / tip.force(1.0, depth)
         for depth in (depths[0], there.depth, depths[1])
     )
-    apart = 0.5 * abs(high - low) / modulus
-    refused = _another_shape(exponent, apart, tip)
+    spread = 0.5 * abs(high - low) / modulus
+    refused = _another_shape(exponent, spread, tip)
     if refused:
         return ElasticModulus(UNKNOWN, *known, refused)
     moved = there.stiffness.systematic / abs(there.stiffness.value)
     value = Quantity(
         modulus,
         modulus * there.force.standard_error / there.force.value,
-        modulus * math.hypot(apart, moved, tip.departure(there.depth)),
+        modulus * math.hypot(spread, moved, tip.departure(there.depth)),
     )
-    remarks = (*_doubts(found, exponent, tip), *tip.doubts(depths[1]))
+    remarks = (*_remarks(found, exponent, tip), *tip.limitations(depths[1]))
     return ElasticModulus(value, *known, remarks=remarks)
 
 
@@ -140,14 +140,14 @@ def _no_tip(there: WorkingDepth, exponent: Quantity, tip: Tip) -> str | None:
     return None
 
 
-def _another_shape(exponent: Quantity, apart: float, tip: Tip) -> str | None:
+def _another_shape(exponent: Quantity, spread: float, tip: Tip) -> str | None:
     """Say why the force does not grow with depth as under this tip."""
     words = (
         f"the force grows with depth to the power {_with_errors(exponent)}, and under a {tip.kind} "
         f"to the power {tip.exponent:g}"
     )
-    if apart > MOST_APART:
-        return f"{words}: light and deep touch would give moduli {2.0 * apart:.0%} apart"
+    if spread > WIDEST_SPREAD:
+        return f"{words}: light and deep touch would give moduli {2.0 * spread:.0%} apart"
     error = math.hypot(exponent.standard_error, exponent.systematic)
     if abs(exponent.value - tip.exponent) > max(NEXT_SHAPE, CERTAIN * error):
         return f"{words}: it is of another shape"
@@ -158,7 +158,7 @@ def _with_errors(quantity: Quantity) -> str:
     return with_error(quantity.value, quantity.standard_error, quantity.systematic)
 
 
-def _doubts(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
+def _remarks(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
     remarks = []
     if found.verdict.stiffness == "do-not-trust":
         remarks.append("the diagnosis does not trust the stiffness")
@@ -169,7 +169,7 @@ def _doubts(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
         )
     if any(finding.check == "surface" for finding in found.findings):
         remarks.append(
-            "where the surface lies is in doubt, as palpate diagnose says: 1 % of the depth moves "
+            "where the surface lies is uncertain, as palpate diagnose says: 1 % of the depth moves "
             f"the modulus by {tip.exponent:g} %"
         )
     return remarks

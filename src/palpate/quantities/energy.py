@@ -27,7 +27,8 @@ class EnergyLoss:
         the median depth to the next, of a probe that stays in contact. ``"none"``: no loop closes.
     measured : Quantity
         ∮ F dx, mean of the loops; its standard error is what white noise of force and penetration
-        makes of it, and systematic what a delay between them would that the diagnosis names.
+        makes of it, and systematic what an error of the penetration would that goes by the place,
+        as an encoder's does, and a delay that the diagnosis names.
     predicted : Quantity
         The same by the law along the same motion, with the relative standard error of its damping:
         over a closed loop all that a law loses is lost in its damper. What the diagnosis' findings
@@ -112,7 +113,9 @@ def energy_of(
     by_damping = abs(float(predicted.mean()) / damping.value) if damping.value else math.nan
     noise = float(np.sqrt(variance.sum())) / len(loops)
     moved = by_damping * damping.systematic if skewed else 0.0
-    measured = Quantity(float(lost.mean()), noise, moved)
+    # An encoder's error goes by the place, and is the same in every loop: ∮ e dF, e of one sign.
+    steps = depth_noise * float(loops.swings(path.force).mean())
+    measured = Quantity(float(lost.mean()), noise, math.hypot(moved, steps))
     of_law = Quantity(float(predicted.mean()), by_damping * damping.standard_error, 0.0)
     remarks = _remarks(measured, of_law)
     if not remarks:
@@ -154,12 +157,12 @@ def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
 
 def _loop_by_loop(kind: str, lost: Floats, predicted: Floats, variance: Floats) -> list[str]:
     """Say where the law's loss is right on the whole, and not in the single loops."""
-    size, apart, noise = (
+    size, off, noise = (
         float(np.sqrt(np.mean(square))) for square in (lost**2, (lost - predicted) ** 2, variance)
     )
-    if apart <= max(UNACCOUNTED * size, 2.0 * noise):
+    if off <= max(UNACCOUNTED * size, 2.0 * noise):
         return []
     return [
-        f"the law's loss is {apart / size:.0%} off {kind} by {kind}: what is lost goes otherwise "
+        f"the law's loss is {off / size:.0%} off {kind} by {kind}: what is lost goes otherwise "
         "with speed or depth"
     ]

@@ -77,6 +77,11 @@ class Loops:
     def __len__(self) -> int:
         return len(self.starts)
 
+    def swings(self, values: Floats) -> Floats:
+        """Largest less smallest value in each loop."""
+        ends = zip(self.starts.tolist(), self.stops.tolist(), strict=True)
+        return np.array([np.ptp(values[int(a) : int(b) + 2]) for a, b in ends])
+
     def over(self, values: Floats) -> Floats:
         """How much a running sum grows in each loop."""
         places = np.arange(len(values))
