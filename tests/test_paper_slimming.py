@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from palpate.figures.slimming import slim
-from palpate.figures.style import LIGHT, as_svg, style
+from palpate.figures.style import DARK, LIGHT, as_svg, style
 
 
 @pytest.fixture(scope="module")
@@ -47,3 +47,15 @@ def test_no_place_of_a_slim_drawing_moves_by_more_than_a_tenth_of_a_point(drawin
     before, after = places(drawing), places(slim(drawing))
     assert len(before) == len(after)
     assert max(abs(a - b) for a, b in zip(before, after, strict=True)) <= 0.1
+
+
+def test_drawings_of_one_page_do_not_take_each_others_styles():
+    """A class means the same style in every drawing."""
+    rules = {}
+    for theme in (LIGHT, DARK):
+        with style(theme) as new_figure:
+            figure = new_figure(figsize=(3.0, 2.0))
+            figure.add_subplot().plot([0.0, 1.0], color=theme.lines[0])
+            for name, body in re.findall(r"\.(s\d+){([^}]*)}", slim(as_svg(figure))):
+                assert rules.setdefault(name, body) == body
+    assert len(rules) > 3

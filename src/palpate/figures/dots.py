@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 # What is so much larger or smaller than the first value, over its size, is an arrow at the edge.
 _MOST_APART = 1.0
+# Depths that differ by less are the same: three digits are written.
+_SAME_DEPTH = 0.01
 
 
 def draw_values(
@@ -28,14 +30,22 @@ def draw_values(
 ) -> None:
     """Two panels beside one another, a row for each result."""
     there = [result.diagnosis.working_depth for result in results]
-    depth = scale_of(there[0].depth, "m")
-    at = f"at {depth.factor * there[0].depth:.3g} {depth.unit}"
+    at = _depth_in_words([each.depth for each in there])
     _draw_dots(stiffness, [each.stiffness for each in there], ("Stiffness", "N/m"), look)
     _draw_dots(damping, [each.damping for each in there], ("Damping", "N·s/m"), look)
     stiffness.set_yticks(range(len(names)), names)
     damping.set_yticks(range(len(names)), ["" for _ in names])
     head(stiffness, f"Stiffness {at}")
     head(damping, f"Damping {at}")
+
+
+def _depth_in_words(depths: Sequence[float]) -> str:
+    """The depth that all values are for; methods that take other samples may differ in it."""
+    scale = scale_of(depths[0], "m")
+    low, high = (scale.factor * depth for depth in (min(depths), max(depths)))
+    if high <= (1.0 + _SAME_DEPTH) * low:
+        return f"at {scale.factor * depths[0]:.3g} {scale.unit}"
+    return f"at {low:.3g} to {high:.3g} {scale.unit}"
 
 
 def _draw_dots(

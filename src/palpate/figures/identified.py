@@ -10,7 +10,7 @@ from palpate.figures.parameters import draw_damping, draw_parameter, draw_stiffn
 from palpate.figures.residuals import draw_residual
 from palpate.figures.sheet import head, set_titles, stack
 from palpate.figures.style import style
-from palpate.figures.words import at_depth, fit_of, parameters_of, verdict_of
+from palpate.figures.words import at_depth, fit_of, force_at_depth, parameters_of, verdict_of
 from palpate.identification import Identification
 from palpate.stages import timed
 
@@ -103,7 +103,7 @@ def _in_a_column(new_figure: "type[Figure]", result: Identification, look: Look)
         draw_condition(panels[5], result, look)
     stack(panels[2:])
     figure.align_ylabels(panels)
-    title = [verdict_of(result), fit_of(result), parameters_of(result)]
+    title = [verdict_of(result), fit_of(result), force_at_depth(result), parameters_of(result)]
     set_titles(figure, look.sheet, title, _caption(result), lines=3)
     return figure
 

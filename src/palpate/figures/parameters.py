@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _POINTS = 250
 # A panel shows at least this part of a value: what is known better has ticks too long to read.
 _LEAST_SPAN = 1e-5
+# A bar of what findings would move is seen whole up to so many times what else is in its panel.
+_MOST_MOVED = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,16 +189,22 @@ def _draw_stretches(
 
 
 def _limits(values: Floats, errors: Floats, final: Final) -> tuple[float, float]:
-    """What a panel shows: the result, and the band since the start-up is over."""
+    """What a panel shows: the result, and the band since the start-up is over.
+
+    What the findings would move may be so much that its bar leaves the panel: the title has it.
+    """
     known = np.isfinite(values) & np.isfinite(errors)
     late = np.flatnonzero(known)
     late = late[late.size // 4 :]
-    whole = 2.5 * final.whole_error if np.isfinite(final.whole_error) else 0.0
-    ends = [final.value - whole, final.value + whole]
+    error = 2.5 * final.error if np.isfinite(final.error) else 0.0
+    ends = [final.value - error, final.value + error]
     if late.size:
         low, high = values[late] - 2.0 * errors[late], values[late] + 2.0 * errors[late]
         ends += [float(np.percentile(low, 10.0)), float(np.percentile(high, 90.0))]
     size = largest(np.array(ends))
+    whole = 2.5 * final.whole_error if np.isfinite(final.whole_error) else 0.0
+    whole = min(whole, _MOST_MOVED * max(max(ends) - min(ends), _LEAST_SPAN * size))
+    ends += [final.value - whole, final.value + whole]
     low_end, high_end = min(ends), max(ends)
     spread = max(high_end - low_end, _LEAST_SPAN * size, 1e-300)
     middle = 0.5 * (low_end + high_end)

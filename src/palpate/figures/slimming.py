@@ -1,6 +1,7 @@
 """Drawings without what nobody sees: a page holds two of every figure."""
 
 import re
+import zlib
 
 
 def slim(svg: str) -> str:
@@ -24,11 +25,15 @@ def _cut(text: str, digits: int) -> str:
 
 
 def _styles_named(svg: str) -> str:
-    """Give each style a class: matplotlib repeats it at every tick."""
+    """Give each style a class: matplotlib repeats it at every tick.
+
+    Its name depends on the style alone: drawings that stand in one page may share their classes.
+    """
     names: dict[str, str] = {}
 
     def named(style: re.Match[str]) -> str:
-        return f' class="{names.setdefault(style[1], f"s{len(names)}")}"'
+        name = f"s{zlib.crc32(style[1].encode('utf-8'))}"
+        return f' class="{names.setdefault(style[1], name)}"'
 
     svg = re.sub(r' style="([^"]*)"', named, svg)
     rules = "".join(f".{name}{{{style}}}" for style, name in names.items())

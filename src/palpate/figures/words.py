@@ -40,6 +40,14 @@ def at_depth(result: Identification) -> str:
     return f"at {length.factor * there.depth:.4g} {length.unit}: {', '.join(words)}"
 
 
+def force_at_depth(result: Identification) -> str:
+    """Force at working depth."""
+    there = result.diagnosis.working_depth
+    length, force = scale_of(there.depth, "m"), there.force
+    words = kept_together(force.value, force.standard_error, force.systematic, unit="N")
+    return f"force at {length.factor * there.depth:.4g} {length.unit}: {words}"
+
+
 def name_of(result: Identification) -> str:
     """Name of the recording's file; what no font has, such as a byte that is not UTF-8, is �."""
     name = Path(result.contact.source).name
