@@ -1,0 +1,79 @@
+"""Reports of whole recordings: how large, how long they take, and whether they read back exactly.
+
+``python -m benchmarks.reports``: the examples, and recordings by others where there are any, in
+``PALPATE_DATA`` or ``../shared/data`` beside the checkout.
+"""
+
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from cyclopts import App
+from rich.console import Console
+
+from benchmarks.accuracy.recordings import recorded
+from benchmarks.machine import describe
+from benchmarks.report import Limit, Row, Section, print_sections
+from palpate import RecordingError, compare, identify, load_result
+from palpate.reports.saving import Destination
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+
+app = App(name="python -m benchmarks.reports", help_format="plaintext", version_flags=[])
+
+
+@app.default
+def main() -> None:
+    """Write a report of each recording, and print what it took."""
+    console, sizes, ratios, exact, names = Console(), [], [], 0, []
+    for file in [*sorted(EXAMPLES.glob("*.csv")), *recorded()]:
+        try:
+            size, ratio, same = measure(file)
+        except RecordingError as error:
+            console.print(f"{file.name}: skipped, {error}", soft_wrap=True)
+            continue
+        console.print(f"{file.stem}: {size / 1e3:.0f} kB, {ratio:.2f} of the numbers' time")
+        sizes.append(size / 1e3)
+        ratios.append(ratio)
+        names.append(file.stem)
+        exact += same
+    largest = int(np.argmax(sizes))
+    rows = [
+        Row(f"largest page: {names[largest]}", sizes[largest], "kB", limit=Limit(1000.0)),
+        Row("median page", statistics.median(sizes), "kB"),
+        Row(
+            "writing, median",
+            statistics.median(ratios),
+            "",
+            statistics.median(ratios),
+            "identifying by every method, with a diagnosis each",
+        ),
+        Row("results read back to the last bit", exact / len(sizes), "", limit=Limit(1.0, True)),
+    ]
+    print_sections([Section(f"{len(sizes)} recordings", rows)], describe(""), console)
+
+
+def measure(file: Path) -> tuple[int, float, bool]:
+    """Bytes of a recording's page, its time over that of the numbers, and whether it reads back."""
+    began = time.perf_counter()
+    result = identify(file)
+    compared = compare(result.contact)
+    for each in compared.values():
+        _ = each.diagnosis
+    numbers = time.perf_counter() - began
+    with tempfile.TemporaryDirectory() as folder:
+        destination = Destination(Path(folder))
+        began = time.perf_counter()
+        destination.save(result, compared=compared)
+        writing = time.perf_counter() - began
+        found = load_result(folder)
+        same = found.law == result.law and np.array_equal(
+            found.trace.parameters, result.trace.parameters, equal_nan=True
+        )
+        return (Path(folder) / "report.html").stat().st_size, writing / numbers, same
+
+
+if __name__ == "__main__":
+    app()
