@@ -1,5 +1,6 @@
 """Fixtures of every test module; the table itself is in ``cases.py``."""
 
+import os
 import sys
 
 import hypothesis
@@ -7,6 +8,9 @@ import pytest
 from cases import KINDS, MATERIALS, Signals, exciting, tapping
 
 from palpate import cli
+
+# Tables are as wide as in a pipe, whoever runs the tests: parallel runs say their own width.
+os.environ.pop("COLUMNS", None)
 
 # The same examples in every run, and no clock: a slow machine is not a defect.
 hypothesis.settings.register_profile("palpate", deadline=None, derandomize=True)

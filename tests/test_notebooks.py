@@ -38,5 +38,7 @@ def _shown(cell) -> list[tuple[str, ...]]:
     for output in cell.outputs:
         assert output.output_type != "error"
         assert output.get("name") != "stderr", output.text
-        kinds.append(tuple(kind for kind in KINDS if kind in output.get("data", {})))
+        kind = tuple(kind for kind in KINDS if kind in output.get("data", {}))
+        if kind or kinds[-1:] != [()]:  # printed lines come in as many pieces as they like
+            kinds.append(kind)
     return kinds

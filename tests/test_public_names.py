@@ -20,7 +20,7 @@ assert "numpy" not in sys.modules
 assert "identify" in dir(palpate)
 assert palpate.settings.Scale is palpate.Scale
 from palpate import *
-assert identify is palpate.identification.identify
+assert identify is palpate.identifying.identify
 """)
 
 

@@ -129,7 +129,7 @@ def change(folder: Path, **fields) -> None:
 
 
 def test_a_folder_that_cannot_be_made_is_said_before_the_work(run, tmp_path, monkeypatch):
-    monkeypatch.setattr("palpate.identification.identify", None)  # no work without this
+    monkeypatch.setattr("palpate.identifying.identify", None)  # no work without this
     taken = tmp_path / "taken"
     taken.write_text("a file")
     status, out, err = run("identify", BALL, "-o", taken)

@@ -1,10 +1,55 @@
-"""Error bars of methods that take their residual for white, widened where it is not."""
+"""Error bars, as wide as a correlated residual and an uncertain surface ask for."""
 
 import numpy as np
 
-from palpate._core import correlated_variances
+from palpate._core import Status, correlated_variances
+from palpate.contact import Contact
+from palpate.estimators import ContactEstimator
 from palpate.force_laws import ForceLaw
+from palpate.replaying import with_surface_off
+from palpate.trace import Trace
 from palpate.validation import Floats
+
+
+def joint_covariance(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floats:
+    """Joint covariance of a law's parameters: see :attr:`Identification.covariance`.
+
+    Parameters
+    ----------
+    contact : Contact
+        What was identified.
+    trace : Trace
+        Of it.
+    estimator : ContactEstimator
+        As it stood at the end.
+    """
+    estimate, widths = estimator.estimate(), _widths(contact, trace, estimator)
+    own: Floats = estimate.covariance * np.outer(widths, widths)
+    deviation = contact.surface_deviation
+    if deviation is None or estimate.surface_standard_error > 0.0:
+        return own
+    off = with_surface_off(contact, estimator.replace(), deviation)
+    moved = off.parameters - estimate.parameters
+    whole: Floats = own + np.outer(moved, moved)
+    return whole if np.isfinite(whole).all() else own
+
+
+def _widths(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floats:
+    """How much wider a correlated residual makes the method's own standard errors."""
+    law = estimator.estimate().law
+    if estimator.minimises is None:
+        return np.ones(len(law.parameters))
+    taken = np.flatnonzero(trace.taken)
+    restarts = np.flatnonzero(trace.status == Status.RESTARTED)
+    if restarts.size:
+        taken = taken[taken >= restarts[-1]]
+    return widening(
+        law,
+        contact.penetration[taken],
+        contact.velocity[taken],
+        contact.force[taken],
+        logarithmic=estimator.minimises == "logarithm",
+    )
 
 
 def widening(

@@ -1,4 +1,4 @@
-"""Identify a whole contact, with one estimator or with all of them side by side."""
+"""What a whole contact gave."""
 
 import logging
 import math
@@ -7,8 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,16 +24,14 @@ from palpate.diagnosis import (
     stacked,
 )
 from palpate.diagnosis.fit import DEEP
-from palpate.error_bars import widening
+from palpate.error_bars import joint_covariance
 from palpate.errors import RecordingError
 from palpate.estimate import Estimate
-from palpate.estimators import ESTIMATORS, ContactEstimator
-from palpate.estimators.loop_settings import Rejection
+from palpate.estimators import ContactEstimator
 from palpate.flags import flags_of
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.places import at_places
 from palpate.preparation.prepared import Place
-from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate
 from palpate.preparation.velocity import window_samples
 from palpate.quantities.derived import (
@@ -49,19 +46,12 @@ from palpate.quantities.passivity import Passivity
 from palpate.quantities.restitution import Restitution
 from palpate.quantities.wanted import Wanted
 from palpate.refusals import check_approach, why_nothing
-from palpate.replaying import choices, estimator_of, replayed, with_surface_off
-from palpate.results.description import of_one
-from palpate.results.frames import to_pandas, to_xarray
-from palpate.results.summary import line, summary
+from palpate.replaying import choices, estimator_of, replayed
+from palpate.results.presentation import Presented
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.tips import Tip
 from palpate.trace import Trace
 from palpate.validation import Floats, number_in, positive
-
-if TYPE_CHECKING:
-    import pandas
-    import xarray
-    from matplotlib.figure import Figure
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -69,7 +59,7 @@ _Placed: TypeAlias = tuple[Place, Contact]
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # no slots: the diagnosis is kept in the instance
-class Identification:
+class Identification(Presented):
     """What a whole contact gave.
 
     Attributes
@@ -109,6 +99,33 @@ class Identification:
     place: Place | None = field(default=None, repr=False)
     chosen: tuple[str, ...] = ()
     wanted: Wanted = field(default_factory=Wanted)
+
+    @classmethod
+    def of(cls, data: Data, estimator: ContactEstimator | str | None = None) -> "Identification":
+        """Identify a contact that is prepared; :func:`palpate.identify` says the rest.
+
+        Parameters
+        ----------
+        data : Data
+            The contact with the checks of its channels.
+        estimator : ContactEstimator or str, optional
+            Method and settings; variable projection unless given.
+        """
+        contact, given = data.contact, estimator_of(estimator)
+        chosen = choices(contact, given)
+        fresh = given.replace(**chosen)
+        known = ", ".join(f"{name}={value}" for name, value in chosen.items() if value is not None)
+        _LOGGER.info("%s: chosen from the data: %s", fresh.method, known or "nothing")
+        trace = replayed(contact, fresh)
+        flags = tuple(flags_of(contact, trace, fresh))
+        taken = np.count_nonzero(trace.taken)
+        _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
+        result = cls(contact, fresh, trace, flags, data, chosen=tuple(chosen))
+        if not (trace.taken & ~(contact.force <= 0.0)).any():
+            raise RecordingError(why_nothing(data, result.gate))
+        if fresh.settings.get("surface") == "estimate":
+            check_approach(contact, trace, result.estimate.surface)
+        return result
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -257,7 +274,7 @@ class Identification:
         found = []
         for place, contact in watch(list(at_places(self.contact))):
             with suppress(RecordingError):
-                part = identify(contact, self._fresh())
+                part = Identification.of(Data(contact), self._fresh())
                 found.append(replace(part, place=place, wanted=self.wanted))
         return replace(self, stretches=tuple(found))
 
@@ -270,7 +287,7 @@ class Identification:
         smear = window_samples(self.contact.sample_time) * self.contact.sample_time
         with suppress(RecordingError):
             part = self.contact.window(episode.start + smear, episode.stop - smear)
-            found = identify(part, self.estimator.replace())
+            found = Identification.of(Data(part), self.estimator.replace())
             there = self.diagnosis.working_depth
             return replace(found.at_depth(there.depth), wanted=self.wanted)
         return None
@@ -308,20 +325,12 @@ class Identification:
     def covariance(self) -> Floats:
         """Joint covariance of the law's parameters, SI, as wide as a correlated residual asks for.
 
-        Those of the estimate, but for methods that take their residual for white, the paper's:
+        That of the estimate, but for methods that take their residual for white, the paper's:
         there as much wider as its correlation makes the least squares of the samples that they took
         since their last restart. Where the preparation found the surface, with what the parameters
         are elsewhere when that is off by its deviation.
         """
-        widths, contact = self._widening(), self.contact
-        own: Floats = self.estimate.covariance * np.outer(widths, widths)
-        deviation = contact.surface_deviation
-        if deviation is None or self.estimate.surface_standard_error > 0.0:
-            return own
-        off = with_surface_off(contact, self.estimator.replace(), deviation)
-        moved = off.parameters - self.estimate.parameters
-        whole: Floats = own + np.outer(moved, moved)
-        return whole if np.isfinite(whole).all() else own
+        return joint_covariance(self.contact, self.trace, self.estimator)
 
     @property
     def correlations(self) -> Floats:
@@ -330,23 +339,6 @@ class Identification:
         with np.errstate(invalid="ignore", divide="ignore"):
             found: Floats = self.covariance / np.outer(errors, errors)
         return found
-
-    def _widening(self) -> Floats:
-        """How much wider a correlated residual makes the method's own standard errors."""
-        estimate, contact = self.estimate, self.contact
-        if self.estimator.minimises is None:
-            return np.ones(len(estimate.parameters))
-        taken = np.flatnonzero(self.trace.taken)
-        restarts = np.flatnonzero(self.trace.status == Status.RESTARTED)
-        if restarts.size:
-            taken = taken[taken >= restarts[-1]]
-        return widening(
-            estimate.law,
-            contact.penetration[taken],
-            contact.velocity[taken],
-            contact.force[taken],
-            logarithmic=self.estimator.minimises == "logarithm",
-        )
 
     @property
     def gate(self) -> ContactGate:
@@ -401,186 +393,3 @@ class Identification:
         trace = self.noticed or self.trace
         times: Floats = self.contact.time[trace.status == Status.RESTARTED]
         return times
-
-    def __repr__(self) -> str:
-        return line(self)
-
-    def _repr_html_(self) -> str:
-        """Shown by a notebook: verdict, numbers at working depth, and the law."""
-        from palpate.reports.card import card  # above this module, as all that shows a result
-
-        return card(self)
-
-    def summary(self) -> str:
-        """Return verdict, numbers, 95 % intervals, correlations and findings, as text."""
-        return summary(self)
-
-    def plot(self, *, dark: bool = False, width: float | None = None) -> "Figure":
-        """Draw it: :func:`palpate.figures.draw`."""
-        from palpate.figures import draw
-
-        return draw(self, dark=dark, width=width)
-
-    def to_pandas(self) -> "pandas.DataFrame":
-        """Return every sample, and what was known after it, as a frame indexed by time.
-
-        ``penetration``, ``velocity``, ``force``, ``segment``, ``predicted_force`` (a priori),
-        ``fitted_force`` (by the final law), ``status``, ``validity_margin``, and each parameter
-        with the ``…_standard_error`` of that moment, SI; units are in ``attrs["units"]``. Needs
-        pandas, of the extra ``notebook``.
-
-        Raises
-        ------
-        MissingExtraError
-            pandas is not installed.
-        """
-        return to_pandas(self)
-
-    def to_xarray(self) -> "xarray.Dataset":
-        """Return the same along ``time``, the law's parameters along ``parameter``.
-
-        Raises
-        ------
-        MissingExtraError
-            xarray, of the extra ``notebook``, is not installed.
-        """
-        return to_xarray(self)
-
-    def save(self, folder: str | Path) -> None:
-        """Write report, numbers, trace and options to a folder; :func:`load_result` reads it back.
-
-        ``report.html``, ``result.json``, ``trace.parquet`` (``.csv`` without pyarrow) and
-        ``run.toml``, each whole or not at all.
-
-        Parameters
-        ----------
-        folder : str or Path
-            It is made where it is not there.
-
-        Raises
-        ------
-        RecordingError
-            It cannot be made or written to.
-        MissingExtraError
-            matplotlib, which the report needs, is not installed.
-        """
-        from palpate.reports.saving import Destination
-
-        Destination(Path(folder)).save(self)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as plain numbers and words; what is not defined is None."""
-        return of_one(self)
-
-
-def identify(
-    source: "Contact | Recorded", estimator: ContactEstimator | str | None = None
-) -> Identification:
-    """Identify the contact model of a whole contact.
-
-    The samples go one by one through the estimator's own recursion, a segment at a time.
-
-    Parameters
-    ----------
-    source : Contact, Recording, path or frame
-        What is not yet a contact is prepared by :func:`prepare`, with its default columns.
-    estimator : ContactEstimator or str, optional
-        Method and settings; it is left as it is. Or the name of a method, such as
-        ``"single-stage"``. :class:`VariableProjection` unless given. A ``gate`` or ``scale`` it
-        leaves open (None) is chosen from the data: see :mod:`palpate.preparation.suggestions`; but
-        variable projection chooses its samples itself, and knows what a tare left of the offset by
-        the contact's ``tare_deviation``. Outliers are left out by :class:`OutlierRejection` unless
-        ``outlier_rejection`` is False.
-
-    Raises
-    ------
-    RecordingError
-        The recording cannot be prepared; the probe never touches: no sample passes the gate; or a
-        search for the surface has no free approach: fewer than 20 samples lie above the surface
-        that it found.
-    InvalidParameterError
-        The source is none of these, or there is no such estimator.
-    """
-    contact = source if isinstance(source, Contact) else prepare(source)
-    return _identified(Data(contact), estimator)
-
-
-def _identified(data: Data, estimator: ContactEstimator | str | None) -> Identification:
-    contact, given = data.contact, estimator_of(estimator)
-    chosen = choices(contact, given)
-    fresh = given.replace(**chosen)
-    known = ", ".join(f"{name}={value}" for name, value in chosen.items() if value is not None)
-    _LOGGER.info("%s: chosen from the data: %s", fresh.method, known or "nothing")
-    trace = replayed(contact, fresh)
-    flags = tuple(flags_of(contact, trace, fresh))
-    taken = np.count_nonzero(trace.taken)
-    _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
-    result = Identification(contact, fresh, trace, flags, data, chosen=tuple(chosen))
-    if not (trace.taken & ~(contact.force <= 0.0)).any():
-        raise RecordingError(why_nothing(data, result.gate))
-    if fresh.settings.get("surface") == "estimate":
-        check_approach(contact, trace, result.estimate.surface)
-    return result
-
-
-def diagnose(
-    source: "Contact | Recorded",
-    estimator: ContactEstimator | str | None = None,
-    *,
-    depth: float | None = None,
-) -> Diagnosis:
-    """Say what may be wrong with the identification of a contact, and how far to trust it.
-
-    Parameters
-    ----------
-    source : Contact, Recording, path or frame
-        As for :func:`identify`.
-    estimator : ContactEstimator or str, optional
-        As for :func:`identify`.
-    depth : float, optional
-        The working depth, m; the median penetration of the samples taken unless given.
-    """
-    result = identify(source, estimator)
-    return (result if depth is None else result.at_depth(depth)).diagnosis
-
-
-def compare(
-    source: "Contact | Recorded",
-    *,
-    gate: ContactGate | None = None,
-    outlier_rejection: Rejection = None,
-    watch: Callable[[Sequence[str]], Iterable[str]] = iter,
-) -> dict[str, Identification]:
-    """Identify a contact with every method.
-
-    Parameters
-    ----------
-    source : Contact, Recording, path or frame
-        As for :func:`identify`.
-    gate : ContactGate, optional
-        Which samples are contact, for every method. Unless given it is chosen from the data, the
-        same for all but variable projection, which chooses its samples itself.
-    outlier_rejection : OutlierRejection or False, optional
-        How outliers are left out; False takes them all.
-    watch : callable
-        Goes through the methods' names, such as with a progress bar.
-
-    Returns
-    -------
-    dict
-        An :class:`Identification` for each name in ``ESTIMATORS``.
-    """
-    contact = source if isinstance(source, Contact) else prepare(source)
-    chosen = choose_gate(contact) if gate is None else gate
-    data = Data(contact)  # checked once for all methods
-    results = {}
-    for name in watch(list(ESTIMATORS)):
-        kind = ESTIMATORS[name]
-        estimator = kind()
-        shared: dict[str, object] = {"outlier_rejection": outlier_rejection}
-        if gate is not None or not kind.chooses_samples:
-            shared["gate"] = chosen
-        own = {setting: value for setting, value in shared.items() if setting in estimator.settings}
-        estimator = estimator.replace(**own)
-        results[name] = _identified(data, estimator)
-    return results

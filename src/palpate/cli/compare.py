@@ -30,7 +30,7 @@ def compare(
     """
     from palpate.cli.tables import print_identifications
     from palpate.errors import InvalidParameterError
-    from palpate.identification import compare as run
+    from palpate.identifying import compare as run
 
     reading, judging = reading or Reading(), judging or Judging()
     drawing = drawing or Drawing()

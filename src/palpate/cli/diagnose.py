@@ -32,7 +32,7 @@ def diagnose(
     from palpate.cli.printing import print_json
     from palpate.cli.verdicts import print_diagnosis
     from palpate.estimators import estimator_named
-    from palpate.identification import identify as run
+    from palpate.identifying import identify as run
     from palpate.results.description import described
 
     reading, judging = reading or Reading(), judging or Judging()

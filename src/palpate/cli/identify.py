@@ -56,7 +56,7 @@ def identify(
     """
     from palpate.cli.tables import print_identifications
     from palpate.estimators import estimator_named
-    from palpate.identification import identify as run
+    from palpate.identifying import identify as run
 
     reading, judging = reading or Reading(), judging or Judging()
     deriving, drawing = deriving or Deriving(), drawing or Drawing()
@@ -99,7 +99,7 @@ def _in_parts(result: "Identification", *, changes: bool) -> "Identification":
 def _compared(contact: "Contact", reading: Reading) -> "dict[str, Identification]":
     """Every method on the same samples, for the report."""
     from palpate.cli.progress import counted
-    from palpate.identification import compare
+    from palpate.identifying import compare
 
     return compare(
         contact,

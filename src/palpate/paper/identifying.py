@@ -1,6 +1,6 @@
 """Identification as the paper did it: every sample in contact is taken, outliers too."""
 
-from palpate import identification
+from palpate import identifying
 from palpate.contact import Contact
 from palpate.estimators import ContactEstimator
 from palpate.identification import Identification
@@ -16,4 +16,4 @@ def identify(contact: Contact, estimator: ContactEstimator) -> Identification:
     estimator : ContactEstimator
         Method and settings, of a compiled one.
     """
-    return identification.identify(contact, estimator.replace(outlier_rejection=False))
+    return identifying.identify(contact, estimator.replace(outlier_rejection=False))

@@ -1,0 +1,107 @@
+"""Identify a whole contact, with one estimator or with all of them side by side."""
+
+from collections.abc import Callable, Iterable, Sequence
+
+from palpate.contact import Contact
+from palpate.diagnosis import Data, Diagnosis
+from palpate.estimators import ESTIMATORS, ContactEstimator
+from palpate.estimators.loop_settings import Rejection
+from palpate.identification import Identification
+from palpate.preparation.preparing import Recorded, prepare
+from palpate.preparation.suggestions import choose_gate
+from palpate.settings import ContactGate
+
+
+def identify(
+    source: "Contact | Recorded", estimator: ContactEstimator | str | None = None
+) -> Identification:
+    """Identify the contact model of a whole contact.
+
+    The samples go one by one through the estimator's own recursion, a segment at a time.
+
+    Parameters
+    ----------
+    source : Contact, Recording, path or frame
+        What is not yet a contact is prepared by :func:`prepare`, with its default columns.
+    estimator : ContactEstimator or str, optional
+        Method and settings; it is left as it is. Or the name of a method, such as
+        ``"single-stage"``. :class:`VariableProjection` unless given. A ``gate`` or ``scale`` it
+        leaves open (None) is chosen from the data: see :mod:`palpate.preparation.suggestions`; but
+        variable projection chooses its samples itself, and knows what a tare left of the offset by
+        the contact's ``tare_deviation``. Outliers are left out by :class:`OutlierRejection` unless
+        ``outlier_rejection`` is False.
+
+    Raises
+    ------
+    RecordingError
+        The recording cannot be prepared; the probe never touches: no sample passes the gate; or a
+        search for the surface has no free approach: fewer than 20 samples lie above the surface
+        that it found.
+    InvalidParameterError
+        The source is none of these, or there is no such estimator.
+    """
+    contact = source if isinstance(source, Contact) else prepare(source)
+    return Identification.of(Data(contact), estimator)
+
+
+def diagnose(
+    source: "Contact | Recorded",
+    estimator: ContactEstimator | str | None = None,
+    *,
+    depth: float | None = None,
+) -> Diagnosis:
+    """Say what may be wrong with the identification of a contact, and how far to trust it.
+
+    Parameters
+    ----------
+    source : Contact, Recording, path or frame
+        As for :func:`identify`.
+    estimator : ContactEstimator or str, optional
+        As for :func:`identify`.
+    depth : float, optional
+        The working depth, m; the median penetration of the samples taken unless given.
+    """
+    result = identify(source, estimator)
+    return (result if depth is None else result.at_depth(depth)).diagnosis
+
+
+def compare(
+    source: "Contact | Recorded",
+    *,
+    gate: ContactGate | None = None,
+    outlier_rejection: Rejection = None,
+    watch: Callable[[Sequence[str]], Iterable[str]] = iter,
+) -> dict[str, Identification]:
+    """Identify a contact with every method.
+
+    Parameters
+    ----------
+    source : Contact, Recording, path or frame
+        As for :func:`identify`.
+    gate : ContactGate, optional
+        Which samples are contact, for every method. Unless given it is chosen from the data, the
+        same for all but variable projection, which chooses its samples itself.
+    outlier_rejection : OutlierRejection or False, optional
+        How outliers are left out; False takes them all.
+    watch : callable
+        Goes through the methods' names, such as with a progress bar.
+
+    Returns
+    -------
+    dict
+        An :class:`Identification` for each name in ``ESTIMATORS``.
+    """
+    contact = source if isinstance(source, Contact) else prepare(source)
+    chosen = choose_gate(contact) if gate is None else gate
+    data = Data(contact)  # checked once for all methods
+    results = {}
+    for name in watch(list(ESTIMATORS)):
+        kind = ESTIMATORS[name]
+        estimator = kind()
+        shared: dict[str, object] = {"outlier_rejection": outlier_rejection}
+        if gate is not None or not kind.chooses_samples:
+            shared["gate"] = chosen
+        own = {setting: value for setting, value in shared.items() if setting in estimator.settings}
+        estimator = estimator.replace(**own)
+        results[name] = Identification.of(data, estimator)
+    return results
