@@ -85,6 +85,9 @@ def set_titles(
     figure.suptitle(words, fontsize=large, parse_math=False)  # a file's name may hold a $
     if caption:
         figure.supxlabel(wrapped(caption, width, small, 9), fontsize=small)
+    # A tick that comes up at the right end when panels have their width has room for its number.
+    margin = sheet.font / (72.0 * sheet.inches)
+    figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0 - margin, 1.0))
 
 
 def head(axes: "Axes", title: str, *, legend: bool = True) -> None:
