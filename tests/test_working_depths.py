@@ -45,6 +45,15 @@ def test_the_error_bars_hold_for_a_method_that_is_off_the_least_squares(method):
             assert abs(each.value - value) < 3.0 * bar  # 34 of them where only noise counts
 
 
+def test_a_damper_that_does_not_grow_with_depth_is_off_by_no_more_than_it_can_be():
+    found = palpate.identify(EXAMPLES / "tapping.csv", "extended-kelvin-voigt")
+    checks = {finding.check for finding in found.diagnosis.findings}
+    assert "damping with depth" in checks
+    assert "damping form" not in checks  # its slope K₁ + 2 K₂ x is the damper itself where K₂ = 0
+    damping = found.diagnosis.working_depth.damping
+    assert damping.systematic < 5.0 * abs(damping.value)
+
+
 def test_the_working_depths_are_the_median_and_the_90th_percentile(ball):
     taken = ball.contact.penetration[ball.trace.taken]
     depths = [depth.depth for depth in ball.working_depths]
