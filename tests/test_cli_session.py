@@ -3,6 +3,7 @@
 import logging
 import shutil
 import subprocess
+import tomllib
 
 import pytest
 from recordings import recording
@@ -131,3 +132,8 @@ def test_a_completion_that_cannot_be_written_is_one_line(run, tmp_path):
     status, out, err = run("--install-completion", "--shell", "bash", "-o", tmp_path / "no" / "x")
     assert (status, out) == (2, "")
     assert len(err.splitlines()) == 1
+
+
+def test_control_characters_of_a_name_do_not_spoil_the_options():
+    text = as_toml({"force": "a\x7f\x01"}, ["of a\x01b\x7f.csv", "two\nlines"])
+    assert tomllib.loads(text) == {"force": "a\x7f\x01"}

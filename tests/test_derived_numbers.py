@@ -237,6 +237,23 @@ def test_a_force_that_is_late_hides_loss_and_the_systematic_part_holds_it(clean,
     assert clean.energy.measured.systematic < 0.1 * found.systematic
 
 
+def test_a_zero_that_drifts_is_no_loss_and_the_systematic_part_holds_it(clean):
+    contact = clean.contact
+    drift = 0.5 * contact.time / contact.time[-1]
+    found = identify(
+        Contact(
+            contact.time,
+            penetration=contact.penetration,
+            velocity=contact.velocity,
+            force=contact.force + drift,
+        )
+    )
+    assert "offset drift" in {finding.check for finding in found.diagnosis.findings}
+    lost, before = found.energy.measured, clean.energy.measured.value
+    assert abs(lost.value - before) > 2.0 * lost.standard_error
+    assert abs(lost.value - before) < 2.0 * lost.systematic
+
+
 def test_the_steps_of_an_encoder_are_in_the_error_of_the_energy_lost():
     """They go by the place, so that no number of equal loops averages them away."""
     contact = sine(LAW, noise=0.0)

@@ -115,6 +115,12 @@ def test_each_stretch_between_changes_is_a_row():
     assert "change detector" in words
 
 
+def test_the_fit_of_the_parts_is_not_said_of_the_law_of_the_whole():
+    result = palpate.identify(changed(0.3)).by_stretch()
+    assert "The stretches' own laws fit" in html.unescape("".join(sections.numbers(result)))
+    assert "the stretches' own laws fit" in result.summary()
+
+
 def test_a_contact_that_says_nothing_has_no_error_bars():
     time = np.arange(400) * 1e-3
     depth = np.full(400, 5e-3)

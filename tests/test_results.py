@@ -4,6 +4,7 @@ import json
 import math
 import os
 import re
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -79,6 +80,17 @@ def test_the_result_is_what_json_prints(ball, saved, run):
     assert written == printed
 
 
+def test_a_folder_may_be_called_as_a_file(saved, tmp_path):
+    folder = tmp_path / "ball.json"
+    shutil.copytree(saved, folder)
+    assert palpate.load_result(folder).law == palpate.load_result(folder / "result.json").law
+
+
+def test_what_standard_input_gave_is_repeated_from_it(ball, tmp_path):
+    saving.Destination(tmp_path).save(ball, options={"method": ball.method})
+    assert "palpate identify - --config" in (tmp_path / "report.html").read_text("utf-8")
+
+
 def test_the_command_writes_the_same_and_its_options_repeat_it(run, tmp_path):
     options = ["--start", "2.5", "--at", "9mm", "--method", "single-stage"]
     assert run("identify", BALL, *options, "-o", tmp_path)[0] == 0
@@ -110,6 +122,9 @@ def test_a_trace_that_is_read_is_not_written_over(run, saved, tmp_path):
         (lambda folder: change(folder, results=[]), "damaged"),
         (lambda folder: change(folder, remarks=[{"wrong": 1}]), "damaged"),
         (lambda folder: change(folder, trace="trace.hdf5"), "trace.hdf5"),
+        (lambda folder: change(folder, trace="../ball.csv"), "../ball.csv"),
+        (lambda folder: change(folder, provenance=3), "damaged"),
+        (lambda folder: lose(folder, "working_depths", 0, "force"), "damaged"),
         (lambda folder: next(folder.glob("trace.*")).write_bytes(b""), "trace."),
         (lambda folder: next(folder.glob("trace.*")).write_text("a,b\n1,2\n"), "trace."),
     ],
@@ -126,6 +141,17 @@ def test_a_damaged_result_is_one_line(saved, tmp_path, spoil, words):
 def change(folder: Path, **fields) -> None:
     file = folder / "result.json"
     file.write_text(json.dumps({**json.loads(file.read_text()), **fields}))
+
+
+def lose(folder: Path, *way) -> None:
+    """Make a part of the result null."""
+    file = folder / "result.json"
+    whole = json.loads(file.read_text())
+    inner = whole["results"][0]
+    for each in way[:-1]:
+        inner = inner[each]
+    inner[way[-1]] = None
+    file.write_text(json.dumps(whole))
 
 
 def test_a_folder_that_cannot_be_made_is_said_before_the_work(run, tmp_path, monkeypatch):

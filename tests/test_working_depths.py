@@ -8,6 +8,7 @@ from cases import exciting
 
 import palpate
 from palpate.errors import InvalidParameterError
+from palpate.recordings.truth import truth_of
 
 HARD = palpate.HuntCrossley(228e3, 2e3, 2.0)
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
@@ -30,6 +31,27 @@ def late():
             force=np.roll(signals.force, 3),
         )
     )
+
+
+@pytest.mark.parametrize("method", ["single-stage", "drift-tracking"])
+def test_the_error_bars_hold_for_a_method_that_is_off_the_least_squares(method):
+    found = palpate.identify(EXAMPLES / "tapping.csv", method)
+    truth = truth_of(found.contact.provenance)
+    for there in found.working_depths:
+        x = there.depth
+        real = truth.force(x, 0.0), truth.stiffness_at(x), truth.damping_at(x)
+        for each, value in zip((there.force, there.stiffness, there.damping), real, strict=True):
+            bar = np.hypot(each.standard_error, each.systematic)
+            assert abs(each.value - value) < 3.0 * bar  # 34 of them where only noise counts
+
+
+def test_a_damper_that_does_not_grow_with_depth_is_off_by_no_more_than_it_can_be():
+    found = palpate.identify(EXAMPLES / "tapping.csv", "extended-kelvin-voigt")
+    checks = {finding.check for finding in found.diagnosis.findings}
+    assert "damping with depth" in checks
+    assert "damping form" not in checks  # its slope K₁ + 2 K₂ x is the damper itself where K₂ = 0
+    damping = found.diagnosis.working_depth.damping
+    assert damping.systematic < 5.0 * abs(damping.value)
 
 
 def test_the_working_depths_are_the_median_and_the_90th_percentile(ball):

@@ -196,7 +196,7 @@ def test_a_folder_is_made_with_those_above_it(tmp_path, old):
     make_folder(tmp_path / "a" / "b")
     make_folder(tmp_path / "a" / "b")
     assert not list((tmp_path / "a" / "b").iterdir())
-    with pytest.raises(RecordingError, match=r"File exists|Not a directory"):
+    with pytest.raises(RecordingError, match="this is no folder"):
         make_folder(old)
 
 

@@ -21,8 +21,9 @@ def with_error(value: float, *errors: float, unit: str = "") -> str:
     value : float
         The number.
     errors : float
-        Of it, such as the repeatable and the systematic one. What is not finite or not positive is
-        left out. The largest decides on the digits; one that these would write as zero keeps one.
+        Of it, such as the repeatable and the systematic one. What is not positive is left out, and
+        what is not finite is unknown, which is said. The largest decides on the digits; one that
+        these would write as zero keeps one.
     unit : str
         Written behind, if any.
     """
@@ -33,6 +34,8 @@ def with_error(value: float, *errors: float, unit: str = "") -> str:
         words = rounded(value, 4)
     else:
         words = _together(value, known)
+    if math.isfinite(value) and not all(map(math.isfinite, errors)):
+        words += " ± unknown"
     return f"{words} {unit}".rstrip()
 
 

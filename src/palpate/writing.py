@@ -101,7 +101,10 @@ def make_folder(path: Path) -> None:
         It cannot be made or written to.
     """
     with _in_words(path):
-        path.mkdir(parents=True, exist_ok=True)
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except FileExistsError:
+            raise RecordingError(f"{path}: this is no folder; name another for the files") from None
         with _beside(path / "any") as temporary:
             temporary.touch(exist_ok=False)
 

@@ -73,8 +73,9 @@ def _print_result(result: Identification, console: Terminal) -> None:
 
 
 def _quality(result: Identification) -> str:
+    fit = "fit by the laws of each part" if result.stretches else "fit"
     words = (
-        f"by {result.method}; RMSE of force: fit {percent(result.fit_rmse_percent)}, "
+        f"by {result.method}; RMSE of force: {fit} {percent(result.fit_rmse_percent)}, "
         f"predicted a priori {percent(result.prediction_rmse_percent)}"
     )
     if result.law.has_condition_10:

@@ -38,9 +38,8 @@ def print_working_depths(result: Identification, console: Console) -> None:
 
 
 def whole_error(quantity: Quantity) -> float:
-    """Return what repeats and what the findings would move together; 0 where neither is known."""
-    parts = (quantity.standard_error, quantity.systematic)
-    return math.hypot(*(part for part in parts if math.isfinite(part)))
+    """Return what repeats and what the findings would move together; NaN where one is unknown."""
+    return math.hypot(quantity.standard_error, quantity.systematic)
 
 
 def _cell(there: WorkingDepth, name: str, unit: str, truth: ForceLaw | None) -> str:

@@ -10,6 +10,7 @@ from palpate.diagnosis.cause import Beside, Cause, beside, of_parameter
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.fit import Fit
 from palpate.digits import rounded
+from palpate.force_laws import HuntCrossley
 from palpate.validation import Floats
 
 
@@ -57,6 +58,15 @@ def shape_of(fit: Fit) -> Shape:
 
 def _unit(value: float) -> float:
     return float(value) or 1.0
+
+
+def _other_growth(fit: Fit, shape: Shape) -> Floats:
+    """x^(n−1) v, of a law whose damping grows as xⁿ; nothing of one whose damping does not grow.
+
+    Beside a constant damper, K₁ v + 2 K₂ x v would be that damper but for some rounding of K₂.
+    """
+    grows = isinstance(fit.solution.law, HuntCrossley)
+    return shape.slope * shape.v if grows else np.zeros_like(shape.v)
 
 
 def _acceleration(fit: Fit, _: Shape) -> Floats:
@@ -120,7 +130,7 @@ COLUMNS: dict[str, Column] = {
         "press along the surface's normal; the damping is for this speed only",
     ),
     "damping form": Column(
-        lambda fit, s: s.slope * s.v,
+        _other_growth,
         lambda fit, found: "the damping grows with depth in another way than the law's",
         "the stiffness at working depth holds; take the damping at that depth only",
     ),

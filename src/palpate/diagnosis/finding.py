@@ -102,7 +102,8 @@ class Quantity:
     standard_error : float
         Repeatable part, from the scatter of blocks of the residual; NaN where it is not known.
     systematic : float
-        What the causes that were found would move it by; 0 where none was.
+        What the causes that were found would move it by, or how far the method is off the least
+        squares of its law, where that is more; 0 of neither.
     """
 
     value: float

@@ -5,7 +5,11 @@ import math
 from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.marking import Judged
-from palpate.diagnosis.misfit import off_least_squares, standard_errors
+from palpate.diagnosis.misfit import standard_errors
+
+# Standard errors that a method is off the least squares of its law before it is said: less widens
+# no bar by more than an eighth.
+OFF = 0.5
 
 
 def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
@@ -18,17 +22,28 @@ def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
     judged : Judged
         The causes that may move them.
     """
-    errors = _with_surface(fit, standard_errors(fit))
-    off = [abs(each) for each in off_least_squares(fit)[:2]]
-    found = judged.systematic(fit)
-    moved = [max(a, b) * size for a, b, size in zip(found, off, fit.sizes, strict=True)]
-    return _numbers(fit, errors, (0.0, *moved))
+    own = standard_errors(fit)
+    found = (0.0, *(a * b for a, b in zip(judged.systematic(fit), fit.sizes, strict=True)))
+    moved = tuple(max(a, b) for a, b in zip(found, _off_least_squares(fit, own), strict=True))
+    return _numbers(fit, _with_surface(fit, own), moved)
 
 
 def nothing_known(fit: Fit) -> WorkingDepth:
     """Return the numbers at the working depth of a fit that could not be checked."""
     unknown = (math.nan, math.nan, math.nan)
     return _numbers(fit, unknown, (0.0, 0.0, 0.0) if math.isfinite(fit.depth) else unknown)
+
+
+def _off_least_squares(fit: Fit, errors: tuple[float, ...]) -> tuple[float, ...]:
+    """How far the method's own force, stiffness and damping are off the least squares of its law.
+
+    The errors are those of the least squares. A method that forgets, or weighs light touch as much
+    as firm, has an answer of its own, and no error bar of these is about it.
+    """
+    own, best = fit.units.local(fit.estimate.law), fit.solution.law
+    quantities = (fit.force_at_depth, fit.stiffness, fit.damping)
+    apart = (abs(quantity(own) - quantity(best)) for quantity in quantities)
+    return tuple(a if a > OFF * error else 0.0 for a, error in zip(apart, errors, strict=True))
 
 
 def _numbers(fit: Fit, errors: tuple[float, ...], moved: tuple[float, ...]) -> WorkingDepth:

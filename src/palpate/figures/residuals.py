@@ -68,7 +68,8 @@ def draw_residuals(
         low = min(axes.get_ylim()[0] for axes in panels)
         for axes in panels:
             axes.set_ylim(low, -low)
-        fit = f"the final law leaves {identification.fit_rmse_percent:.2g} % of the force"
+        laws = "laws of each part leave" if identification.stretches else "final law leaves"
+        fit = f"the {laws} {identification.fit_rmse_percent:.2g} % of the force"
         name = name_of(identification)
         set_titles(figure, sheet, [f"{name}: {fit}" if name else fit], CAPTION)
     return figure

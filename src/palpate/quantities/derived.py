@@ -85,6 +85,7 @@ def energy_from(result: "Identification") -> EnergyLoss:
     """Return the energy lost in the touches, or cycles, of a recording."""
     data, path = result.data or Data(result.contact), path_of(result)
     going_on = replace(result.contact, segment=_going_on(result.contact))
+    checks = {each.check for each in result.diagnosis.findings}
     with _absurd_numbers():
         return energy_of(
             path,
@@ -93,7 +94,8 @@ def energy_from(result: "Identification") -> EnergyLoss:
             result.diagnosis.working_depth.damping,
             force_noise=data.force_noise,
             depth_noise=data.penetration_noise,
-            skewed=any(each.check == "delay" for each in result.diagnosis.findings),
+            skewed="delay" in checks,
+            drifting="offset drift" in checks,
         )
 
 

@@ -111,10 +111,11 @@ def elastic_modulus_of(
     if refused:
         return ElasticModulus(UNKNOWN, *known, refused)
     moved = there.stiffness.systematic / abs(there.stiffness.value)
+    by_force = there.force.systematic / there.force.value
     value = Quantity(
         modulus,
         modulus * there.force.standard_error / there.force.value,
-        modulus * math.hypot(spread, moved, tip.departure(there.depth)),
+        modulus * math.hypot(spread, moved, by_force, tip.departure(there.depth)),
     )
     remarks = (*_remarks(found, exponent, tip), *tip.limitations(depths[1]))
     return ElasticModulus(value, *known, remarks=remarks)

@@ -28,7 +28,7 @@ class EnergyLoss:
     measured : Quantity
         ∮ F dx, mean of the loops; its standard error is what white noise of force and penetration
         makes of it, and systematic what an error of the penetration would that goes by the place,
-        as an encoder's does, and a delay that the diagnosis names.
+        as an encoder's does, and a delay or a drift of the force's zero that the diagnosis names.
     predicted : Quantity
         The same by the law along the same motion, with the relative standard error of its damping:
         over a closed loop all that a law loses is lost in its damper. What the diagnosis' findings
@@ -79,6 +79,7 @@ def energy_of(
     force_noise: float,
     depth_noise: float,
     skewed: bool,
+    drifting: bool,
 ) -> EnergyLoss:
     """Return the energy lost in loops of a path.
 
@@ -97,6 +98,8 @@ def energy_of(
     skewed : bool
         Whether force and penetration may be apart in time, which moves the measured loss as it
         does the damping.
+    drifting : bool
+        Whether the zero of the force may drift, whose ∮ F dx is no loss.
     """
     work = path.work(path.force)
     lost = loops.over(work)
@@ -115,7 +118,8 @@ def energy_of(
     moved = by_damping * damping.systematic if skewed else 0.0
     # An encoder's error goes by the place, and is the same in every loop: ∮ e dF, e of one sign.
     steps = depth_noise * float(loops.swings(path.force).mean())
-    measured = Quantity(float(lost.mean()), noise, math.hypot(moved, steps))
+    drifted = _drifted(path, loops, law) if drifting else 0.0
+    measured = Quantity(float(lost.mean()), noise, math.hypot(moved, steps, drifted))
     of_law = Quantity(float(predicted.mean()), by_damping * damping.standard_error, 0.0)
     remarks = _remarks(measured, of_law)
     if not remarks:
@@ -125,6 +129,15 @@ def energy_of(
     return EnergyLoss(
         loops.kind, measured, of_law, whole, fraction, *arrays, remarks=tuple(remarks)
     )
+
+
+def _drifted(path: Path, loops: Loops, law: ForceLaw) -> float:
+    """Return ∮ ḋ t dx, mean of the loops, J, of a zero that drifts as what the law leaves does."""
+    inside = path.inside
+    time = path.time[inside] - path.time[inside].mean()
+    left = path.force[inside] - law.force(path.depth[inside], path.velocity[inside])
+    rate = float(time @ left / (time @ time))
+    return abs(rate * float(loops.over(path.work(path.time)).mean()))
 
 
 def _part(quantity: Quantity, whole: float) -> Quantity:

@@ -91,7 +91,7 @@ class Destination:
         whole = {**described(files, [result]), "trace": self.trace}
         circumstances = Circumstances(
             made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-            command=self._command(files),
+            command=self._command(files if options is None else files or [Path("-")]),
             options=run,
             files=self.names[1:],
             versions=_versions(),

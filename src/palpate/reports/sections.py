@@ -13,7 +13,7 @@ from palpate.ranking import rank
 from palpate.recordings.truth import truth_of
 from palpate.reports import html
 from palpate.results.following import following
-from palpate.results.summary import both, depth_in_words, number
+from palpate.results.summary import both, depth_in_words, number, whose_fit
 
 
 def verdict(result: Identification) -> Iterator[str]:
@@ -79,7 +79,8 @@ def _law(result: Identification) -> Iterator[str]:
             row += [rounded(true, 5), _apart(value - true, error)]
         rows.append([escape(cell) for cell in row])
     yield from html.table(f"Contact model: {law.kind}, by {result.method}", header, rows)
-    measures = f"The final law fits the force to {rounded(result.fit_rmse_percent, 2)} %"
+    fits = whose_fit(result)
+    measures = f"{fits[:1].upper()}{fits[1:]} the force to {rounded(result.fit_rmse_percent, 2)} %"
     predicted = result.prediction_rmse_percent
     if math.isfinite(predicted):
         measures += f"; predicted a priori, after 0.2 s of contact, to {rounded(predicted, 2)} %"

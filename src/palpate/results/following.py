@@ -128,6 +128,8 @@ def _passivity(found: Passivity) -> Line:
             f"{_plain(-found.lowest_force, 'N')}, where {_plain(found.measured_there, 'N')} were "
             "recorded on average"
         )
+    elif found.limit >= 0.0:
+        words = "the law pulls at working depth even where the probe rests"
     elif math.isfinite(found.limit):
         words = f"the law would pull on withdrawals faster than {rounded(-found.limit, 3)} m/s"
     remarks = []

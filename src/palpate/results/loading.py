@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.contact import Contact
 from palpate.diagnosis import Finding, Quantity, Verdict, WorkingDepth
-from palpate.errors import InvalidParameterError, RecordingError
+from palpate.errors import RecordingError
 from palpate.force_laws import FORCE_LAWS, law_from
 from palpate.recordings import open_recording
 from palpate.remarks import Remark
@@ -78,15 +78,15 @@ def load_result(path: str | Path) -> SavedResult:
         There is no result, it is damaged, or another version of palpate wrote it in a way that this
         one does not know.
     """
-    folder = Path(path)
-    file = folder if folder.suffix == ".json" else folder / RESULT
+    named = Path(path)
+    file = named if named.suffix == ".json" and not named.is_dir() else named / RESULT
     whole = _described(file)
     try:
-        [found] = whole["results"]
+        [found], name = whole["results"], whole["trace"]
+        if name not in TRACES:
+            raise ValueError(f"no trace of palpate is called {name!r}")
         law = law_from(found["law"])
-        contact, trace = contact_and_trace(
-            open_recording(file.parent / whole["trace"]), FORCE_LAWS[law.kind]
-        )
+        contact, trace = contact_and_trace(open_recording(file.parent / name), FORCE_LAWS[law.kind])
         return SavedResult(
             folder=file.parent,
             method=found["method"],
@@ -102,7 +102,7 @@ def load_result(path: str | Path) -> SavedResult:
         )
     except RecordingError:
         raise
-    except (KeyError, TypeError, ValueError, InvalidParameterError) as error:
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
         reason = f"{type(error).__name__}: {error}"
         raise RecordingError(f"{file}: the result is damaged ({reason}); identify again") from None
 

@@ -32,16 +32,17 @@ def summary(result: "Identification") -> str:
 
 def number(quantity: Quantity) -> str:
     """A number with both error bars as one; where one is not known that is said."""
-    whole = math.hypot(quantity.standard_error, quantity.systematic)
-    words = with_error(quantity.value, whole)
-    return words if math.isfinite(whole) else f"{words} ± unknown"
+    return with_error(quantity.value, math.hypot(quantity.standard_error, quantity.systematic))
 
 
 def both(quantity: Quantity) -> str:
     """A number with both error bars: what repeats, and what the findings would move."""
-    if not math.isfinite(quantity.standard_error):
-        return number(quantity)
     return with_error(quantity.value, quantity.standard_error, quantity.systematic)
+
+
+def whose_fit(result: "Identification") -> str:
+    """Of which laws the fit's residual is: where there are stretches, not that of the whole."""
+    return "the stretches' own laws fit" if result.stretches else "the law fits"
 
 
 def depth_in_words(depth: float) -> str:
@@ -64,7 +65,7 @@ def _head(result: "Identification") -> list[str]:
     taken, rejected = result.trace.taken.sum(), result.trace.rejected.sum()
     lines.append(
         f"{len(contact)} samples, {taken} in contact, {rejected} left out as outliers; "
-        f"the law fits to {rounded(result.fit_rmse_percent, 2)} %"
+        f"{whose_fit(result)} to {rounded(result.fit_rmse_percent, 2)} %"
     )
     return lines
 

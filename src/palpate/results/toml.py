@@ -1,11 +1,15 @@
 """Options as TOML, which ``--config`` takes back."""
 
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from palpate.contact import Contact
+
+# No TOML may hold them, not even in a comment; a name of a file and a note may.
+_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
 
 
 def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
@@ -20,7 +24,7 @@ def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
     """
     lines = [f"{name} = {_value(value)}" for name, value in options.items()]
     lines += [""] if lines else []
-    lines += [f"# {' '.join(each.split())}" for each in comments]
+    lines += [f"# {_CONTROL.sub('?', ' '.join(each.split()))}" for each in comments]
     return "\n".join(lines) + "\n"
 
 
@@ -31,8 +35,9 @@ def _value(value: Any) -> str:
         return f"[{', '.join(_value(each) for each in value)}]"
     if isinstance(value, int | float):
         return repr(value)
-    # JSON's escapes are TOML's, but for those of characters beyond 16 bits: left as they are.
-    return json.dumps(str(value), ensure_ascii=False)
+    # JSON's escapes are TOML's, but for those of characters beyond 16 bits: left as they are; and
+    # JSON leaves the one control character beyond its range.
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def how_made(contact: Contact, files: Sequence[Path]) -> list[str]:
