@@ -134,3 +134,33 @@ def test_an_estimate_of_nothing_can_be_asked_too(method):
         value, error = getattr(estimate, name)(1e-3)
         assert value == getattr(estimate.law, name)(1e-3)
         assert not error < 0.0
+
+
+def test_what_a_velocity_filter_takes_off_the_velocity_is_in_the_error_of_the_damping():
+    stiff = palpate.HuntCrossley(5e5, 2e5, 1.5)
+    signals = exciting(stiff, seconds=6.0, noise=0.02, seed=5)
+    contact = palpate.prepare(
+        time=signals.time, penetration=signals.penetration, force=signals.force
+    )
+    there = palpate.identify(contact).diagnosis.working_depth
+    off = there.damping.value - stiff.damping_at(there.depth)
+    assert off > 3.0 * there.damping.standard_error
+    assert off < 2.0 * np.hypot(there.damping.standard_error, there.damping.systematic)
+
+
+def test_what_a_tare_leaves_is_in_the_errors_of_a_method_without_an_offset():
+    signals = exciting(HARD, seconds=4.0, noise=0.02, seed=6)
+    contact = palpate.Contact(
+        signals.time,
+        penetration=signals.penetration,
+        velocity=signals.velocity,
+        force=signals.force + 0.05,
+    )
+    there = palpate.identify(contact, "double-stage").diagnosis.working_depth
+    for quantity, true in (
+        (there.force, HARD.force(there.depth, 0.0)),
+        (there.stiffness, HARD.stiffness_at(there.depth)),
+    ):
+        whole = np.hypot(quantity.standard_error, quantity.systematic)
+        assert abs(quantity.value - true) < 3.0 * whole
+        assert abs(quantity.value - true) > 3.0 * quantity.standard_error

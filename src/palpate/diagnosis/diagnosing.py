@@ -37,11 +37,12 @@ from palpate.diagnosis.misfit import (
     misfit,
     offset,
     ratio,
+    standard_errors,
     unexplained,
 )
 from palpate.diagnosis.surface import has_free_air, surface
 from palpate.diagnosis.velocity_noise import velocity_noise
-from palpate.diagnosis.working_depth import nothing_known, working_depth
+from palpate.diagnosis.working_depth import OFF, nothing_known, working_depth
 from palpate.digits import rounded
 from palpate.estimate import Estimate
 from palpate.stages import timed
@@ -104,15 +105,24 @@ def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagn
     found += judged.findings
     found += [f for f in wide if f is not None and not (f.check == "offset" and named_surface)]
     found += _notes(fit)
-    judged = _moved_by_velocity(judged, found)
+    judged = _moved_by_velocity(fit, judged, found)
     depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
     return _whole(found, depths, _episodes(fit, changed))
 
 
-def _moved_by_velocity(judged: Judged, found: list[Finding]) -> Judged:
-    """With what a wrong velocity does to the damping."""
+def _moved_by_velocity(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
+    """With what a wrong velocity does to the damping, and the filter that it was made with.
+
+    At a frequency ω the slope of the parabola through a window of T keeps 1 − (ωT/2)²/10 of the
+    velocity, and the damping becomes as much larger: 0.1 % at 2 Hz by the usual 15 ms.
+    """
     parts = [f.moves_damping_percent for f in found if f.check.startswith("velocity")]
-    known = (abs(part) / 100.0 for part in parts if math.isfinite(part))
+    known = [abs(part) / 100.0 for part in parts if math.isfinite(part)]
+    prepared = fit.data.contact.prepared
+    if prepared is not None and prepared.window is not None and fit.period > 0.0:
+        lost = (math.pi * prepared.window / fit.period) ** 2 / 10.0
+        moved = lost * abs(fit.damping(fit.solution.law))
+        known += [moved / fit.sizes[1]] if moved > OFF * standard_errors(fit)[2] else []
     return replace(judged, damping=max((judged.damping, *known)))
 
 

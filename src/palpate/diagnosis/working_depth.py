@@ -2,13 +2,15 @@
 
 import math
 
+import numpy as np
+
+from palpate.diagnosis.cause import beside
 from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.marking import Judged
 from palpate.diagnosis.misfit import standard_errors
 
-# Standard errors that a method is off the least squares of its law before it is said: less widens
-# no bar by more than an eighth.
+# Standard errors that a number is off before that counts: less widens no bar by over an eighth.
 OFF = 0.5
 
 
@@ -24,7 +26,8 @@ def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
     """
     own = standard_errors(fit)
     found = (0.0, *(a * b for a, b in zip(judged.systematic(fit), fit.sizes, strict=True)))
-    moved = tuple(max(a, b) for a, b in zip(found, _off_least_squares(fit, own), strict=True))
+    others = (_off_least_squares(fit, own), _without_offset(fit))
+    moved = tuple(max(parts) for parts in zip(found, *others, strict=True))
     return _numbers(fit, _with_surface(fit, own), moved)
 
 
@@ -44,6 +47,20 @@ def _off_least_squares(fit: Fit, errors: tuple[float, ...]) -> tuple[float, ...]
     quantities = (fit.force_at_depth, fit.stiffness, fit.damping)
     apart = (abs(quantity(own) - quantity(best)) for quantity in quantities)
     return tuple(a if a > OFF * error else 0.0 for a, error in zip(apart, errors, strict=True))
+
+
+def _without_offset(fit: Fit) -> tuple[float, ...]:
+    """How far the numbers of a method that knows no offset move when one is fitted beside its law.
+
+    No tare is exact; what it leaves is in no residual that a stiffness can take up.
+    """
+    if fit.with_offset:
+        return (0.0, 0.0, 0.0)
+    found = beside(fit, np.ones(len(fit.band)))
+    if found is None:
+        return (0.0, 0.0, 0.0)
+    moved = np.abs(fit.gradients @ found.change[: len(fit.solution.law.symbols)])
+    return tuple(each if math.isfinite(each) else 0.0 for each in moved.tolist())
 
 
 def _numbers(fit: Fit, errors: tuple[float, ...], moved: tuple[float, ...]) -> WorkingDepth:
