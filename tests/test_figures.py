@@ -373,7 +373,16 @@ AWKWARD = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("contact", AWKWARD.values(), ids=AWKWARD)
+QUICK = ("of one sample", "that never moves", "with samples not known")
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [
+        pytest.param(contact, id=name, marks=() if name in QUICK else pytest.mark.slow)
+        for name, contact in AWKWARD.items()
+    ],
+)
 def test_any_contact_that_can_be_identified_can_be_drawn(tmp_path, contact):
     """Warnings are errors here, so that nothing appears on a user's standard error."""
     result = palpate.identify(contact)
