@@ -41,7 +41,6 @@ th, td { text-align: left; vertical-align: top; padding: 0.4rem 0.8rem 0.4rem 0;
 th, td { border-bottom: 1px solid var(--line); }
 thead th { color: var(--soft); font-weight: 600; }
 tbody th { font-weight: 500; }
-.number { white-space: nowrap; }
 tbody tr:hover { background: var(--band); }
 td p { margin: 0 0 0.3rem; min-width: 13rem; }
 .badge { font-weight: 600; white-space: nowrap; }
@@ -80,6 +79,7 @@ REPORT = """
 .tile { border: 1px solid var(--line); border-radius: 8px; padding: 0.7rem 1rem; min-width: 13rem; }
 .tile b { display: block; font-size: 1.45rem; font-weight: 600; line-height: 1.3; }
 .tile small { color: var(--soft); display: block; }
+#numbers td, #comparison td { white-space: nowrap; } /* a number and its error are one */
 pre { background: var(--band); padding: 0.75rem 1rem; overflow-x: auto; font-size: 0.85rem; }
 code { overflow-wrap: anywhere; }
 @media (max-width: 40rem) { .tile { flex: 1 1 100%; } h1 { font-size: 1.5rem; } }
