@@ -1,0 +1,273 @@
+"""The loop: each sample is prepared, learned and written down before the next one comes.
+
+It runs in one thread, which waits nowhere but in the source. Whatever shows or stores what it found
+reads the ring, in another process.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from palpate._core import Status
+from palpate.diagnosis.finding import defined
+from palpate.errors import PalpateError
+from palpate.estimators import ContactEstimator, estimator_named
+from palpate.live.arrivals import Arrival
+from palpate.live.commands import Command
+from palpate.live.ring import MOST_PARAMETERS, Writer
+from palpate.live.sources.source import EndOfSourceError, Source
+from palpate.live.states import State
+from palpate.live.statistics import Histogram
+from palpate.preparation import OnlinePreparation
+from palpate.validation import number_in
+
+IN_TIME = 1e-3  # s: a cycle is in time when it is done so long after its sample was there
+SHOWN_FOR = 1.0  # s: how long a change is a state
+SILENT = 20  # sample times without a sample, but at least SILENT_TIME, are a silence
+SILENT_TIME = 0.2  # s
+_NONE = (math.nan,) * 4
+_TAKEN = frozenset({Status.UPDATED, Status.GUARDED, Status.RESTARTED})
+_REFUSED = frozenset({Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE})
+_EMPTY_PARAMETERS = (math.nan,) * MOST_PARAMETERS
+
+
+@dataclass(slots=True)
+class LoopCounts:
+    """What the loop itself counted.
+
+    Attributes
+    ----------
+    taken : int
+        Samples that came from the source.
+    learned : int
+        Of them, those that the estimator took.
+    refused : int
+        Those that were not finite, out of range, or had an impossible time.
+    silences : int
+        How often the source went silent.
+    """
+
+    taken: int = 0
+    learned: int = 0
+    refused: int = 0
+    silences: int = 0
+    changes: int = 0
+
+
+@dataclass(slots=True)
+class Loop:
+    """Source, preparation and estimator, and what came of each sample.
+
+    Parameters
+    ----------
+    source : Source
+        Open.
+    preparation : OnlinePreparation
+        Makes the velocity, and what else the estimator takes.
+    estimator : ContactEstimator
+        Learns.
+    ring : Writer
+        Where each sample is written down.
+    commands : callable
+        Returns the next command that waits, or None; asked between samples.
+    """
+
+    source: Source
+    preparation: OnlinePreparation
+    estimator: ContactEstimator
+    ring: Writer
+    commands: Callable[[], Command | None] = field(default=lambda: None)
+    counts: LoopCounts = field(default_factory=LoopCounts)
+    cycle: Histogram = field(default_factory=lambda: Histogram(20e-6))
+    lateness: Histogram = field(default_factory=lambda: Histogram(IN_TIME))
+    state: State = State.FREE
+    held: bool = False
+    stopped: bool = False
+    said: list[str] = field(default_factory=list)
+    _generation: int = 0
+    _changed: float = -math.inf
+    _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        given = self.preparation.settings["direction"]
+        if given is not None:
+            size = math.hypot(*given)
+            self._direction = tuple(float(each) / size for each in given)
+
+    def run(self) -> None:
+        """Go on until the source ends, or somebody says stop."""
+        silent = max(SILENT * self.source.sample_time, SILENT_TIME)
+        while not self.stopped:
+            try:
+                arrival = self.source.take(silent)
+            except EndOfSourceError:
+                return
+            if arrival is None:
+                self._silence()
+            else:
+                self.step(arrival)
+            self._obey()
+
+    def step(self, arrival: Arrival) -> None:
+        """Take one sample through preparation and estimator, and write it down."""
+        counts, estimator = self.counts, self.estimator
+        counts.taken += 1
+        sample = self.preparation.update(arrival.position, arrival.force, arrival.time)
+        began = time.perf_counter()
+        status, predicted, prepared = Status.WAITING, math.nan, _NONE
+        if sample is not None:
+            prepared = (sample.time, sample[0], sample[1], sample[2])
+            if not self.held:
+                predicted = estimator.predict(sample[0], sample[1])
+                began = time.perf_counter()
+                status = estimator.update(*sample)
+        elif self.preparation.status is Status.RESTARTED:
+            estimator.leave_contact()
+        estimate = estimator.estimate()
+        took = time.perf_counter() - began
+        self._judge(arrival, status, sampled=sample is not None)
+        self._write(arrival, prepared, predicted, status, estimate, took)
+        if sample is not None:
+            self.cycle.add(took)
+        self.lateness.add(time.monotonic() - arrival.there)
+
+    def _judge(self, arrival: Arrival, status: Status, *, sampled: bool) -> None:
+        """The state that a person sees."""
+        counts = self.counts
+        preparing = self.preparation.status
+        if status in _TAKEN:
+            counts.learned += 1
+        if status is Status.RESTARTED:
+            counts.changes += 1
+            self._changed = arrival.time
+        if status in _REFUSED or preparing in _REFUSED:
+            counts.refused += 1
+            self.state = State.INVALID
+        elif self.held:
+            self.state = State.HELD
+        elif not sampled and preparing is Status.WAITING and self._taring:
+            self.state = State.TARING
+        elif 0.0 <= arrival.time - self._changed < SHOWN_FOR:
+            self.state = State.CHANGED
+        elif sampled:
+            self.state = State.CONTACT if status in _TAKEN else State.FREE
+
+    @property
+    def _taring(self) -> bool:
+        return self.preparation.settings["tare_time"] > 0.0 and math.isnan(self.preparation.tare)
+
+    def _write(
+        self,
+        arrival: Arrival,
+        prepared: tuple[float, ...],
+        predicted: float,
+        status: Status,
+        estimate: Any,
+        took: float,
+    ) -> None:
+        parameters = estimate.parameters.tolist()
+        size = len(parameters)
+        covariance = estimate.covariance.tolist()
+        flat = [0.0] * MOST_PARAMETERS**2
+        for i in range(size):
+            flat[i * MOST_PARAMETERS : i * MOST_PARAMETERS + size] = covariance[i]
+        position, force = arrival.position, arrival.force
+        self.ring.write(
+            prepared[0],
+            arrival.time,
+            position if isinstance(position, float) else self._along(position),
+            force if isinstance(force, float) else self._along(force),
+            prepared[1],
+            prepared[2],
+            prepared[3],
+            predicted,
+            status,
+            self.preparation.status,
+            self.state,
+            estimate.offset,
+            estimate.surface,
+            estimate.validity_margin,
+            took,
+            time.monotonic() - arrival.there,
+            self._generation,
+            *parameters,
+            *_EMPTY_PARAMETERS[size:],
+            *flat,
+        )
+
+    def _along(self, vector: tuple[float, float, float]) -> float:
+        """Part of a vector along the contact normal, into the material."""
+        x, y, z = self._direction
+        return x * vector[0] + y * vector[1] + z * vector[2]
+
+    def _silence(self) -> None:
+        """Nothing came for a while: hold what is known."""
+        if self.state is not State.LOST:
+            self.state = State.LOST
+            self.counts.silences += 1
+            self.estimator.leave_contact()
+            self.say("no sample comes: the estimate is held")
+
+    def say(self, words: str) -> None:
+        """Tell whoever looks on; the last few are kept."""
+        self.said = [*self.said[-7:], f"{time.strftime('%H:%M:%S')} {words}"]
+
+    def _obey(self) -> None:
+        """Do what was asked for since the last sample."""
+        while (command := self.commands()) is not None:
+            try:
+                self._do(command)
+            except PalpateError as error:  # of a person's request, not of data
+                self.say(f"{command.name}: {error}")
+
+    def _do(self, command: Command) -> None:
+        options = command.options
+        if command.name == "stop":
+            self.stopped = True
+        elif command.name in ("hold", "resume"):
+            self.held = command.name == "hold"
+            self.say("held" if self.held else "resumed")
+            if self.held:
+                self.estimator.leave_contact()
+        elif command.name == "reset":
+            self._exchange(self.estimator.replace(), "reset: all is forgotten")
+        elif command.name == "tare":
+            seconds = number_in("seconds", options.get("seconds", 1.0), 0.01, 60.0)
+            settings = {**self.preparation.settings, "tare_time": seconds}
+            self.preparation = OnlinePreparation(**settings)
+            self.estimator.leave_contact()
+            self.say(f"taring for {seconds:g} s: touch nothing")
+        elif command.name == "estimator":
+            given = dict(options)
+            made = estimator_named(given.pop("method", self.estimator.method))(**given)
+            self._exchange(made, f"estimator: {made.method}")
+        elif command.name == "source":
+            self.say(self.source.ask(options))
+
+    def _exchange(self, estimator: ContactEstimator, words: str) -> None:
+        self.estimator = estimator
+        self._generation += 1
+        self._changed = -math.inf
+        self.say(words)
+
+    def status(self) -> dict[str, Any]:
+        """What is to be known beside the samples, as plain numbers and words."""
+        law, counts = self.estimator.law_type, self.source.counts
+        return {
+            "source": self.source.name,
+            "sample_time": self.source.sample_time,
+            "delay": self.preparation.delay,
+            "tare": defined(self.preparation.tare),
+            "method": self.estimator.method,
+            "generation": self._generation,
+            "law": {"kind": law.kind, "symbols": law.symbols, "units": law.units},
+            "has_condition_10": law.has_condition_10,
+            "state": self.state.name.lower(),
+            "held": self.held,
+            "counts": {**asdict(self.counts), **asdict(counts)},
+            "cycle": self.cycle.as_dict(),
+            "lateness": self.lateness.as_dict(),
+            "said": self.said,
+        }
