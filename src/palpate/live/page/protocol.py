@@ -39,13 +39,16 @@ def protocols(counted: Malformed) -> tuple[type[H11Protocol], type[WebSocketsSan
             super().handle_cont(event)
             # Pieces without content are within the size of any message, and yet take memory.
             if len(self.frames) > _MOST_PIECES:
-                counted.frames += 1
-                self.transport.abort()
+                self._abort()
 
         def handle_ping(self) -> None:
             super().handle_ping()
             # Each is answered: who never reads the answers would fill the memory with them.
             if self.transport.get_write_buffer_size() > MOST_UNREAD:
+                self._abort()
+
+        def _abort(self) -> None:
+            if not self.transport.is_closing():  # what came with it is still gone through
                 counted.frames += 1
                 self.transport.abort()
 

@@ -62,20 +62,13 @@ class Page:
         open_browser: bool = False,
     ) -> None:
         _check_installed()
-        if token is not None and not (
-            isinstance(token, str) and len(token) >= _SHORTEST_TOKEN and _plain(token)
-        ):
-            raise InvalidParameterError(
-                f"token must have {_SHORTEST_TOKEN} letters, digits, - or _ at least"
-            )
+        token_for("127.0.0.1", token)  # before anything listens
         self._open_browser = open_browser
         self._socket = _listening(host, whole_in("port", port, 0, 65535))
         address = self._socket.getsockname()
         self.port: int = address[1]
         self._host = address[0]
-        if token is None and not ipaddress.ip_address(self._host).is_loopback:
-            token = secrets.token_urlsafe(24)
-        self.token = token
+        self.token = token_for(self._host, token)
 
     @property
     def url(self) -> str:
@@ -192,8 +185,23 @@ def _listening(host: str, port: int) -> socket.socket:
     return made
 
 
-def _plain(token: str) -> bool:
-    return token.isascii() and token.replace("-", "").replace("_", "").isalnum()
+def token_for(address: str, token: str | None) -> str | None:
+    """Return the token that a page on an address demands: a random one where it has to have one.
+
+    Raises
+    ------
+    InvalidParameterError
+        The token is short, or would not stand in an address as it is.
+    """
+    if token is None:
+        loopback = ipaddress.ip_address(address.partition("%")[0]).is_loopback
+        return None if loopback else secrets.token_urlsafe(24)
+    letters = token.replace("-", "").replace("_", "") if isinstance(token, str) else ""
+    if not (letters.isascii() and letters.isalnum() and len(token) >= _SHORTEST_TOKEN):
+        raise InvalidParameterError(
+            f"token must have {_SHORTEST_TOKEN} letters, digits, - or _ at least"
+        )
+    return token
 
 
 def _check_installed() -> None:

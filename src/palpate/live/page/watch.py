@@ -23,6 +23,7 @@ MOST_CHANGES = 20
 _IN_CONTACT = (float(State.CONTACT), float(State.CHANGED))
 _MOVED = 0.15  # of the working depth: by so much the median moves before another is taken
 _CURVE = 33  # points of the law at rest
+_NOTICED = 0.1  # s: a change is noticed within some tens of samples
 _SETTLED = 50  # rows in contact before a median is one
 
 
@@ -105,13 +106,15 @@ class Watch:
 
     def _note_changes(self, rows: Floats, first: int) -> None:
         """Remember where the material changed, and the laws before and after."""
-        before = rows[:1] if self._last is None else self._last
         if self.history.begins > first:  # another clock: the old marks are nowhere
             self.changes.clear()
         for place in np.flatnonzero(column(rows, "status") == float(Status.RESTARTED)).tolist():
-            row = rows[place - 1 : place] if place else before
             moment = float(column(rows, "time")[place])
-            self.changes.append({"time": moment, "law": self._described(), "before": self._of(row)})
+            # The samples between a change and its alarm have moved the estimate already.
+            kept = self.history.rows()
+            settled = kept[column(kept, "time") <= moment - _NOTICED][-1:]
+            before = self._of(settled if len(settled) else kept[:1])
+            self.changes.append({"time": moment, "law": self._described(), "before": before})
         if self.changes:
             self.changes[-1]["after"] = self._of(rows[-1:])
 

@@ -7,6 +7,7 @@ import { faint, theme } from "./theme.js";
 
 const uPlot = globalThis.uPlot;
 const AXIS = 54; // pixels beside a panel, the same for all, so that nothing moves
+export const RIGHT = 16; // room for half of the word below the right end
 const FONT = "12px system-ui, sans-serif";
 const BAND = 2; // standard errors
 
@@ -33,7 +34,7 @@ export function axes(across) {
 }
 
 // Without the ninth digit of 0.1 + 0.2.
-export const tick = (value) => String(Number(value.toPrecision(6)));
+export const tick = (value) => String(Number(value.toPrecision(6))).replace("-", "−");
 
 /** Curves of one unit over time. */
 export class TimePanel {
@@ -78,7 +79,7 @@ export class TimePanel {
       height: Math.max(this.drawn.clientHeight, 100),
       legend: { show: false },
       cursor: { show: false },
-      padding: [6, 8, 0, 0],
+      padding: [6, RIGHT, 0, 0],
       scales: {
         x: { time: false, range: () => [-this.seconds, 0] },
         y: { range: () => this.fixed ?? [this.range.low * this.factor, this.range.high * this.factor] },
@@ -101,7 +102,7 @@ export class TimePanel {
   /** Draw what the store holds; pieces are shared by panels of the same width. */
   draw(store, piecesOf) {
     this.store = store;
-    const pieces = piecesOf(Math.max(Math.round(this.plot.width - AXIS - 8), 50));
+    const pieces = piecesOf(Math.max(Math.round(this.plot.width - AXIS - RIGHT), 50));
     const data = [pieces.x];
     const extent = [Infinity, -Infinity];
     for (const line of this.lines) {
@@ -176,10 +177,9 @@ export function marked(changes, words) {
       ctx.stroke();
       if (!words) continue;
       const text = words(change);
-      const room = bbox.left + bbox.width - x;
-      const wide = ctx.measureText(text).width + 12 * ratio;
-      ctx.textAlign = wide > room ? "right" : "left";
-      ctx.fillText(text, x + (wide > room ? -6 : 6) * ratio, bbox.top + (4 + 16 * (row % 3)) * ratio);
+      const onLeft = x > bbox.left + 0.5 * bbox.width;
+      ctx.textAlign = onLeft ? "right" : "left";
+      ctx.fillText(text, x + (onLeft ? -6 : 6) * ratio, bbox.top + (4 + 16 * (row % 3)) * ratio);
       row += 1;
     }
     if (words) states(plot, store, ratio);

@@ -110,7 +110,7 @@ function build({ loop, depth }) {
     kind: "force", name: "Force", unit: "N", label: "Force, measured and predicted",
     lines: [
       { channel: "force", key: "measured", label: "measured", colour: () => theme.measured, width: 2 },
-      { channel: "predicted_force", key: "predicted", label: "predicted before the sample", colour: () => theme.lines[0] },
+      { channel: "predicted_force", key: "predicted", label: "predicted", colour: () => theme.lines[0] },
     ],
     marks: marked(changes, words.changeWords),
   });
@@ -139,23 +139,23 @@ const millimetres = (depth) => {
 };
 
 function tiles(law) {
-  const names = ["Stiffness", "Damping", ...law.symbols];
-  $("numbers").replaceChildren(...names.map((name, k) => words.element("div", { className: "number-tile" },
-    words.element("small", {}, k < 2 ? name : `${NAMES[name] ?? "Parameter"} ${name}`),
-    words.element("b", {}, "unknown"))));
+  const names = ["", "", ...law.symbols.map((name, k) =>
+    `${[NAMES[name], name].filter(Boolean).join(" ")}${law.units[k] ? ` [${law.units[k]}]` : ""}`)];
+  $("numbers").replaceChildren(...names.map((name) => words.element("div", { className: "number-tile" },
+    words.element("small", {}, name), words.element("b", {}, "unknown"))));
 }
 
 function showNumbers({ now, loop, depth }) {
   const law = loop.law ?? { symbols: [], units: [] };
   const at = depth.value ? ` at ${millimetres(depth.value)}${depth.chosen ? ", chosen" : ""}` : " at working depth";
   const texts = [
-    withError(now.stiffness?.[0] ?? NaN, [now.stiffness?.[1] ?? NaN], "N/m"),
-    withError(now.damping?.[0] ?? NaN, [now.damping?.[1] ?? NaN], "N·s/m"),
-    ...law.symbols.map((_, k) => withError(now.parameters?.[k] ?? NaN, [now.errors?.[k] ?? NaN], law.units[k])),
+    withError(now.stiffness?.[0] ?? NaN, [now.stiffness?.[1] ?? NaN]),
+    withError(now.damping?.[0] ?? NaN, [now.damping?.[1] ?? NaN]),
+    ...law.symbols.map((_, k) => withError(now.parameters?.[k] ?? NaN, [now.errors?.[k] ?? NaN])),
   ];
   [...$("numbers").children].forEach((tile, k) => words.say(tile.lastChild, texts[k] ?? ""));
-  words.say($("numbers").children[0].firstChild, `Stiffness${at}`);
-  words.say($("numbers").children[1].firstChild, `Damping${at}`);
+  words.say($("numbers").children[0].firstChild, `Stiffness${at} [N/m]`);
+  words.say($("numbers").children[1].firstChild, `Damping${at} [N·s/m]`);
 }
 
 function draw() {

@@ -1,6 +1,6 @@
 // Force over penetration: the loops of the last ten seconds, and the law at rest.
 
-import { axes, figure, tick } from "./curves.js";
+import { axes, figure, RIGHT, tick } from "./curves.js";
 import { scaleOf } from "./digits.js";
 import { Range } from "./ranges.js";
 import { faint, theme } from "./theme.js";
@@ -14,7 +14,7 @@ export class Plane {
     const { made, caption, drawn } = figure(parent, "plane", "Force over penetration");
     this.figure = made;
     this.drawn = drawn;
-    caption.innerHTML = "<b></b><span class='key key-measured'>measured</span><span class='key key-law'>law at rest</span>";
+    caption.innerHTML = "<b>F [N] over x [mm]</b><span class='key key-measured'>measured</span><span class='key key-law'>law at rest</span>";
     this.title = caption.firstChild;
     this.across = new Range();
     this.up = new Range();
@@ -24,7 +24,7 @@ export class Plane {
       height: Math.max(drawn.clientHeight, 100),
       legend: { show: false },
       cursor: { show: false },
-      padding: [6, 8, 0, 0],
+      padding: [6, RIGHT, 0, 0],
       scales: {
         x: { time: false, range: () => [this.across.low * this.deep.factor, this.across.high * this.deep.factor] },
         y: { range: () => [this.up.low * this.firm.factor, this.up.high * this.firm.factor] },

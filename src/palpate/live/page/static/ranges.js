@@ -1,12 +1,5 @@
 // Ranges of axes that stay as they are until what is shown needs others.
 
-/** A round step, of which about so many fit. */
-function step(span, many) {
-  const raw = span / many;
-  const power = 10 ** Math.floor(Math.log10(raw));
-  return power * ([1, 2, 5].find((k) => k * power >= raw * 0.999) ?? 10);
-}
-
 export class Range {
   constructor(least = 0) {
     this.low = 0;
@@ -22,9 +15,8 @@ export class Range {
     const span = Math.max(high - low, this.least, 1e-6 * Math.abs(middle), 1e-300);
     const inside = low >= this.low && high <= this.high;
     if (this.known && inside && span > 0.3 * (this.high - this.low)) return;
-    const round = step(1.2 * span, 5);
-    this.low = Math.floor((middle - 0.55 * span) / round) * round;
-    this.high = Math.ceil((middle + 0.55 * span) / round) * round;
+    this.low = middle - 0.56 * span;
+    this.high = middle + 0.6 * span;
     if (low >= 0 && this.low < 0) this.low = 0;
     this.known = true;
   }

@@ -21,16 +21,15 @@ export function element(name, properties = {}, ...children) {
   return made;
 }
 
-/** "K = 99000 ± 1100 N/mⁿ, …" */
-export function lawWords(law, found) {
-  if (!law?.symbols || !found?.parameters) return "unknown";
-  return law.symbols
-    .map((symbol, k) => `${symbol} = ${withError(found.parameters[k] ?? NaN, [found.errors[k] ?? NaN], law.units[k])}`)
-    .join(", ");
+/** "K = 99000 ± 1100 N/mⁿ", a line a parameter. */
+function lawWords(law, found) {
+  if (!law?.symbols || !found?.parameters) return ["unknown"];
+  return law.symbols.map((symbol, k) => element("div", {},
+    `${symbol} = ${withError(found.parameters[k] ?? NaN, [found.errors[k] ?? NaN], law.units[k])}`));
 }
 
 export function changeWords(change) {
-  const of = (found) => (found?.stiffness ? withError(found.stiffness[0] ?? NaN, [found.stiffness[1] ?? NaN]) : "?");
+  const of = (found) => rounded(found?.stiffness?.[0] ?? NaN, 3);
   return `${of(change.before)} → ${of(change.after)} N/m`;
 }
 
@@ -42,9 +41,10 @@ export function say(place, words) {
 export function fillChanges(table, changes, now) {
   const rows = changes.slice().reverse().map((change) => element("tr", {},
     element("td", {}, `${rounded(Math.max(now - change.time, 0), 3)} s ago`),
-    element("td", {}, lawWords(change.law, change.before)),
-    element("td", {}, lawWords(change.law, change.after))));
-  if (rows.length) table.tBodies[0].replaceChildren(...rows);
+    element("td", {}, ...lawWords(change.law, change.before)),
+    element("td", {}, ...lawWords(change.law, change.after))));
+  if (!rows.length) rows.push(element("tr", {}, element("td", { colSpan: 3, className: "soft" }, "none")));
+  table.tBodies[0].replaceChildren(...rows);
 }
 
 export function fillTimes(table, loop) {
