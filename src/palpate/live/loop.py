@@ -312,6 +312,10 @@ class Loop:
             "state": self.state.name.lower(),
             "held": self.held,
             "fault": self._watchdog.words,
+            # What a person may choose of the source itself: {"material": [...], ...}.
+            "offers": getattr(self.source, "offers", {}),
+            "chosen": getattr(self.source, "chosen", {}),
+            "origin": getattr(self.source, "origin", 0),
             "record": self.record,
             "counts": _sums(
                 {"late": self.lateness.over},
