@@ -14,7 +14,7 @@ from palpate._core import Status
 from palpate.diagnosis.finding import defined
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.estimators import ContactEstimator, estimator_named
-from palpate.live.arrivals import Arrival
+from palpate.live.arrivals import Arrival, Value
 from palpate.live.commands import Command
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources.source import EndOfSourceError, Source
@@ -34,7 +34,6 @@ _REFUSED = frozenset({Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANG
 _EMPTY_PARAMETERS = (math.nan,) * MOST_PARAMETERS
 _NO_NUMBER = "samples come that are no numbers, or too large: they are refused"
 _STARVING = "samples come too seldom for the velocity's window: say their --rate"
-_NO_VECTOR = (math.nan,) * 2
 
 
 @dataclass(slots=True)
@@ -213,13 +212,12 @@ class Loop:
         flat = [0.0] * MOST_PARAMETERS**2
         for i in range(size):
             flat[i * MOST_PARAMETERS : i * MOST_PARAMETERS + size] = covariance[i]
-        position, force = arrival.position, arrival.force
-        one = isinstance(position, float)
+        position, force = self._axes(arrival.position), self._axes(arrival.force)
         self.ring.write(
             prepared[0],
             arrival.time,
-            position if one else self._along(position),
-            force if one else self._along(force),
+            position[0],
+            force[0],
             prepared[1],
             prepared[2],
             prepared[3],
@@ -236,13 +234,16 @@ class Loop:
             *parameters,
             *_EMPTY_PARAMETERS[size:],
             *flat,
-            *((position, *_NO_VECTOR, force, *_NO_VECTOR) if one else (*position, *force)),
+            *position[1:],
+            *force[1:],
         )
 
-    def _along(self, vector: tuple[float, float, float]) -> float:
-        """Part of a vector along the contact normal, into the material."""
-        x, y, z = self._direction
-        return x * vector[0] + y * vector[1] + z * vector[2]
+    def _axes(self, value: Value) -> tuple[float, float, float, float]:
+        """Its part along the contact normal, into the material; and what came."""
+        if isinstance(value, float):
+            return value, value, math.nan, math.nan
+        (x, y, z), (a, b, c) = self._direction, value
+        return x * a + y * b + z * c, a, b, c
 
     def _silence(self) -> None:
         """Nothing came for a while: hold what is known."""

@@ -194,5 +194,3 @@ def _known(kind: str, name: Any) -> str:
     if not isinstance(name, str) or name not in names:
         raise InvalidParameterError(f"{kind} must be one of {', '.join(names)}, not {shown(name)}")
     return name
-
-

@@ -16,8 +16,8 @@ class Source(Protocol):
 
     A source may have more: ``offers``, a mapping of what it can be asked for to the choices;
     ``chosen``, what is chosen now; ``news()``, sentences since the last call; ``rest``, the time at
-    its start in which nothing is touched, s; ``pace``, how fast its clock goes; and ``origin``, what
-    its times are counted from, ns since 1970.
+    its start in which nothing is touched, s; ``pace``, how fast its clock goes; and ``origin``,
+    what its times are counted from, ns since 1970.
     """
 
     @property
