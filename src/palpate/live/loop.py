@@ -16,6 +16,7 @@ from palpate.errors import InvalidParameterError, PalpateError
 from palpate.estimators import ContactEstimator, estimator_named
 from palpate.live.arrivals import Arrival, Value
 from palpate.live.commands import Command
+from palpate.live.counts import LoopCounts, summed
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources.source import EndOfSourceError, Source
 from palpate.live.states import State
@@ -34,31 +35,6 @@ _REFUSED = frozenset({Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANG
 _EMPTY_PARAMETERS = (math.nan,) * MOST_PARAMETERS
 _NO_NUMBER = "samples come that are no numbers, or too large: they are refused"
 _STARVING = "samples come too seldom for the velocity's window: say their --rate"
-
-
-@dataclass(slots=True)
-class LoopCounts:
-    """What the loop itself counted.
-
-    Attributes
-    ----------
-    taken : int
-        Samples that came from the source.
-    learned : int
-        Of them, those that the estimator took.
-    refused : int
-        Those that were not finite, out of range, or had an impossible time.
-    silences : int
-        How often the source went silent.
-    changes : int
-        How often the material changed.
-    """
-
-    taken: int = 0
-    learned: int = 0
-    refused: int = 0
-    silences: int = 0
-    changes: int = 0
 
 
 @dataclass(slots=True)
@@ -318,7 +294,7 @@ class Loop:
             "chosen": getattr(self.source, "chosen", {}),
             "origin": getattr(self.source, "origin", 0),
             "record": self.record,
-            "counts": _sums(
+            "counts": summed(
                 {"late": self.lateness.over},
                 asdict(self.counts),
                 asdict(self._watchdog.faults),
@@ -328,11 +304,3 @@ class Loop:
             "lateness": self.lateness.as_dict(),
             "said": self.said,
         }
-
-
-def _sums(*counts: dict[str, Any]) -> dict[str, Any]:
-    """One of each name: what both the source and the loop count is added."""
-    whole: dict[str, Any] = {}
-    for name, value in (item for each in counts for item in each.items()):
-        whole[name] = value + whole[name] if name in whole else value
-    return whole

@@ -34,7 +34,9 @@ COLUMNS = (
     *(f"input_{what}_{axis}" for what in ("position", "force") for axis in "xyz"),
 )  # fmt: skip
 WIDTH = len(COLUMNS)
-_COUNT = struct.Struct("<q")
+# In the machine's own order: a number is then stored by one instruction, and never seen half. An
+# order that is said is written a byte at a time.
+_COUNT = struct.Struct("@q")
 _HEADER = 64  # bytes: a cache line of its own
 #: 16 s at 1 kHz: what a page shows, and a reader may stall for.
 CAPACITY = 1 << 14
@@ -70,7 +72,7 @@ class Writer:
         self, capacity: int = CAPACITY, width: int = WIDTH, *, made: "Address | None" = None
     ) -> None:
         self._own = made is None
-        self._row = struct.Struct(f"<{width if made is None else made.width}d")
+        self._row = struct.Struct(f"@{width if made is None else made.width}d")
         self._memory = (
             shared_memory.SharedMemory(create=True, size=_HEADER + capacity * self._row.size)
             if made is None
@@ -136,7 +138,7 @@ class Reader:
         self._buffer: memoryview = self._memory.buf
         self._capacity = address.capacity
         self._rows: NDArray[np.float64] = np.ndarray(
-            (address.capacity, address.width), dtype="<f8", buffer=self._buffer, offset=_HEADER
+            (address.capacity, address.width), dtype="=f8", buffer=self._buffer, offset=_HEADER
         )
         self._next = max(self.count - min(back, address.capacity // 2), 0)
 
