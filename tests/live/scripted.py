@@ -121,7 +121,9 @@ class Endless:
         k = next(self._rows)
         due = self._began + k * self._pace
         time.sleep(max(due - time.monotonic(), 0.0))
-        return Arrival(k * T, 1e-2 + 1e-3 * math.sin(0.03 * k), 20.0 + 2.0 * math.sin(0.03 * k), due)
+        return Arrival(
+            k * T, 1e-2 + 1e-3 * math.sin(0.03 * k), 20.0 + 2.0 * math.sin(0.03 * k), due
+        )
 
     def ask(self, options):
         return ""
