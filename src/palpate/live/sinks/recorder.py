@@ -170,7 +170,7 @@ class _Recording:
 
         # Without chunks each message is whole as soon as it is written; and there is no index, of
         # which a reader would be without where the process is killed.
-        writer = Writer(self._file, use_chunking=False, index_types=IndexType.NONE)
+        writer = Writer(self._file, use_chunking=False, index_types=IndexType.METADATA)
         writer.start(profile="ros2", library="palpate")
         vectors = rows[0][_SECOND_AXIS] == rows[0][_SECOND_AXIS]
         self._encoder = Encoder(int(status.get("origin", 0)), vectors=vectors)
