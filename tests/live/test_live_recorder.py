@@ -19,7 +19,8 @@ from palpate import OnlinePreparation
 from palpate.live import run
 from palpate.live.commands import Command
 from palpate.live.running import default_estimator
-from palpate.live.sinks.recorder import Recorder, opened_new
+from palpate.live.sinks.recorder import Recorder
+from palpate.writing import opened_new
 
 HERE = Path(__file__).parent
 TIMES, POSITIONS, FORCES = measured(1.5)

@@ -11,6 +11,7 @@ from palpate.errors import MissingExtraError
 from palpate.live.sinks.messages import ESTIMATE, INPUT, TYPES, Encoder, Row, described
 from palpate.live.sinks.sink import Session
 from palpate.live.sinks.watching import PLACE, Watching
+from palpate.writing import opened_new
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 #: s: what is not on the disk of a process that is killed.
 FLUSHED_EVERY = 0.25
 _SECOND_AXIS = PLACE["input_position_y"]
-_MOST_NAMES = 100_000
 # A clock that was set is no longer followed by the times of the log, ns.
 _SET = 5_000_000_000
 
@@ -116,23 +116,6 @@ def _begun(path: Path) -> "tuple[_Recording | None, str]":
     if taken != path:
         words += f", as {path} is there already"
     return _Recording(taken, file), words
-
-
-def opened_new(path: Path) -> tuple[IO[bytes], Path]:
-    """Open a file that was not there: where one is, a number follows its name.
-
-    Raises
-    ------
-    OSError
-        It cannot be made.
-    """
-    for number in range(1, _MOST_NAMES):
-        tried = path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
-        try:
-            return tried.open("xb"), tried
-        except FileExistsError:
-            continue
-    raise FileExistsError(None, "there are too many of its name")
 
 
 class _Recording:
