@@ -13,6 +13,7 @@ Duration = NewType("Duration", str)
 Span = NewType("Span", str)
 Weight = NewType("Weight", str)
 Direction = NewType("Direction", str)
+Address = NewType("Address", str)
 Method = NewType("Method", str)
 
 SurfaceWord: TypeAlias = Literal["threshold", "baseline", "fit", "estimate"]

@@ -1,0 +1,105 @@
+"""A session: sinks in processes of their own, which end in order, and hold nobody."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from scripted import Endless, Failing, Hanging, Looking, Slow
+
+from palpate.live import run, running
+from palpate.live.ring import Writer
+
+SHM = Path("/dev/shm")
+HERE = Path(__file__).parent
+
+
+def segments():
+    return (
+        {each.name for each in SHM.iterdir() if each.name.startswith("psm_")}
+        if SHM.exists()
+        else set()
+    )
+
+
+def test_sinks_see_every_row_and_end_in_order_and_the_memory_is_given_back(tmp_path):
+    before = segments()
+    sinks = [Looking(tmp_path / "one", "one"), Looking(tmp_path / "two", "two")]
+    status = run(Endless(), None, sinks, seconds=0.5)
+    taken = status["counts"]["taken"]
+    for name in ("one", "two"):
+        assert (tmp_path / name).read_text() == f"{taken} 0 True"
+    assert taken > 100
+    assert status["counts"]["lost"] == 0
+    assert segments() <= before
+
+
+def test_a_slow_sink_drops_rows_and_says_how_many_and_holds_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(running, "Writer", lambda: Writer(200))
+    status = run(Endless(), None, [Slow(tmp_path / "slow", "slow")], seconds=0.8)
+    seen, dropped, written = map(int, (tmp_path / "slow").read_text().split())
+    assert written == status["counts"]["taken"] == seen + dropped
+    assert seen == 199
+    assert dropped > 100
+
+
+def test_a_sink_that_hangs_is_ended_and_one_that_ends_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(running, "PATIENCE", 0.3)
+    began = time.monotonic()
+    status = run(Endless(), None, [Hanging(tmp_path / "pid"), Failing()], seconds=0.5)
+    assert time.monotonic() - began < 20.0  # importing included
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "pid").read_text()), 0)
+    assert any("failing has ended" in words for words in status["said"])
+
+
+SESSION = """
+import sys
+sys.path[:0] = [{here!r}, {tests!r}]
+from pathlib import Path
+from scripted import Endless, Looking
+from palpate.live import run
+if __name__ == "__main__":
+    status = run(Endless(), None, [Looking(Path({path!r}))])
+    print(status["counts"]["taken"])
+"""
+
+
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
+def test_ctrl_c_ends_the_loop_and_its_sinks_in_order(tmp_path, number):
+    script = tmp_path / "session.py"
+    path = tmp_path / "seen"
+    script.write_text(SESSION.format(here=str(HERE), tests=str(HERE.parent), path=str(path)))
+    process = subprocess.Popen(
+        [sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(2.5)
+    # As a terminal does: to all of the processes in front of it.
+    process.send_signal(number)
+    out, error = process.communicate(timeout=20)
+    assert (process.returncode, error) == (0, "")
+    assert path.read_text() == f"{int(out)} 0 True"
+
+
+def test_an_error_of_the_source_ends_the_sinks_too(tmp_path):
+    class Broken(Endless):
+        def open(self):
+            raise OSError("the cable is out")
+
+    with pytest.raises(OSError, match="cable"):
+        run(Broken(), None, [Looking(tmp_path / "seen")])
+    assert (tmp_path / "seen").read_text() == "0 0 True"
+
+
+def test_the_loop_may_run_in_another_thread():
+    found = []
+    thread = threading.Thread(target=lambda: found.append(run(Endless(), seconds=0.2)))
+    thread.start()
+    thread.join()
+    assert found[0]["counts"]["taken"] > 50
