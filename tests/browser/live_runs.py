@@ -13,7 +13,7 @@ from palpate.live.sources.source import EndOfSourceError
 class Endless(Replay):
     """A recording again and again at its own pace; every second time 1.6 times as firm."""
 
-    offers = {"material": ["as it is", "firmer"], "changes": ["firmer", "softer"]}  # noqa: RUF012
+    offers = {"material": ["as it is", "firmer"], "change": ["firmer", "softer"]}  # noqa: RUF012
 
     def __init__(self, contact):
         super().__init__(contact)
