@@ -155,7 +155,7 @@ def test_controls_act(live, browser):
         page.click("text=Set depth")
         page.wait_for_selector(".number-tile:has-text('5 mm, chosen')")
         page.click("#median")
-        page.click("text=firmer >> nth=-1")
+        page.click("text=Change now")
         page.wait_for_selector("#said li:has-text('the source was asked')")
         assert {"change": "firmer"} in source.asked
         assert page.is_disabled("#record")  # nothing records
