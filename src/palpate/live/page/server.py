@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import mimetypes
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -107,6 +108,8 @@ class Server:
 
     def app(self, token: str | None) -> Gate:
         """Return the ASGI application."""
+        # Some machines' own tables call it plain text, which no browser would run.
+        mimetypes.add_type("text/javascript", ".js")
         inner: App = Starlette(
             routes=[
                 Route("/", self._index),
