@@ -15,7 +15,8 @@ const NAMES = { K: "Stiffness", B: "Damping", n: "Exponent" };
 const SLOW = 2; // frames with losses before fewer samples are asked for
 
 let store = null, page = null, panels = [], plane = null, built = "", paused = false, fresh = false;
-let losses = 0, every = 1, drawn = 0, drawnSince = performance.now(), rate = 0, spoken = "";
+let losses = 0, every = 1, drawn = 0, drawnSince = performance.now(), rate = 0;
+const OFTEN = ["free", "contact"]; // these come and go too quickly to be read out
 
 watchTheme(() => { fresh = true; });
 const connection = new Connection({ onFrame, onMessage, onWords });
@@ -56,8 +57,8 @@ function onMessage(message) {
 }
 
 function onWords(text, broken) {
-  spoken = text;
   words.say($("link"), text);
+  if (broken) words.say($("spoken"), text.split(":")[0]);
   $("link").classList.toggle("broken", broken);
 }
 
@@ -88,6 +89,7 @@ function showState({ loop, alive, ended }) {
   words.say($("lamp"), lamp);
   words.say($("state-name"), title);
   words.say($("state-words"), (alive && !ended && loop.fault) || text);
+  words.say($("spoken"), OFTEN.includes(name) ? "" : title);
   words.say($("source"), loop.source ?? "");
 }
 
