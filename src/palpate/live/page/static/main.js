@@ -53,6 +53,7 @@ function onMessage(message) {
     words.say($("answer"), `Refused: ${message.words}`);
   } else if (message.kind === "page") {
     show(message);
+    if (message.ended) connection.why = message.loop.stopped ? "The run is over" : "The loop is gone";
   }
 }
 
@@ -83,7 +84,7 @@ function show(message) {
 
 /** The gravest that holds, in words; a watchdog says what it saw. */
 function showState({ loop, alive, ended }) {
-  const name = ended ? "ended" : alive ? (loop.state ?? "none") : "dead";
+  const name = ended && loop.stopped ? "ended" : alive && !ended ? (loop.state ?? "none") : "dead";
   const [lamp, title, text] = words.STATES[name] ?? words.STATES.none;
   $("state").dataset.state = name;
   words.say($("lamp"), lamp);
