@@ -36,6 +36,11 @@ class Board:
         """By which another process finds it."""
         return self._memory.name
 
+    @property
+    def version(self) -> int:
+        """Of the page that was read last: another means that the writer is alive."""
+        return self._seen
+
     def write(self, page: dict[str, Any]) -> None:
         """Write a page; one that is too long is cut to its first fields."""
         text = json.dumps(page).encode()

@@ -13,8 +13,9 @@ from typing import Any
 from palpate._core import Status
 from palpate.diagnosis.finding import defined
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.estimators import ContactEstimator, estimator_named
+from palpate.estimators import ContactEstimator
 from palpate.live.arrivals import Arrival, Value
+from palpate.live.choices import chosen, main_settings
 from palpate.live.commands import Command
 from palpate.live.counts import LoopCounts, summed
 from palpate.live.ring import MOST_PARAMETERS, Writer
@@ -237,7 +238,7 @@ class Loop:
         while (command := self.commands()) is not None:
             try:
                 self._do(command)
-            except PalpateError as error:  # of a person's request, not of data
+            except (PalpateError, TypeError) as error:  # of a person's request, not of data
                 self.say(f"{command.name}: {error}")
 
     def _do(self, command: Command) -> None:
@@ -258,8 +259,7 @@ class Loop:
             self.estimator.leave_contact()
             self.say(f"taring for {seconds:g} s: touch nothing")
         elif command.name == "estimator":
-            given = dict(options)
-            made = estimator_named(given.pop("method", self.estimator.method))(**given)
+            made = chosen(self.estimator, options)
             self._exchange(made, f"estimator: {made.method}")
         elif command.name == "source":
             self.say(self.source.ask(options))
@@ -283,9 +283,15 @@ class Loop:
             "delay": self.preparation.delay,
             "tare": defined(self.preparation.tare),
             "method": self.estimator.method,
+            "settings": main_settings(self.estimator),
             "generation": self._generation,
-            "law": {"kind": law.kind, "symbols": law.symbols, "units": law.units},
-            "has_condition_10": law.has_condition_10,
+            "law": {
+                "kind": law.kind,
+                "names": law.names(),
+                "symbols": law.symbols,
+                "units": law.units,
+            },
+            "needs_condition_10": self.estimator.needs_condition_10,
             "state": self.state.name.lower(),
             "held": self.held,
             "fault": self._watchdog.words,
