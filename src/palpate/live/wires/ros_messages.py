@@ -20,7 +20,7 @@ from palpate.recordings.messages.layout import Layout, Leaf, NumberAt, TimeAt
 # 4 ms, once.
 LONGEST = 16_384
 _MOST_LAYOUTS = 64  # kept to compare messages with; a robot's topic has one
-_STAMP = "header.stamp"
+_STAMP, _NUMBER = "header.stamp", "header.seq"
 
 #: Where in a message the position is, by its type.
 POSITIONS = {
@@ -54,11 +54,14 @@ class Reading(NamedTuple):
     ----------
     stamp : int or None
         Of its header, ns; None where it has none, or one of 0, which ROS takes for none.
+    number : int or None
+        ``header.seq``, by which a publisher of ROS 1 counts.
     values : tuple of Value
         In the order of the paths that are wanted.
     """
 
     stamp: int | None
+    number: int | None
     values: tuple[Value, ...]
 
 
@@ -68,6 +71,7 @@ class _Places:
 
     checks: tuple[tuple[int, int, bytes], ...]
     stamp: tuple[struct.Struct, int, struct.Struct, int] | None
+    number: tuple[struct.Struct, int] | None
     numbers: tuple[tuple[tuple[struct.Struct, int], ...], ...]
 
     def fits(self, message: bytes) -> bool:
@@ -80,11 +84,14 @@ class _Places:
             whole: int = seconds.unpack_from(message, at)[0]
             rest: int = nanoseconds.unpack_from(message, after)[0]
             stamp = whole * NANO + rest or None
+        number: int | None = None
+        if self.number is not None:
+            number = self.number[0].unpack_from(message, self.number[1])[0]
         found = [
             [float(form.unpack_from(message, at)[0]) for form, at in each] for each in self.numbers
         ]
         values: tuple[Any, ...] = tuple(e[0] if len(e) == 1 else tuple(e) for e in found)
-        return Reading(stamp, values)
+        return Reading(stamp, number, values)
 
 
 class MessageReader:
@@ -175,6 +182,7 @@ class MessageReader:
             (*_form(stamp.seconds), *_form(stamp.nanoseconds))
             if isinstance(stamp, TimeAt)
             else None,
+            _form(leaves[_NUMBER]) if _NUMBER in leaves else None,
             tuple(tuple(_form(leaf) for leaf in self._leaves(leaves, path)) for path in self._paths),
         )
 

@@ -137,7 +137,8 @@ class RosTopics:
             self.refuse(f"{topic.name}: {fault}")
             return
         stamp = message.written if reading.stamp is None else reading.stamp
-        verdict = topic.order.admit(stamp, message.number)
+        number = reading.number if message.number is None else message.number
+        verdict = topic.order.admit(stamp, number)
         if verdict is Verdict.REFUSED:
             return
         there = topic.receipt.there(stamp, waited=waited)
