@@ -258,11 +258,17 @@ class Loop:
         return {
             "source": self.source.name,
             "sample_time": self.source.sample_time,
+            "origin": getattr(self.source, "origin", 0),
             "delay": self.preparation.delay,
             "tare": defined(self.preparation.tare),
             "method": self.estimator.method,
             "generation": self._generation,
-            "law": {"kind": law.kind, "symbols": law.symbols, "units": law.units},
+            "law": {
+                "kind": law.kind,
+                "names": law.names(),
+                "symbols": law.symbols,
+                "units": law.units,
+            },
             "has_condition_10": law.has_condition_10,
             "state": self.state.name.lower(),
             "held": self.held,
