@@ -200,8 +200,6 @@ class RosWire:
         """Names and types of the topics."""
         return [(f"{self._prefix}/{end}", kind) for end, kind in TOPICS]
 
-    def estimates(
-        self, names: tuple[str, ...], values: Sequence[Sequence[float]]
-    ) -> list[bytes]:
+    def estimates(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> list[bytes]:
         """Return messages of estimates."""
         return [self.encoder.estimate(names, each) for each in values]

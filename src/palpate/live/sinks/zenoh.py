@@ -92,5 +92,5 @@ class ZenohWire(RosWire):
         self._publishers.clear()
         self._tokens.clear()
         if self._session is not None:
-            self._session.close()
+            self._session.close()  # type: ignore[no-untyped-call]
         self._session = None

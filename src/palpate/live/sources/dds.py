@@ -44,7 +44,7 @@ class DDS:
         self._domain = address.whole("domain", 0, 0, 230)
         self._interface = address.options.get("interface")
         self._participant: DomainParticipant | None = None
-        self._discovery: BuiltinDataReader[DcpsEndpoint] | None = None
+        self._discovery: BuiltinDataReader | None = None
         self._waits: WaitSet | None = None
         self._readers: dict[int, DataReader[Any]] = {}
 

@@ -94,15 +94,15 @@ class ROS1:
     def _receive(self, frame: Frame, waited: list[bool]) -> None:
         """Take a frame; ``waited`` says of which topics nothing was there yet."""
         if frame.kind == TYPE:
-            self._meet(frame.index, frame.body.decode("utf-8", "replace"))
+            self._meet(frame.topic, frame.body.decode("utf-8", "replace"))
         elif frame.kind == MESSAGE:
-            topic = self._topics.topics[frame.index]
+            topic = self._topics.topics[frame.topic]
             if topic.reader is None:
                 return
             written, sender = STAMPED.unpack_from(frame.body)
-            message = Message(frame.index, frame.body[STAMPED.size :], written, None, sender)
-            self._topics.receive(message, waited=waited[frame.index])
-            waited[frame.index] = False
+            message = Message(frame.topic, frame.body[STAMPED.size :], written, None, sender)
+            self._topics.receive(message, waited=waited[frame.topic])
+            waited[frame.topic] = False
 
     def ask(self, options: dict[str, Any]) -> str:
         """A robot cannot be asked for anything."""

@@ -156,5 +156,5 @@ class Zenoh:
         """Close the session."""
         self._topics.settle()
         if self._session is not None:
-            self._session.close()
+            self._session.close()  # type: ignore[no-untyped-call]
         self._session = None

@@ -105,7 +105,7 @@ class ZeroMQ:
     def _poll(self, seconds: float) -> bool:
         """Whether a packet is there, or comes in time."""
         assert self._poller is not None  # it is open
-        return bool(self._poller.poll(max(1e3 * seconds, 0.0)))
+        return bool(self._poller.poll(max(round(1e3 * seconds), 0)))
 
     def _next(self, socket: "zmq.Socket[bytes]", *, waited: bool) -> Arrival | None:
         """The sample of the packet that is there, or None where it holds none."""

@@ -76,7 +76,9 @@ def _configuration(interface: str | None) -> str | None:
         return _LOOPBACK
     assert interface is not None
     if not all(each.isalnum() or each in "-_.:" for each in interface):
-        raise InvalidParameterError(f"dds: interface must be a name such as eth0, not {interface!r}")
+        raise InvalidParameterError(
+            f"dds: interface must be a name such as eth0, not {interface!r}"
+        )
     return _INTERFACE.format(name=interface)
 
 
@@ -124,8 +126,9 @@ def _struct(group: Group) -> Any:
 
 
 def _type(field: Field) -> Any:
-    from cyclonedds.idl import types
+    import cyclonedds.idl.types
 
+    types: Any = cyclonedds.idl.types  # its sequences and arrays have no types of their own
     if isinstance(field, Group):
         return _struct(field)
     if isinstance(field, Text):

@@ -6,13 +6,16 @@ byte; and a body. Little-endian. rospy has a process of its own in any case: its
 the interpreter's lock while the loop needs it.
 """
 
+import fcntl
+import json
 import os
+import socket
 import struct
 import sys
 import threading
 import time
-
-sys.path.pop(0)  # this folder, whose modules are palpate's
+from contextlib import suppress
+from typing import Any
 
 HEAD = struct.Struct("<IBB")
 STAMPED = struct.Struct("<qH")  # when a message came, ns since 1970; which publisher sent it
@@ -25,11 +28,12 @@ LONGEST = 65_000  # bytes of a message; longer ones are passed on as nothing, to
 class Frames:
     """Writes frames, from any thread."""
 
-    def __init__(self, descriptor):
+    def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
         self.lock = threading.Lock()
 
-    def write(self, kind, index=0, body=b""):
+    def write(self, kind: int, index: int = 0, body: bytes = b"") -> None:
+        """Write one."""
         data = memoryview(HEAD.pack(len(body), kind, index) + body)
         try:
             with self.lock:
@@ -39,22 +43,21 @@ class Frames:
             os._exit(0)
 
 
-def joined(frames, task):
+def joined(frames: Frames, task: dict[str, Any]) -> Any:
     """Join ROS as a node; the master has been found then."""
     try:
         import rosgraph
         import rospy
     except ImportError as error:
-        frames.write(FAILED, 1, "{} cannot import rospy: {}".format(sys.executable, error).encode())
+        frames.write(FAILED, 1, f"{sys.executable} cannot import rospy: {error}".encode())
         sys.exit(1)
-    import socket
 
     master = rosgraph.get_master_uri()
     socket.setdefaulttimeout(TIMEOUT)
     try:
         types = dict(rosgraph.Master("/palpate").getTopicTypes())
     except Exception as error:  # of sockets, XML, HTTP: whatever it is, there is no master
-        words = "no master of ROS answers at {}: {}".format(master, error)
+        words = f"no master of ROS answers at {master}: {error}"
         frames.write(FAILED, 0, " ".join(words.split()).encode())
         sys.exit(1)
     socket.setdefaulttimeout(None)
@@ -65,11 +68,11 @@ def joined(frames, task):
     return rospy
 
 
-def subscribe(rospy, frames, task):
+def subscribe(rospy: Any, frames: Frames, task: dict[str, Any]) -> None:
     """Pass on every message of some topics, as bytes."""
-    senders = {}
+    senders: dict[tuple[str, str, int], int] = {}
 
-    def take(message, index):
+    def take(message: Any, index: int) -> None:
         now = time.time_ns()
         header = message._connection_header
         caller = header.get("callerid", ""), header.get("type", "*"), index
@@ -87,10 +90,10 @@ def subscribe(rospy, frames, task):
     os.read(0, 1)  # until palpate closes its end
 
 
-def publish(rospy, frames, task):
+def publish(rospy: Any, frames: Frames, task: dict[str, Any]) -> None:
     """Publish every message that palpate writes."""
     publishers = []
-    for name, (kind, checksum, text) in zip(task["topics"], task["types"]):
+    for name, (kind, checksum, text) in zip(task["topics"], task["types"], strict=True):
         made = type(
             "Message",
             (rospy.AnyMsg,),
@@ -109,18 +112,13 @@ def publish(rospy, frames, task):
     time.sleep(0.2)  # for what waits in rospy's queues
 
 
-def main():
+def main() -> None:
     """Do what the first argument says."""
-    import fcntl
-    import json
-
     # What rospy prints is no frame.
     frames = Frames(os.dup(1))
     os.dup2(2, 1)
-    try:
+    with suppress(OSError):
         fcntl.fcntl(frames.descriptor, 1031, PIPE)  # F_SETPIPE_SZ, of Linux
-    except OSError:
-        pass
     task = json.loads(sys.argv[1])
     rospy = joined(frames, task)
     (subscribe if task["mode"] == "subscribe" else publish)(rospy, frames, task)
@@ -128,4 +126,5 @@ def main():
 
 
 if __name__ == "__main__":
+    sys.path.pop(0)  # this folder, whose modules are palpate's
     main()

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,7 +28,7 @@ class Frame(NamedTuple):
     """What the process says."""
 
     kind: int
-    index: int
+    topic: int
     body: bytes
 
 
@@ -80,10 +81,10 @@ class Bridge:
                 if frame.kind == READY:
                     return None
                 if frame.kind == TYPE:
-                    self.types.append((frame.index, frame.body.decode("utf-8", "replace")))
+                    self.types.append((frame.topic, frame.body.decode("utf-8", "replace")))
                 elif frame.kind == FAILED:
                     words = frame.body.decode("utf-8", "replace")[:300]
-                    if frame.index:
+                    if frame.topic:
                         return words
                     self.close()
                     raise PalpateError(f"ros1: {words}")
@@ -136,10 +137,8 @@ class Bridge:
         process = self._process
         for stream in (process.stdin, process.stdout):
             if stream is not None and not stream.closed:
-                try:
+                with suppress(OSError):
                     stream.close()
-                except OSError:
-                    pass
         try:
             process.wait(2.0)
         except subprocess.TimeoutExpired:

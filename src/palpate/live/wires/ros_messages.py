@@ -183,7 +183,9 @@ class MessageReader:
             if isinstance(stamp, TimeAt)
             else None,
             _form(leaves[_NUMBER]) if _NUMBER in leaves else None,
-            tuple(tuple(_form(leaf) for leaf in self._leaves(leaves, path)) for path in self._paths),
+            tuple(
+                tuple(_form(leaf) for leaf in self._leaves(leaves, path)) for path in self._paths
+            ),
         )
 
     def _leaves(self, leaves: dict[str, Leaf], path: str) -> list[Leaf]:
@@ -210,9 +212,7 @@ def _vector_words(path: str) -> str:
     )
 
 
-def _walk_of(
-    topic: str, type_name: str, *, ros1: bool
-) -> tuple[Group, Callable[[bytes], Layout]]:
+def _walk_of(topic: str, type_name: str, *, ros1: bool) -> tuple[Group, Callable[[bytes], Layout]]:
     try:
         from palpate.recordings.messages.definitions import message_fields
         from palpate.recordings.messages.walking import walk_cdr, walk_ros1
@@ -235,7 +235,7 @@ def _form(leaf: Leaf) -> tuple[struct.Struct, int]:
     order = "<" if leaf.dtype[0] not in "<>" else leaf.dtype[0]
     kind = {"f4": "f", "f8": "d", "b1": "B"}.get(leaf.dtype.lstrip("<>"))
     if kind is None:
-        sign, size = leaf.dtype.lstrip("<>")
+        sign, size = leaf.dtype.lstrip("<>")[0], leaf.dtype[-1]
         kind = {"1": "b", "2": "h", "4": "i", "8": "q"}[size]
         kind = kind.upper() if sign == "u" else kind
     return struct.Struct(order + kind), leaf.offset

@@ -69,9 +69,7 @@ class RosTopics:
         Whether messages are of ROS 1.
     """
 
-    def __init__(
-        self, address: WireAddress, options: SourceOptions, *, ros1: bool = False
-    ) -> None:
+    def __init__(self, address: WireAddress, options: SourceOptions, *, ros1: bool = False) -> None:
         names = topics_of(address, 2)
         self.sample_time = options.sample_time or 1e-3
         self.counts, self.origin = Counts(), Origin()
