@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from palpate.live.sources.source import Source
     from palpate.preparation import OnlinePreparation
 
+# Of the rest that a source begins with, what is sure to be without contact.
+_OF_REST = 0.8
 _READ = Parameter(group=READ)
 _PREPARED = Parameter(group=PREPARED)
 _FLAG = Parameter(group=PREPARED, negative="")
@@ -38,7 +40,7 @@ class Incoming:
     unit: Annotated[tuple[Unit, ...], Parameter(group=READ, negative="")] = ()
     "Units of a recording's channels, such as penetration=mm,force=mN."
     tare: Annotated[Duration | None, _PREPARED] = None
-    "Take off the mean force of so long at the start, such as 1s, in which nothing is touched."
+    "Take off the mean force of so long at the start, such as 1s; of the laboratory it always is."
     surface: Annotated[Depth | None, _SIGNED] = None
     "Where the material begins: a position such as 0.7mm."
     direction: Annotated[Direction | None, _SIGNED] = None
@@ -78,6 +80,8 @@ class Incoming:
         given: dict[str, Any] = {"velocity_window": self.velocity_window}
         if self.tare is not None:
             given["tare_time"] = quantity("--tare", self.tare, "time")
+        elif rest := getattr(source, "rest", 0.0):
+            given["tare_time"] = _OF_REST * rest
         if self.surface is not None:
             given["surface"] = quantity("--surface", self.surface, "penetration")
         if self.direction is not None:
@@ -96,7 +100,7 @@ class Page:
     "Serve a page that shows the loop."
     host: str = "127.0.0.1"
     "Address to listen on; on any but this machine's own a token is demanded, and printed once."
-    port: int = 8020
+    port: int = 8765
     "Port to listen on; 0 for any that is free."
     open: Annotated[bool, Parameter(negative="")] = False
     "Open the page in a browser."
@@ -105,7 +109,7 @@ class Page:
         """Return the page, where one is wanted."""
         if not self.page:
             return []
-        from palpate.live.sinks.page import Page as PageSink
+        from palpate.live.page import Page as PageSink
 
         return [PageSink(host=self.host, port=self.port, open_browser=self.open)]
 
@@ -192,9 +196,17 @@ def _sinks(
     console: bool,
     diagnosis: bool,
 ) -> "list[Sink]":
+    from palpate.live.sinks.console import Console
+    from palpate.live.sinks.diagnosis import Diagnosing
     from palpate.live.sinks.opening import open_publisher
+    from palpate.live.sinks.recorder import Recorder
 
-    return [*map(open_publisher, publish), *page.sinks()]
+    sinks: list[Sink] = [Console(quiet=not console), *map(open_publisher, publish)]
+    if diagnosis:
+        sinks.append(Diagnosing())
+    if record is not None or page.page:
+        sinks.append(Recorder(record))
+    return [*sinks, *page.sinks()]
 
 
 def _direction(text: str) -> list[float]:

@@ -8,7 +8,9 @@ from typing import Any
 from palpate.live.ring import attached
 
 SIZE = 1 << 16  # bytes: the loop's statistics, and what it said last, are some kilobytes
-_HEADER = struct.Struct("<qq")  # how often it was written, odd while it is; and how long it is
+# How often it was written, odd while it is; and how long it is. In the machine's own order, as the
+# ring's count.
+_HEADER = struct.Struct("@qq")
 
 
 class Board:

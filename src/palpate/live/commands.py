@@ -15,7 +15,8 @@ class Command:
     name : str
         ``"tare"``, ``"hold"``, ``"resume"``, ``"reset"``, ``"estimator"`` (``method`` and its
         settings), ``"source"`` (what the source itself offers, such as the laboratory's material),
-        ``"record"`` (``path``, or None to stop) or ``"stop"``.
+        ``"record"`` (``path``; or ``on``: whether to record, to a path of the recorder's own
+        choice) or ``"stop"``.
     options : dict
         What goes with it.
     """

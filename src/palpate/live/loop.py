@@ -12,14 +12,16 @@ from typing import Any
 
 from palpate._core import Status
 from palpate.diagnosis.finding import defined
-from palpate.errors import PalpateError
+from palpate.errors import InvalidParameterError, PalpateError
 from palpate.estimators import ContactEstimator, estimator_named
-from palpate.live.arrivals import Arrival
+from palpate.live.arrivals import Arrival, Value
 from palpate.live.commands import Command
+from palpate.live.counts import LoopCounts, summed
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources.source import EndOfSourceError, Source
 from palpate.live.states import State
 from palpate.live.statistics import Histogram
+from palpate.live.watchdog import Watchdog
 from palpate.preparation import OnlinePreparation
 from palpate.validation import number_in
 
@@ -31,29 +33,8 @@ _NONE = (math.nan,) * 4
 _TAKEN = frozenset({Status.UPDATED, Status.GUARDED, Status.RESTARTED})
 _REFUSED = frozenset({Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE})
 _EMPTY_PARAMETERS = (math.nan,) * MOST_PARAMETERS
-
-
-@dataclass(slots=True)
-class LoopCounts:
-    """What the loop itself counted.
-
-    Attributes
-    ----------
-    taken : int
-        Samples that came from the source.
-    learned : int
-        Of them, those that the estimator took.
-    refused : int
-        Those that were not finite, out of range, or had an impossible time.
-    silences : int
-        How often the source went silent.
-    """
-
-    taken: int = 0
-    learned: int = 0
-    refused: int = 0
-    silences: int = 0
-    changes: int = 0
+_NO_NUMBER = "samples come that are no numbers, or too large: they are refused"
+_STARVING = "samples come too seldom for the velocity's window: say their --rate"
 
 
 @dataclass(slots=True)
@@ -86,6 +67,9 @@ class Loop:
     held: bool = False
     stopped: bool = False
     said: list[str] = field(default_factory=list)
+    #: What a person wants of the recorder, and the how manieth wish it is.
+    record: dict[str, Any] = field(default_factory=lambda: {"wish": 0, "on": False})
+    _watchdog: Watchdog = field(init=False)
     _generation: int = 0
     _changed: float = -math.inf
     _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -95,9 +79,16 @@ class Loop:
         if given is not None:
             size = math.hypot(*given)
             self._direction = tuple(float(each) / size for each in given)
+        self._watchdog = Watchdog.of(self.preparation, getattr(self.source, "pace", 1.0))
 
     def run(self) -> None:
-        """Go on until the source ends, or somebody says stop."""
+        """Go on until the source ends, or somebody says stop.
+
+        Raises
+        ------
+        InvalidParameterError
+            The source delivers vectors, and there is no direction; or the other way round.
+        """
         silent = max(SILENT * self.source.sample_time, SILENT_TIME)
         while not self.stopped:
             try:
@@ -113,7 +104,10 @@ class Loop:
     def step(self, arrival: Arrival) -> None:
         """Take one sample through preparation and estimator, and write it down."""
         counts, estimator = self.counts, self.estimator
+        if not counts.taken:
+            self._check(arrival)
         counts.taken += 1
+        fault = self._watchdog.see(arrival)
         sample = self.preparation.update(arrival.position, arrival.force, arrival.time)
         began = time.perf_counter()
         status, predicted, prepared = Status.WAITING, math.nan, _NONE
@@ -127,23 +121,40 @@ class Loop:
             estimator.leave_contact()
         estimate = estimator.estimate()
         took = time.perf_counter() - began
-        self._judge(arrival, status, sampled=sample is not None)
+        self._judge(arrival, status, fault, sampled=sample is not None)
         self._write(arrival, prepared, predicted, status, estimate, took)
         if sample is not None:
             self.cycle.add(took)
         self.lateness.add(time.monotonic() - arrival.there)
 
-    def _judge(self, arrival: Arrival, status: Status, *, sampled: bool) -> None:
+    def _check(self, first: Arrival) -> None:
+        """Refuse a source whose samples are of another form than is prepared."""
+        vectors = not isinstance(first.position, float)
+        if vectors and self._direction == (0.0, 0.0, 0.0):
+            raise InvalidParameterError(
+                f"{self.source.name} delivers vectors: say --direction, into the material, such as "
+                "0,0,-1"
+            )
+        if not vectors and self._direction != (0.0, 0.0, 0.0):
+            raise InvalidParameterError(
+                f"{self.source.name} delivers numbers, of which --direction cannot be taken"
+            )
+
+    def _judge(self, arrival: Arrival, status: Status, fault: str, *, sampled: bool) -> None:
         """The state that a person sees."""
         counts = self.counts
         preparing = self.preparation.status
+        refused = status in _REFUSED or preparing in _REFUSED
+        starving = self._watchdog.starving(arrival, prepared=sampled or self._taring)
+        if refused or fault or starving:
+            self._complain(fault or ("" if refused else _STARVING), arrival)
         if status in _TAKEN:
             counts.learned += 1
         if status is Status.RESTARTED:
             counts.changes += 1
             self._changed = arrival.time
-        if status in _REFUSED or preparing in _REFUSED:
-            counts.refused += 1
+        counts.refused += refused
+        if self._watchdog.shows(arrival.there):
             self.state = State.INVALID
         elif self.held:
             self.state = State.HELD
@@ -153,6 +164,10 @@ class Loop:
             self.state = State.CHANGED
         elif sampled:
             self.state = State.CONTACT if status in _TAKEN else State.FREE
+
+    def _complain(self, words: str, arrival: Arrival) -> None:
+        if self._watchdog.fault(words or _NO_NUMBER, arrival.there):
+            self.say(self._watchdog.words)
 
     @property
     def _taring(self) -> bool:
@@ -173,12 +188,12 @@ class Loop:
         flat = [0.0] * MOST_PARAMETERS**2
         for i in range(size):
             flat[i * MOST_PARAMETERS : i * MOST_PARAMETERS + size] = covariance[i]
-        position, force = arrival.position, arrival.force
+        position, force = self._axes(arrival.position), self._axes(arrival.force)
         self.ring.write(
             prepared[0],
             arrival.time,
-            position if isinstance(position, float) else self._along(position),
-            force if isinstance(force, float) else self._along(force),
+            position[0],
+            force[0],
             prepared[1],
             prepared[2],
             prepared[3],
@@ -195,19 +210,22 @@ class Loop:
             *parameters,
             *_EMPTY_PARAMETERS[size:],
             *flat,
+            *position[1:],
+            *force[1:],
         )
 
-    def _along(self, vector: tuple[float, float, float]) -> float:
-        """Part of a vector along the contact normal, into the material."""
-        x, y, z = self._direction
-        return x * vector[0] + y * vector[1] + z * vector[2]
+    def _axes(self, value: Value) -> tuple[float, float, float, float]:
+        """Its part along the contact normal, into the material; and what came."""
+        if isinstance(value, float):
+            return value, value, math.nan, math.nan
+        (x, y, z), (a, b, c) = self._direction, value
+        return x * a + y * b + z * c, a, b, c
 
     def _silence(self) -> None:
         """Nothing came for a while: hold what is known."""
         if self.state is not State.LOST:
             self.state = State.LOST
             self.counts.silences += 1
-            self.estimator.leave_contact()
             self.say("no sample comes: the estimate is held")
 
     def say(self, words: str) -> None:
@@ -245,6 +263,10 @@ class Loop:
             self._exchange(made, f"estimator: {made.method}")
         elif command.name == "source":
             self.say(self.source.ask(options))
+        elif command.name == "record":
+            path = options.get("path")
+            on = bool(options.get("on", path is not None))
+            self.record = {"wish": self.record["wish"] + 1, "on": on, "path": path}
 
     def _exchange(self, estimator: ContactEstimator, words: str) -> None:
         self.estimator = estimator
@@ -272,7 +294,18 @@ class Loop:
             "has_condition_10": law.has_condition_10,
             "state": self.state.name.lower(),
             "held": self.held,
-            "counts": {**asdict(self.counts), **asdict(counts)},
+            "fault": self._watchdog.words,
+            # What a person may choose of the source itself: {"material": [...], ...}.
+            "offers": getattr(self.source, "offers", {}),
+            "chosen": getattr(self.source, "chosen", {}),
+            "origin": getattr(self.source, "origin", 0),
+            "record": self.record,
+            "counts": summed(
+                {"late": self.lateness.over},
+                asdict(self.counts),
+                asdict(self._watchdog.faults),
+                asdict(counts),
+            ),
             "cycle": self.cycle.as_dict(),
             "lateness": self.lateness.as_dict(),
             "said": self.said,

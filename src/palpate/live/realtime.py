@@ -1,12 +1,37 @@
-"""Asking the system for time: a fixed priority, memory that stays, no collector in between."""
+"""Time for the loop: no collector in between, a fixed priority, memory that stays."""
 
 import ctypes
 import gc
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 _PRIORITY = 50  # of 1 to 99: above all that is ordinary, below the kernel's own threads
 _ALL_MEMORY = 1 | 2  # MCL_CURRENT | MCL_FUTURE, of sys/mman.h
+_SET_TIMER_SLACK = 29  # PR_SET_TIMERSLACK, of linux/prctl.h
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Keep the collector out of what runs inside, and let a sleep end when it should.
+
+    The loop makes no cycles: what it lets go of is given back at once, without a collector. Linux
+    lets a sleep end up to 50 µs late, to wake less often, unless it is told not to.
+    """
+    collects = gc.isenabled()
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_SET_TIMER_SLACK, 1, 0, 0, 0)  # ns
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+        if collects:
+            gc.enable()
 
 
 def ask_for_realtime() -> list[str]:
@@ -15,9 +40,6 @@ def ask_for_realtime() -> list[str]:
     SCHED_FIFO needs CAP_SYS_NICE or a limit on ``rtprio``, ``mlockall`` one on ``memlock``:
     ``/etc/security/limits.conf``.
     """
-    gc.collect()
-    gc.freeze()
-    gc.disable()
     refused = []
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))

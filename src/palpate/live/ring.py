@@ -30,10 +30,13 @@ COLUMNS = (
     "method",  # number of the estimator's generation: another means that it was changed
     *(f"parameter_{k}" for k in range(MOST_PARAMETERS)),
     *(f"covariance_{k}" for k in range(MOST_PARAMETERS**2)),  # row by row
+    # As the newest measurement came, before signs and direction: a number is the first of three.
+    *(f"input_{what}_{axis}" for what in ("position", "force") for axis in "xyz"),
 )  # fmt: skip
 WIDTH = len(COLUMNS)
-_ROW = struct.Struct(f"<{WIDTH}d")
-_COUNT = struct.Struct("<q")
+# In the machine's own order: a number is then stored by one instruction, and never seen half. An
+# order that is said is written a byte at a time.
+_COUNT = struct.Struct("@q")
 _HEADER = 64  # bytes: a cache line of its own
 #: 16 s at 1 kHz: what a page shows, and a reader may stall for.
 CAPACITY = 1 << 14
@@ -55,19 +58,35 @@ class Taken(NamedTuple):
 
 
 class Writer:
-    """The loop's end; it owns the memory."""
+    """The loop's end; it owns the memory, unless another process made it.
 
-    def __init__(self, capacity: int = CAPACITY) -> None:
-        self._memory = shared_memory.SharedMemory(create=True, size=_HEADER + capacity * _ROW.size)
+    Parameters
+    ----------
+    capacity, width : int
+        Rows that it holds, and numbers in each.
+    made : Address, optional
+        Of a ring that another process made, and gives back; nobody else may write it.
+    """
+
+    def __init__(
+        self, capacity: int = CAPACITY, width: int = WIDTH, *, made: "Address | None" = None
+    ) -> None:
+        self._own = made is None
+        self._row = struct.Struct(f"@{width if made is None else made.width}d")
+        self._memory = (
+            shared_memory.SharedMemory(create=True, size=_HEADER + capacity * self._row.size)
+            if made is None
+            else attached(made.name)
+        )
         assert self._memory.buf is not None  # it is open
         self._buffer: memoryview = self._memory.buf
-        self._capacity, self._count = capacity, 0
+        self._capacity, self._count = capacity if made is None else made.capacity, 0
         _COUNT.pack_into(self._buffer, 0, 0)
 
     @property
     def address(self) -> "Address":
         """How a reader in another process finds it."""
-        return Address(self._memory.name, self._capacity)
+        return Address(self._memory.name, self._capacity, self._row.size // 8)
 
     @property
     def count(self) -> int:
@@ -75,8 +94,9 @@ class Writer:
         return self._count
 
     def write(self, *row: float) -> None:
-        """Write one row of :data:`COLUMNS`."""
-        _ROW.pack_into(self._buffer, _HEADER + (self._count % self._capacity) * _ROW.size, *row)
+        """Write one row, such as of :data:`COLUMNS`."""
+        at = _HEADER + (self._count % self._capacity) * self._row.size
+        self._row.pack_into(self._buffer, at, *row)
         self._count += 1
         # The row first, then the count: on x86 and, by the interpreter's own locks, elsewhere too.
         _COUNT.pack_into(self._buffer, 0, self._count)
@@ -85,15 +105,17 @@ class Writer:
         """Give the memory back, whether every reader has gone or not."""
         self._buffer.release()
         self._memory.close()
-        self._memory.unlink()
+        if self._own:
+            self._memory.unlink()
 
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Name and size of a ring."""
+    """Name and size of a ring: how many rows it holds, and how many numbers are in each."""
 
     name: str
     capacity: int
+    width: int = WIDTH
 
 
 def attached(name: str) -> shared_memory.SharedMemory:
@@ -116,7 +138,7 @@ class Reader:
         self._buffer: memoryview = self._memory.buf
         self._capacity = address.capacity
         self._rows: NDArray[np.float64] = np.ndarray(
-            (address.capacity, WIDTH), dtype="<f8", buffer=self._buffer, offset=_HEADER
+            (address.capacity, address.width), dtype="=f8", buffer=self._buffer, offset=_HEADER
         )
         self._next = max(self.count - min(back, address.capacity // 2), 0)
 

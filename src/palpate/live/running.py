@@ -1,6 +1,5 @@
 """A session: one loop in this process, each sink in a process of its own."""
 
-import gc
 import multiprocessing
 import signal
 import threading
@@ -8,22 +7,25 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 from palpate.estimators import ContactEstimator, VariableProjection
 from palpate.live.board import Board
 from palpate.live.commands import Command
 from palpate.live.loop import Loop
-from palpate.live.realtime import ask_for_realtime
+from palpate.live.realtime import ask_for_realtime, undisturbed
 from palpate.live.ring import Writer
 from palpate.live.sinks.sink import Session, Sink
-from palpate.live.sources.source import Source
+from palpate.live.sources.source import Source, news_of
 from palpate.preparation import OnlinePreparation
 from palpate.settings import ChangeDetector, OutlierRejection
 
 ASKED_EVERY = 0.02  # s: how often the loop looks for commands
 TOLD_EVERY = 0.25  # s: how often it writes its statistics
 PATIENCE = 5.0  # s: that a sink has to end
+_THERE = "there"  # what a sink sends when it has begun
+_IMPORTING = 30.0  # s that a sink has to begin, on a busy machine
 
 
 def default_estimator() -> ContactEstimator:
@@ -55,9 +57,9 @@ def run(
     preparation : OnlinePreparation, optional
         Of the source's sample time unless given.
     realtime : bool
-        Ask for a fixed priority and locked memory, and keep the collector out of the loop.
+        Ask for a fixed priority and locked memory; what is not allowed is said.
     seconds : float, optional
-        Stop after this time.
+        Stop after this time, s.
 
     Returns
     -------
@@ -67,22 +69,23 @@ def run(
     ring, board = Writer(), Board()
     boards = {sink.name: Board() for sink in sinks}
     names = {name: each.name for name, each in boards.items()}
+    if preparation is None:
+        preparation = OnlinePreparation(sample_time=source.sample_time)
+    loop = Loop(source, preparation, estimator or default_estimator(), ring)
+    session = Session(ring.address, board.name, names, "")
     try:
-        source.open()
-        if preparation is None:
-            preparation = OnlinePreparation(sample_time=source.sample_time)
-        loop = Loop(source, preparation, estimator or default_estimator(), ring)
-        session = Session(ring.address, board.name, names, "")
-        with _started(sinks, session, names) as connections, _interruptible(loop):
-            loop.commands = _Asked(connections, loop, board, seconds)
-            loop.say("started")
-            for sentence in ask_for_realtime() if realtime else ():
-                loop.say(sentence)
+        with _started(sinks, session, names) as started, _interruptible(loop):
+            # The sinks are there before the first sample: none waits while they begin.
             try:
-                loop.run()
+                source.open()
+                loop.commands = _Asked(started, loop, board, seconds)
+                loop.say("started")
+                with undisturbed():
+                    for sentence in ask_for_realtime() if realtime else ():
+                        loop.say(sentence)
+                    loop.run()
             finally:
                 board.write({**loop.status(), "stopped": True})
-                gc.enable()
         return loop.status()
     finally:
         source.close()
@@ -95,9 +98,9 @@ class _Asked:
     """Commands of the sinks, looked for now and then; and the board, written now and then."""
 
     def __init__(
-        self, connections: Sequence[Connection], loop: Loop, board: Board, seconds: float | None
+        self, sinks: dict[str, Connection], loop: Loop, board: Board, seconds: float | None
     ) -> None:
-        self._connections, self._loop, self._board = list(connections), loop, board
+        self._sinks, self._loop, self._board = dict(sinks), loop, board
         self._asked = self._told = 0.0
         self._until = float("inf") if seconds is None else time.monotonic() + seconds
 
@@ -110,15 +113,18 @@ class _Asked:
             return Command("stop")
         if now >= self._told:
             self._told = now + TOLD_EVERY
+            for sentence in news_of(self._loop.source):
+                self._loop.say(sentence)
             self._board.write(self._loop.status())
-        for connection in list(self._connections):
+        for name, connection in list(self._sinks.items()):
             try:
                 if connection.poll():
                     command = connection.recv()
                     if isinstance(command, Command):
                         return command
-            except (EOFError, OSError):  # the sink has ended
-                self._connections.remove(connection)
+            except (EOFError, OSError):  # it has ended, by itself or by another's hand
+                del self._sinks[name]
+                self._loop.say(f"the {name} has ended")
         self._asked = now + ASKED_EVERY
         return None
 
@@ -126,51 +132,69 @@ class _Asked:
 @contextmanager
 def _started(
     sinks: Sequence[Sink], session: Session, names: dict[str, str]
-) -> Iterator[list[Connection]]:
+) -> Iterator[dict[str, Connection]]:
     """Start the sinks' processes; at the end they have a while to finish."""
     context = multiprocessing.get_context("spawn")
-    processes, connections = [], []
-    for sink in sinks:
-        ours, theirs = context.Pipe()
-        own = Session(session.ring, session.board, names, names[sink.name])
-        process = context.Process(target=_serve, args=(sink, own, theirs), name=sink.name)
-        process.daemon = True
-        process.start()
-        theirs.close()
-        processes.append(process)
-        connections.append(ours)
+    processes: list[BaseProcess] = []
+    connections: dict[str, Connection] = {}
     try:
+        for sink in sinks:
+            ours, theirs = context.Pipe()
+            own = Session(session.ring, session.board, names, names[sink.name])
+            process = context.Process(target=_serve, args=(sink, own, theirs), name=sink.name)
+            process.daemon = True
+            process.start()
+            theirs.close()
+            processes.append(process)
+            connections[sink.name] = ours
+        until = time.monotonic() + _IMPORTING
+        for connection in connections.values():
+            with suppress(EOFError):  # it has ended: the loop says so
+                if connection.poll(max(until - time.monotonic(), 0.0)):
+                    connection.recv()
         yield connections
     finally:
-        until = time.monotonic() + PATIENCE
-        for process in processes:
-            process.join(max(until - time.monotonic(), 0.0))
-            if process.is_alive():
-                process.terminate()
-                process.join()
-        for connection in connections:
+        _end(processes)
+        for connection in connections.values():
             connection.close()
+
+
+def _end(processes: list[BaseProcess]) -> None:
+    until = time.monotonic() + PATIENCE
+    for process in processes:
+        process.join(max(until - time.monotonic(), 0.0))
+    for process in processes:
+        if process.is_alive():
+            process.terminate()
+            process.join(1.0)
+        if process.is_alive():  # it does not listen
+            process.kill()
+            process.join()
 
 
 def _serve(sink: Sink, session: Session, commands: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the loop stops, and says so on the board
     with suppress(BrokenPipeError):
+        commands.send(_THERE)
         sink.run(session, commands)
 
 
 @contextmanager
 def _interruptible(loop: Loop) -> Iterator[None]:
-    """Ctrl-C stops the loop in order; a second one as ever."""
+    """Ctrl-C, or a request to terminate, stops the loop in order; a second one as ever."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    asked = (signal.SIGINT, signal.SIGTERM)
 
     def stop(*_: Any) -> None:
         loop.stopped = True
-        signal.signal(signal.SIGINT, before)
+        for number in asked:
+            signal.signal(number, before[number])
 
-    before = signal.signal(signal.SIGINT, stop)
+    before = {number: signal.signal(number, stop) for number in asked}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number in asked:
+            signal.signal(number, before[number])

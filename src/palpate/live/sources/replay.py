@@ -42,6 +42,11 @@ class Replay:
         """Median step of the recording, s."""
         return self._contact.sample_time
 
+    @property
+    def pace(self) -> float:
+        """How fast its clock goes."""
+        return self._speed
+
     def open(self) -> None:
         """Begin now."""
         self._began = time.monotonic()

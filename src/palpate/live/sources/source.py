@@ -13,6 +13,11 @@ class Source(Protocol):
     """Where samples come from: a recording, the laboratory, or a robot on the wire.
 
     The loop's own thread calls all of it. ``take`` is the only place where the loop waits.
+
+    A source may have more: ``offers``, a mapping of what it can be asked for to the choices;
+    ``chosen``, what is chosen now; ``news()``, sentences since the last call; ``rest``, the time at
+    its start in which nothing is touched, s; ``pace``, how fast its clock goes; and ``origin``,
+    what its times are counted from, ns since 1970.
     """
 
     @property
@@ -56,3 +61,9 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Let go of files and sockets; may be called twice."""
+
+
+def news_of(source: Source) -> list[str]:
+    """What a source has to say since it was last asked."""
+    news = getattr(source, "news", None)
+    return news() if news is not None else []
