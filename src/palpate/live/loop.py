@@ -280,7 +280,6 @@ class Loop:
         return {
             "source": self.source.name,
             "sample_time": self.source.sample_time,
-            "origin": getattr(self.source, "origin", 0),
             "delay": self.preparation.delay,
             "tare": defined(self.preparation.tare),
             "method": self.estimator.method,

@@ -11,15 +11,15 @@ import numpy as np
 
 from palpate.digits import with_error
 from palpate.errors import PalpateError
-from palpate.live.board import Board
-from palpate.live.ring import Reader
 from palpate.live.sinks.sink import Session
+from palpate.live.sinks.watching import Watching
 from palpate.live.states import State
 from palpate.live.wires.estimates import GENERATION, Fields
 from palpate.live.wires.ros_estimates import TOPICS, RosEncoder
 from palpate.validation import Floats
 
 _PAUSE = 1e-3  # s: how often new rows are looked for
+_ASKED_EVERY = 0.02  # s: whether the loop has stopped
 _TOLD_EVERY = 0.25  # s: the status, and the sink's own board
 
 
@@ -75,47 +75,43 @@ class Publisher:
 
     def run(self, session: Session, commands: Connection) -> None:
         """Publish what the loop finds until it stops."""
-        own = Board(session.own)
+        # With what came while this process began.
+        watching = Watching(session, back=session.ring.capacity)
         try:
             self._wire.open()
-            _Publishing(self._wire, session, own).run()
+            _Publishing(self._wire, watching).run()
         except PalpateError as error:
-            own.write({"fault": str(error)})
+            watching.tell({"fault": str(error)})
             print(f"palpate: {error}", file=sys.stderr)
         finally:
             self._wire.close()
-            own.close()
+            watching.close()
 
 
 class _Publishing:
-    def __init__(self, wire: Wire, session: Session, own: Board) -> None:
-        self._wire, self._own = wire, own
-        # With what came while this process started.
-        self._reader = Reader(session.ring, back=session.ring.capacity)
-        self._board = Board(session.board)
-        self._sent = self._dropped = self._refused = 0
+    def __init__(self, wire: Wire, watching: Watching) -> None:
+        self._wire, self._watching = wire, watching
+        self._sent = self._refused = 0
         self._fields: Fields | None = None
         self._told = 0.0
 
     def run(self) -> None:
-        waiting = self._reader.take(0).rows
-        stopped = False
-        while True:
-            page = self._board.read()
-            stopped = bool(page.get("stopped"))
-            taken = self._reader.take()
-            self._dropped += taken.dropped
-            waiting = np.concatenate([waiting, taken.rows]) if len(waiting) else taken.rows
+        waiting = self._watching.take().rows
+        over, asked = False, 0.0
+        while not over:
+            now = time.monotonic()
+            if now >= asked:
+                asked, over = now + _ASKED_EVERY, self._watching.over
+            page, rows = self._watching.status(), self._watching.take().rows
+            waiting = np.concatenate([waiting, rows]) if len(waiting) else rows
             # What times are counted from is known with the first sample.
             if page and page["counts"]["taken"]:
+                last = waiting[-1:]
                 waiting = self._publish(page, waiting)
-                self._tell(page, waiting[-1:] if len(waiting) else taken.rows[-1:])
-            if stopped:
-                break
-            time.sleep(_PAUSE)
+                self._tell(page, last)
+            if not over:
+                time.sleep(_PAUSE)
         self._report()
-        self._reader.close()
-        self._board.close()
 
     def _publish(self, page: dict[str, Any], rows: Floats) -> Floats:
         """Send rows whose estimator the board knows by now; return the others."""
@@ -127,7 +123,7 @@ class _Publishing:
             fields = self._fields = Fields.of(page)
         mine = rows[:, GENERATION] == fields.generation
         # Rows of the estimator before, which the board does not know any more, are not published.
-        self._dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
+        self._watching.dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
         if mine.any():
             values = fields.values(rows[mine]).tolist()
             self._refused += (refused := self._wire.send(fields.names, values))
@@ -146,9 +142,7 @@ class _Publishing:
         self._report()
 
     def _report(self) -> None:
-        self._own.write(
-            {"published": self._sent, "dropped": self._dropped, "refused": self._refused}
-        )
+        self._watching.tell({"published": self._sent, "refused": self._refused})
 
 
 def words_of(page: dict[str, Any], fields: Fields, values: Sequence[float]) -> dict[str, str]:

@@ -83,6 +83,7 @@ class DDS:
         while len(self._readers) < len(self._topics.topics) and time.monotonic() < until:
             self._waits.wait(max(round(1e9 * (until - time.monotonic())), 0))
             self._discover()
+        self._topics.await_topics()
 
     def _wake_for(self, reader: Any) -> None:
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
@@ -177,6 +178,10 @@ class DDS:
                 self._topics.receive(sent, waited=first)
                 first = False
         return something
+
+    def news(self) -> list[str]:
+        """What is to be said since the last call: topics that were found."""
+        return self._topics.news()
 
     def ask(self, options: dict[str, Any]) -> str:
         """A robot cannot be asked for anything."""

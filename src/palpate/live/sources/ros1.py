@@ -64,6 +64,7 @@ class ROS1:
         try:
             for index, type_name in self._bridge.types:
                 self._meet(index, type_name)
+            self._topics.await_topics()
         except PalpateError:
             self.close()
             raise
@@ -103,6 +104,10 @@ class ROS1:
             message = Message(frame.topic, frame.body[STAMPED.size :], written, None, sender)
             self._topics.receive(message, waited=waited[frame.topic])
             waited[frame.topic] = False
+
+    def news(self) -> list[str]:
+        """What is to be said since the last call: topics that were found."""
+        return self._topics.news()
 
     def ask(self, options: dict[str, Any]) -> str:
         """A robot cannot be asked for anything."""

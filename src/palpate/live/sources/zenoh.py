@@ -85,6 +85,7 @@ class Zenoh:
             # In Zenoh's own thread: another one between would cost each message a change of thread.
             took = zenoh.handlers.Callback(self._taker(index), indirect=False)
             self._session.declare_subscriber(key, took)
+        self._topics.await_topics()
 
     def _taker(self, index: int) -> Any:
         queue = self._queue
@@ -147,6 +148,10 @@ class Zenoh:
             number, written, sender = known
         message = Message(came.topic, came.payload, written, number, sender)
         topics.receive(message, waited=waited)
+
+    def news(self) -> list[str]:
+        """What is to be said since the last call: topics that were found."""
+        return self._topics.news()
 
     def ask(self, options: dict[str, Any]) -> str:
         """A robot cannot be asked for anything."""

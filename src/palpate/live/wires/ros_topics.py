@@ -74,6 +74,7 @@ class RosTopics:
         self.sample_time = options.sample_time or 1e-3
         self.counts, self.origin = Counts(), Origin()
         self.ready: deque[Arrival] = deque()
+        self._news: list[str] = []
         self._vectors, self._ros1, self._scheme = options.vectors, ros1, address.scheme
         given = (address.options.get("position"), address.options.get("force"))
         roles = (POSITIONS, FORCES)
@@ -116,6 +117,18 @@ class RosTopics:
             topic.name, type_name, paths, vectors=self._vectors, ros1=self._ros1
         )
         topic.type_name = type_name
+        self._news.append(f"topic {topic.name} is there, of the type {type_name}")
+
+    def news(self) -> list[str]:
+        """What is to be said since the last call."""
+        said, self._news = self._news, []
+        return said
+
+    def await_topics(self) -> None:
+        """Say of which topics nothing is known yet."""
+        waiting = [topic.name for topic in self.topics if not topic.type_name]
+        if waiting:
+            self._news.append(f"nobody publishes {' or '.join(waiting)} yet: waiting")
 
     def _words(self, topic: _Topic) -> Sequence[str]:
         if len(topic.paths) == 2:
