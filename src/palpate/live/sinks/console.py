@@ -23,6 +23,7 @@ _OTHERS_END = 0.5  # s that the other sinks have to say their last
 COUNTED = (
     ("lost", "lost before the loop"),
     ("malformed", "malformed"),
+    ("unpaired", "unpaired"),
     ("refused", "refused"),
     ("repeated", "repeated"),
     ("disordered", "in disorder"),
