@@ -87,6 +87,7 @@ def test_ctrl_c_ends_the_loop_and_its_sinks_in_order(tmp_path, number):
     assert path.read_text() == f"{int(out)} 0 True"
 
 
+@pytest.mark.slow
 def test_an_error_of_the_source_ends_the_sinks_too(tmp_path):
     class Broken(Endless):
         def open(self):

@@ -14,7 +14,7 @@ from palpate.estimators import ContactEstimator, VariableProjection
 from palpate.live.board import Board
 from palpate.live.commands import Command
 from palpate.live.loop import Loop
-from palpate.live.realtime import ask_for_realtime, undisturbed
+from palpate.live.realtime import ask_for_realtime, show_name, undisturbed
 from palpate.live.ring import Writer
 from palpate.live.sinks.sink import Session, Sink
 from palpate.live.sources.source import Source, news_of
@@ -174,6 +174,7 @@ def _end(processes: list[BaseProcess]) -> None:
 
 def _serve(sink: Sink, session: Session, commands: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the loop stops, and says so on the board
+    show_name(sink.name)
     with suppress(BrokenPipeError):
         commands.send(_THERE)
         sink.run(session, commands)

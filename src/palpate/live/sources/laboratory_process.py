@@ -8,6 +8,7 @@ from multiprocessing.connection import Connection
 
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.lab import MATERIALS, TRAJECTORIES, Bench, IdealProbe, OngoingBench, Sensors
+from palpate.live.realtime import show_name
 from palpate.live.ring import Address, Writer
 
 #: Of a row: time, position, force, and when it is due by the monotonic clock.
@@ -61,6 +62,7 @@ class Word:
 def press(setup: Setup, ring: Address, connection: Connection) -> None:
     """Write samples until the other end of the connection is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the loop closes it
+    show_name("lab")
     writer = Writer(made=ring)
     with suppress(BrokenPipeError, EOFError):
         bench, probe, words = setup.bench()
