@@ -29,29 +29,27 @@ def segments():
 def test_sinks_see_every_row_and_end_in_order_and_the_memory_is_given_back(tmp_path):
     before = segments()
     sinks = [Looking(tmp_path / "one", "one"), Looking(tmp_path / "two", "two")]
-    status = run(Endless(), None, sinks, seconds=0.5)
+    status = run(Endless(500), None, sinks)
     taken = status["counts"]["taken"]
     for name in ("one", "two"):
         assert (tmp_path / name).read_text() == f"{taken} 0 True"
-    assert taken > 100
+    assert taken == 500
     assert status["counts"]["lost"] == 0
     assert segments() <= before
 
 
 def test_a_slow_sink_drops_rows_and_says_how_many_and_holds_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(running, "Writer", lambda: Writer(200))
-    status = run(Endless(), None, [Slow(tmp_path / "slow", "slow")], seconds=0.8)
+    status = run(Endless(600), None, [Slow(tmp_path / "slow", "slow")])
     seen, dropped, written = map(int, (tmp_path / "slow").read_text().split())
     assert written == status["counts"]["taken"] == seen + dropped
     assert seen == 199
-    assert dropped > 100
+    assert dropped == 401
 
 
 def test_a_sink_that_hangs_is_ended_and_one_that_ends_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(running, "PATIENCE", 0.3)
-    began = time.monotonic()
-    status = run(Endless(), None, [Hanging(tmp_path / "pid"), Failing()], seconds=0.5)
-    assert time.monotonic() - began < 20.0  # importing included
+    status = run(Endless(), None, [Hanging(tmp_path / "pid"), Failing()], seconds=1.0)
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pid").read_text()), 0)
     assert any("failing has ended" in words for words in status["said"])
@@ -79,7 +77,10 @@ def test_ctrl_c_ends_the_loop_and_its_sinks_in_order(tmp_path, number):
     process = subprocess.Popen(
         [sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    time.sleep(2.5)
+    until = time.monotonic() + 60.0
+    while not path.with_suffix(".began").exists() and time.monotonic() < until:
+        time.sleep(0.02)
+    time.sleep(0.3)
     # As a terminal does: to all of the processes in front of it.
     process.send_signal(number)
     out, error = process.communicate(timeout=20)
@@ -100,7 +101,7 @@ def test_an_error_of_the_source_ends_the_sinks_too(tmp_path):
 
 def test_the_loop_may_run_in_another_thread():
     found = []
-    thread = threading.Thread(target=lambda: found.append(run(Endless(), seconds=0.2)))
+    thread = threading.Thread(target=lambda: found.append(run(Endless(200))))
     thread.start()
     thread.join()
-    assert found[0]["counts"]["taken"] > 50
+    assert found[0]["counts"]["taken"] == 200
