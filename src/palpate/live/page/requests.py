@@ -95,7 +95,7 @@ def _source(options: dict[str, Any], offers: Mapping[str, Any]) -> Command:
     if len(options) != 1:
         raise InvalidParameterError("a source is asked for one thing at a time")
     ((name, value),) = options.items()
-    listed = offers.get(name) or offers.get(f"{name}s") or ()
+    listed = offers.get(name) or ()
     if not isinstance(value, str) or value not in listed:
         raise InvalidParameterError(f"the source offers no such {shown(name)}")
     return Command("source", options)

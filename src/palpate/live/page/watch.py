@@ -56,6 +56,7 @@ class Watch:
         self.changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
         self._law: type[ForceLaw] | None = None
         self._last: Floats | None = None
+        self._changed_in = math.nan  # number of the estimator that noticed the last change
         self._sign, self._moved = (-1, -1), time.monotonic()
 
     def take(self) -> None:
@@ -73,7 +74,8 @@ class Watch:
         self.loop = self._board.read() or self.loop
         sign = (self._board.version, self._ring.count)
         if sign != self._sign:
-            self._sign, self._moved = sign, time.monotonic()
+            self._changed_in = math.nan  # number of the estimator that noticed the last change
+        self._sign, self._moved = sign, time.monotonic()
         law = self.loop.get("law") or {}
         self._law = FORCE_LAWS.get(law.get("kind", ""))
         self._choose_depth()
@@ -115,8 +117,10 @@ class Watch:
             settled = kept[column(kept, "time") <= moment - _NOTICED][-1:]
             before = self._of(settled if len(settled) else kept[:1])
             self.changes.append({"time": moment, "law": self._described(), "before": before})
-        if self.changes:
-            self.changes[-1]["after"] = self._of(rows[-1:])
+            self._changed_in = float(column(rows, "method")[place])
+        same = rows[column(rows, "method") == self._changed_in]  # not what another made of it
+        if self.changes and len(same):
+            self.changes[-1]["after"] = self._of(same[-1:])
 
     def _described(self) -> dict[str, Any]:
         return dict(self.loop.get("law") or {})

@@ -1,13 +1,14 @@
 // Buttons and forms: each asks the server for one thing.
 
-import { element } from "./words.js";
+import { rounded } from "./digits.js";
+import { element, say, truthWords } from "./words.js";
 
 const SETTINGS = {
   outlier_rejection: "leave outliers out", change_detector: "detect changes",
   forgetting_factor: "forgetting factor", stiffness_drift: "stiffness drift",
   dissipation_drift: "dissipation drift", exponent_drift: "exponent drift",
 };
-const OFFERS = { material: "Material", motion: "Motion", change: "Sudden change", changes: "Sudden change" };
+const OFFERS = { material: "Material", motion: "Motion", change: "Sudden change to" };
 const $ = (id) => document.getElementById(id);
 
 export class Controls {
@@ -69,11 +70,13 @@ export class Controls {
     const { loop, others, depth } = page;
     press("hold", loop.held);
     $("hold").textContent = loop.held ? "Resume" : "Hold";
-    const recorder = others.recorder ?? others.recording;
+    const { recorder } = others;
     $("record").disabled = !recorder;
     $("record").title = recorder ? "" : "started without a recorder";
-    const recording = Boolean(recorder?.recording ?? recorder?.on);
+    const recording = Boolean(recorder?.on);
     press("record", recording);
+    say($("recorded"), recording ? `${recorder.said || recorder.path}, ${rounded(recorder.bytes / 1e6, 2)} MB`
+      : (recorder?.said ?? ""));
     $("record").textContent = recording ? "Stop recording" : "Record";
     const running = JSON.stringify([loop.method, loop.settings]);
     if (running !== this.shown && loop.method && !$("estimator").contains(document.activeElement)) {
@@ -85,6 +88,11 @@ export class Controls {
       $("depth").value = Number((1000 * depth.value).toPrecision(4));
     }
     this.showOffers(loop.offers ?? {});
+    for (const list of $("offers").querySelectorAll("select[name]")) {
+      const chosen = loop.chosen?.[list.name];
+      if (chosen && list !== document.activeElement) list.value = chosen;
+    }
+    if ($("truth")) say($("truth"), truthWords(loop.chosen?.truth, loop.law));
   }
 
   showOffers(offers) {
@@ -93,15 +101,17 @@ export class Controls {
     this.offered = text;
     const made = Object.entries(offers).map(([name, values]) => {
       const label = OFFERS[name] ?? name;
-      if (name.startsWith("change")) {
-        return element("span", { className: "row" }, `${label}:`, ...values.map((value) =>
-          element("button", { type: "button", onclick: () => this.ask("source", { change: value }) }, value)));
-      }
       const list = element("select", {}, ...values.map((value) => element("option", { value }, value)));
+      if (name === "change") { // at once, and only when it is asked for
+        const act = () => this.ask("source", { change: list.value });
+        return element("span", {}, element("label", {}, `${label} `, list), " ",
+          element("button", { type: "button", onclick: act }, "Change now"));
+      }
+      list.name = name;
       list.onchange = () => this.ask("source", { [name]: list.value });
       return element("label", {}, `${label} `, list);
     });
-    $("offers").replaceChildren(...made);
+    $("offers").replaceChildren(...made, element("span", { id: "truth", className: "soft" }));
     $("offers").hidden = !made.length;
   }
 }

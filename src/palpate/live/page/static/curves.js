@@ -150,6 +150,20 @@ export class TimePanel {
   }
 }
 
+/** A horizontal line at a value that must not be passed. */
+export function level(value) {
+  return ({ ctx, bbox, valToPos }) => {
+    ctx.save();
+    ctx.strokeStyle = theme.bad;
+    ctx.lineWidth = 1.5 * devicePixelRatio;
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, valToPos(value, "y", true));
+    ctx.lineTo(bbox.left + bbox.width, valToPos(value, "y", true));
+    ctx.stroke();
+    ctx.restore();
+  };
+}
+
 /** Vertical lines where the material changed, and a strip of the states that are no rest and no contact. */
 export function marked(changes, words) {
   return (plot, panel) => {

@@ -2,7 +2,7 @@
 
 import { Connection } from "./connection.js";
 import { Controls } from "./controls.js";
-import { marked, shared, TimePanel } from "./curves.js";
+import { level, marked, shared, TimePanel } from "./curves.js";
 import { rounded, scaleOf, withError } from "./digits.js";
 import { download } from "./download.js";
 import { Plane } from "./plane.js";
@@ -80,13 +80,14 @@ function show(message) {
   onWords(`${paused ? "View paused" : `Connected, ${rate} frames/s${thinned}`}`, false);
 }
 
+/** The gravest that holds, in words; a watchdog says what it saw. */
 function showState({ loop, alive, ended }) {
   const name = ended ? "ended" : alive ? (loop.state ?? "none") : "dead";
   const [lamp, title, text] = words.STATES[name] ?? words.STATES.none;
   $("state").dataset.state = name;
   words.say($("lamp"), lamp);
   words.say($("state-name"), title);
-  words.say($("state-words"), text);
+  words.say($("state-words"), (alive && !ended && loop.fault) || text);
   words.say($("source"), loop.source ?? "");
 }
 
@@ -126,7 +127,7 @@ function build({ loop, depth }) {
   if (loop.needs_condition_10) {
     panels.push(new TimePanel($("panels"), {
       kind: "margin", name: "Margin of condition 10 (below 0 the estimate is biased)", fixed: [-1, 1],
-      lines: [{ channel: "margin", colour: () => theme.lines[3] }],
+      lines: [{ channel: "margin", colour: () => theme.lines[3] }], marks: level(0),
     }));
   }
   tiles(law);

@@ -1,6 +1,6 @@
 // What is said in words.
 
-import { duration, rounded, withError } from "./digits.js";
+import { duration, rounded, scaleOf, withError } from "./digits.js";
 
 export const STATES = {
   free: ["○", "Free", "The probe touches nothing; the estimate is held."],
@@ -55,20 +55,23 @@ export function fillTimes(table, loop) {
   table.tBodies[0].replaceChildren(row("after its sample", loop.lateness), row("update and estimate", loop.cycle));
 }
 
+// Counts that are as they should be, however many there are.
+const FINE = { taken: "samples", learned: "learned", changes: "changes" };
+
 /** Counts, with those marked that ought to be none. */
 export function fillCounts(list, page, store) {
-  const { counts = {}, lateness = {} } = page.loop;
-  const late = Number.isFinite(lateness.within) ? Math.round((1 - lateness.within) * lateness.count) : 0;
-  const rows = [
-    ["samples", counts.taken], ["learned", counts.learned], ["changes", counts.changes],
-    ["lost", counts.lost, true], ["repeated", counts.repeated, true], ["disordered", counts.disordered, true],
-    ["malformed", counts.malformed, true], ["refused", counts.refused, true], ["late", late, true],
-    ["silences", counts.silences, true],
+  const counts = page.loop.counts ?? {};
+  const rows = Object.entries(FINE).map(([name, words]) => [words, counts[name]]);
+  for (const [name, count] of Object.entries(counts)) {
+    if (!(name in FINE) && typeof count === "number") rows.push([name.replaceAll("_", " "), count, true]);
+  }
+  rows.push(
     ["page: dropped", (page.page.dropped ?? 0) + store.dropped, true],
     ["page: skipped for all", page.page.skipped, true],
     ["page: bad requests", (page.page.malformed ?? 0) + (page.page.refused ?? 0), true],
+    ["page: stalled", (page.page.stalled ?? 0) + (page.page.turned_away ?? 0), true],
     ["page: browsers", page.page.clients],
-  ];
+  );
   for (const [name, count, bad] of rows) {
     let place = list.querySelector(`[data-name="${name}"]`);
     if (!place) {
@@ -82,21 +85,35 @@ export function fillCounts(list, page, store) {
   list.title = counts.last_fault ? `last fault: ${counts.last_fault}` : "";
 }
 
-/** Whatever the diagnosis says of itself. */
-export function fillDiagnosis(place, board) {
-  const words = board ? readable(board) : [];
-  const text = words.join("\n");
-  if (!words.length || place.dataset.text === text) return;
-  place.dataset.text = text;
-  place.replaceChildren(...words.map((each) => element("p", {}, each)));
+const BADGES = { trust: "yes", "with-care": "partly", "do-not-trust": "no" };
+
+/** The last verdict, its reason, and the numbers at their depths with all that is known to move them. */
+export function fillDiagnosis(place, found) {
+  if (!found?.at || place.dataset.run === String(found.runs ?? found.at)) return;
+  place.dataset.run = String(found.runs ?? found.at);
+  const verdict = found.verdict?.overall ?? "";
+  const seconds = rounded(found.window[1] - found.window[0], 2);
+  const made = [
+    element("p", {}, element("b", { className: `badge ${BADGES[verdict] ?? "open"}` },
+      verdict ? verdict.replaceAll("-", " ") : "no verdict"), `: ${found.reason ?? ""}`),
+  ];
+  if (found.remedy) made.push(element("p", {}, found.remedy));
+  const quantity = (each, unit) => withError(each?.value ?? NaN, [each?.standard_error ?? NaN, each?.systematic ?? NaN], unit);
+  for (const each of found.working_depths ?? []) {
+    const scale = scaleOf(each.depth, "m");
+    made.push(element("p", {}, `At ${rounded(each.depth * scale.factor, 3)} ${scale.unit}: ` +
+      `stiffness ${quantity(each.stiffness, "N/m")}, damping ${quantity(each.damping, "N·s/m")}`));
+  }
+  made.push(element("p", { className: "soft" }, `Of the last ${seconds} s at ${found.at}, ${found.samples} samples.`));
+  place.replaceChildren(...made);
 }
 
-function readable(board) {
-  return Object.entries(board).flatMap(([name, value]) => {
-    if (value === null || value === "" || (Array.isArray(value) && !value.length)) return [];
-    if (Array.isArray(value)) return value.map((each) => `• ${typeof each === "object" ? Object.values(each).join(": ") : each}`);
-    if (typeof value === "object") return readable(value);
-    if (typeof value === "number") return [`${name.replaceAll("_", " ")}: ${rounded(value, 4)}`];
-    return [`${name.replaceAll("_", " ")}: ${value}`];
-  });
+/** What the laboratory is made of, which identification should give back. */
+export function truthWords(truth, law) {
+  if (!truth || typeof truth !== "object") return "";
+  const { kind, ...values } = truth;
+  const symbol = (name) => (kind === law?.kind ? (law.symbols[law.names.indexOf(name)] ?? name) : name.replaceAll("_", " "));
+  const parts = Object.entries(values).filter(([, value]) => typeof value === "number")
+    .map(([name, value]) => `${symbol(name)} = ${rounded(value, 4)}`);
+  return `Truth: ${[kind, ...parts].join(", ")}`;
 }
