@@ -1,6 +1,7 @@
 """DDS by Cyclone DDS, without ROS: participants, and ROS's types with their bytes as they came."""
 
 import os
+import time
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -67,13 +68,15 @@ def participant(domain: int, interface: str | None) -> "DomainParticipant":
     try:
         before = _opened.get(domain)
         if before is None:
-            whole = ",".join(filter(None, (configuration, refusals().configuration)))
-            _opened[domain] = configuration, Domain(domain, whole or None)
+            with refusals().taken():
+                _opened[domain] = configuration, Domain(domain, configuration or None)
         elif before[0] != configuration:
             raise InvalidParameterError(f"dds: {where}: this process has it on another one")
         return DomainParticipant(domain)
     except DDSException as error:
-        raise PalpateError(f"dds: {where} cannot be joined: {_reason(error)}") from None
+        time.sleep(0.05)  # for what the log says of it to be read
+        reason = refusals().line or _reason(error)
+        raise PalpateError(f"dds: {where} cannot be joined: {reason}") from None
 
 
 def _configuration(interface: str | None) -> str:
