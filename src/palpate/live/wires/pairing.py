@@ -4,7 +4,7 @@ from collections import deque
 from typing import NamedTuple
 
 from palpate.live.arrivals import Counts, Value
-from palpate.live.wires.ordering import NANO
+from palpate.live.wires.ordering import LONGEST_OVERTAKING, NANO
 
 # Samples of a topic that wait for the other one: 1 s at 1 kHz, and then they count as unpaired.
 WAITING = 1024
@@ -56,6 +56,9 @@ class Pairing:
         if anew:
             self._unpaired(len(self._leaders), "the clock of the positions or forces was set")
             self._leaders.clear()
+            # The other topic's clock begins again too; what came of it already is kept.
+            near = [f for f in self._followers if abs(f.stamp - sample.stamp) < LONGEST_OVERTAKING]
+            self._followers = deque(near, maxlen=WAITING)
         self._leaders.append(sample)
         if len(self._leaders) > WAITING:
             self._leaders.popleft()

@@ -170,9 +170,9 @@ class RosTopics:
     def _give(self, stamp: int, position: Value, force: Value, there: float) -> None:
         self.ready.append(Arrival(self.origin.seconds(stamp), position, force, there))
 
-    def refuse(self, words: str) -> None:
-        """Count a message that holds no sample."""
-        self.counts.malformed += 1
+    def refuse(self, words: str, count: int = 1) -> None:
+        """Count messages that hold no sample."""
+        self.counts.malformed += count
         self.counts.last_fault = words
 
     def settle(self) -> None:
