@@ -1,5 +1,6 @@
 """A session: sinks in processes of their own, which end in order, and hold nobody."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -97,6 +98,46 @@ def test_an_error_of_the_source_ends_the_sinks_too(tmp_path):
     with pytest.raises(OSError, match="cable"):
         run(Broken(), None, [Looking(tmp_path / "seen")])
     assert (tmp_path / "seen").read_text() == "0 0 True"
+
+
+REALTIME = """
+import ctypes, os, resource
+from palpate.live.realtime import ask_for_realtime
+for limit in (resource.RLIMIT_MEMLOCK, resource.RLIMIT_RTPRIO):
+    resource.setrlimit(limit, (0, 0))
+if os.getuid() == 0:
+    os.setgid(65534)
+    os.setuid(65534)
+print(*ask_for_realtime(), sep=chr(10))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="of Linux")
+def test_what_realtime_is_not_allowed_is_said():
+    done = subprocess.run(
+        [sys.executable, "-c", REALTIME],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    first, second = done.stdout.splitlines()
+    assert first.startswith("no fixed priority: ")
+    assert "rtprio" in first
+    assert second.startswith("memory is not locked: ")
+    assert "memlock" in second
+
+
+def test_the_collector_is_out_of_the_loop_and_back_afterwards():
+    seen = []
+
+    class Asking(Endless):
+        def take(self, timeout):
+            seen.append(gc.isenabled())
+            return super().take(timeout)
+
+    assert gc.isenabled()
+    run(Asking(5))
+    assert gc.isenabled()
+    assert gc.get_freeze_count() == 0
+    assert not any(seen)
 
 
 def test_the_loop_may_run_in_another_thread():
