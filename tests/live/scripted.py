@@ -83,7 +83,6 @@ def looped(script, preparation, estimator, commands=(), *, source=None):
     ring = Writer(1 << 15)
     reader = Reader(ring.address)
     source = source or Scripted(script)
-    loop = Loop(source, preparation, estimator, ring)
     waiting = sorted(commands, key=lambda each: each[0])
 
     def asked():
@@ -91,8 +90,9 @@ def looped(script, preparation, estimator, commands=(), *, source=None):
             return waiting.pop(0)[1]
         return None
 
-    loop.commands = asked
     try:
+        loop = Loop(source, preparation, estimator, ring)
+        loop.commands = asked
         loop.run()
         return loop, reader.take().rows.copy()
     finally:
@@ -143,7 +143,8 @@ class Looking:
     def run(self, session, commands):
         watching = Watching(session)
         rows = 0
-        self.path.with_suffix(".began").touch()
+        names = session.ring.name, session.board, *session.boards.values()
+        self.path.with_suffix(".began").write_text(" ".join(names))
         while watching.wait(0.02):
             rows += len(watching.take().rows)
             watching.tell({"rows": rows})

@@ -272,8 +272,8 @@ class Loop:
     def _check_size(self, estimator: ContactEstimator) -> None:
         if len(estimator.law_type.symbols) > MOST_PARAMETERS:
             raise InvalidParameterError(
-                f"{estimator.method} has a law of more than {MOST_PARAMETERS} parameters, for which "
-                "the loop has no room"
+                f"{estimator.method} has a law of more than {MOST_PARAMETERS} parameters: the loop "
+                "has no room for it"
             )
 
     def _exchange(self, estimator: ContactEstimator, words: str) -> None:

@@ -71,9 +71,9 @@ def run(
     names = {name: each.name for name, each in boards.items()}
     if preparation is None:
         preparation = OnlinePreparation(sample_time=source.sample_time)
-    loop = Loop(source, preparation, estimator or default_estimator(), ring)
     session = Session(ring.address, board.name, names, "")
     try:
+        loop = Loop(source, preparation, estimator or default_estimator(), ring)
         with _started(sinks, session, names) as started, _interruptible(loop):
             # The sinks are there before the first sample: none waits while they begin.
             try:
