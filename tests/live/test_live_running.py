@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from scripted import Endless, Failing, Hanging, Looking, Slow
 
+import palpate
 from palpate.live import run, running
 from palpate.live.ring import Writer
 
@@ -131,6 +132,11 @@ def test_the_collector_is_out_of_the_loop_and_back_afterwards():
     assert gc.isenabled()
     assert gc.get_freeze_count() == 0
     assert not any(seen)
+
+
+def test_two_sinks_of_one_name_are_refused(tmp_path):
+    with pytest.raises(palpate.InvalidParameterError, match="different names, not one, one"):
+        run(Endless(5), None, [Looking(tmp_path, "one"), Looking(tmp_path, "one")])
 
 
 def test_the_loop_may_run_in_another_thread():

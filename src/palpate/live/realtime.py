@@ -49,7 +49,9 @@ def ask_for_realtime() -> list[str]:
     """
     refused = []
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+        # Of this process alone, and not of those that it starts.
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(_PRIORITY))
     except (OSError, AttributeError) as error:
         refused.append(f"no fixed priority: {_reason(error)}; allow rtprio in limits.conf")
     try:
