@@ -15,8 +15,9 @@ from palpate.live.ring import Address, Writer
 WIDTH = 4
 #: Rows that wait for the loop: 4 s at 1 kHz, after which the oldest are lost, and counted.
 CAPACITY = 4096
-# s ahead of the clock: this machine's other work may hold the process up for some 10 ms.
-_AHEAD = 0.05
+# s ahead of the clock: this machine's other work may hold the process up for some 10 ms,
+# and a person does not see a tenth of a second.
+_AHEAD = 0.1
 # s at a time: the kinematics of some samples together take little more than those of one.
 _BLOCK = 0.01
 _BEHIND = 1.0  # s, after which the laboratory's clock is set anew
