@@ -67,6 +67,7 @@ def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
     assert f"recorded 2000 rows to {copy}" in done.stdout
 
 
+@pytest.mark.slow
 def test_on_a_terminal_there_is_one_line_written_anew(recording):
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
@@ -91,6 +92,7 @@ def test_on_a_terminal_there_is_one_line_written_anew(recording):
     assert "contact" in text
 
 
+@pytest.mark.slow
 def test_a_reader_that_goes_away_ends_nothing_in_tears(recording):
     process = subprocess.Popen(
         [sys.executable, "-m", "palpate", "live", recording, *BARE],

@@ -76,6 +76,7 @@ class Reading:
         watching.close()
 
 
+@pytest.mark.slow
 def test_it_says_its_verdict_while_the_loop_runs(tmp_path):
     times, positions, forces = measured(3.5)
     contact = palpate.Contact(

@@ -132,6 +132,7 @@ def test_the_laboratory_runs_in_real_time_and_does_what_it_is_asked():
     source.close()
 
 
+@pytest.mark.slow
 def test_what_the_loop_does_not_take_in_time_is_lost_and_counted():
     source = Laboratory("ball", probe="ideal", sample_time=1e-4)
     source.open()
@@ -150,6 +151,7 @@ def test_without_mujoco_an_ideal_probe_is_taken_and_said(monkeypatch):
     assert len(bench.advance(10)) == 10
 
 
+@pytest.mark.slow
 def test_the_laboratory_on_the_loop_gives_the_truth():
     source = open_source("lab:ball,two-sines", SourceOptions(seed=3))
     preparation = OnlinePreparation(tare_time=1.6)

@@ -270,3 +270,25 @@ def test_a_source_that_counts_too_is_added_up():
     assert counts["lost"] == 7
     assert counts["taken"] == 21
     assert loop.preparation.status is Status.UPDATED
+
+
+class Wide(palpate.HuntCrossley):
+    symbols = ("a", "b", "c", "d", "e")
+
+
+class WideEstimator(palpate.VariableProjection):
+    law_type = Wide
+
+
+def test_a_law_for_which_there_is_no_room_is_a_clear_line():
+    with pytest.raises(palpate.InvalidParameterError, match="more than 4 parameters"):
+        looped([], OnlinePreparation(), WideEstimator())
+
+
+def test_a_recording_says_what_it_knows_with_hindsight():
+    contact = palpate.Contact(
+        TIMES, penetration=POSITIONS, velocity=[0.0] * len(TIMES), force=FORCES, tare_deviation=0.01
+    )
+    source = Replay(contact)
+    assert ["tare of the recording" in words for words in source.news()] == [True]
+    assert source.news() == []

@@ -41,11 +41,16 @@ class Counts:
         Samples that came twice, or after a later one; they are left out.
     malformed : int
         Packets that hold no sample; they are left out.
+    unpaired : int
+        Positions without a force at their time, or forces without a position, where the two come
+        apart; they are left out.
+    last_fault : str
+        Of the malformed and the unpaired, what was wrong with the last, in words.
     """
 
     lost: int = 0
     repeated: int = 0
     disordered: int = 0
     malformed: int = 0
-    #: Of the malformed ones, what was wrong with the last, in words.
+    unpaired: int = 0
     last_fault: str = field(default="")

@@ -80,6 +80,7 @@ class Loop:
         if given is not None:
             size = math.hypot(*given)
             self._direction = tuple(float(each) / size for each in given)
+        self._check_size(self.estimator)
         self._watchdog = Watchdog.of(self.preparation, getattr(self.source, "pace", 1.0))
 
     def run(self) -> None:
@@ -268,7 +269,15 @@ class Loop:
             on = bool(options.get("on", path is not None))
             self.record = {"wish": self.record["wish"] + 1, "on": on, "path": path}
 
+    def _check_size(self, estimator: ContactEstimator) -> None:
+        if len(estimator.law_type.symbols) > MOST_PARAMETERS:
+            raise InvalidParameterError(
+                f"{estimator.method} has a law of more than {MOST_PARAMETERS} parameters: the loop "
+                "has no room for it"
+            )
+
     def _exchange(self, estimator: ContactEstimator, words: str) -> None:
+        self._check_size(estimator)
         self.estimator = estimator
         self._generation += 1
         self._changed = -math.inf

@@ -23,6 +23,7 @@ _OTHERS_END = 0.5  # s that the other sinks have to say their last
 COUNTED = (
     ("lost", "lost before the loop"),
     ("malformed", "malformed"),
+    ("unpaired", "unpaired"),
     ("refused", "refused"),
     ("repeated", "repeated"),
     ("disordered", "in disorder"),
@@ -146,8 +147,9 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
     yield "                     p50      p99    p99.9      max   in time"
     for name, words in (("cycle", "update, estimate"), ("lateness", "done, when due")):
         figures = status.get(name, {})
-        columns = [seconds(figures.get(key)) for key in ("p50", "p99", "p99.9", "max")]
-        limit = f"{percent(figures.get('within'))} within {seconds(figures.get('limit'))}"
+        known = figures if figures.get("count") else {}
+        columns = [seconds(known.get(key)) for key in ("p50", "p99", "p99.9", "max")]
+        limit = f"{percent(known.get('within'))} within {seconds(figures.get('limit'))}"
         yield f"{words:<16}" + "".join(f"{each:>9}" for each in columns) + f"   {limit}"
     yield ", ".join(f"{counts.get(key, 0)} {words}" for key, words in COUNTED)
     dropped = [f"{page.get('dropped', 0)} by the {name}" for name, page in others.items()]
