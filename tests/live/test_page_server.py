@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from palpate.errors import InvalidParameterError
 from palpate.live.commands import Command
-from palpate.live.page import Page, requests, server
+from palpate.live.page import Page, protocol, requests, server
 from palpate.live.page.sink import token_for
 
 TOKEN = "a-token-of-twenty-letters"
@@ -345,6 +345,20 @@ def test_malformed_frames_and_requests_end_their_connections_and_are_counted(pag
     expected = before + len(MALFORMED) + len(NO_REQUESTS)
     assert page.counted("malformed", expected) == expected
     assert page.get()[0].status == 200
+
+
+def test_connections_that_ask_for_nothing_take_no_room_from_those_that_do(monkeypatch):
+    monkeypatch.setattr(protocol, "PATIENCE", 0.5)
+    with served(seconds=0.1) as page, ExitStack() as idle, page.socket() as client:
+        for k in range(100):
+            made = socket.create_connection(("127.0.0.1", page.page.port), timeout=10)
+            idle.enter_context(made)
+            if k % 2:
+                with suppress(ConnectionError):
+                    made.sendall(b"GET / HTTP/1.1\r\nHost: 127")  # and never the rest
+        assert page.counted("turned_away", 100) == 100
+        assert page.get()[0].status == 200
+        list(messages(client, until=lambda each: isinstance(each, dict)))  # it is not idle
 
 
 def test_who_asks_for_answers_and_never_reads_them_is_cut_off():

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 PORT = 8765
 _BACKLOG = 64
-_MOST_CONNECTIONS = 64
 _SHORTEST_TOKEN = 16
 _GENTLY = 5  # niceness: a frame can wait for a millisecond, the loop cannot
 
@@ -127,7 +126,6 @@ class Page:
             log_config=None,
             access_log=False,
             server_header=False,
-            limit_concurrency=_MOST_CONNECTIONS,
             timeout_graceful_shutdown=1,
         )
         serving = asyncio.create_task(_quietly(config, self._socket))
