@@ -157,7 +157,7 @@ def test_a_person_starts_and_stops_recordings(tmp_path):
 def test_a_disk_that_is_full_ends_the_recording_in_words():
     _, rows = looped(arrivals(TIMES, POSITIONS, FORCES), OnlinePreparation(), default_estimator())
     full = Path("/dev/full")
-    recording = Recording(full, full.open("wb"))  # noqa: SIM115  # which closes it
+    recording = Recording(full, full.open("wb"))  # which closes it
     words = recording.write(rows.tolist(), {}, 0)
     assert recording.failed
     assert words.startswith("/dev/full: No space left on device")
