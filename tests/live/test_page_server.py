@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from palpate.errors import InvalidParameterError
 from palpate.live.commands import Command
-from palpate.live.page import Page, server
+from palpate.live.page import Page, requests, server
 from palpate.live.page.sink import token_for
 
 TOKEN = "a-token-of-twenty-letters"
@@ -266,7 +266,7 @@ def test_the_loop_is_asked_for_no_more_than_a_person_would():
             page.commands.recv()
             arrived += 1
         # A burst, and ten a second of what it took.
-        assert server.MOST_COMMANDS <= arrived < 100
+        assert requests.MOST_COMMANDS <= arrived < 100
 
 
 # --- what it withstands

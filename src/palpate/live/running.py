@@ -155,6 +155,8 @@ def _started(sinks: Sequence[Sink], session: Session) -> Iterator[dict[str, Conn
             process.daemon = True
             process.start()
             theirs.close()
+            # What it opened in this process, such as a port, is the other's own now.
+            getattr(sink, "handed_over", lambda: None)()
             processes.append(process)
             connections[sink.name] = ours
         until = time.monotonic() + _IMPORTING

@@ -30,6 +30,8 @@ def protocols(counted: Malformed) -> tuple[type[H11Protocol], type[WebSocketsSan
             super().send_400_response(msg)
 
     class WebSockets(WebSocketsSansIOProtocol):
+        _pieces = 0
+
         def handle_connect(self, event: Any) -> None:
             super().handle_connect(event)
             with suppress(AttributeError):  # a handshake that failed has no scope
@@ -38,7 +40,8 @@ def protocols(counted: Malformed) -> tuple[type[H11Protocol], type[WebSocketsSan
         def handle_cont(self, event: Any) -> None:
             super().handle_cont(event)
             # Pieces without content are within the size of any message, and yet take memory.
-            if len(self.frames) > _MOST_PIECES:
+            self._pieces = 0 if event.fin else self._pieces + 1
+            if self._pieces > _MOST_PIECES:
                 self._abort()
 
         def handle_ping(self) -> None:

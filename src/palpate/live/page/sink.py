@@ -87,6 +87,15 @@ class Page:
         """Let go of the port, in this process."""
         self._socket.close()
 
+    def handed_over(self) -> None:
+        """The port is the other process's own now: when that ends, nobody answers in its place."""
+        self.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        if self._socket.fileno() < 0:
+            raise InvalidParameterError("this page has been served already: make another")
+        return dict(self.__dict__)
+
     def run(self, session: Session, commands: Connection) -> None:
         """Serve the page until the loop has stopped."""
         if multiprocessing.parent_process() is not None:  # a process of its own
