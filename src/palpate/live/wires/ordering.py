@@ -35,9 +35,10 @@ class Order:
     """Judges the order of one stream of samples; what is wrong it counts.
 
     By the sender's own number where the wire has one. Without, what is missing is known by the gaps
-    in time: of 64 steps at a time, a step of k medians, to the nearest whole number, misses k − 1
-    samples; less those whose step is shorter than half a median, as a robot that stamps unevenly
-    sends late ones and then quick ones. A gap of more than 1 s is a pause of the robot.
+    in time: of some 64 steps at a time, a step of k medians, to the nearest whole number, misses
+    k − 1 samples; less the steps that are shorter than half a median, as a sample that was stamped
+    late has a long step before it and a short one after it. A gap of more than 1 s is a pause of
+    the robot.
 
     Parameters
     ----------
@@ -90,7 +91,9 @@ class Order:
             return Verdict.REFUSED
         self._number, self._stamp = number, stamp
         self._steps.append(step)
-        if len(self._steps) >= WINDOW:
+        # A long step waits for the one after it, which says whether it was only late.
+        count = len(self._steps)
+        if count >= 2 * WINDOW or (count >= WINDOW and 2 * step < 3 * self._steps[-2]):
             self.settle()
         return Verdict.NEXT
 
