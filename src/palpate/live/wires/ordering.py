@@ -46,13 +46,14 @@ class Order:
         Where it counts.
     """
 
-    __slots__ = ("_counts", "_number", "_stamp", "_steps")
+    __slots__ = ("_counts", "_number", "_stamp", "_steps", "_usual")
 
     def __init__(self, counts: Counts) -> None:
         self._counts = counts
         self._number: int | None = None
         self._stamp: int | None = None
         self._steps: list[int] = []
+        self._usual = 0
 
     def admit(self, stamp: int, number: int | None = None) -> Verdict:
         """Judge a sample.
@@ -92,8 +93,8 @@ class Order:
         self._number, self._stamp = number, stamp
         self._steps.append(step)
         # A long step waits for the one after it, which says whether it was only late.
-        count = len(self._steps)
-        if count >= 2 * WINDOW or (count >= WINDOW and 2 * step < 3 * self._steps[-2]):
+        long = self._usual > 0 and 5 * step > 7 * self._usual
+        if len(self._steps) >= (2 * WINDOW if long else WINDOW):
             self.settle()
         return Verdict.NEXT
 
@@ -104,8 +105,10 @@ class Order:
 
     def settle(self) -> None:
         """Count what is missing in the steps that were not judged yet."""
-        self._counts.lost += missing_in(self._steps)
-        self._steps.clear()
+        if self._steps:
+            self._counts.lost += missing_in(self._steps)
+            self._usual = sorted(self._steps)[len(self._steps) // 2]
+            self._steps.clear()
 
 
 def missing_in(steps: Sequence[int]) -> int:
