@@ -170,8 +170,10 @@ class ZenohListener(RosListener):
         def meet(sample) -> None:
             self.tokens.append(str(sample.key_expr))
 
-        session.declare_subscriber("0/palpate/**", zenoh.handlers.Callback(hear, indirect=False))
-        tokens = zenoh.handlers.Callback(meet, indirect=False)
+        session.declare_subscriber(
+            "0/palpate/**", zenoh.handlers.Callback(hear, lambda: None, indirect=False)
+        )
+        tokens = zenoh.handlers.Callback(meet, lambda: None, indirect=False)
         session.liveliness().declare_subscriber("@ros2_lv/**", tokens)
 
     def hear(self) -> None:
