@@ -83,7 +83,6 @@ def looped(script, preparation, estimator, commands=(), *, source=None):
     ring = Writer(1 << 15)
     reader = Reader(ring.address)
     source = source or Scripted(script)
-    loop = Loop(source, preparation, estimator, ring)
     waiting = sorted(commands, key=lambda each: each[0])
 
     def asked():
@@ -91,8 +90,9 @@ def looped(script, preparation, estimator, commands=(), *, source=None):
             return waiting.pop(0)[1]
         return None
 
-    loop.commands = asked
     try:
+        loop = Loop(source, preparation, estimator, ring)
+        loop.commands = asked
         loop.run()
         return loop, reader.take().rows.copy()
     finally:
@@ -105,13 +105,13 @@ def column(rows, name):
 
 
 class Endless:
-    """A sample every millisecond, in real time, until it is told to end."""
+    """A sample every millisecond, in real time, until it is told to end, or so many have come."""
 
     name = "endless source"
     sample_time = T
 
-    def __init__(self, pace=T):
-        self.counts, self._pace = Counts(), pace
+    def __init__(self, samples=math.inf):
+        self.counts, self._samples = Counts(), samples
 
     def open(self):
         self._began = time.monotonic()
@@ -119,9 +119,13 @@ class Endless:
 
     def take(self, timeout):
         k = next(self._rows)
-        due = self._began + k * self._pace
+        if k >= self._samples:
+            raise EndOfSourceError
+        due = self._began + k * T
         time.sleep(max(due - time.monotonic(), 0.0))
-        return Arrival(k * T, 1e-2 + 1e-3 * math.sin(0.03 * k), 20.0 + 2.0 * math.sin(0.03 * k), due)
+        return Arrival(
+            k * T, 1e-2 + 1e-3 * math.sin(0.03 * k), 20.0 + 2.0 * math.sin(0.03 * k), due
+        )
 
     def ask(self, options):
         return ""
@@ -139,6 +143,8 @@ class Looking:
     def run(self, session, commands):
         watching = Watching(session)
         rows = 0
+        names = session.ring.name, session.board, *session.boards.values()
+        self.path.with_suffix(".began").write_text(" ".join(names))
         while watching.wait(0.02):
             rows += len(watching.take().rows)
             watching.tell({"rows": rows})

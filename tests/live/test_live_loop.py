@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scripted import T, Scripted, Silence, arrivals, column, looped, measured
+from scripted import Scripted, Silence, T, arrivals, column, looped, measured
 
 import palpate
 from palpate import ESTIMATORS, OnlinePreparation, Status
@@ -43,7 +43,9 @@ def same(rows, contact, trace, *, predicted=True):
 
 @pytest.mark.parametrize("method", ESTIMATORS)
 def test_the_loop_over_a_recording_is_the_replay_to_the_last_bit(method):
-    contact = palpate.Contact(TIMES, penetration=POSITIONS, velocity=[0.0] * len(TIMES), force=FORCES)
+    contact = palpate.Contact(
+        TIMES, penetration=POSITIONS, velocity=[0.0] * len(TIMES), force=FORCES
+    )
     estimator = ESTIMATORS[method]()
     source = Replay(contact, speed=math.inf)
     source.open()
@@ -75,9 +77,11 @@ def without(*gone):
 def test_what_is_no_number_is_refused_said_and_forgotten(values):
     loop, rows = looped(changed(900, **values), OnlinePreparation(), default_estimator())
     states = column(rows, "state")
-    assert states[899] == State.CONTACT and states[900] == State.INVALID
+    assert states[899] == State.CONTACT
+    assert states[900] == State.INVALID
     # It is seen for half a second, and then is over.
-    assert (states[900:1399] == State.INVALID).all() and (states[1401:] == State.CONTACT).all()
+    assert (states[900:1399] == State.INVALID).all()
+    assert (states[1401:] == State.CONTACT).all()
     assert loop.counts.refused == 1
     assert any("no numbers" in words for words in loop.said)
     # But for that sample, whose window has a hole, all is as if it had never come.
@@ -107,7 +111,8 @@ def test_a_clock_that_is_set_is_seen_and_a_new_window_begins(jump):
     script = arrivals(later, POSITIONS, FORCES, there=TIMES)
     loop, rows = looped(script, OnlinePreparation(), default_estimator())
     states = column(rows, "state")
-    assert states[999] == State.CONTACT and states[1000] == State.INVALID
+    assert states[999] == State.CONTACT
+    assert states[1000] == State.INVALID
     assert states[-1] == State.CONTACT
     assert loop.status()["counts"]["jumps"] == 1
     assert any("clock went" in words for words in loop.said)
@@ -133,11 +138,13 @@ def test_a_silent_source_is_lost_and_found_again():
     loop, rows = looped(
         [*script[:1000], Silence(30.0), *late], OnlinePreparation(), default_estimator()
     )
-    assert loop.counts.silences == 1 and loop.status()["counts"]["gaps"] == 1
+    assert loop.counts.silences == 1
+    assert loop.status()["counts"]["gaps"] == 1
     assert any("no sample comes" in words for words in loop.said)
     states = column(rows, "state")
     # Until the new window is whole nothing is known of the contact.
-    assert states[1000] == State.LOST and states[1030] == State.CONTACT
+    assert states[1000] == State.LOST
+    assert states[1030] == State.CONTACT
     times = [*TIMES[:1000], *(time + 30.0 for time in TIMES[1000:])]
     same(rows, *replay_of(times, POSITIONS, FORCES))
 
@@ -160,14 +167,18 @@ def test_a_stall_of_the_wire_that_loses_nothing_changes_nothing():
         OnlinePreparation(),
         default_estimator(),
     )
-    assert loop.counts.silences == 1 and loop.counts.refused == 0
+    assert loop.counts.silences == 1
+    assert loop.counts.refused == 0
     same(rows, *replay_of(TIMES, POSITIONS, FORCES))
 
 
 def test_samples_that_come_too_seldom_for_the_window_are_said_to():
     times = [10.0 * time for time in TIMES]
-    loop, rows = looped(arrivals(times, POSITIONS, FORCES), OnlinePreparation(), default_estimator())
-    assert np.isnan(column(rows, "time")).all() and loop.state is State.INVALID
+    loop, rows = looped(
+        arrivals(times, POSITIONS, FORCES), OnlinePreparation(), default_estimator()
+    )
+    assert np.isnan(column(rows, "time")).all()
+    assert loop.state is State.INVALID
     assert any("--rate" in words for words in loop.said)
 
 
@@ -184,8 +195,10 @@ def test_hold_and_resume_and_reset():
         arrivals(TIMES, POSITIONS, FORCES), OnlinePreparation(), default_estimator(), commands
     )
     stiffness, states = column(rows, "parameter_0"), column(rows, "state")
-    assert (stiffness[600:1200] == stiffness[599]).all() and stiffness[1210] != stiffness[599]
-    assert (states[600:1200] == State.HELD).all() and states[1200] == State.CONTACT
+    assert (stiffness[600:1200] == stiffness[599]).all()
+    assert stiffness[1210] != stiffness[599]
+    assert (states[600:1200] == State.HELD).all()
+    assert states[1200] == State.CONTACT
     assert (column(rows, "method")[[1499, 1500]] == [0.0, 1.0]).all()
     assert loop.status()["generation"] == 1
 
@@ -215,11 +228,13 @@ def test_another_estimator_and_what_there_is_not():
         arrivals(TIMES, POSITIONS, FORCES), OnlinePreparation(), default_estimator(), commands
     )
     status = loop.status()
-    assert status["method"] == "single-stage" and len(rows) == 1000
+    assert status["method"] == "single-stage"
+    assert len(rows) == 1000
     assert status["record"] == {"wish": 1, "on": True, "path": None}
     said = " ".join(loop.said)
     assert "asked for {'material': 'ball'}" in said
-    assert "magic" in said and "seconds must be in" in said
+    assert "magic" in said
+    assert "seconds must be in" in said
 
 
 def test_vectors_are_taken_along_the_direction_and_kept_as_they_came():
@@ -235,7 +250,11 @@ def test_vectors_are_taken_along_the_direction_and_kept_as_they_came():
 
 @pytest.mark.parametrize("vectors", [False, True])
 def test_a_direction_of_numbers_or_vectors_without_one_is_a_clear_line(vectors):
-    one = Arrival(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0) if vectors else Arrival(0.0, 0.0, 0.0, 0.0)
+    one = (
+        Arrival(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+        if vectors
+        else Arrival(0.0, 0.0, 0.0, 0.0)
+    )
     preparation = OnlinePreparation(direction=None if vectors else [0, 0, -1])
     with pytest.raises(palpate.InvalidParameterError, match="--direction"):
         looped([one], preparation, default_estimator())
@@ -247,5 +266,29 @@ def test_a_source_that_counts_too_is_added_up():
     source.counts.repeated, source.counts.lost = 4, 7
     loop, _ = looped((), OnlinePreparation(sample_time=T), default_estimator(), source=source)
     counts = loop.status()["counts"]
-    assert counts["repeated"] == 5 and counts["lost"] == 7 and counts["taken"] == 21
+    assert counts["repeated"] == 5
+    assert counts["lost"] == 7
+    assert counts["taken"] == 21
     assert loop.preparation.status is Status.UPDATED
+
+
+class Wide(palpate.HuntCrossley):
+    symbols = ("a", "b", "c", "d", "e")
+
+
+class WideEstimator(palpate.VariableProjection):
+    law_type = Wide
+
+
+def test_a_law_for_which_there_is_no_room_is_a_clear_line():
+    with pytest.raises(palpate.InvalidParameterError, match="more than 4 parameters"):
+        looped([], OnlinePreparation(), WideEstimator())
+
+
+def test_a_recording_says_what_it_knows_with_hindsight():
+    contact = palpate.Contact(
+        TIMES, penetration=POSITIONS, velocity=[0.0] * len(TIMES), force=FORCES, tare_deviation=0.01
+    )
+    source = Replay(contact)
+    assert ["tare of the recording" in words for words in source.news()] == [True]
+    assert source.news() == []

@@ -50,7 +50,8 @@ def test_a_reader_that_races_the_writer_sees_whole_rows_and_counts_the_rest():
     process.join()
     rows, lost = reader.take()
     assert seen + len(rows) + dropped + lost == written
-    assert seen > 256 and dropped > 0
+    assert seen > 256
+    assert dropped > 0
     reader.close()
     ring.close()
 
@@ -63,7 +64,8 @@ def test_a_reader_that_falls_behind_gets_the_newest_and_knows_how_many_it_lost()
         reader.take()
     # The oldest row of a full ring may be written over while it is read, so it is not given.
     rows, dropped = late.take()
-    assert rows[:, 0].tolist() == [13.0, 14.0, 15.0, 16.0, 17.0, 18.0, 19.0] and dropped == 13
+    assert rows[:, 0].tolist() == [13.0, 14.0, 15.0, 16.0, 17.0, 18.0, 19.0]
+    assert dropped == 13
     assert late.take().rows.size == 0
     for each in (reader, late, ring):
         each.close()
@@ -117,8 +119,10 @@ def test_a_histogram_knows_percentiles_to_the_width_of_its_bins(seed):
     for name, percent in (("p50", 50.0), ("p99", 99.0), ("p99.9", 99.9)):
         true = np.percentile(times, percent, method="inverted_cdf")
         # A bin is a twentieth of a decade wide, and its upper end is what is said.
-        assert true <= found[name] * (1.0 + 1e-12) and found[name] <= true * 10.0 ** (1.0 / 20.0)
-    assert found["max"] == times.max() and found["count"] == 20_000
+        assert true <= found[name] * (1.0 + 1e-12)
+        assert found[name] <= true * 10.0 ** (1.0 / 20.0)
+    assert found["max"] == times.max()
+    assert found["count"] == 20_000
     assert found["within"] == pytest.approx(np.mean(times <= 1e-3), abs=1e-12)
 
 
@@ -126,7 +130,8 @@ def test_a_histogram_takes_any_time_there_is():
     histogram = Histogram(1.0)
     for each in (0.0, -1.0, 1e-9, 1e-7, 99.9, 1e5):
         histogram.add(each)
-    assert histogram.percentile(50.0) <= 1e-7 and histogram.percentile(100.0) <= 1e5
+    assert histogram.percentile(50.0) <= 1e-7
+    assert histogram.percentile(100.0) <= 1e5
     assert histogram.over == 2
     assert np.isnan(Histogram(1.0).percentile(50.0))
 

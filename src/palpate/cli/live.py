@@ -165,18 +165,22 @@ def live(
         Show a line of figures.
     """
     from palpate.live.running import run
+    from palpate.validation import number_in
 
     looping, incoming = looping or Looping(), incoming or Incoming()
+    seconds = looping.seconds
+    if seconds is not None:
+        seconds = number_in("--seconds", seconds, 0.0, 1e9)
     chosen = _estimator(method)
-    sinks = _sinks(record, publish, page or Page(), console=console, diagnosis=looping.diagnosis)
     taken = incoming.source(source)
+    sinks = _sinks(record, publish, page or Page(), console=console, diagnosis=looping.diagnosis)
     run(
         taken,
         chosen,
         sinks,
         preparation=incoming.preparation(taken),
         realtime=looping.realtime,
-        seconds=looping.seconds,
+        seconds=seconds,
     )
 
 
@@ -200,7 +204,10 @@ def _sinks(
     from palpate.live.sinks.diagnosis import Diagnosing
     from palpate.live.sinks.opening import open_publisher
     from palpate.live.sinks.recorder import Recorder
+    from palpate.writing import check_writable
 
+    if record is not None:
+        check_writable(record)
     sinks: list[Sink] = [Console(quiet=not console), *map(open_publisher, publish)]
     if diagnosis:
         sinks.append(Diagnosing())

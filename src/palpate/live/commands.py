@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Name = Literal["tare", "hold", "resume", "reset", "estimator", "depth", "source", "record", "stop"]
+Name = Literal["tare", "hold", "resume", "reset", "estimator", "source", "record", "stop"]
 
 
 @dataclass(frozen=True, slots=True)

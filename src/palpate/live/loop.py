@@ -13,8 +13,9 @@ from typing import Any
 from palpate._core import Status
 from palpate.diagnosis.finding import defined
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.estimators import ContactEstimator, estimator_named
+from palpate.estimators import ContactEstimator
 from palpate.live.arrivals import Arrival, Value
+from palpate.live.choices import chosen, main_settings
 from palpate.live.commands import Command
 from palpate.live.counts import LoopCounts, summed
 from palpate.live.ring import MOST_PARAMETERS, Writer
@@ -79,6 +80,7 @@ class Loop:
         if given is not None:
             size = math.hypot(*given)
             self._direction = tuple(float(each) / size for each in given)
+        self._check_size(self.estimator)
         self._watchdog = Watchdog.of(self.preparation, getattr(self.source, "pace", 1.0))
 
     def run(self) -> None:
@@ -237,7 +239,7 @@ class Loop:
         while (command := self.commands()) is not None:
             try:
                 self._do(command)
-            except PalpateError as error:  # of a person's request, not of data
+            except (PalpateError, TypeError) as error:  # of a person's request, not of data
                 self.say(f"{command.name}: {error}")
 
     def _do(self, command: Command) -> None:
@@ -258,8 +260,7 @@ class Loop:
             self.estimator.leave_contact()
             self.say(f"taring for {seconds:g} s: touch nothing")
         elif command.name == "estimator":
-            given = dict(options)
-            made = estimator_named(given.pop("method", self.estimator.method))(**given)
+            made = chosen(self.estimator, options)
             self._exchange(made, f"estimator: {made.method}")
         elif command.name == "source":
             self.say(self.source.ask(options))
@@ -268,7 +269,15 @@ class Loop:
             on = bool(options.get("on", path is not None))
             self.record = {"wish": self.record["wish"] + 1, "on": on, "path": path}
 
+    def _check_size(self, estimator: ContactEstimator) -> None:
+        if len(estimator.law_type.symbols) > MOST_PARAMETERS:
+            raise InvalidParameterError(
+                f"{estimator.method} has a law of more than {MOST_PARAMETERS} parameters: the loop "
+                "has no room for it"
+            )
+
     def _exchange(self, estimator: ContactEstimator, words: str) -> None:
+        self._check_size(estimator)
         self.estimator = estimator
         self._generation += 1
         self._changed = -math.inf
@@ -283,6 +292,7 @@ class Loop:
             "delay": self.preparation.delay,
             "tare": defined(self.preparation.tare),
             "method": self.estimator.method,
+            "settings": main_settings(self.estimator),
             "generation": self._generation,
             "law": {
                 "kind": law.kind,
@@ -290,7 +300,7 @@ class Loop:
                 "symbols": law.symbols,
                 "units": law.units,
             },
-            "has_condition_10": law.has_condition_10,
+            "needs_condition_10": self.estimator.needs_condition_10,
             "state": self.state.name.lower(),
             "held": self.held,
             "fault": self._watchdog.words,

@@ -34,9 +34,6 @@ COLUMNS = (
     *(f"input_{what}_{axis}" for what in ("position", "force") for axis in "xyz"),
 )  # fmt: skip
 WIDTH = len(COLUMNS)
-# In the machine's own order: a number is then stored by one instruction, and never seen half. An
-# order that is said is written a byte at a time.
-_COUNT = struct.Struct("@q")
 _HEADER = 64  # bytes: a cache line of its own
 #: 16 s at 1 kHz: what a page shows, and a reader may stall for.
 CAPACITY = 1 << 14
@@ -81,7 +78,8 @@ class Writer:
         assert self._memory.buf is not None  # it is open
         self._buffer: memoryview = self._memory.buf
         self._capacity, self._count = capacity if made is None else made.capacity, 0
-        _COUNT.pack_into(self._buffer, 0, 0)
+        self._written = whole_numbers(self._buffer, 1)
+        self._written[0] = 0
 
     @property
     def address(self) -> "Address":
@@ -99,10 +97,11 @@ class Writer:
         self._row.pack_into(self._buffer, at, *row)
         self._count += 1
         # The row first, then the count: on x86 and, by the interpreter's own locks, elsewhere too.
-        _COUNT.pack_into(self._buffer, 0, self._count)
+        self._written[0] = self._count
 
     def close(self) -> None:
         """Give the memory back, whether every reader has gone or not."""
+        self._written.release()
         self._buffer.release()
         self._memory.close()
         if self._own:
@@ -116,6 +115,14 @@ class Address:
     name: str
     capacity: int
     width: int = WIDTH
+
+
+def whole_numbers(buffer: memoryview, count: int) -> "memoryview[int]":
+    """The first 64-bit numbers of shared memory, which are stored and read whole.
+
+    ``struct.pack_into`` clears the bytes before it writes them: another process would see zeros.
+    """
+    return buffer[: 8 * count].cast("q")
 
 
 def attached(name: str) -> shared_memory.SharedMemory:
@@ -136,7 +143,7 @@ class Reader:
         self._memory = attached(address.name)
         assert self._memory.buf is not None  # it is open
         self._buffer: memoryview = self._memory.buf
-        self._capacity = address.capacity
+        self._capacity, self._written = address.capacity, whole_numbers(self._buffer, 1)
         self._rows: NDArray[np.float64] = np.ndarray(
             (address.capacity, address.width), dtype="=f8", buffer=self._buffer, offset=_HEADER
         )
@@ -145,8 +152,7 @@ class Reader:
     @property
     def count(self) -> int:
         """Rows written so far."""
-        count: int = _COUNT.unpack_from(self._buffer, 0)[0]
-        return count
+        return self._written[0]
 
     def take(self, most: int | None = None) -> Taken:
         """Return the rows written since the last call, at most so many of the newest."""
@@ -163,5 +169,6 @@ class Reader:
     def close(self) -> None:
         """Let go of the memory."""
         del self._rows
+        self._written.release()
         self._buffer.release()
         self._memory.close()

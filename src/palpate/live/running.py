@@ -6,15 +6,17 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
+from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator, VariableProjection
 from palpate.live.board import Board
 from palpate.live.commands import Command
 from palpate.live.loop import Loop
-from palpate.live.realtime import ask_for_realtime, undisturbed
+from palpate.live.realtime import ask_for_realtime, show_name, undisturbed
 from palpate.live.ring import Writer
 from palpate.live.sinks.sink import Session, Sink
 from palpate.live.sources.source import Source, news_of
@@ -65,24 +67,34 @@ def run(
     -------
     dict
         What :meth:`palpate.live.loop.Loop.status` says at the end.
+
+    Raises
+    ------
+    InvalidParameterError
+        Two sinks have one name, or what the source delivers does not fit the preparation.
+    PalpateError
+        The source cannot be opened.
     """
+    if len({sink.name for sink in sinks}) < len(sinks):
+        names = ", ".join(sink.name for sink in sinks)
+        raise InvalidParameterError(f"sinks must have different names, not {names}")
     ring, board = Writer(), Board()
     boards = {sink.name: Board() for sink in sinks}
-    names = {name: each.name for name, each in boards.items()}
+    addresses = {name: each.name for name, each in boards.items()}
     if preparation is None:
         preparation = OnlinePreparation(sample_time=source.sample_time)
-    loop = Loop(source, preparation, estimator or default_estimator(), ring)
-    session = Session(ring.address, board.name, names, "")
+    session = Session(ring.address, board.name, addresses, "")
     try:
-        with _started(sinks, session, names) as started, _interruptible(loop):
-            # The sinks are there before the first sample: none waits while they begin.
+        loop = Loop(source, preparation, estimator or default_estimator(), ring)
+        with _started(sinks, session) as started, _interruptible(loop):
+            # All is there before the first sample: none waits while others begin.
             try:
-                source.open()
-                loop.commands = _Asked(started, loop, board, seconds)
-                loop.say("started")
                 with undisturbed():
                     for sentence in ask_for_realtime() if realtime else ():
                         loop.say(sentence)
+                    source.open()
+                    loop.say("started")
+                    loop.commands = _Asked(started, loop, board, seconds)
                     loop.run()
             finally:
                 board.write({**loop.status(), "stopped": True})
@@ -130,9 +142,7 @@ class _Asked:
 
 
 @contextmanager
-def _started(
-    sinks: Sequence[Sink], session: Session, names: dict[str, str]
-) -> Iterator[dict[str, Connection]]:
+def _started(sinks: Sequence[Sink], session: Session) -> Iterator[dict[str, Connection]]:
     """Start the sinks' processes; at the end they have a while to finish."""
     context = multiprocessing.get_context("spawn")
     processes: list[BaseProcess] = []
@@ -140,7 +150,7 @@ def _started(
     try:
         for sink in sinks:
             ours, theirs = context.Pipe()
-            own = Session(session.ring, session.board, names, names[sink.name])
+            own = replace(session, own=session.boards[sink.name])
             process = context.Process(target=_serve, args=(sink, own, theirs), name=sink.name)
             process.daemon = True
             process.start()
@@ -174,6 +184,7 @@ def _end(processes: list[BaseProcess]) -> None:
 
 def _serve(sink: Sink, session: Session, commands: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the loop stops, and says so on the board
+    show_name(sink.name)
     with suppress(BrokenPipeError):
         commands.send(_THERE)
         sink.run(session, commands)

@@ -13,7 +13,8 @@ import numpy as np
 
 from palpate.live.sinks.figures import WorkingDepth, at_depth, percent, seconds
 from palpate.live.sinks.sink import Session
-from palpate.live.sinks.watching import Watching
+from palpate.live.sinks.watching import PLACE, Watching
+from palpate.live.states import State
 
 _REFRESHED_EVERY = 0.2  # s, on a terminal
 _LINE_EVERY = 1.0  # s, elsewhere
@@ -116,8 +117,11 @@ def _line(status: dict[str, Any], row: Any, depth: float) -> str:
     counts = status.get("counts", {})
     wrong = [f"{counts[key]} {words}" for key, words in COUNTED if counts.get(key)]
     lateness = status.get("lateness", {})
+    state = State(int(row[PLACE["state"]])).name.lower()
+    if status.get("state") == "lost":  # of which there is no row
+        state = "lost"
     parts = [
-        status.get("state", "").ljust(7),
+        state.ljust(7),
         at_depth(status, row, depth),
         f"{counts.get('taken', 0)} samples, 99 % within {seconds(lateness.get('p99'))}",
         *(wrong or ["none lost or late"]),
@@ -143,8 +147,9 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
     yield "                     p50      p99    p99.9      max   in time"
     for name, words in (("cycle", "update, estimate"), ("lateness", "done, when due")):
         figures = status.get(name, {})
-        columns = [seconds(figures.get(key)) for key in ("p50", "p99", "p99.9", "max")]
-        limit = f"{percent(figures.get('within'))} within {seconds(figures.get('limit'))}"
+        known = figures if figures.get("count") else {}
+        columns = [seconds(known.get(key)) for key in ("p50", "p99", "p99.9", "max")]
+        limit = f"{percent(known.get('within'))} within {seconds(figures.get('limit'))}"
         yield f"{words:<16}" + "".join(f"{each:>9}" for each in columns) + f"   {limit}"
     yield ", ".join(f"{counts.get(key, 0)} {words}" for key, words in COUNTED)
     dropped = [f"{page.get('dropped', 0)} by the {name}" for name, page in others.items()]

@@ -51,16 +51,16 @@ class Diagnosing:
         runs, page = 0, dict[str, Any]()
         while watching.wait(_LOOKED_EVERY):
             rows = watching.take().rows[:, _SAMPLE]
-            samples = _recent(np.concatenate([samples, rows]), self._window)
+            samples = recent(np.concatenate([samples, rows]), self._window)
             if time.monotonic() >= due and len(samples) >= _LEAST:
                 runs += 1
-                page = {**_diagnosed(samples, watching.status()), "runs": runs}
+                page = {**diagnosed(samples, watching.status()), "runs": runs}
                 due = time.monotonic() + self._every
             watching.tell(page)
         watching.close()
 
 
-def _recent(samples: Floats, window: float) -> Floats:
+def recent(samples: Floats, window: float) -> Floats:
     """The samples of the last seconds; of a clock that was set, those since."""
     samples = samples[np.isfinite(samples).all(axis=1)][-_MOST_ROWS:]
     if not len(samples):
@@ -85,7 +85,8 @@ def contact_of(samples: Floats, sample_time: float) -> Contact:
     )
 
 
-def _diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
+def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
+    """Return what the board says of these samples, by the method that the loop's status names."""
     began = time.monotonic()
     page: dict[str, Any] = {
         "at": time.strftime("%H:%M:%S"),

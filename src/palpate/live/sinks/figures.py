@@ -71,7 +71,8 @@ def percent(fraction: float | None) -> str:
     """Of 1, with as many digits as its distance from all needs: 99.993 %."""
     if fraction is None or not math.isfinite(fraction):
         return "–"
-    rest = 100.0 * (1.0 - fraction)
+    rest = round(100.0 * (1.0 - fraction), 9)
     digits = 0 if rest <= 0.0 else min(max(1 - math.floor(math.log10(rest)), 0), 4)
-    # Rounded down: what is not all is never written as all.
-    return f"{math.floor(100.0 * fraction * 10**digits) / 10**digits:.{digits}f} %"
+    # Rounded down, but for the error of doubles: what is not all is never written as all.
+    shown = math.floor(100.0 * fraction * 10**digits + 1e-6) / 10**digits
+    return f"{shown:.{digits}f} %"

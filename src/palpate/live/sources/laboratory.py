@@ -16,7 +16,7 @@ from palpate.live.sources.source import EndOfSourceError
 from palpate.validation import shown
 
 _STARTING = 60.0  # s: MuJoCo takes one or two to be imported, more on a busy machine
-_LOOK_AGAIN = 1e-3  # s, where the laboratory is behind
+_LOOK_AGAIN = 2e-4  # s, where the laboratory is behind
 
 #: What can be asked for: the material with the probe lifted meanwhile, or changed under it.
 ASKED = ("material", "motion", "change")

@@ -8,14 +8,16 @@ from multiprocessing.connection import Connection
 
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.lab import MATERIALS, TRAJECTORIES, Bench, IdealProbe, OngoingBench, Sensors
+from palpate.live.realtime import show_name
 from palpate.live.ring import Address, Writer
 
 #: Of a row: time, position, force, and when it is due by the monotonic clock.
 WIDTH = 4
 #: Rows that wait for the loop: 4 s at 1 kHz, after which the oldest are lost, and counted.
 CAPACITY = 4096
-# s ahead of the clock: this machine's other work may hold the process up for some 10 ms.
-_AHEAD = 0.05
+# s ahead of the clock: this machine's other work may hold the process up for some 10 ms,
+# and a person does not see a tenth of a second.
+_AHEAD = 0.1
 # s at a time: the kinematics of some samples together take little more than those of one.
 _BLOCK = 0.01
 _BEHIND = 1.0  # s, after which the laboratory's clock is set anew
@@ -61,6 +63,7 @@ class Word:
 def press(setup: Setup, ring: Address, connection: Connection) -> None:
     """Write samples until the other end of the connection is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the loop closes it
+    show_name("lab")
     writer = Writer(made=ring)
     with suppress(BrokenPipeError, EOFError):
         bench, probe, words = setup.bench()

@@ -29,6 +29,7 @@ class Replay:
         self._rows = zip(
             contact.time.tolist(), contact.penetration.tolist(), contact.force.tolist(), strict=True
         )
+        self._news = _hindsight(contact)
         self._waiting: tuple[float, float, float] | None = None
         self._began, self._first = 0.0, float(contact.time[0]) if len(contact) else 0.0
 
@@ -71,5 +72,20 @@ class Replay:
         """A recording cannot be asked for anything."""
         raise InvalidParameterError("a recording is as it is: nothing of it can be chosen")
 
+    def news(self) -> list[str]:
+        """What was found with hindsight, once."""
+        news, self._news = self._news, []
+        return news
+
     def close(self) -> None:
         """Nothing is held."""
+
+
+def _hindsight(contact: Contact) -> list[str]:
+    """What no robot in a loop could know, and the preparation of a whole recording found."""
+    found = {"tare": contact.tare_deviation, "surface": contact.surface_deviation}
+    names = [name for name, deviation in found.items() if deviation is not None]
+    if not names:
+        return []
+    words = " and ".join(names)
+    return [f"{words} of the recording are those of all of it, as palpate identify finds them"]
