@@ -16,7 +16,7 @@ from palpate.live.sources.opening import SourceOptions, open_source
 POSE, WRENCH = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
 START = 1_700_000_000_000_000_000  # ns
 VECTORS = SourceOptions(vectors=True)
-WIRES = ("zmq", "dds", "zenoh", pytest.param("ros1", marks=pytest.mark.peers))
+WIRES = ("zmq", "dds", "zenoh", pytest.param("ros1", marks=[pytest.mark.peers, pytest.mark.slow]))
 
 
 def free_port() -> int:

@@ -68,4 +68,5 @@ class DDSWire(RosWire):
 
     def close(self) -> None:
         """Leave the domain."""
+        super().close()
         self._writers.clear()

@@ -189,6 +189,10 @@ class RosWire:
             self._encoder = RosEncoder(ros1=self._ros1)
         return self._encoder
 
+    def close(self) -> None:
+        """Forget what only this process can have."""
+        self._encoder = None
+
     @property
     def topics(self) -> list[tuple[str, str]]:
         """Names and types of the topics."""

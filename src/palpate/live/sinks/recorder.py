@@ -2,6 +2,8 @@
 
 import os
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from datetime import datetime
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -16,7 +18,7 @@ from palpate.writing import opened_new
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
-#: s: what is not on the disk of a process that is killed.
+#: s: what a process that is killed has not yet written.
 FLUSHED_EVERY = 0.25
 _SECOND_AXIS = PLACE["input_position_y"]
 # A clock that was set is no longer followed by the times of the log, ns.
@@ -27,8 +29,8 @@ class Recorder:
     """Records to a file when it is asked to; never over one that is there.
 
     What came is the topic ``/input``, of which ``palpate identify`` makes the same again; what was
-    found is ``/estimate``. All is written, and on the disk, four times a second: a process that is
-    killed loses no more, and the file is read as far as it goes.
+    found is ``/estimate``. All is written four times a second, and the disk is asked to keep it: a
+    process that is killed loses no more, and the file is read as far as it goes.
 
     Parameters
     ----------
@@ -81,8 +83,8 @@ class Recorder:
         watching.close()
 
     def _obey(
-        self, recording: "_Recording | None", asked: dict[str, Any]
-    ) -> "tuple[_Recording | None, str]":
+        self, recording: "Recording | None", asked: dict[str, Any]
+    ) -> "tuple[Recording | None, str]":
         if recording is not None:
             said = recording.finish()
             if not asked["on"]:
@@ -94,7 +96,7 @@ class Recorder:
         return _begun(Path(path) if path else self._folder / named)
 
 
-def _page(recording: "_Recording | None", said: str) -> dict[str, Any]:
+def _page(recording: "Recording | None", said: str) -> dict[str, Any]:
     if recording is None:
         return {"on": False, "said": said}
     return {
@@ -107,7 +109,7 @@ def _page(recording: "_Recording | None", said: str) -> dict[str, Any]:
     }
 
 
-def _begun(path: Path) -> "tuple[_Recording | None, str]":
+def _begun(path: Path) -> "tuple[Recording | None, str]":
     try:
         file, taken = opened_new(path)
     except OSError as error:
@@ -115,17 +117,28 @@ def _begun(path: Path) -> "tuple[_Recording | None, str]":
     words = f"recording to {taken}"
     if taken != path:
         words += f", as {path} is there already"
-    return _Recording(taken, file), words
+    return Recording(taken, file), words
 
 
-class _Recording:
-    """One file."""
+class Recording:
+    """One file that grows.
+
+    Parameters
+    ----------
+    path : Path
+        Its name.
+    file : file object
+        Open for writing, empty.
+    """
 
     def __init__(self, path: Path, file: IO[bytes]) -> None:
         self.path, self._file = path, file
         self.rows = self.bytes = self.unstamped = 0
         self.failed = False
         self._writer: Writer | None = None
+        # A disk may take seconds; what is written meanwhile is safe from all but a loss of power.
+        self._disk = ThreadPoolExecutor(1)
+        self._synced: Future[None] | None = None
         self._shift = self._last = 0
         self._dropped = -1
 
@@ -138,13 +151,26 @@ class _Recording:
                     self._add(row)
             self._note_dropped(dropped)
             self._file.flush()
-            os.fsync(self._file.fileno())
             self.bytes = self._file.tell()
-        except OSError as error:  # the disk is full, or gone
-            self.failed = True
-            self._file.close()
-            return f"{self.path}: {error.strerror or error}; {self.rows} rows are in it"
+            if self._synced is None or self._synced.done():
+                self._raise_failed()
+                self._synced = self._disk.submit(os.fsync, self._file.fileno())
+        except OSError as error:
+            return self._given_up(error)
         return ""
+
+    def _given_up(self, error: OSError) -> str:
+        """Close the file as it is: the disk is full, or gone."""
+        self.failed = True
+        self._disk.shutdown()
+        with suppress(OSError):  # what waits cannot be written either
+            self._file.close()
+        words = f"{self.path}: {error.strerror or error}; "
+        return words + f"of {self.rows} rows those up to {FLUSHED_EVERY:g} s before are in it"
+
+    def _raise_failed(self) -> None:
+        if self._synced is not None and (error := self._synced.exception()) is not None:
+            raise error
 
     def _begin(self, rows: list[Row], status: dict[str, Any]) -> None:
         if self._writer is not None:
@@ -206,9 +232,11 @@ class _Recording:
             if self._writer is not None:
                 self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.flush()
+            self._disk.shutdown()
+            self._raise_failed()
             os.fsync(self._file.fileno())
             self.bytes = self._file.tell()
             self._file.close()
         except OSError as error:
-            return f"{self.path}: {error.strerror or error}; {self.rows} rows are in it"
+            return self._given_up(error)
         return f"recorded {self.rows} rows to {self.path}"

@@ -55,6 +55,7 @@ class ROS1Wire(RosWire):
 
     def close(self) -> None:
         """Leave ROS."""
+        super().close()
         if self._bridge is not None:
             self._bridge.close()
         self._bridge = None

@@ -89,6 +89,7 @@ class ZenohWire(RosWire):
 
     def close(self) -> None:
         """Close the session."""
+        super().close()
         self._publishers.clear()
         self._tokens.clear()
         if self._session is not None:

@@ -83,7 +83,7 @@ class Zenoh:
         for index, name in enumerate(self._topics.names):
             key = zenoh_session.key_of(self._domain, name, "*", "*")
             # In Zenoh's own thread: another one between would cost each message a change of thread.
-            took = zenoh.handlers.Callback(self._taker(index), indirect=False)
+            took = zenoh.handlers.Callback(self._taker(index), lambda: None, indirect=False)
             self._session.declare_subscriber(key, took)
         self._topics.await_topics()
 

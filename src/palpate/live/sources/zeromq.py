@@ -85,7 +85,7 @@ class ZeroMQ:
             (socket.bind if self._bind else socket.connect)(self._endpoint)
         except zmq.ZMQError as error:
             self.close()
-            raise PalpateError(f"{self.name}: {(error.strerror or 'refused').lower()}") from None
+            raise PalpateError(f"{self.name}: {zmq.strerror(error.errno).lower()}") from None
 
     def take(self, timeout: float) -> Arrival | None:
         """Return the next sample, or None where none came in time [s]."""

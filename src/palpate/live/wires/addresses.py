@@ -52,7 +52,7 @@ class WireAddress:
         if text is None:
             return default
         try:
-            return float(text)
+            return int(text) if text.isdecimal() else float(text)
         except ValueError:
             raise InvalidParameterError(
                 f"{self._words(name)} must be a number, not {shown(text)}"

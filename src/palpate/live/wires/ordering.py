@@ -35,9 +35,10 @@ class Order:
     """Judges the order of one stream of samples; what is wrong it counts.
 
     By the sender's own number where the wire has one. Without, what is missing is known by the gaps
-    in time: of 64 steps at a time, a step of k medians, to the nearest whole number, misses k − 1
-    samples; less those whose step is shorter than half a median, as a robot that stamps unevenly
-    sends late ones and then quick ones. A gap of more than 1 s is a pause of the robot.
+    in time: of some 64 steps at a time, a step of k medians, to the nearest whole number, misses
+    k − 1 samples; less the steps that are shorter than half a median, as a sample that was stamped
+    late has a long step before it and a short one after it. A gap of more than 1 s is a pause of
+    the robot.
 
     Parameters
     ----------
@@ -45,13 +46,14 @@ class Order:
         Where it counts.
     """
 
-    __slots__ = ("_counts", "_number", "_stamp", "_steps")
+    __slots__ = ("_counts", "_number", "_stamp", "_steps", "_usual")
 
     def __init__(self, counts: Counts) -> None:
         self._counts = counts
         self._number: int | None = None
         self._stamp: int | None = None
         self._steps: list[int] = []
+        self._usual = 0
 
     def admit(self, stamp: int, number: int | None = None) -> Verdict:
         """Judge a sample.
@@ -90,7 +92,9 @@ class Order:
             return Verdict.REFUSED
         self._number, self._stamp = number, stamp
         self._steps.append(step)
-        if len(self._steps) >= WINDOW:
+        # A long step waits for the one after it, which says whether it was only late.
+        long = self._usual > 0 and 5 * step > 7 * self._usual
+        if len(self._steps) >= (2 * WINDOW if long else WINDOW):
             self.settle()
         return Verdict.NEXT
 
@@ -101,8 +105,10 @@ class Order:
 
     def settle(self) -> None:
         """Count what is missing in the steps that were not judged yet."""
-        self._counts.lost += missing_in(self._steps)
-        self._steps.clear()
+        if self._steps:
+            self._counts.lost += missing_in(self._steps)
+            self._usual = sorted(self._steps)[len(self._steps) // 2]
+            self._steps.clear()
 
 
 def missing_in(steps: Sequence[int]) -> int:
