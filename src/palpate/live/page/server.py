@@ -171,6 +171,7 @@ class Server:
         below = self._malformed or Malformed()
         counts = asdict(self.served)
         counts["malformed"] += below.frames + below.requests
+        counts["turned_away"] += below.turned_away
         counts["refused"] += self._gate.refused if self._gate else 0
         return counts
 

@@ -6,6 +6,7 @@ import logging
 import multiprocessing
 import os
 import secrets
+import select
 import socket
 import webbrowser
 from collections.abc import Iterator
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 PORT = 8765
 _BACKLOG = 64
-_MOST_CONNECTIONS = 64
 _SHORTEST_TOKEN = 16
 _GENTLY = 5  # niceness: a frame can wait for a millisecond, the loop cannot
 
@@ -127,7 +127,6 @@ class Page:
             log_config=None,
             access_log=False,
             server_header=False,
-            limit_concurrency=_MOST_CONNECTIONS,
             timeout_graceful_shutdown=1,
         )
         serving = asyncio.create_task(_quietly(config, self._socket))
@@ -164,12 +163,22 @@ async def _quietly(config: "Config", listening: socket.socket) -> None:
 
 def _sender(commands: Connection) -> Any:
     def send(command: Command) -> None:
+        if not _takes(commands):
+            raise InvalidParameterError("the loop does not answer: nothing was asked")
         try:
             commands.send(command)
         except OSError:
             raise InvalidParameterError("the loop has ended") from None
 
     return send
+
+
+def _takes(commands: Connection) -> bool:
+    """Whether there is room for a command: the page waits for nobody."""
+    try:
+        return bool(select.select([], [commands.fileno()], [], 0)[1])
+    except (OSError, ValueError):  # it has ended, which sending says; or it is no file here
+        return True
 
 
 def _orphaned() -> bool:

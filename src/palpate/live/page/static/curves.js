@@ -175,7 +175,8 @@ export function marked(changes, words) {
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();
     const ratio = devicePixelRatio;
-    ctx.strokeStyle = ctx.fillStyle = theme.lines[1];
+    ctx.strokeStyle = theme.lines[1];
+    ctx.fillStyle = theme.text;
     ctx.lineWidth = 1.5 * ratio;
     ctx.setLineDash([5 * ratio, 4 * ratio]);
     ctx.font = `${12 * ratio}px system-ui, sans-serif`;

@@ -45,7 +45,8 @@ function onFrame(buffer) {
 
 function onMessage(message) {
   if (message.kind === "hello") {
-    store = store ?? new Store(message.channels, 10);
+    // Of another version of the server they may be others.
+    if (String(store?.names) !== String(message.channels)) store = new Store(message.channels, 10);
     every = 1;
     controls.hello(message.methods);
     if (paused) controls.show(page);
