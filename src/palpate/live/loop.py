@@ -20,8 +20,8 @@ from palpate.live.counts import LoopCounts
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources.source import EndOfSourceError, Source
 from palpate.live.states import State
-from palpate.live.status import status_of
 from palpate.live.statistics import Histogram
+from palpate.live.status import status_of
 from palpate.live.watchdog import Watchdog
 from palpate.preparation import OnlinePreparation
 from palpate.validation import number_in
@@ -68,7 +68,7 @@ class Loop:
     held: bool = False
     stopped: bool = False
     said: list[str] = field(default_factory=list)
-    #: What a person wants of the recorder, and the how manieth wish it is.
+    #: What a person wants of the recorder, and how many wishes there were.
     record: dict[str, Any] = field(default_factory=lambda: {"wish": 0, "on": False})
     watchdog: Watchdog = field(init=False)
     generation: int = 0
