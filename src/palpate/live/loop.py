@@ -7,21 +7,21 @@ reads the ring, in another process.
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 from palpate._core import Status
-from palpate.diagnosis.finding import defined
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.estimators import ContactEstimator
 from palpate.live.arrivals import Arrival, Value
-from palpate.live.choices import chosen, main_settings
+from palpate.live.choices import chosen
 from palpate.live.commands import Command
-from palpate.live.counts import LoopCounts, summed
+from palpate.live.counts import LoopCounts
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources.source import EndOfSourceError, Source
 from palpate.live.states import State
 from palpate.live.statistics import Histogram
+from palpate.live.status import status_of
 from palpate.live.watchdog import Watchdog
 from palpate.preparation import OnlinePreparation
 from palpate.validation import number_in
@@ -68,10 +68,10 @@ class Loop:
     held: bool = False
     stopped: bool = False
     said: list[str] = field(default_factory=list)
-    #: What a person wants of the recorder, and the how manieth wish it is.
+    #: What a person wants of the recorder, and how many wishes there were.
     record: dict[str, Any] = field(default_factory=lambda: {"wish": 0, "on": False})
-    _watchdog: Watchdog = field(init=False)
-    _generation: int = 0
+    watchdog: Watchdog = field(init=False)
+    generation: int = 0
     _changed: float = -math.inf
     _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
 
@@ -81,7 +81,7 @@ class Loop:
             size = math.hypot(*given)
             self._direction = tuple(float(each) / size for each in given)
         self._check_size(self.estimator)
-        self._watchdog = Watchdog.of(self.preparation, getattr(self.source, "pace", 1.0))
+        self.watchdog = Watchdog.of(self.preparation, getattr(self.source, "pace", 1.0))
 
     def run(self) -> None:
         """Go on until the source ends, or somebody says stop.
@@ -109,7 +109,7 @@ class Loop:
         if not counts.taken:
             self._check(arrival)
         counts.taken += 1
-        fault = self._watchdog.see(arrival)
+        fault = self.watchdog.see(arrival)
         sample = self.preparation.update(arrival.position, arrival.force, arrival.time)
         began = time.perf_counter()
         status, predicted, prepared = Status.WAITING, math.nan, _NONE
@@ -147,7 +147,7 @@ class Loop:
         counts = self.counts
         preparing = self.preparation.status
         refused = status in _REFUSED or preparing in _REFUSED
-        starving = self._watchdog.starving(arrival, prepared=sampled or self._taring)
+        starving = self.watchdog.starving(arrival, prepared=sampled or self._taring)
         if refused or fault or starving:
             self._complain(fault or ("" if refused else _STARVING), arrival)
         if status in _TAKEN:
@@ -156,7 +156,7 @@ class Loop:
             counts.changes += 1
             self._changed = arrival.time
         counts.refused += refused
-        if self._watchdog.shows(arrival.there):
+        if self.watchdog.shows(arrival.there):
             self.state = State.INVALID
         elif self.held:
             self.state = State.HELD
@@ -168,8 +168,8 @@ class Loop:
             self.state = State.CONTACT if status in _TAKEN else State.FREE
 
     def _complain(self, words: str, arrival: Arrival) -> None:
-        if self._watchdog.fault(words or _NO_NUMBER, arrival.there):
-            self.say(self._watchdog.words)
+        if self.watchdog.fault(words or _NO_NUMBER, arrival.there):
+            self.say(self.watchdog.words)
 
     @property
     def _taring(self) -> bool:
@@ -208,7 +208,7 @@ class Loop:
             estimate.validity_margin,
             took,
             time.monotonic() - arrival.there,
-            self._generation,
+            self.generation,
             *parameters,
             *_EMPTY_PARAMETERS[size:],
             *flat,
@@ -279,43 +279,10 @@ class Loop:
     def _exchange(self, estimator: ContactEstimator, words: str) -> None:
         self._check_size(estimator)
         self.estimator = estimator
-        self._generation += 1
+        self.generation += 1
         self._changed = -math.inf
         self.say(words)
 
     def status(self) -> dict[str, Any]:
         """What is to be known beside the samples, as plain numbers and words."""
-        law, counts = self.estimator.law_type, self.source.counts
-        return {
-            "source": self.source.name,
-            "sample_time": self.source.sample_time,
-            "delay": self.preparation.delay,
-            "tare": defined(self.preparation.tare),
-            "method": self.estimator.method,
-            "settings": main_settings(self.estimator),
-            "generation": self._generation,
-            "law": {
-                "kind": law.kind,
-                "names": law.names(),
-                "symbols": law.symbols,
-                "units": law.units,
-            },
-            "needs_condition_10": self.estimator.needs_condition_10,
-            "state": self.state.name.lower(),
-            "held": self.held,
-            "fault": self._watchdog.words,
-            # What a person may choose of the source itself: {"material": [...], ...}.
-            "offers": getattr(self.source, "offers", {}),
-            "chosen": getattr(self.source, "chosen", {}),
-            "origin": getattr(self.source, "origin", 0),
-            "record": self.record,
-            "counts": summed(
-                {"late": self.lateness.over},
-                asdict(self.counts),
-                asdict(self._watchdog.faults),
-                asdict(counts),
-            ),
-            "cycle": self.cycle.as_dict(),
-            "lateness": self.lateness.as_dict(),
-            "said": self.said,
-        }
+        return status_of(self)

@@ -75,7 +75,7 @@ class ZeroMQWire:
             (self._socket.bind if self._bind else self._socket.connect)(self._endpoint)
         except zmq.ZMQError as error:
             self.close()
-            raise PalpateError(f"{self.name}: {zmq.strerror(error.errno).lower()}") from None
+            raise PalpateError(f"{self.name}: {zmq.strerror(error.errno or 0).lower()}") from None
 
     def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
         """Send estimates; return how many there was no room for."""

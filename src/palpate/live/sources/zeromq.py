@@ -85,7 +85,7 @@ class ZeroMQ:
             (socket.bind if self._bind else socket.connect)(self._endpoint)
         except zmq.ZMQError as error:
             self.close()
-            raise PalpateError(f"{self.name}: {zmq.strerror(error.errno).lower()}") from None
+            raise PalpateError(f"{self.name}: {zmq.strerror(error.errno or 0).lower()}") from None
 
     def take(self, timeout: float) -> Arrival | None:
         """Return the next sample, or None where none came in time [s]."""

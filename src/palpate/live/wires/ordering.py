@@ -1,7 +1,8 @@
 """In which order samples came, how many did not, and since when they were there to be taken."""
 
 import time
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Collection
 from enum import Enum
 
 from palpate.live.arrivals import Counts
@@ -10,7 +11,7 @@ NANO = 1_000_000_000
 # A stamp that is at most so much, ns, before the one of the sample before it is a sample that was
 # overtaken. One that is further back is of a clock that was set, or of a robot that was restarted.
 LONGEST_OVERTAKING = NANO
-# Steps of time that are judged together where samples have no number of their own.
+# Steps of time that are judged together.
 WINDOW = 64
 # A step of more than this, ns, is a pause of the robot: what it did not send is not lost.
 LONGEST_GAP = NANO
@@ -34,11 +35,8 @@ class Verdict(Enum):
 class Order:
     """Judges the order of one stream of samples; what is wrong it counts.
 
-    By the sender's own number where the wire has one. Without, what is missing is known by the gaps
-    in time: of some 64 steps at a time, a step of k medians, to the nearest whole number, misses
-    k − 1 samples; less the steps that are shorter than half a median, as a sample that was stamped
-    late has a long step before it and a short one after it. A gap of more than 1 s is a pause of
-    the robot.
+    By the sender's own number where the wire has one, and without by the gaps in time:
+    :class:`Gaps`.
 
     Parameters
     ----------
@@ -46,14 +44,13 @@ class Order:
         Where it counts.
     """
 
-    __slots__ = ("_counts", "_number", "_stamp", "_steps", "_usual")
+    __slots__ = ("_counts", "_gaps", "_number", "_stamp")
 
     def __init__(self, counts: Counts) -> None:
         self._counts = counts
         self._number: int | None = None
         self._stamp: int | None = None
-        self._steps: list[int] = []
-        self._usual = 0
+        self._gaps = Gaps()
 
     def admit(self, stamp: int, number: int | None = None) -> Verdict:
         """Judge a sample.
@@ -91,11 +88,7 @@ class Order:
             self._counts.disordered += 1
             return Verdict.REFUSED
         self._number, self._stamp = number, stamp
-        self._steps.append(step)
-        # A long step waits for the one after it, which says whether it was only late.
-        long = self._usual > 0 and 5 * step > 7 * self._usual
-        if len(self._steps) >= (2 * WINDOW if long else WINDOW):
-            self.settle()
+        self._counts.lost += self._gaps.see(step)
         return Verdict.NEXT
 
     def _begin(self, stamp: int, number: int | None) -> Verdict:
@@ -105,21 +98,53 @@ class Order:
 
     def settle(self) -> None:
         """Count what is missing in the steps that were not judged yet."""
-        if self._steps:
-            self._counts.lost += missing_in(self._steps)
-            self._usual = sorted(self._steps)[len(self._steps) // 2]
-            self._steps.clear()
+        self._counts.lost += self._gaps.settle()
 
 
-def missing_in(steps: Sequence[int]) -> int:
-    """How many samples are missing in steps of time, by their median."""
-    within = sorted(step for step in steps if step <= LONGEST_GAP)
-    if len(within) < 3:
-        return 0
-    median = within[len(within) // 2]
-    missing = sum(max(round(step / median) - 1, 0) for step in within)
-    early = sum(2 * step < median for step in within)
-    return max(missing - early, 0)
+class Gaps:
+    """Finds samples that are missing by the steps of their stamps.
+
+    A step is usual that is the median of the last six thousand or so. One that is longer by more
+    than a half misses (step / usual − 1) samples; one that is shorter by more than a half makes up
+    for a long one before it, as a busy robot sends late, and then quickly what has waited. A step
+    of more than 1 s is a pause of the robot.
+    """
+
+    __slots__ = ("_medians", "_missing", "_steps")
+
+    def __init__(self) -> None:
+        self._steps: list[int] = []
+        self._medians: deque[int] = deque(maxlen=99)
+        self._missing = 0.0
+
+    def see(self, step: int) -> int:
+        """Take a step, ns; return how many more samples are known to be missing."""
+        if step <= LONGEST_GAP:
+            self._steps.append(step)
+        return self._judge() if len(self._steps) >= WINDOW else 0
+
+    def _judge(self) -> int:
+        """Judge a window; what it misses counts as soon as the next one does not make up for it."""
+        self._medians.append(_median(self._steps))
+        usual = _median(self._medians)
+        apart = [step / usual - 1.0 for step in self._steps]
+        balance = sum(each for each in apart if abs(each) > 0.5)
+        self._steps.clear()
+        if balance < 0.0:
+            self._missing = max(self._missing + balance, 0.0)
+            return 0
+        known, self._missing = round(self._missing), balance
+        return known
+
+    def settle(self) -> int:
+        """Judge what there is, as nothing more comes; return how many samples are missing."""
+        known = self._judge() if len(self._steps) >= 3 or (self._medians and self._steps) else 0
+        known, self._missing = known + round(self._missing), 0.0
+        return known
+
+
+def _median(values: Collection[int]) -> int:
+    return sorted(values)[len(values) // 2]
 
 
 class Receipt:
