@@ -103,7 +103,7 @@ class Server:
     ) -> None:
         self.watch, self._send = watch, send
         self.served = Served()
-        self._text, self._version = "{}", 0
+        self._text, self._version, self._over = "{}", 0, False
         self._cached: dict[tuple[int, int, int, int, bool], bytes] = {}
         self._allowance = Allowance()
         self._tick = asyncio.Event()
@@ -156,7 +156,7 @@ class Server:
                 if self.served.clients or last:
                     page = self.watch.page(self.counts())
                     self._text = json.dumps({"kind": "page", **page, "ended": last})
-                    self._version += 1
+                    self._version, self._over = self._version + 1, last
             self._cached.clear()
             self._tick.set()
             self._tick = asyncio.Event()
@@ -225,14 +225,18 @@ class Server:
         """The next message for a client, or None until there is something new."""
         if client.answers:
             return client.answers.pop(0)
-        if client.words != self._version and self._version:
+        if client.words != self._version and self._version and not self._over:
             client.words = self._version
             return self._text
         history = self.watch.history
         if client.recast != self.watch.recast or client.next < history.begins:
             client.recast = self.watch.recast
             self._start_again(client)
-        return self._rows_for(client, history)
+        rows = self._rows_for(client, history)
+        if rows is None and client.words != self._version and self._version:
+            client.words = self._version  # the last words, after the last row
+            return self._text
+        return rows
 
     def _rows_for(self, client: Client, history: History) -> bytes | None:
         if client.next >= history.total:
