@@ -296,6 +296,33 @@ def test_a_run_that_is_over_stays_on_the_page(browser):
         assert " ± " in page.inner_text(".number-tile b")
 
 
+def test_what_is_drawn_has_every_peak_of_what_came(live, browser):
+    """Of 9000 samples on 300 pixels one is a spike, and 0.2 s are missing."""
+    with browser(live[1].url) as page:
+        drawn, band, x = page.evaluate(
+            """async () => {
+            const { Pieces, Store } = await import("/static/store.js");
+            const store = new Store(["force", "error"], 10);
+            for (let k = 0; k < 9000; k += 90) { // as frames come
+              const rows = Array.from({ length: 90 }, (_, i) => k + i);
+              store.append(
+                Float64Array.from(rows, row => 50 + (row + (row >= 4500 ? 200 : 0)) * 1e-3),
+                [Float32Array.from(rows, row => row === 3333 ? 64 : Math.sin(row / 500)),
+                  new Float32Array(90).fill(0.5)]);
+            }
+            const pieces = new Pieces(store, 300);
+            return [pieces.extremes("force"), pieces.edge("force", "error", 2), pieces.x];
+            }"""
+        )
+    known = np.array([np.nan if each is None else each for each in drawn])
+    assert np.nanmax(known) == 64.0
+    assert np.nanmin(known) == pytest.approx(-1.0, abs=1e-5)
+    assert np.nanmax([each for each in band if each is not None]) == 65.0
+    gap = np.isnan(known) & (np.array(x) > -9.0)
+    assert 0.15 < np.ptp(np.array(x)[gap]) < 0.25  # no line over what is missing
+    assert np.all(np.diff(x) > 0.0)
+
+
 def test_numbers_are_written_as_everywhere_else(live, browser):
     generator = np.random.default_rng(8)
     values = generator.choice([-1.0, 1.0], 3000) * 10.0 ** generator.uniform(-12, 12, 3000)

@@ -88,6 +88,13 @@ def test_what_is_kept_is_the_last_seconds_without_a_gap():
     np.testing.assert_allclose(values["stiffness"][1:], expected, rtol=1e-6)
 
 
+def test_a_page_that_slept_goes_on_with_the_newest_rows_under_their_own_numbers():
+    history = History(1e-3)
+    history.add(rows_of(np.arange(16_000) * 1e-3), DELAY)
+    assert (history.total, history.oldest) == (16_000, 4_000)
+    np.testing.assert_allclose(frame(history, 15_998, 16_000)[1], [15.998, 15.999], rtol=1e-12)
+
+
 def test_thinned_rows_are_the_same_ones_however_they_are_cut():
     history = History(1e-3)
     history.add(rows_of(np.arange(100) * 1e-3), DELAY)

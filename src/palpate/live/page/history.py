@@ -98,9 +98,10 @@ class History:
         delay : float
             Of the preparation, s: by so much a row is older than the measurement it came with.
         """
-        rows = rows[-self._most :]
         if not len(rows):
             return
+        self.total += max(len(rows) - self._most, 0)
+        rows = rows[-self._most :]
         times = column(rows, "time").copy()
         missing = ~np.isfinite(times)
         times[missing] = column(rows, "arrived")[missing] - delay
