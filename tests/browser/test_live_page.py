@@ -13,11 +13,13 @@ import palpate
 from palpate.digits import rounded, with_error
 
 pytest.importorskip("uvicorn", reason="the extra live is not installed")
+pytest.importorskip("mcap", reason="the extra live is not installed")
 
 from live_runs import Endless, wire_to
 
 from palpate.live import run
 from palpate.live.page import Page
+from palpate.live.sinks.recorder import Recorder
 
 pytestmark = pytest.mark.browser
 
@@ -49,17 +51,37 @@ CONTRAST = """() => {
 
 
 @pytest.fixture(scope="module")
-def live():
+def folder(tmp_path_factory):
+    """Where recordings go that are begun in the page."""
+    return tmp_path_factory.mktemp("recordings")
+
+
+@pytest.fixture(scope="module")
+def live(folder):
     """A run with its page."""
     source = Endless(palpate.prepare(EXAMPLES / "ball.csv"))
     page = Page(port=0)
-    thread = threading.Thread(target=run, args=(source, None, [page]))
+    thread = threading.Thread(target=run, args=(source, None, [Recorder(folder=folder), page]))
     thread.start()
     yield source, page
     source.ended.set()
     thread.join(30.0)
     page.close()
     assert not thread.is_alive()
+
+
+@contextmanager
+def lone_page():
+    """A run with nothing but its page, which a test may end."""
+    source, own = Endless(palpate.prepare(EXAMPLES / "ball.csv")), Page(port=0)
+    thread = threading.Thread(target=run, args=(source, None, [own]))
+    thread.start()
+    try:
+        yield source, own
+    finally:
+        source.ended.set()
+        thread.join(30.0)
+        own.close()
 
 
 @pytest.fixture
@@ -158,7 +180,23 @@ def test_controls_act(live, browser):
         page.click("text=Change now")
         page.wait_for_selector("#said li:has-text('the source was asked')")
         assert {"change": "firmer"} in source.asked
-        assert page.is_disabled("#record")  # nothing records
+
+
+def test_a_recording_is_begun_and_ended(live, browser, folder):
+    with browser(live[1].url) as page:
+        page.wait_for_selector("#record:not([disabled])")
+        page.click("#record")
+        page.wait_for_selector("#recorded:has-text('MB')")
+        time.sleep(1.5)
+        page.click("text=Stop recording")
+        page.wait_for_selector("#recorded:has-text('recorded')")
+    (path,) = folder.iterdir()
+    assert len(palpate.open_recording(path).numbers("/input.force")) > 1000
+
+
+def test_a_page_without_a_recorder_does_not_offer_one(browser):
+    with lone_page() as (_, own), browser(own.url, lossy=True) as page:
+        assert page.is_disabled("#record")
 
 
 def test_another_estimator_brings_its_own_panels(live, browser):
@@ -249,20 +287,13 @@ def test_a_dropped_connection_heals(live, browser):
 
 
 def test_a_run_that_is_over_stays_on_the_page(browser):
-    source, own = Endless(palpate.prepare(EXAMPLES / "ball.csv")), Page(port=0)
-    thread = threading.Thread(target=run, args=(source, None, [own]))
-    thread.start()
-    try:
-        with browser(own.url, lossy=True) as page:
-            wait(page, "document.querySelector('.number-tile b').textContent.includes('±')")
-            source.ended.set()
-            page.wait_for_selector("#state[data-state=ended]")
-            assert page.evaluate("palpate.store.length") > 500
-            assert " ± " in page.inner_text(".number-tile b")
-    finally:
+    with lone_page() as (source, own), browser(own.url, lossy=True) as page:
+        wait(page, "document.querySelector('.number-tile b').textContent.includes('±')")
         source.ended.set()
-        thread.join(30.0)
-        own.close()
+        page.wait_for_selector("#state[data-state=ended]")
+        page.wait_for_selector("#link:has-text('The run is over: trying again')")
+        assert page.evaluate("palpate.store.length") > 500
+        assert " ± " in page.inner_text(".number-tile b")
 
 
 def test_numbers_are_written_as_everywhere_else(live, browser):

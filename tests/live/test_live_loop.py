@@ -1,5 +1,6 @@
 """The loop is the same recursion as everywhere, and says what is wrong with a source."""
 
+import gc
 import math
 
 import numpy as np
@@ -10,6 +11,7 @@ import palpate
 from palpate import ESTIMATORS, OnlinePreparation, Status
 from palpate.live.arrivals import Arrival
 from palpate.live.commands import Command
+from palpate.live.ring import Writer
 from palpate.live.running import default_estimator
 from palpate.live.sources.replay import Replay
 from palpate.live.states import State
@@ -292,3 +294,23 @@ def test_a_recording_says_what_it_knows_with_hindsight():
     source = Replay(contact)
     assert ["tare of the recording" in words for words in source.news()] == [True]
     assert source.news() == []
+
+
+def test_the_loop_makes_no_cycles_so_that_it_needs_no_collector():
+    script = arrivals(TIMES, POSITIONS, FORCES)
+    script[100] = script[100]._replace(force=math.nan)
+    script[300:300] = [script[299]]
+    loop, _ = looped(script[:500], OnlinePreparation(), default_estimator())
+    rest = iter(script[500:])
+    ring = Writer()
+    loop.ring = ring
+    gc.collect()
+    gc.disable()
+    try:
+        for arrival in rest:
+            loop.step(arrival)
+            loop.status()
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
+        ring.close()

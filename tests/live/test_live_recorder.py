@@ -130,6 +130,9 @@ def test_vectors_are_recorded_as_they_came(tmp_path):
     preparation = OnlinePreparation(direction=[0, 0, -1], flip=["force"])
     run(source, None, [Recorder(path)], preparation=preparation)
     recording = palpate.open_recording(path)
+    # What has to be said to identify it again.
+    assert "flip=['force']" in recording.notes["palpate.preparation"]
+    assert "direction=[0, 0, -1]" in recording.notes["palpate.preparation"]
     found = np.column_stack([recording.numbers(f"/input.position.{axis}") for axis in "xyz"])
     np.testing.assert_array_equal(found, [row[1] for row in rows])
 
@@ -157,7 +160,7 @@ def test_a_person_starts_and_stops_recordings(tmp_path):
 def test_a_disk_that_is_full_ends_the_recording_in_words():
     _, rows = looped(arrivals(TIMES, POSITIONS, FORCES), OnlinePreparation(), default_estimator())
     full = Path("/dev/full")
-    recording = Recording(full, full.open("wb"))  # noqa: SIM115  # which closes it
+    recording = Recording(full, full.open("wb"))  # which closes it
     words = recording.write(rows.tolist(), {}, 0)
     assert recording.failed
     assert words.startswith("/dev/full: No space left on device")

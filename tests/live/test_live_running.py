@@ -83,6 +83,22 @@ def test_ctrl_c_ends_the_loop_and_its_sinks_in_order(tmp_path, number):
     assert path.read_text() == f"{int(out)} 0 True"
 
 
+def test_ctrl_c_while_the_sinks_begin_is_quiet_too(tmp_path):
+    script, path = tmp_path / "session.py", tmp_path / "seen"
+    script.write_text(SESSION.format(here=str(HERE), tests=str(HERE.parent), path=str(path)))
+    for wait in (0.4, 0.7):  # importing, and starting
+        process = subprocess.Popen(
+            [sys.executable, script],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        )  # fmt: skip
+        time.sleep(wait)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        _, error = process.communicate(timeout=30)
+        # Of the script itself, which has no main that says nothing.
+        assert error.count("Traceback") <= 1
+        assert "spawn_main" not in error
+
+
 @pytest.mark.slow
 def test_an_error_of_the_source_ends_the_sinks_too(tmp_path):
     class Broken(Endless):

@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from palpate.errors import InvalidParameterError
 from palpate.live.commands import Command
-from palpate.live.page import Page, server
+from palpate.live.page import Page, protocol, requests, server
 from palpate.live.page.sink import token_for
 
 TOKEN = "a-token-of-twenty-letters"
@@ -132,7 +132,9 @@ def test_nothing_is_served_but_the_page(page, path):
     assert page.get(path)[0].status == 404
 
 
-@pytest.mark.parametrize("host", ["elsewhere.example", "127.0.0.1.elsewhere.example", "", "[::1"])
+@pytest.mark.parametrize(
+    "host", ["elsewhere.example", "127.0.0.1.elsewhere.example", "", "[::1", "localhost:x"]
+)
 def test_a_name_that_is_not_this_machines_is_refused(page, host):
     answer, words = page.get(Host=host)
     assert answer.status in (400, 403)
@@ -168,7 +170,7 @@ def test_with_a_token_nothing_is_shown_without_it():
         assert page.get(Cookie=remembered)[0].status == 200
         with page.socket(additional_headers={"Cookie": remembered}) as client:
             assert client.recv(timeout=10)
-        assert page.get(Cookie="palpate-token=é; x")[0].status == 403
+        assert page.get(Cookie=remembered[:-1] + "é; x")[0].status == 403
         assert page.counted("refused", 7) >= 7
 
 
@@ -266,7 +268,19 @@ def test_the_loop_is_asked_for_no_more_than_a_person_would():
             page.commands.recv()
             arrived += 1
         # A burst, and ten a second of what it took.
-        assert server.MOST_COMMANDS <= arrived < 100
+        assert requests.MOST_COMMANDS <= arrived < 100
+
+
+@pytest.mark.slow
+def test_a_loop_that_does_not_answer_holds_up_no_page(monkeypatch):
+    monkeypatch.setattr(requests, "COMMAND_TIME", 1e-9)  # a person of endless patience
+    with served(seconds=0.1) as page, page.socket() as client:
+        for _ in range(4000):  # nobody reads them, and the system has room for some hundred kB
+            client.send('{"ask": "reset"}')
+        words = "the loop does not answer"
+        refused = messages(client, until=lambda each: words in str(each), seconds=20)
+        assert words in list(refused)[-1]["words"]
+        assert page.get()[0].status == 200
 
 
 # --- what it withstands
@@ -283,7 +297,7 @@ def test_there_is_room_for_so_many_browsers_and_no_more(page):
         assert page.counts()["turned_away"] >= 1
 
 
-@pytest.mark.parametrize("count", [1000, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [600, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_malformed_messages_are_counted_and_take_no_memory(count):
     with served(seconds=0.5) as page, page.socket() as client:
         hostile = ['{"ask"', "\x00", "[1, 2", '{"ask": {}}', b"\xff\xfe", "9" * 4000, "nul"]
@@ -347,6 +361,21 @@ def test_malformed_frames_and_requests_end_their_connections_and_are_counted(pag
     assert page.get()[0].status == 200
 
 
+def test_connections_that_ask_for_nothing_take_no_room_from_those_that_do(monkeypatch):
+    monkeypatch.setattr(protocol, "PATIENCE", 0.5)
+    with served(seconds=0.1) as page, ExitStack() as idle, page.socket() as client:
+        for k in range(100):
+            made = socket.create_connection(("127.0.0.1", page.page.port), timeout=10)
+            idle.enter_context(made)
+            if k % 2:
+                with suppress(ConnectionError):
+                    made.sendall(b"GET / HTTP/1.1\r\nHost: 127")  # and never the rest
+        assert page.counted("turned_away", 100) == 100
+        assert page.get()[0].status == 200
+        list(messages(client, until=lambda each: isinstance(each, dict)))  # it is not idle
+
+
+@pytest.mark.slow
 def test_who_asks_for_answers_and_never_reads_them_is_cut_off():
     with served(seconds=0.1) as page:
         connection = handshaken(page)
@@ -359,6 +388,7 @@ def test_who_asks_for_answers_and_never_reads_them_is_cut_off():
         assert resident() - before < 2e7
 
 
+@pytest.mark.slow
 def test_a_browser_that_takes_nothing_holds_up_nobody_and_is_closed(monkeypatch):
     monkeypatch.setattr(server, "STALLED", 0.7)
     with served(seconds=1.0) as page:

@@ -33,6 +33,7 @@ SILENT_TIME = 0.2  # s
 _NONE = (math.nan,) * 4
 _TAKEN = frozenset({Status.UPDATED, Status.GUARDED, Status.RESTARTED})
 _REFUSED = frozenset({Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE})
+_USUAL = OnlinePreparation().settings
 _EMPTY_PARAMETERS = (math.nan,) * MOST_PARAMETERS
 _NO_NUMBER = "samples come that are no numbers, or too large: they are refused"
 _STARVING = "samples come too seldom for the velocity's window: say their --rate"
@@ -291,6 +292,7 @@ class Loop:
             "sample_time": self.source.sample_time,
             "delay": self.preparation.delay,
             "tare": defined(self.preparation.tare),
+            "preparation": _in_words(self.preparation),
             "method": self.estimator.method,
             "settings": main_settings(self.estimator),
             "generation": self._generation,
@@ -319,3 +321,10 @@ class Loop:
             "lateness": self.lateness.as_dict(),
             "said": self.said,
         }
+
+
+def _in_words(preparation: OnlinePreparation) -> str:
+    """The settings that are not the usual ones."""
+    usual = {name: repr(value) for name, value in _USUAL.items()}
+    given = {name: repr(value) for name, value in preparation.settings.items()}
+    return ", ".join(f"{name}={value}" for name, value in given.items() if value != usual[name])

@@ -16,6 +16,7 @@ from palpate.estimators import ContactEstimator, VariableProjection
 from palpate.live.board import Board
 from palpate.live.commands import Command
 from palpate.live.loop import Loop
+from palpate.live.processes import end, start
 from palpate.live.realtime import ask_for_realtime, show_name, undisturbed
 from palpate.live.ring import Writer
 from palpate.live.sinks.sink import Session, Sink
@@ -86,18 +87,15 @@ def run(
     session = Session(ring.address, board.name, addresses, "")
     try:
         loop = Loop(source, preparation, estimator or default_estimator(), ring)
-        with _started(sinks, session) as started, _interruptible(loop):
+        sessions = _started(sinks, session, loop, board)
+        with sessions as started, _interruptible(loop), undisturbed():
             # All is there before the first sample: none waits while others begin.
-            try:
-                with undisturbed():
-                    for sentence in ask_for_realtime() if realtime else ():
-                        loop.say(sentence)
-                    source.open()
-                    loop.say("started")
-                    loop.commands = _Asked(started, loop, board, seconds)
-                    loop.run()
-            finally:
-                board.write({**loop.status(), "stopped": True})
+            for sentence in ask_for_realtime() if realtime else ():
+                loop.say(sentence)
+            source.open()
+            loop.say("started")
+            loop.commands = _Asked(started, loop, board, seconds)
+            loop.run()
         return loop.status()
     finally:
         source.close()
@@ -142,8 +140,10 @@ class _Asked:
 
 
 @contextmanager
-def _started(sinks: Sequence[Sink], session: Session) -> Iterator[dict[str, Connection]]:
-    """Start the sinks' processes; at the end they have a while to finish."""
+def _started(
+    sinks: Sequence[Sink], session: Session, loop: Loop, board: Board
+) -> Iterator[dict[str, Connection]]:
+    """Start the sinks' processes; at the end they are told, and have a while to finish."""
     context = multiprocessing.get_context("spawn")
     processes: list[BaseProcess] = []
     connections: dict[str, Connection] = {}
@@ -153,8 +153,10 @@ def _started(sinks: Sequence[Sink], session: Session) -> Iterator[dict[str, Conn
             own = replace(session, own=session.boards[sink.name])
             process = context.Process(target=_serve, args=(sink, own, theirs), name=sink.name)
             process.daemon = True
-            process.start()
+            start(process)
             theirs.close()
+            # What it opened in this process, such as a port, is the other's own now.
+            getattr(sink, "handed_over", lambda: None)()
             processes.append(process)
             connections[sink.name] = ours
         until = time.monotonic() + _IMPORTING
@@ -164,26 +166,13 @@ def _started(sinks: Sequence[Sink], session: Session) -> Iterator[dict[str, Conn
                     connection.recv()
         yield connections
     finally:
-        _end(processes)
+        board.write({**loop.status(), "stopped": True})
+        end(processes, PATIENCE)
         for connection in connections.values():
             connection.close()
 
 
-def _end(processes: list[BaseProcess]) -> None:
-    until = time.monotonic() + PATIENCE
-    for process in processes:
-        process.join(max(until - time.monotonic(), 0.0))
-    for process in processes:
-        if process.is_alive():
-            process.terminate()
-            process.join(1.0)
-        if process.is_alive():  # it does not listen
-            process.kill()
-            process.join()
-
-
 def _serve(sink: Sink, session: Session, commands: Connection) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the loop stops, and says so on the board
     show_name(sink.name)
     with suppress(BrokenPipeError):
         commands.send(_THERE)

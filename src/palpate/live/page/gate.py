@@ -67,7 +67,7 @@ class Gate:
         elif scope["type"] == "websocket" and not _same_origin(headers):
             await self._refuse(scope, send, _WRONG_ORIGIN)
         elif scope["type"] == "http" and self.token is not None and given:
-            await self._remember(send)
+            await self._remember(headers, send)
         else:
             await self.app(scope, receive, _with_headers(send))
 
@@ -77,17 +77,21 @@ class Gate:
 
     def _knows_host(self, host: str) -> bool:
         try:
-            name = urlsplit(f"//{host}").hostname or ""
+            parts = urlsplit(f"//{host}")
+            name, _ = (parts.hostname or "").lower(), parts.port
+        except ValueError:
+            return False
+        try:
             ipaddress.ip_address(name)
         except ValueError:
-            return bool(host) and _name_of(host) in self._names
+            return name in self._names
         return True
 
-    async def _remember(self, send: Send) -> None:
+    async def _remember(self, headers: dict[bytes, str], send: Send) -> None:
         """Let the browser remember the token, and take it out of the address."""
-        cookie = f"{COOKIE}={self.token}; HttpOnly; SameSite=Strict; Path=/"
-        headers = {**HEADERS, "location": "/", "set-cookie": cookie, "content-length": "0"}
-        await _answer(send, 303, headers, b"")
+        cookie = f"{_cookie_name(headers)}={self.token}; HttpOnly; SameSite=Strict; Path=/"
+        answer = {**HEADERS, "location": "/", "set-cookie": cookie, "content-length": "0"}
+        await _answer(send, 303, answer, b"")
 
     async def _refuse(self, scope: Scope, send: Send, words: str) -> None:
         self.refused += 1
@@ -118,10 +122,15 @@ def _with_headers(send: Send) -> Send:
     return sending
 
 
+def _cookie_name(headers: dict[bytes, str]) -> str:
+    """With the port, as browsers give cookies of one port to all others of the machine."""
+    return f"{COOKIE}-{urlsplit('//' + headers.get(b'host', '')).port or 80}"
+
+
 def _cookie(headers: dict[bytes, str]) -> str:
     try:
-        found = SimpleCookie(headers.get(b"cookie", "")).get(COOKIE)
-    except CookieError:
+        found = SimpleCookie(headers.get(b"cookie", "")).get(_cookie_name(headers))
+    except (CookieError, ValueError):
         return ""
     return found.value if found else ""
 
@@ -134,10 +143,3 @@ def _same_origin(headers: dict[bytes, str]) -> bool:
 def _own_names() -> frozenset[str]:
     name = socket.gethostname().lower()
     return frozenset({"localhost", name, f"{name}.local"})
-
-
-def _name_of(host: str) -> str:
-    try:
-        return (urlsplit(f"//{host}").hostname or "").lower()
-    except ValueError:
-        return ""

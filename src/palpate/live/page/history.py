@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from palpate.force_laws import ForceLaw
 from palpate.live.page.channels import CHANNELS, channels_of, column
-from palpate.live.ring import CAPACITY, WIDTH
+from palpate.live.ring import WIDTH
 from palpate.validation import Floats
 
 SHOWN = 10.0  # s
@@ -16,6 +16,8 @@ SHOWN = 10.0  # s
 MOST_ROWS = 2000
 #: Kind, rows, number of the first row, rows that this client did not get, 1 if all before is void.
 HEADER = struct.Struct("<IIdII")
+# Rows, as the browser has room for too: 10 s at 6.5 kHz, of a quicker source less.
+_LEAST_KEPT, _MOST_KEPT = 1000, 1 << 16
 _MOST_GENERATIONS = 50  # more resets than that are not within ten seconds
 _BACKWARD = 1.0  # s: what goes back further is another clock; less is jitter
 
@@ -33,8 +35,8 @@ class History:
 
     def __init__(self, sample_time: float) -> None:
         # With room for a source that is a fifth faster than it says.
-        wanted = math.ceil(1.2 * SHOWN / sample_time) if sample_time > 0.0 else CAPACITY
-        self._most = min(max(wanted, 1000), CAPACITY)
+        wanted = math.ceil(1.2 * SHOWN / max(sample_time, 1e-6))
+        self._most = min(max(wanted, _LEAST_KEPT), _MOST_KEPT)
         self._rows = np.empty((2 * self._most, WIDTH))
         self._times = np.empty(2 * self._most)
         self._values = np.empty((len(CHANNELS), 2 * self._most), dtype="<f4")

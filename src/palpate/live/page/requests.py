@@ -1,6 +1,7 @@
 """What a browser may ask for: messages of a fixed form, and everything else is refused."""
 
 import json
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,6 +13,8 @@ from palpate.validation import number_in, shown
 
 MOST_BYTES = 4096  # of a message
 THINNINGS = (1, 2, 4, 8)
+MOST_COMMANDS = 20  # in a burst; then one in each COMMAND_TIME
+COMMAND_TIME = 0.1  # s
 
 #: Of the page itself rather than of the loop.
 VIEWS = ("depth", "every")
@@ -115,3 +118,25 @@ def thinning_of(options: dict[str, Any]) -> int:
     if options["value"] not in THINNINGS or isinstance(options["value"], bool):
         raise InvalidParameterError(f"value must be one of {THINNINGS}")
     return int(options["value"])
+
+
+class Allowance:
+    """Commands are a person's: some at once, then ten a second."""
+
+    def __init__(self) -> None:
+        self._left, self._filled = float(MOST_COMMANDS), time.monotonic()
+
+    def spend(self) -> None:
+        """Take one.
+
+        Raises
+        ------
+        InvalidParameterError
+            None is left.
+        """
+        now = time.monotonic()
+        self._left = min(self._left + (now - self._filled) / COMMAND_TIME, MOST_COMMANDS)
+        self._filled = now
+        if self._left < 1.0:
+            raise InvalidParameterError("too many requests: wait a moment")
+        self._left -= 1.0

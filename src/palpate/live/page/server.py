@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import mimetypes
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -22,7 +23,14 @@ from palpate.live.page.gate import App, Gate
 from palpate.live.page.history import MOST_ROWS, History
 from palpate.live.page.look import STATIC, style_sheet
 from palpate.live.page.protocol import ABORT, Malformed
-from palpate.live.page.requests import VIEWS, command_of, depth_of, request_of, thinning_of
+from palpate.live.page.requests import (
+    VIEWS,
+    Allowance,
+    command_of,
+    depth_of,
+    request_of,
+    thinning_of,
+)
 from palpate.live.page.watch import Watch
 
 FRAME_TIME = 1.0 / 30.0  # s
@@ -31,8 +39,6 @@ MOST_CLIENTS = 8
 #: A client that takes no message in so long is closed, s.
 STALLED = 15.0
 MOST_BEHIND = 2000  # rows: one that is further behind goes on with the newest
-MOST_COMMANDS = 20  # in a burst; then one in each COMMAND_TIME
-COMMAND_TIME = 0.1  # s
 MOST_REQUESTS = 2000  # a second and client: its next ones wait unread
 
 
@@ -99,7 +105,7 @@ class Server:
         self.served = Served()
         self._text, self._version = "{}", 0
         self._cached: dict[tuple[int, int, int, int, bool], bytes] = {}
-        self._allowed, self._refilled = float(MOST_COMMANDS), time.monotonic()
+        self._allowance = Allowance()
         self._tick = asyncio.Event()
         self._methods = offered()
         self._malformed = malformed
@@ -107,6 +113,8 @@ class Server:
 
     def app(self, token: str | None) -> Gate:
         """Return the ASGI application."""
+        # Some machines' own tables call it plain text, which no browser would run.
+        mimetypes.add_type("text/javascript", ".js")
         inner: App = Starlette(
             routes=[
                 Route("/", self._index),
@@ -163,6 +171,7 @@ class Server:
         below = self._malformed or Malformed()
         counts = asdict(self.served)
         counts["malformed"] += below.frames + below.requests
+        counts["turned_away"] += below.turned_away
         counts["refused"] += self._gate.refused if self._gate else 0
         return counts
 
@@ -269,7 +278,7 @@ class Server:
                 self._view(client, name, options)
             else:
                 command = command_of(name, options, self.watch.loop)
-                self._spend()
+                self._allowance.spend()
                 self._send(command)
         except (InvalidParameterError, TypeError) as error:
             self.served.refused += 1
@@ -282,7 +291,7 @@ class Server:
     def _view(self, client: Client, name: str, options: dict[str, Any]) -> None:
         if name == "depth":
             depth = depth_of(options)
-            self._spend()  # all of the history is worked out anew
+            self._allowance.spend()  # all of the history is worked out anew
             self.watch.chosen_depth = depth
         else:
             client.every = thinning_of(options)
@@ -291,12 +300,3 @@ class Server:
     def _start_again(self, client: Client) -> None:
         history = self.watch.history
         client.next, client.until, client.void = history.oldest, history.total, True
-
-    def _spend(self) -> None:
-        """Commands are a person's: some at once, then ten a second."""
-        now = time.monotonic()
-        self._allowed = min(self._allowed + (now - self._refilled) / COMMAND_TIME, MOST_COMMANDS)
-        self._refilled = now
-        if self._allowed < 1.0:
-            raise InvalidParameterError("too many requests: wait a moment")
-        self._allowed -= 1.0

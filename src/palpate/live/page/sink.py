@@ -6,6 +6,7 @@ import logging
 import multiprocessing
 import os
 import secrets
+import select
 import socket
 import webbrowser
 from collections.abc import Iterator
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 PORT = 8765
 _BACKLOG = 64
-_MOST_CONNECTIONS = 64
 _SHORTEST_TOKEN = 16
 _GENTLY = 5  # niceness: a frame can wait for a millisecond, the loop cannot
 
@@ -87,6 +87,15 @@ class Page:
         """Let go of the port, in this process."""
         self._socket.close()
 
+    def handed_over(self) -> None:
+        """The port is the other process's own now: when that ends, nobody answers in its place."""
+        self.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        if self._socket.fileno() < 0:
+            raise InvalidParameterError("this page has been served already: make another")
+        return dict(self.__dict__)
+
     def run(self, session: Session, commands: Connection) -> None:
         """Serve the page until the loop has stopped."""
         if multiprocessing.parent_process() is not None:  # a process of its own
@@ -118,7 +127,6 @@ class Page:
             log_config=None,
             access_log=False,
             server_header=False,
-            limit_concurrency=_MOST_CONNECTIONS,
             timeout_graceful_shutdown=1,
         )
         serving = asyncio.create_task(_quietly(config, self._socket))
@@ -155,12 +163,22 @@ async def _quietly(config: "Config", listening: socket.socket) -> None:
 
 def _sender(commands: Connection) -> Any:
     def send(command: Command) -> None:
+        if not _takes(commands):
+            raise InvalidParameterError("the loop does not answer: nothing was asked")
         try:
             commands.send(command)
         except OSError:
             raise InvalidParameterError("the loop has ended") from None
 
     return send
+
+
+def _takes(commands: Connection) -> bool:
+    """Whether there is room for a command: the page waits for nobody."""
+    try:
+        return bool(select.select([], [commands.fileno()], [], 0)[1])
+    except (OSError, ValueError):  # it has ended, which sending says; or it is no file here
+        return True
 
 
 def _orphaned() -> bool:

@@ -50,7 +50,8 @@ class Watch:
         self._board = Board(session.board)
         self._others = {name: Board(of) for name, of in session.boards.items() if of != session.own}
         self.loop = self._board.read()
-        self.history = History(float(self.loop.get("sample_time") or 1e-3))
+        self.history = History(1e-3)
+        self._begun = False
         self.recast = self.dropped = 0
         self.depth, self.chosen_depth = math.nan, math.nan
         self.changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
@@ -61,6 +62,8 @@ class Watch:
 
     def take(self) -> None:
         """Take what the loop wrote since the last time."""
+        if not self._begun and not self._begin():
+            return
         taken = self._ring.take()
         self.dropped += taken.dropped
         if len(taken.rows):
@@ -68,6 +71,14 @@ class Watch:
             self.history.add(taken.rows, float(self.loop.get("delay") or 0.0))
             self._note_changes(taken.rows, first)
             self._last = taken.rows[-1:]
+
+    def _begin(self) -> bool:
+        """Make room for the source's rate, as soon as the loop has said it; the rows wait."""
+        self.loop = self._board.read()
+        sample_time = self.loop.get("sample_time")
+        if sample_time:
+            self.history, self._begun = History(float(sample_time)), True
+        return self._begun
 
     def look(self) -> None:
         """Read the boards, and choose the depth: a few times a second."""

@@ -139,6 +139,7 @@ def described(status: dict[str, Any]) -> dict[str, str]:
         "source": str(status.get("source", "")),
         "method": str(status.get("method", "")),
         "parameters": ", ".join(f"{name} [{unit or '1'}]" for name, unit in units),
+        "preparation": str(status.get("preparation", "")) or "as usual",
         "tare": "none" if tare is None else f"{tare:.6g} N was taken off online",
         "delay": f"{status.get('delay', 0.0):g} s from a measurement to its estimate",
     }

@@ -9,6 +9,7 @@ from typing import Any
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.lab import MATERIALS, TRAJECTORIES
 from palpate.live.arrivals import Arrival, Counts
+from palpate.live.processes import end, start
 from palpate.live.ring import Reader, Writer
 from palpate.live.sources.laboratory_process import CAPACITY, WIDTH, Setup, Word, press
 from palpate.live.sources.opening import SourceOptions
@@ -108,7 +109,7 @@ class Laboratory:
             target=press, args=(self._setup, self._ring.address, theirs), name="laboratory"
         )
         self._process.daemon = True
-        self._process.start()
+        start(self._process)
         self._open = True
         theirs.close()
         if not self._connection.poll(_STARTING):
@@ -181,10 +182,7 @@ class Laboratory:
             return
         self._open = False
         self._connection.close()  # by which it knows
-        self._process.join(2.0)
-        if self._process.is_alive():
-            self._process.terminate()
-            self._process.join()
+        end([self._process], 2.0)
         self._reader.close()
         self._ring.close()
 

@@ -1,6 +1,5 @@
 """What runs beside the loop: the laboratory's stepping, a little ahead of the clock."""
 
-import signal
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -62,7 +61,6 @@ class Word:
 
 def press(setup: Setup, ring: Address, connection: Connection) -> None:
     """Write samples until the other end of the connection is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the loop closes it
     show_name("lab")
     writer = Writer(made=ring)
     with suppress(BrokenPipeError, EOFError):

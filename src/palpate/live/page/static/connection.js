@@ -14,7 +14,7 @@ export class Connection {
   }
 
   open() {
-    this.onWords("Connecting …", false);
+    this.onWords(this.why || "Connecting …", Boolean(this.why));
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/socket`);
     socket.binaryType = "arraybuffer";
@@ -24,6 +24,7 @@ export class Connection {
       if (socket !== this.socket) return;
       this.heard = performance.now();
       this.wait = FIRST;
+      this.why = "";
       if (typeof data === "string") this.onMessage(JSON.parse(data));
       else this.onFrame(data);
     };
@@ -47,7 +48,7 @@ export class Connection {
     this.refused();
     const count = () => {
       const left = Math.ceil((again - Date.now()) / 1000);
-      if (left <= 0) { this.why = ""; this.open(); return; }
+      if (left <= 0) { this.open(); return; }
       this.onWords(`${this.why || "Connection lost"}: trying again in ${left} s`, true);
       setTimeout(count, Math.min(again - Date.now(), 250));
     };

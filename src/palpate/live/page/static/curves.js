@@ -6,7 +6,7 @@ import { Pieces } from "./store.js";
 import { faint, theme } from "./theme.js";
 
 const uPlot = globalThis.uPlot;
-const AXIS = 54; // pixels beside a panel, the same for all, so that nothing moves
+const AXIS = 62; // pixels beside a panel, the same for all, so that nothing moves
 export const RIGHT = 16; // room for half of the word below the right end
 const FONT = "12px system-ui, sans-serif";
 const BAND = 2; // standard errors
@@ -29,7 +29,7 @@ export function axes(across) {
     ticks: { stroke: () => theme.grid, width: 1, size: 4 } };
   return [
     { ...look, size: 30, space: 45, ...across },
-    { ...look, size: AXIS, space: 28, values: (_, splits) => splits.map(tick) },
+    { ...look, size: AXIS, space: 32, values: (_, splits) => splits.map(tick) },
   ];
 }
 
@@ -38,14 +38,14 @@ export const tick = (value) => String(Number(value.toPrecision(6))).replace("-",
 
 /** Curves of one unit over time. */
 export class TimePanel {
-  constructor(parent, { kind = "", name, unit = "", lines, label, least = 0, fixed = null, marks = null }) {
+  constructor(parent, { kind = "", name, unit = "", lines, label, fixed = null, marks = null }) {
     this.lines = lines;
     this.unit = unit;
     this.name = name;
     this.marks = marks;
     this.fixed = fixed;
     this.factor = 1;
-    this.range = new Range(least);
+    this.range = new Range();
     const { made, caption, drawn } = figure(parent, kind, label ?? name);
     this.figure = made;
     this.drawn = drawn;
@@ -175,7 +175,8 @@ export function marked(changes, words) {
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();
     const ratio = devicePixelRatio;
-    ctx.strokeStyle = ctx.fillStyle = theme.lines[1];
+    ctx.strokeStyle = theme.lines[1];
+    ctx.fillStyle = theme.text;
     ctx.lineWidth = 1.5 * ratio;
     ctx.setLineDash([5 * ratio, 4 * ratio]);
     ctx.font = `${12 * ratio}px system-ui, sans-serif`;

@@ -15,7 +15,8 @@ const NAMES = { K: "Stiffness", B: "Damping", n: "Exponent" };
 const SLOW = 2; // frames with losses before fewer samples are asked for
 
 let store = null, page = null, panels = [], plane = null, built = "", paused = false, fresh = false;
-let losses = 0, every = 1, drawn = 0, drawnSince = performance.now(), rate = 0, spoken = "";
+let losses = 0, every = 1, drawn = 0, drawnSince = performance.now(), rate = 0;
+const OFTEN = ["free", "contact"]; // these come and go too quickly to be read out
 
 watchTheme(() => { fresh = true; });
 const connection = new Connection({ onFrame, onMessage, onWords });
@@ -44,7 +45,8 @@ function onFrame(buffer) {
 
 function onMessage(message) {
   if (message.kind === "hello") {
-    store = store ?? new Store(message.channels, 10);
+    // Of another version of the server they may be others.
+    if (String(store?.names) !== String(message.channels)) store = new Store(message.channels, 10);
     every = 1;
     controls.hello(message.methods);
     if (paused) controls.show(page);
@@ -52,12 +54,13 @@ function onMessage(message) {
     words.say($("answer"), `Refused: ${message.words}`);
   } else if (message.kind === "page") {
     show(message);
+    if (message.ended) connection.why = message.loop.stopped ? "The run is over" : "The loop is gone";
   }
 }
 
 function onWords(text, broken) {
-  spoken = text;
   words.say($("link"), text);
+  if (broken) words.say($("spoken"), text.split(":")[0]);
   $("link").classList.toggle("broken", broken);
 }
 
@@ -82,12 +85,13 @@ function show(message) {
 
 /** The gravest that holds, in words; a watchdog says what it saw. */
 function showState({ loop, alive, ended }) {
-  const name = ended ? "ended" : alive ? (loop.state ?? "none") : "dead";
+  const name = ended && loop.stopped ? "ended" : alive && !ended ? (loop.state ?? "none") : "dead";
   const [lamp, title, text] = words.STATES[name] ?? words.STATES.none;
   $("state").dataset.state = name;
   words.say($("lamp"), lamp);
   words.say($("state-name"), title);
   words.say($("state-words"), (alive && !ended && loop.fault) || text);
+  words.say($("spoken"), OFTEN.includes(name) ? "" : title);
   words.say($("source"), loop.source ?? "");
 }
 

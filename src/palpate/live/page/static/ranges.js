@@ -1,18 +1,19 @@
 // Ranges of axes that stay as they are until what is shown needs others.
 
+const LEAST = 5e-4; // of what is shown: numbers beside a shorter one have more digits than room
+
 export class Range {
-  constructor(least = 0) {
+  constructor() {
     this.low = 0;
     this.high = 1;
     this.known = false;
-    this.least = least; // the shortest that makes sense
   }
 
   /** Hold low to high; a range that is much too wide shrinks. */
   fit(low, high) {
     if (!(Number.isFinite(low) && Number.isFinite(high))) return;
     const middle = 0.5 * (low + high);
-    const span = Math.max(high - low, this.least, 1e-6 * Math.abs(middle), 1e-300);
+    const span = Math.max(high - low, LEAST * Math.abs(middle), 1e-300);
     const inside = low >= this.low && high <= this.high;
     if (this.known && inside && span > 0.3 * (this.high - this.low)) return;
     this.low = middle - 0.56 * span;
@@ -20,8 +21,6 @@ export class Range {
     if (low >= 0 && this.low < 0) this.low = 0;
     this.known = true;
   }
-
-  forget() { this.known = false; }
 }
 
 /** Least and largest of numbers, but for a part at either end. */

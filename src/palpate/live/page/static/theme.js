@@ -6,6 +6,7 @@ export const theme = {};
 function read() {
   const style = getComputedStyle(document.documentElement);
   const of = (name) => style.getPropertyValue(name).trim();
+  theme.text = of("--ink");
   theme.ink = of("--soft");
   theme.grid = of("--drawing-grid");
   theme.measured = of("--drawing-measured");
