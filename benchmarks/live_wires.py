@@ -35,6 +35,28 @@ _SETTLE = 1.0  # s, that discovery takes at most on one machine
 _BARE = struct.Struct("<Qd6d")
 _DOMAIN = 200
 Send = Callable[[int, int], None]
+_ROSPY = """
+import os, sys, time
+import rospy
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+rospy.init_node("robot", disable_signals=True)
+# Without a queue it sends at once, as a node in C++ does.
+import warnings
+warnings.simplefilter("ignore")
+kinds = [("/pose", PoseStamped), ("/wrench", WrenchStamped)]
+senders = [(rospy.Publisher(n, k, queue_size=None, tcp_nodelay=True), k()) for n, k in kinds]
+print("ready", flush=True)
+sys.stdin.readline()
+begin = time.monotonic()
+for k in range(int(sys.argv[1])):
+    time.sleep(max(begin + k / float(sys.argv[2]) - time.monotonic(), 0.0))
+    stamp = rospy.Time(*divmod(time.monotonic_ns(), 10**9))
+    for sender, message in senders:
+        message.header.stamp = stamp
+        sender.publish(message)
+sys.stdin.readline()
+os._exit(0)
+"""
 
 
 def sender(wire: str, where: str) -> Send:
@@ -68,25 +90,23 @@ def _ros(wire: str, where: str) -> Send:
     """Messages made once; only stamp and number are written anew."""
     from rosbags.typesys import Stores, get_typestore
 
-    ros1 = wire == "ros1"
-    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
-    made = [bytearray(_zeros(store, kind, ros1=ros1)) for kind in KINDS]
-    put = {"dds": _dds, "zenoh": _zenoh, "ros1": _ros1}[wire](store, where)
+    store = get_typestore(Stores.LATEST)
+    made = [bytearray(_zeros(store, kind)) for kind in KINDS]
+    put = {"dds": _dds, "zenoh": _zenoh}[wire](store, where)
 
     def send(k: int, stamp: int) -> None:
         seconds, nanoseconds = divmod(stamp, 10**9)
         for index, message in enumerate(made):
-            # Of ROS 1 the number and the stamp come first, in CDR the stamp, after the head.
-            struct.pack_into("<III", message, 0, k if ros1 else 0x100, seconds, nanoseconds)
+            struct.pack_into("<II", message, 4, seconds, nanoseconds)  # after the head of CDR
             put(index, bytes(message), k)
 
     return send
 
 
-def _zeros(store: Any, kind: str, *, ros1: bool) -> bytes:
+def _zeros(store: Any, kind: str) -> bytes:
     types = store.types
     time_ = types["builtin_interfaces/msg/Time"](0, 0)
-    header = types["std_msgs/msg/Header"](*((0,) if ros1 else ()), time_, "base")
+    header = types["std_msgs/msg/Header"](time_, "base")
     vector = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
     point = types["geometry_msgs/msg/Point"](0.0, 0.0, 0.0)
     turned = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
@@ -94,10 +114,7 @@ def _zeros(store: Any, kind: str, *, ros1: bool) -> bytes:
         KINDS[0]: lambda: types["geometry_msgs/msg/Pose"](point, turned),
         KINDS[1]: lambda: types["geometry_msgs/msg/Wrench"](vector, vector),
     }[kind]()
-    message = types[kind](header, whole)
-    return bytes(
-        store.serialize_ros1(message, kind) if ros1 else store.serialize_cdr(message, kind)
-    )
+    return bytes(store.serialize_cdr(types[kind](header, whole), kind))
 
 
 def _dds(_: Any, where: str) -> Callable[[int, bytes, int], None]:
@@ -141,18 +158,6 @@ def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
     return put
 
 
-def _ros1(store: Any, _: str) -> Callable[[int, bytes, int], None]:
-    from palpate.live.wires.ros1_process import Bridge
-
-    types = []
-    for kind in KINDS:
-        text, checksum = store.generate_msgdef(kind)
-        types.append((kind.replace("/msg/", "/"), checksum, text))
-    task = {"mode": "publish", "topics": NAMES, "types": types, "queue": 10_000}
-    bridge = Bridge(task, "")
-    return lambda index, data, _: bridge.write([(index, data)])
-
-
 def serve(wire: str, where: str, count: int) -> None:
     """Send at the rate, when asked."""
     send = sender(wire, where)
@@ -172,6 +177,9 @@ def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:
     where = {"zmq": f"tcp://127.0.0.1:{_free()}", "zenoh": f"tcp/127.0.0.1:{_free()}"}.get(wire)
     where = where or (str(_free(socket.SOCK_DGRAM)) if wire == DIRECT else str(_DOMAIN))
     command = [sys.executable, "-m", "benchmarks.live_wires", "--send", wire, where, str(count)]
+    if wire == "ros1":
+        # A robot's own node: by the Python that has rospy, which knows nothing of palpate.
+        command = ["/usr/bin/python3", "-c", _ROSPY, str(count), str(RATE)]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:

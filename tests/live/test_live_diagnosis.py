@@ -14,7 +14,8 @@ from palpate.live.sinks.diagnosis import Diagnosing, contact_of, diagnosed, rece
 from palpate.live.sinks.watching import Watching
 from palpate.live.sources.replay import Replay
 
-SAMPLE = [COLUMNS.index(name) for name in ("time", "penetration", "velocity", "force")]
+SAMPLE = [COLUMNS.index(name) for name in ("time", "penetration", "velocity", "force", "status")]
+LATE = 9e-3  # s
 STATUS = {"method": "variable-projection", "sample_time": 1e-3}
 
 
@@ -27,7 +28,7 @@ def samples():
 
 
 def test_it_is_the_librarys_own(samples):
-    page = diagnosed(recent(samples, 20.0), STATUS)
+    page = diagnosed(recent(samples, 20.0, LATE), STATUS)
     known = samples[np.isfinite(samples).all(axis=1)]
     diagnosis = palpate.identify(contact_of(known, 1e-3)).diagnosis
     assert page["verdict"] == diagnosis.verdict.as_dict()
@@ -40,16 +41,27 @@ def test_it_is_the_librarys_own(samples):
 
 
 def test_it_is_of_the_last_seconds_of_one_clock(samples):
-    short = recent(samples, 1.0)
+    short = recent(samples, 1.0, LATE)
     assert short[-1, 0] - short[0, 0] == pytest.approx(1.0, abs=2e-3)
     earlier = samples.copy()
     earlier[:, 0] += 100.0
-    both = recent(np.concatenate([earlier, samples]), 20.0)
-    np.testing.assert_array_equal(both, recent(samples, 20.0))
+    both = recent(np.concatenate([earlier, samples]), 20.0, LATE)
+    np.testing.assert_array_equal(both, recent(samples, 20.0, LATE))
+
+
+def test_it_is_of_what_is_touched_since_the_loop_noticed_a_change(samples):
+    times, positions, forces = measured(4.0)
+    softer = [0.3 * force for force in forces]
+    x, f = [*positions, *positions], [*forces, *softer]
+    script = arrivals([*times, *(4.0 + time for time in times)], x, f)
+    _, rows = looped(script, OnlinePreparation(), default_estimator())
+    page = diagnosed(recent(rows[:, SAMPLE], 20.0, LATE), STATUS)
+    assert page["window"][0] == pytest.approx(4.0, abs=0.5)
+    assert page["verdict"]["overall"] == "trust"
 
 
 def test_a_gap_begins_another_segment_and_no_contact_is_said(samples):
-    known = recent(samples, 20.0)
+    known = recent(samples, 20.0, LATE)
     contact = contact_of(np.concatenate([known[:1000], known[1500:]]), 1e-3)
     assert len(list(contact.segments())) == 2
     free = known.copy()

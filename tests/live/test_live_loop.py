@@ -232,7 +232,7 @@ def test_another_estimator_and_what_there_is_not():
     status = loop.status()
     assert status["method"] == "single-stage"
     assert len(rows) == 1000
-    assert status["record"] == {"wish": 1, "on": True, "path": None}
+    assert status["record"] == {"wish": 1, "on": True, "path": None, "since": 800}
     said = " ".join(loop.said)
     assert "asked for {'material': 'ball'}" in said
     assert "magic" in said

@@ -71,6 +71,24 @@ def test_a_reader_that_falls_behind_gets_the_newest_and_knows_how_many_it_lost()
         each.close()
 
 
+def test_a_reader_goes_back_as_far_as_half_the_ring():
+    ring = Writer(8)
+    reader = Reader(ring.address)
+    for k in range(6):
+        ring.write(*[float(k)] * WIDTH)
+    reader.take()
+    reader.go_back(4)
+    assert reader.take().rows[:, 0].tolist() == [4.0, 5.0]
+    reader.go_back(0)
+    rows, dropped = reader.take()
+    assert rows[:, 0].tolist() == [2.0, 3.0, 4.0, 5.0]
+    assert dropped == 0
+    reader.go_back(99)
+    assert len(reader.take().rows) == 0
+    reader.close()
+    ring.close()
+
+
 def write_pages(name, seconds, gate):
     board = Board(name)
     gate.send("there")

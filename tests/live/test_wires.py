@@ -103,6 +103,25 @@ def test_a_robot_that_starts_again_is_followed(robot, source):
     assert (source.counts.lost, source.counts.disordered) == (0, 0)
 
 
+def test_a_robot_that_goes_away_and_comes_back_is_heard_again(robot, source):
+    robot.send(1)
+    assert len(collect(source, 1)) == 1
+    robot.close()
+    assert source.take(0.2) is None
+    other = robot.again()
+    try:
+        found, until = [], time.monotonic() + 15.0
+        for k in range(100_000):  # for as long as it takes to find each other again
+            other.send(k, stamp=START + 10**12 + k * 10**6)
+            found += collect(source, 1, patience=0.1)
+            if found or time.monotonic() > until:
+                break
+        assert found[0].time == pytest.approx(1000.0 + 1e-3 * k, abs=0.05)
+        assert source.counts.malformed == 0
+    finally:
+        other.close()
+
+
 def fuzz(robot, source, count: int, first: int = 0) -> int:
     """So many packets that are no samples, with good ones in between; all are counted."""
     chance, sample = random.Random(5), first

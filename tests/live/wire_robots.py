@@ -46,13 +46,16 @@ def collect(source, count: int, patience: float = 3.0) -> list[Arrival]:
 class ZeroMQRobot:
     """A PUB socket."""
 
-    def __init__(self) -> None:
+    def __init__(self, address: str = "") -> None:
         zmq = pytest.importorskip("zmq", reason="no pyzmq: pip install 'palpate[live]'")
         self.context = zmq.Context()
         self.socket = self.context.socket(zmq.PUB)
         self.socket.sndhwm, self.socket.linger = 0, 0
-        port = self.socket.bind_to_random_port("tcp://127.0.0.1")
-        self.address = f"zmq:tcp://127.0.0.1:{port}"
+        self.address = address or f"zmq:tcp://127.0.0.1:{free_port()}"
+        self.socket.bind(self.address.removeprefix("zmq:"))
+
+    def again(self) -> "ZeroMQRobot":
+        return ZeroMQRobot(self.address)
 
     def source(self, **options: Any):
         source = open_source(self.address + query(options), VECTORS)
@@ -110,6 +113,9 @@ class RosRobot:
     def put(self, index: int, data: bytes, k: int) -> None:
         raise NotImplementedError
 
+    def again(self) -> "RosRobot":
+        return type(self)()
+
 
 class DDSRobot(RosRobot):
     """Writers of Cyclone DDS, in a domain of their own on this machine only."""
@@ -160,10 +166,10 @@ class DDSRobot(RosRobot):
 class ZenohRobot(RosRobot):
     """A peer that listens, as rmw_zenoh's router would."""
 
-    def __init__(self, types: tuple[str, str] = (POSE, WRENCH)) -> None:
+    def __init__(self, types: tuple[str, str] = (POSE, WRENCH), endpoint: str = "") -> None:
         super().__init__()
         zenoh = pytest.importorskip("zenoh", reason="no eclipse-zenoh: pip install 'palpate[live]'")
-        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
+        self.endpoint = endpoint or f"tcp/127.0.0.1:{free_port()}"
         config = zenoh.Config()
         config.insert_json5("mode", '"peer"')
         config.insert_json5("listen/endpoints", f'["{self.endpoint}"]')
@@ -177,6 +183,9 @@ class ZenohRobot(RosRobot):
             )
             for name, kind in zip(("pose", "wrench"), types, strict=True)
         ]
+
+    def again(self) -> "ZenohRobot":
+        return ZenohRobot(endpoint=self.endpoint)
 
     @staticmethod
     def dds_name(kind: str) -> str:

@@ -267,7 +267,8 @@ class Loop:
         elif command.name == "record":
             path = options.get("path")
             on = bool(options.get("on", path is not None))
-            self.record = {"wish": self.record["wish"] + 1, "on": on, "path": path}
+            wish, since = self.record["wish"] + 1, self.ring.count
+            self.record = {"wish": wish, "on": on, "path": path, "since": since}
 
     def _check_size(self, estimator: ContactEstimator) -> None:
         if len(estimator.law_type.symbols) > MOST_PARAMETERS:

@@ -154,6 +154,10 @@ class Reader:
         """Rows written so far."""
         return self._written[0]
 
+    def go_back(self, to: int) -> None:
+        """Take the rows from a count on again, as far as the ring still holds them."""
+        self._next = max(min(to, self._next), self.count - self._capacity // 2, 0)
+
     def take(self, most: int | None = None) -> Taken:
         """Return the rows written since the last call, at most so many of the newest."""
         until = self.count

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from palpate._core import Status
 from palpate.contact import Contact
 from palpate.errors import PalpateError
 from palpate.identification import identify
@@ -21,9 +22,11 @@ _LOOKED_EVERY = 0.5  # s
 _LEAST = 500  # samples
 _GENTLY = 10  # niceness: a diagnosis can wait, the loop cannot
 _MOST_ROWS = 200_000  # 20 s at 10 kHz; of quicker ones the window is shorter, and says so
-_SAMPLE = [PLACE[name] for name in ("time", "penetration", "velocity", "force")]
+_SAMPLE = [PLACE[name] for name in ("time", "penetration", "velocity", "force", "status")]
 # A velocity filter needs no more than a few samples of a gap: of so many steps, another segment.
 _GAP = 10.0
+# Delays after a change: for two the velocity's window has both materials in it.
+_SMEARED = 3.0
 
 
 class Diagnosing:
@@ -51,29 +54,49 @@ class Diagnosing:
         runs, page = 0, dict[str, Any]()
         while watching.wait(_LOOKED_EVERY):
             rows = watching.take().rows[:, _SAMPLE]
-            samples = recent(np.concatenate([samples, rows]), self._window)
+            status = watching.status()
+            delay = float(status.get("delay", 0.0))
+            samples = recent(np.concatenate([samples, rows]), self._window, delay)
             if time.monotonic() >= due and len(samples) >= _LEAST:
                 runs += 1
-                page = {**diagnosed(samples, watching.status()), "runs": runs}
+                page = {**diagnosed(samples, status), "runs": runs}
                 due = time.monotonic() + self._every
             watching.tell(page)
         watching.close()
 
 
-def recent(samples: Floats, window: float) -> Floats:
-    """The samples of the last seconds; of a clock that was set, those since."""
+def recent(samples: Floats, window: float, delay: float) -> Floats:
+    """The samples of the last seconds, since the clock was set and the material has changed.
+
+    The loop's estimate is of what came since it noticed a change, and so is what is said of it.
+
+    Parameters
+    ----------
+    samples : numpy.ndarray, shape (k, 5)
+        Time, penetration, velocity, force and status.
+    window : float
+        s.
+    delay : float
+        Of the preparation, s: half of its window, and two samples.
+    """
     samples = samples[np.isfinite(samples).all(axis=1)][-_MOST_ROWS:]
     if not len(samples):
         return samples
     time = samples[:, 0]
     back = np.flatnonzero(np.diff(time) <= 0.0)
     samples = samples[back[-1] + 1 :] if len(back) else samples
+    changed = np.flatnonzero(samples[:, 4] == Status.RESTARTED)
+    if len(changed):
+        settled = samples[changed[-1], 0] + _SMEARED * delay
+        samples = samples[samples[:, 0] > settled]
+    if not len(samples):
+        return samples
     recent: Floats = samples[samples[:, 0] >= samples[-1, 0] - window]
     return recent
 
 
 def contact_of(samples: Floats, sample_time: float) -> Contact:
-    """Return a contact of time, penetration, velocity and force, cut at gaps."""
+    """Return a contact of time, penetration, velocity, force and status, cut at gaps."""
     gaps = np.diff(samples[:, 0], prepend=samples[:1, 0]) > _GAP * sample_time
     return Contact(
         samples[:, 0],

@@ -74,6 +74,7 @@ class Recorder:
             if asked.get("wish", 0) != wish:
                 wish = asked["wish"]
                 recording, said = self._obey(recording, asked)
+                watching.go_back(asked["since"])  # when it was asked for
             if recording is not None and recording.failed:
                 recording = None
             watching.tell(_page(recording, said))

@@ -37,6 +37,10 @@ class Watching:
         self.dropped += taken.dropped
         return taken
 
+    def go_back(self, to: int) -> None:
+        """Take the rows from a count on again."""
+        self._reader.go_back(to)
+
     def status(self) -> dict[str, Any]:
         """What the loop said last."""
         return self._board.read()
