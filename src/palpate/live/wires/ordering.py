@@ -18,7 +18,7 @@ LONGEST_GAP = NANO
 # A number that is further ahead than this is no gap, 1000 s at 1 kHz, but another count.
 MOST_LOST = 1_000_000
 # s: a stream follows one publisher, until that one was silent for so long.
-SILENCE = 1.0
+SILENCE = 0.5
 
 
 class Verdict(Enum):
