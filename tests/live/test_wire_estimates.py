@@ -273,19 +273,31 @@ def check(listener: Listener, count: int) -> None:
     assert said["lost"] == "0"
 
 
-def test_every_estimate_is_published_with_names_and_units(listener) -> None:
+def test_every_estimate_is_published_with_names_and_units() -> None:
+    listener = ZeroMQListener()
+    try:
+        published(listener)
+    finally:
+        listener.close()
+
+
+@pytest.mark.slow
+def test_ros_hears_every_estimate_with_names_and_units(listener) -> None:
+    published(listener)
+
+
+def published(listener: Listener) -> None:
     touch = contact(0.4)
     status = run(Later(touch, listener.wait), sinks=[open_publisher(listener.address)])
     assert status["counts"]["taken"] == len(touch)
     check(listener, len(touch))
 
 
+@pytest.mark.slow
 def test_zeromq_has_a_form_for_languages_without_json() -> None:
     listener = BinaryListener()
     try:
-        touch = contact(0.4)
-        run(Later(touch, listener.wait), sinks=[open_publisher(listener.address)])
-        check(listener, len(touch))
+        published(listener)
     finally:
         listener.close()
     assert BINARY.size == 152
