@@ -2,6 +2,7 @@
 
 import json
 import math
+import socket
 import struct
 import time
 
@@ -41,12 +42,15 @@ NAMES = [
 class Listener:
     """What hears the estimates; each wire's own, without palpate's part of it."""
 
-    wait = 1.0  # s, until it is connected
+    wait = 2.0  # s, until it is connected
 
     def __init__(self, wire: str) -> None:  # noqa: F811
         self.estimates: list[list[float]] = []
         self.said: list[dict[str, str]] = []
         self.names: list[str] = []
+
+    def connect(self) -> None:
+        time.sleep(self.wait)
 
 
 class ZeroMQListener(Listener):
@@ -58,10 +62,18 @@ class ZeroMQListener(Listener):
         self.zmq, self.context = zmq, zmq.Context()
         self.socket = self.context.socket(zmq.SUB)
         self.socket.rcvhwm, self.socket.reconnect_ivl = 0, 10
-        endpoint = f"tcp://127.0.0.1:{free_port()}"
+        self.port = free_port()
+        endpoint = f"tcp://127.0.0.1:{self.port}"
         self.socket.connect(endpoint)
         self.socket.setsockopt(zmq.SUBSCRIBE, b"")
         self.address = f"zmq:{endpoint}{query({'format': self.form})}"
+
+    def connect(self) -> None:
+        until = time.monotonic() + 20.0
+        with socket.socket() as probe:
+            while probe.connect_ex(("127.0.0.1", self.port)) and time.monotonic() < until:
+                time.sleep(0.05)
+        time.sleep(0.3)  # for its own connection, which is tried every 10 ms
 
     def hear(self) -> None:
         while self.socket.poll(200):
@@ -249,12 +261,12 @@ def contact(seconds: float) -> palpate.Contact:
 class Later(Replay):
     """Begins when those who listen are connected: a publisher sends nothing to nobody."""
 
-    def __init__(self, touch: palpate.Contact, wait: float) -> None:
+    def __init__(self, touch: palpate.Contact, listener: Listener) -> None:
         super().__init__(touch)
-        self._wait = wait
+        self._listener = listener
 
     def open(self) -> None:
-        time.sleep(self._wait)
+        self._listener.connect()
         super().open()
 
 
@@ -273,19 +285,31 @@ def check(listener: Listener, count: int) -> None:
     assert said["lost"] == "0"
 
 
-def test_every_estimate_is_published_with_names_and_units(listener) -> None:
+def test_every_estimate_is_published_with_names_and_units() -> None:
+    listener = ZeroMQListener()
+    try:
+        published(listener)
+    finally:
+        listener.close()
+
+
+@pytest.mark.slow
+def test_ros_hears_every_estimate_with_names_and_units(listener) -> None:
+    published(listener)
+
+
+def published(listener: Listener) -> None:
     touch = contact(0.4)
-    status = run(Later(touch, listener.wait), sinks=[open_publisher(listener.address)])
+    status = run(Later(touch, listener), sinks=[open_publisher(listener.address)])
     assert status["counts"]["taken"] == len(touch)
     check(listener, len(touch))
 
 
+@pytest.mark.slow
 def test_zeromq_has_a_form_for_languages_without_json() -> None:
     listener = BinaryListener()
     try:
-        touch = contact(0.4)
-        run(Later(touch, listener.wait), sinks=[open_publisher(listener.address)])
-        check(listener, len(touch))
+        published(listener)
     finally:
         listener.close()
     assert BINARY.size == 152

@@ -141,11 +141,11 @@ def test_one_publisher_is_followed_until_it_is_silent(monkeypatch):
     followed = Followed()
     assert followed.accepts("a")
     assert not followed.accepts("b")
-    now[0] = 0.9
+    now[0] = 0.4
     assert followed.accepts("a")
-    now[0] = 1.8
+    now[0] = 0.8
     assert not followed.accepts("b")
-    now[0] = 1.95
+    now[0] = 0.95
     assert followed.accepts("b")
     assert not followed.accepts("a")
 

@@ -44,13 +44,14 @@ def collect(source, count: int, patience: float = 3.0) -> list[Arrival]:
 
 
 class ZeroMQRobot:
-    """A PUB socket."""
+    """A PUB socket that knows of its subscribers."""
 
     def __init__(self, address: str = "") -> None:
         zmq = pytest.importorskip("zmq", reason="no pyzmq: pip install 'palpate[live]'")
         self.context = zmq.Context()
-        self.socket = self.context.socket(zmq.PUB)
+        self.socket = self.context.socket(zmq.XPUB)
         self.socket.sndhwm, self.socket.linger = 0, 0
+        self.socket.setsockopt(zmq.XPUB_VERBOSE, 1)
         self.address = address or f"zmq:tcp://127.0.0.1:{free_port()}"
         self.socket.bind(self.address.removeprefix("zmq:"))
 
@@ -60,7 +61,9 @@ class ZeroMQRobot:
     def source(self, **options: Any):
         source = open_source(self.address + query(options), VECTORS)
         source.open()
-        time.sleep(0.2)  # a PUB socket drops what it sends before it knows its subscribers
+        # What it sends before it knows its subscribers it drops.
+        while self.socket.recv()[:1] != b"\x01":
+            assert self.socket.poll(5000)
         return source
 
     def send(self, k: int, stamp: int | None = None) -> None:
@@ -196,7 +199,10 @@ class ZenohRobot(RosRobot):
         options = {"connect": self.endpoint, **options}
         source = open_source(f"zenoh:/pose,/wrench{query(options)}", VECTORS)
         source.open()
-        time.sleep(0.2)
+        until = time.monotonic() + 5.0
+        while not all(each.matching_status.matching for each in self.publishers):
+            assert time.monotonic() < until
+            time.sleep(0.01)
         return source
 
     def put(self, index: int, data: bytes, k: int) -> None:
@@ -227,7 +233,7 @@ class ROS1Robot(RosRobot):
     def source(self, **options: Any):
         source = open_source(f"ros1:/pose,/wrench{query(options)}", VECTORS)
         source.open()
-        time.sleep(0.5)  # until the publishers have heard of the subscriber
+        time.sleep(1.0)  # until the publishers have heard of the subscriber
         return source
 
     def put(self, index: int, data: bytes, k: int) -> None:

@@ -13,12 +13,13 @@ NANO = 1_000_000_000
 LONGEST_OVERTAKING = NANO
 # Steps of time that are judged together.
 WINDOW = 64
+_QUIET = 8  # steps
 # A step of more than this, ns, is a pause of the robot: what it did not send is not lost.
 LONGEST_GAP = NANO
 # A number that is further ahead than this is no gap, 1000 s at 1 kHz, but another count.
 MOST_LOST = 1_000_000
 # s: a stream follows one publisher, until that one was silent for so long.
-SILENCE = 1.0
+SILENCE = 0.5
 
 
 class Verdict(Enum):
@@ -105,17 +106,17 @@ class Gaps:
     """Finds samples that are missing by the steps of their stamps.
 
     A step is usual that is the median of the last six thousand or so. One that is longer by more
-    than a half misses (step / usual − 1) samples; one that is shorter by more than a half makes up
-    for a long one before it, as a busy robot sends late, and then quickly what has waited. A step
-    of more than 1 s is a pause of the robot.
+    than a half misses samples, as many as there are usual steps in it and in those after it, until
+    eight in a row were usual: a busy robot sends late, and then quickly what has waited. A step of
+    more than 1 s is a pause of the robot.
     """
 
-    __slots__ = ("_medians", "_missing", "_steps")
+    __slots__ = ("_balance", "_medians", "_quiet", "_steps")
 
     def __init__(self) -> None:
         self._steps: list[int] = []
         self._medians: deque[int] = deque(maxlen=99)
-        self._missing = 0.0
+        self._balance, self._quiet = 0.0, _QUIET
 
     def see(self, step: int) -> int:
         """Take a step, ns; return how many more samples are known to be missing."""
@@ -124,23 +125,31 @@ class Gaps:
         return self._judge() if len(self._steps) >= WINDOW else 0
 
     def _judge(self) -> int:
-        """Judge a window; what it misses counts as soon as the next one does not make up for it."""
-        self._medians.append(_median(self._steps))
-        usual = _median(self._medians)
-        apart = [step / usual - 1.0 for step in self._steps]
-        balance = sum(each for each in apart if abs(each) > 0.5)
+        if len(self._steps) >= _QUIET or not self._medians:
+            self._medians.append(_median(self._steps))
+        usual, missing = _median(self._medians), 0
+        for step in self._steps:
+            apart = step / usual - 1.0
+            if self._quiet >= _QUIET:
+                if apart > 0.5:
+                    self._balance, self._quiet = apart, 0
+                continue
+            self._balance += apart
+            self._quiet = self._quiet + 1 if abs(apart) <= 0.5 else 0
+            if self._quiet >= _QUIET:
+                missing += self._whole()
         self._steps.clear()
-        if balance < 0.0:
-            self._missing = max(self._missing + balance, 0.0)
-            return 0
-        known, self._missing = round(self._missing), balance
-        return known
+        return missing
+
+    def _whole(self) -> int:
+        """Whole samples that are missing; less than 0.7 of one is a robot's unevenness."""
+        missing, self._balance, self._quiet = int(max(self._balance + 0.3, 0.0)), 0.0, _QUIET
+        return missing
 
     def settle(self) -> int:
         """Judge what there is, as nothing more comes; return how many samples are missing."""
         known = self._judge() if len(self._steps) >= 3 or (self._medians and self._steps) else 0
-        known, self._missing = known + round(self._missing), 0.0
-        return known
+        return known + self._whole()
 
 
 def _median(values: Collection[int]) -> int:
