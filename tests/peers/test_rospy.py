@@ -44,11 +44,11 @@ def test_rospy_publishes_samples_and_hears_estimates(ros) -> None:
         assert listener.stdout.readline() == "listening\n"
         source = open_source("ros1:/pose,/ft", SourceOptions(vectors=True))
         sink = open_publisher("ros1:/palpate")
-        # It waits until somebody listens to both its topics.
-        command = [PYTHON, HERE / "rosbag_publisher.py", str(COUNT), "0.001"]
+        # When the listener has met the publisher, which begins with the loop.
+        command = ["sh", "-c", f"sleep 4; exec {PYTHON} {HERE}/rosbag_publisher.py {COUNT} 0.001"]
         robot = subprocess.Popen(command, env=ros)
         preparation = OnlinePreparation(direction=[0, 0, 1])
-        status = run(source, sinks=[sink], preparation=preparation, seconds=8.0)
+        status = run(source, sinks=[sink], preparation=preparation, seconds=12.0)
         assert robot.wait(10) == 0
         heard, _ = listener.communicate(timeout=10)
     finally:
