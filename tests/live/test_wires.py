@@ -158,10 +158,12 @@ def test_what_is_no_sample_is_counted_and_the_next_one_is_taken(robot, source):
 
 @pytest.mark.slow
 def test_ten_thousand_malformed_packets_leave_the_memory_flat(robot, source):
-    sample = fuzz(robot, source, 2_000)
+    sample = fuzz(robot, source, 10_000)
     before = _resident()
-    fuzz(robot, source, 10_000, sample)
-    assert _resident() - before < 1 << 20  # 10 000 packets that were kept, of 100 bytes and more
+    for _ in range(5):
+        sample = fuzz(robot, source, 10_000, sample)
+    # The allocator takes up to 3 MB before it takes no more; kept packets would be 7 MB.
+    assert _resident() - before < 4 << 20
 
 
 def _resident() -> int:
