@@ -95,6 +95,23 @@ class ForceLaw:
         slope = (self.force(x, v) - self.force(x, -v)) / (2.0 * v)
         return slope if depths.ndim else float(slope)
 
+    @classmethod
+    def many_at(cls, parameters: Floats, depth: float) -> tuple[Floats, Floats]:
+        """:meth:`stiffness_at` and :meth:`damping_at` a depth, of many laws at once.
+
+        Parameters
+        ----------
+        parameters : numpy.ndarray, shape (k, p)
+            A law a row; NaN gives NaN.
+        depth : float
+            m, > 0.
+        """
+        found = np.full((2, len(parameters)), np.nan)
+        for k in np.flatnonzero(np.isfinite(parameters).all(axis=1)).tolist():
+            law = cls(*parameters[k].tolist())
+            found[:, k] = law.stiffness_at(depth), law.damping_at(depth)
+        return found[0], found[1]
+
 
 Law = TypeVar("Law", bound=type[ForceLaw])
 
@@ -219,6 +236,11 @@ class KelvinVoigt(_CompiledLaw):
         x = in_contact(depth)[0]
         return np.full(x.shape, self.damping) if x.ndim else self.damping
 
+    @classmethod
+    def many_at(cls, parameters: Floats, depth: float) -> tuple[Floats, Floats]:
+        """K and B of many laws, a row each."""
+        return parameters[:, 0].copy(), parameters[:, 1].copy()
+
 
 @register
 @dataclass(frozen=True, slots=True)
@@ -262,6 +284,11 @@ class ExtendedKelvinVoigt(_CompiledLaw):
         """∂F/∂v = B, at any depth > 0 [m]."""
         x = in_contact(depth)[0]
         return np.full(x.shape, self.damping) if x.ndim else self.damping
+
+    @classmethod
+    def many_at(cls, parameters: Floats, depth: float) -> tuple[Floats, Floats]:
+        """K₁ + 2 K₂ x and B of many laws, a row each."""
+        return parameters[:, 0] + 2.0 * depth * parameters[:, 1], parameters[:, 2].copy()
 
 
 @register
@@ -319,3 +346,11 @@ class HuntCrossley(_CompiledLaw):
         x = in_contact(depth)[0]
         slope = self.damping * x**self.exponent
         return slope if x.ndim else float(slope)
+
+    @classmethod
+    def many_at(cls, parameters: Floats, depth: float) -> tuple[Floats, Floats]:
+        """K n xⁿ⁻¹ and B xⁿ of many laws, a row each."""
+        stiffness, damping, exponent = parameters.T
+        with np.errstate(over="ignore", invalid="ignore"):  # a start may be anything
+            power = depth ** (exponent - 1.0)
+            return stiffness * exponent * power, damping * power * depth

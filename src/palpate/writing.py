@@ -17,6 +17,8 @@ from typing import IO
 
 from palpate.errors import RecordingError
 
+_MOST_NAMES = 100_000
+
 
 def write_bytes(path: Path, content: bytes, inputs: Sequence[Path] = ()) -> None:
     """Write a file.
@@ -90,6 +92,28 @@ def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
         check_writable(path, inputs)
         if any(_same_file(path, other) for other in outputs[:i]):
             raise RecordingError(f"{path}: two outputs would be this file; name another for one")
+
+
+def opened_new(path: Path) -> tuple[IO[bytes], Path]:
+    """Open a file that was not there, to be written piece by piece; a taken name gets a number.
+
+    Returns
+    -------
+    tuple
+        The file, and its path: ``touch-2.mcap`` where there is a ``touch.mcap``.
+
+    Raises
+    ------
+    OSError
+        It cannot be made.
+    """
+    for number in range(1, _MOST_NAMES):
+        tried = path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
+        try:
+            return tried.open("xb"), tried
+        except FileExistsError:
+            continue
+    raise FileExistsError(errno.EEXIST, "there are too many of its name")
 
 
 def make_folder(path: Path) -> None:

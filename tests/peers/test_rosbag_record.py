@@ -5,11 +5,8 @@ python3-geometry-msgs``. Everything listens on this machine only.
 """
 
 import os
-import shutil
 import signal
-import socket
 import subprocess
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,67 +16,22 @@ import pytest
 
 from palpate.errors import RecordingError
 from palpate.recordings import open_recording
+from peers.ros1 import PYTHON, absent, master
 from peers.rosbag_publisher import numbers
 
 pytestmark = [pytest.mark.peers, pytest.mark.slow]
 
 PUBLISHER = Path(__file__).with_name("rosbag_publisher.py")
-PYTHON = "/usr/bin/python3"  # the one that Debian's packages are for
-PROGRAMS = ("rosmaster", "rosbag", PYTHON)
 COUNT = 400
 PAUSE = "0.003"  # s: the recorder's queue of a hundred then lasts, on a busy machine, for 0.3 s
 
 
-def absent() -> str:
-    """What of ROS 1 is missing on this machine."""
-    missing = [name for name in PROGRAMS if shutil.which(name) is None]
-    if not missing:
-        ask = [PYTHON, "-c", "import rospy, geometry_msgs.msg"]
-        if subprocess.run(ask, capture_output=True, env=clean()).returncode:
-            missing = ["rospy"]
-    return ", ".join(missing)
-
-
-def clean() -> dict[str, str]:
-    """The environment, without the paths of our Python."""
-    return {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
-
-
 @pytest.fixture(scope="module")
 def ros(tmp_path_factory) -> Iterator[dict[str, str]]:
-    """A master of its own, on a free port; the environment in which it is found."""
-    if missing := absent():
+    if missing := absent("rosbag"):
         pytest.skip(f"ROS 1 is not installed: no {missing}")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    home = tmp_path_factory.mktemp("ros")
-    environment = clean() | {
-        "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
-        "ROS_IP": "127.0.0.1",
-        "ROS_HOME": str(home),
-    }
-    with (home / "master.log").open("wb") as log:
-        command = ["rosmaster", "--core", "-p", str(port)]
-        master = subprocess.Popen(command, env=environment, stdout=log, stderr=log)
-    try:
-        wait_for(lambda: listens(port), "rosmaster")
+    with master(tmp_path_factory.mktemp("ros")) as environment:
         yield environment
-    finally:
-        master.terminate()
-        master.wait(10)
-
-
-def listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
-
-
-def wait_for(done, what: str) -> None:
-    deadline = time.monotonic() + 20.0
-    while not done():
-        assert time.monotonic() < deadline, f"{what} did not come"
-        time.sleep(0.02)
 
 
 @contextmanager

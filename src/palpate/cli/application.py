@@ -21,7 +21,7 @@ from palpate.cli.session import ANY_COMMANDS, Hints, in_a_session, session_of, s
 from palpate.errors import PalpateError
 
 #: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
-COMMANDS = ("identify", "diagnose", "compare", "info", "design", "lab", "paper")
+COMMANDS = ("identify", "diagnose", "compare", "info", "design", "lab", "live", "paper")
 
 
 def application(hints: Hints | None = None) -> App:

@@ -79,6 +79,8 @@ def _values() -> Iterable[tuple[str, str, Iterable[str]]]:
 
     yield "identify", "method", ESTIMATORS
     yield "diagnose", "method", ESTIMATORS
+    yield "live", "method", ESTIMATORS
+    yield "live", "source", [f"lab:{name}" for name in MATERIALS]
     yield "lab", "material", (*MATERIALS, *FORCE_LAWS)
     yield "lab", "trajectory", TRAJECTORIES
     yield "paper", "only", EXPERIMENTS

@@ -22,6 +22,8 @@ Weight = NewType("Weight", str)
 Direction = NewType("Direction", str)
 Width = NewType("Width", str)
 Folder = NewType("Folder", Path)
+Address = NewType("Address", str)
+Method = NewType("Method", str)
 
 SurfaceWord: TypeAlias = Literal["threshold", "baseline", "fit", "estimate"]
 Axis: TypeAlias = Literal["x", "y", "z", "-x", "-y", "-z"]

@@ -22,6 +22,7 @@ from palpate.lab.materials import (
     TimeVaryingMaterial,
     Touch,
 )
+from palpate.lab.ongoing import OngoingBench
 from palpate.lab.probes import IdealProbe, Probe, SimulatedMotion
 from palpate.lab.robot import TwinPantograph
 from palpate.lab.sensors import PERFECT, Sensors
@@ -64,6 +65,7 @@ __all__ = [
     "IdealProbe",
     "Material",
     "Measurement",
+    "OngoingBench",
     "Palpation",
     "Probe",
     "Probing",

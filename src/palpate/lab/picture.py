@@ -43,8 +43,9 @@ def photograph(bench: Bench, at: float = 3.0, size: tuple[int, int] = (1200, 760
     robot = bench.probe if isinstance(bench.probe, TwinPantograph) else TwinPantograph()
     step = bench.sensors.sample_time
     time = step * np.arange(max(round(at / step), 1), dtype=np.float64)
-    run = Simulation(robot, bench.trajectory.at(time), step, np.random.default_rng(0))
-    run.simulate(time, bench.material.touch())
+    command = bench.trajectory.at(time)
+    run = robot.start(command, step, np.random.default_rng(0))
+    run.simulate(time, command, bench.material.touch())
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a screen that is missing, which the error says

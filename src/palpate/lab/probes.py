@@ -6,8 +6,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from palpate.lab.materials import Material
-from palpate.lab.trajectories import Trajectory
+from palpate.lab.materials import Material, Touch
+from palpate.lab.trajectories import Command, Trajectory
 from palpate.validation import Floats
 
 #: Called now and then with how far a run is, in seconds of its own clock.
@@ -52,6 +52,15 @@ class Probe(Protocol):
         """Press ``material`` along ``trajectory``; times are s, evenly spaced, from 0 on."""
 
 
+class Run(Protocol):
+    """A probe that has begun, and goes on as it is told."""
+
+    def simulate(
+        self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
+    ) -> SimulatedMotion:
+        """Follow a command over its times [s]; the next call continues from where this one ends."""
+
+
 @dataclass(frozen=True, slots=True)
 class IdealProbe:
     """A tip that is where the command says, without a robot: for statistics."""
@@ -72,3 +81,23 @@ class IdealProbe:
         return SimulatedMotion(
             x, v, command.lateral_position, material.force(time, command.lateral_position, x, v), x
         )
+
+    def start(
+        self, command: Command, sample_time: float, random: np.random.Generator
+    ) -> "IdealRun":
+        """Return a tip that follows this command, and any that continue it."""
+        return IdealRun()
+
+
+class IdealRun:
+    """A tip that is where the command says, a stretch of it at a time."""
+
+    def simulate(
+        self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
+    ) -> SimulatedMotion:
+        """Follow a command over its times [s]."""
+        x, v = command.penetration, command.velocity
+        lateral = command.lateral_position
+        columns = (each.tolist() for each in (time, lateral, x, v))
+        force = np.array([touch(*sample) for sample in zip(*columns, strict=True)])
+        return SimulatedMotion(x, v, lateral, force, x)

@@ -95,12 +95,15 @@ class TwinPantograph:
     ) -> SimulatedMotion:
         """Press ``material`` along ``trajectory`` under position control."""
         step = float(time[1] - time[0]) if time.size > 1 else 1e-3
-        if step > 1e-2:
-            raise InvalidParameterError(
-                f"sample_time must be at most 0.01 s for a robot under control, not {step:g} s"
-            )
         command = trajectory.at(time)
-        return Simulation(self, command, step, random).simulate(time, material.touch(), progress)
+        run = self.start(command, step, random)
+        return run.simulate(time, command, material.touch(), progress)
+
+    def start(
+        self, command: Command, sample_time: float, random: np.random.Generator
+    ) -> "Simulation":
+        """Return the rig at rest where a command begins; it follows that and any that continue."""
+        return Simulation(self, command, sample_time, random)
 
 
 class _Encoders:
@@ -120,7 +123,19 @@ class _Encoders:
 
 
 class Simulation:
-    """One run of the rig from rest, a substep at a time."""
+    """One run of the rig from rest, a substep at a time.
+
+    Parameters
+    ----------
+    settings : TwinPantograph
+        The robot's.
+    command : Command
+        Where it begins: its first sample.
+    sample_time : float
+        s, at most 0.01.
+    random : numpy.random.Generator
+        Of the encoders' phases.
+    """
 
     def __init__(
         self,
@@ -129,16 +144,15 @@ class Simulation:
         sample_time: float,
         random: np.random.Generator,
     ) -> None:
+        if sample_time > 1e-2:
+            raise InvalidParameterError(
+                "sample_time must be at most 0.01 s for a robot under control, not "
+                f"{sample_time:g} s"
+            )
         self._mujoco = require_mujoco()
         self._settings, self._geometry = settings, Geometry()
-        self._goal = self._geometry.motor_angles(command.lateral_position, command.penetration)
-        self._speed = self._geometry.motor_speeds(
-            command.lateral_position,
-            command.penetration,
-            command.lateral_velocity,
-            command.velocity,
-        )
-        self._home = self._goal[0]
+        first = command.lateral_position[:1], command.penetration[:1]
+        self._home = self._geometry.motor_angles(*first)[0]
         self._encoders = _Encoders(settings.counts_per_turn, self._home, random)
         self._substeps = math.ceil(sample_time / settings.time_step - 1e-9)
         self._sample_time = sample_time
@@ -154,16 +168,23 @@ class Simulation:
         self._counted = self._encoders.read(self._home)
 
     def simulate(
-        self, time: Floats, touch: Touch, progress: Progress | None = None
+        self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
     ) -> SimulatedMotion:
-        """Follow the command over times [s], as many as the command has."""
+        """Follow a command over its times [s]; the next call continues from where this one ends."""
+        goal = self._geometry.motor_angles(command.lateral_position, command.penetration)
+        speed = self._geometry.motor_speeds(
+            command.lateral_position,
+            command.penetration,
+            command.lateral_velocity,
+            command.velocity,
+        )
         samples = np.empty((time.size, 4))
         counted = np.empty((time.size, 4))
         for k, now in enumerate(time.tolist()):
             if progress is not None and k % 100 == 0:
                 progress(now)
             counted[k] = self._encoders.read(self._angles())
-            self._control(counted[k], self._goal[k], self._speed[k])
+            self._control(counted[k], goal[k], speed[k])
             samples[k] = self._sample(now, touch)
         recorded = self._geometry.tip(counted)[1]
         return SimulatedMotion(samples[:, 0], samples[:, 1], samples[:, 2], samples[:, 3], recorded)

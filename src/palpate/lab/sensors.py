@@ -43,7 +43,14 @@ class Sensors:
 
     def force(self, force: Floats, random: np.random.Generator) -> Floats:
         """Force as the sensor shows it, bias included, N."""
-        bias = self.force_bias * random.standard_normal()
+        return self.biased_force(force, self.bias(random), random)
+
+    def bias(self, random: np.random.Generator) -> float:
+        """A sensor's bias, N, which stays as it is."""
+        return float(self.force_bias * random.standard_normal())
+
+    def biased_force(self, force: Floats, bias: float, random: np.random.Generator) -> Floats:
+        """Force as a sensor of this bias [N] shows it."""
         noise = self.force_noise * random.standard_normal(force.size)
         return rounded(force + bias + noise, self.force_resolution)
 

@@ -80,7 +80,7 @@ class Probing:
     def at(self, time: Floats) -> Command:
         """Return the command at times [s], shape (k,)."""
         since = time - self.pause
-        blend, rate = _smooth_step(since / self.approach)
+        blend, rate = smooth_step(since / self.approach)
         x, v = self.motion.at(since - self.approach)
         still = np.zeros_like(time)
         return Command(
@@ -127,7 +127,7 @@ class Palpation:
         """Return the command at times [s], shape (k,)."""
         since = time - self.pause
         change = np.maximum(np.round(since / self.dwell), 1.0)
-        blend, rate = _smooth_step((since - change * self.dwell) / self.shift + 0.5)
+        blend, rate = smooth_step((since - change * self.dwell) / self.shift + 0.5)
         sign = np.where(change % 2.0 == 1.0, 1.0, -1.0)
         inward = self.probing.at(time)
         return replace(
@@ -238,7 +238,7 @@ class SplineTrajectory:
         return Command(self._spline(inside), velocity, still, still)
 
 
-def _smooth_step(u: Floats) -> tuple[Floats, Floats]:
+def smooth_step(u: Floats) -> tuple[Floats, Floats]:
     """From 0 to 1 while u goes from 0 to 1, without a jump in speed or acceleration; and du."""
     u = np.clip(u, 0.0, 1.0)
     return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u), 30.0 * u * u * (1.0 - u) * (1.0 - u)

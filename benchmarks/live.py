@@ -1,0 +1,195 @@
+"""``python -m benchmarks.live --minutes 10``: a loop at 1 kHz with page, recording, diagnosis."""
+
+import argparse
+import json
+import os
+import tempfile
+import time
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from benchmarks import machine, report
+from benchmarks.report import Limit, Row, Section
+from palpate import VariableProjection
+from palpate.live import run
+from palpate.live.page import Page
+from palpate.live.sinks.diagnosis import Diagnosing
+from palpate.live.sinks.recorder import Recorder
+from palpate.live.sinks.sink import Session, Sink
+from palpate.live.sinks.watching import Watching
+from palpate.live.sources.laboratory import Laboratory
+from palpate.preparation import OnlinePreparation
+
+TARE = 1.6  # s, of the 2 s that the laboratory rests
+_EVERY = 1.0  # s between two looks at the processes
+_TICK = os.sysconf("SC_CLK_TCK")
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+# Who serves the loop; the laboratory and the diagnosis are counted apart.
+SERVING = ("loop", "page", "recorder")
+
+
+class Browser:
+    """Takes every frame of the page, as a browser's socket does, in a process of its own."""
+
+    name = "browser"
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+
+    def run(self, session: Session, commands: Connection) -> None:
+        """Read until the page closes."""
+        from websockets.exceptions import ConnectionClosed
+        from websockets.sync.client import connect
+        from websockets.typing import Origin
+
+        here = f"127.0.0.1:{self._port}"
+        until = time.monotonic() + 20.0
+        while time.monotonic() < until:
+            try:
+                origin = Origin(f"http://{here}")
+                with connect(f"ws://{here}/socket", origin=origin) as socket:
+                    for _ in socket:
+                        pass
+            except (ConnectionClosed, OSError):
+                time.sleep(0.2)
+
+
+class Looking:
+    """Notes each second how much of a core and of memory every process of the run has taken."""
+
+    name = "looking"
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def run(self, session: Session, commands: Connection) -> None:
+        """Look until the loop stops; then write it all down."""
+        watching, loop = Watching(session), os.getppid()
+        looks: list[dict[str, Any]] = []
+        while watching.wait(_EVERY):
+            looks.append({"time": time.monotonic(), **_processes(loop)})
+        self._path.write_text(json.dumps(looks))
+        watching.close()
+
+
+def _processes(loop: int) -> dict[str, tuple[float, float]]:
+    """Seconds of a core and bytes of memory, by what each process is."""
+    children = Path(f"/proc/{loop}/task/{loop}/children").read_text().split()
+    found = {"loop": _figures(loop)}
+    for child in children:
+        name = Path(f"/proc/{child}/comm").read_text().strip().removeprefix("live ")
+        if name not in ("python", "python3"):  # the tracker of shared memory
+            found[name] = _figures(int(child))
+    return found
+
+
+def _figures(process: int) -> tuple[float, float]:
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
+    return (int(fields[11]) + int(fields[12])) / _TICK, float(pages * _PAGE)
+
+
+def measure(minutes: float, *, realtime: bool, method: VariableProjection | None) -> Section:
+    """Run the loop, and return what it counted and what it took.
+
+    Parameters
+    ----------
+    minutes : float
+        How long.
+    realtime : bool
+        Ask for a fixed priority.
+    method : VariableProjection, optional
+        The default of ``palpate live`` unless given.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        looks, page = Path(folder) / "looks.json", Page(port=0)
+        recording = Path(folder) / "run.mcap"
+        sinks: list[Sink] = [
+            page,
+            Recorder(recording),
+            Diagnosing(),
+            Browser(page.port),
+            Looking(looks),
+        ]
+        preparation = OnlinePreparation(sample_time=1e-3, tare_time=TARE)
+        status = run(
+            Laboratory("ball"), method, sinks, preparation=preparation, realtime=realtime,
+            seconds=60.0 * minutes,
+        )  # fmt: skip
+        size = recording.stat().st_size
+        return _section(minutes, status, json.loads(looks.read_text()), size)
+
+
+def _section(
+    minutes: float, status: dict[str, Any], looks: list[dict[str, Any]], size: int
+) -> Section:
+    counts, cycle, lateness = status["counts"], status["cycle"], status["lateness"]
+    shares, grown = _shares(looks), _growth(looks)
+    serving = sum(shares.get(name, 0.0) for name in SERVING)
+    rows = [
+        Row("samples taken", counts["taken"], ""),
+        Row("lost before the estimator", counts["lost"], "", limit=Limit(0.0)),
+        Row("refused", counts["refused"], "", limit=Limit(0.0)),
+        Row("done within 1 ms of their time", 100.0 * lateness["within"], "%",
+            limit=Limit(99.9, at_least=True)),
+        Row("done after their time, p99.9", 1e3 * lateness["p99.9"], "ms"),
+        Row("done after their time, latest", 1e3 * lateness["max"], "ms"),
+        Row("update and estimate, p50", 1e6 * cycle["p50"], "µs"),
+        Row("update and estimate, p99.9", 1e6 * cycle["p99.9"], "µs", limit=Limit(20.0)),
+        Row("loop, page and recorder", 100.0 * serving, "% of a core", limit=Limit(20.0)),
+        *(Row(f"  {name}", 100.0 * share, "% of a core") for name, share in shares.items()),
+        *(Row(f"memory, {name}", bytes_ / 1e6, "MB more since the first minute")
+          for name, bytes_ in grown.items()),
+        Row("recorded", size / 1e6 / minutes, "MB a minute"),
+    ]  # fmt: skip
+    notes = [f"{minutes:g} minutes; laboratory, diagnosis and browser are counted apart."]
+    notes += [f"said: {words}" for words in status["said"]]
+    return Section("Live at 1 kHz", rows, notes)
+
+
+def _shares(looks: list[dict[str, Any]]) -> dict[str, float]:
+    """Of a core, from the first look at a process to its last, without what it took to begin."""
+    shares = {}
+    for name in sorted({name for look in looks for name in look} - {"time", "looking"}):
+        seen = [(look["time"], look[name][0]) for look in looks if name in look]
+        began = [each for each in seen if each[0] >= seen[0][0] + 5.0] or seen
+        (start, before), (stop, after) = began[0], began[-1]
+        shares[name] = (after - before) / max(stop - start, 1e-9)
+    return shares
+
+
+def _growth(looks: list[dict[str, Any]]) -> dict[str, float]:
+    """Memory at the end over that after a minute, or half of the run where it is shorter."""
+    first = looks[0]["time"] + min(60.0, 0.5 * (looks[-1]["time"] - looks[0]["time"]))
+    later = [look for look in looks if look["time"] >= first]
+    tenth = max(len(later) // 10, 1)
+    return {
+        name: float(
+            np.median([look[name][1] for look in later[-tenth:] if name in look])
+            - np.median([look[name][1] for look in later[:tenth] if name in look])
+        )
+        for name in _shares(looks)
+    }
+
+
+def main() -> None:
+    """Measure, and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--realtime", action="store_true", help="as palpate live --realtime")
+    parser.add_argument(
+        "--plain", action="store_true", help="variable projection without rejection and detection"
+    )
+    given = parser.parse_args()
+    where = machine.describe("")
+    method = VariableProjection() if given.plain else None
+    section = measure(given.minutes, realtime=given.realtime, method=method)
+    report.print_sections([section], where, Console(highlight=False, width=120))
+
+
+if __name__ == "__main__":
+    main()

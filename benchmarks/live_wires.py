@@ -1,0 +1,323 @@
+"""``python -m benchmarks.live_wires --seconds 60``: 1 kHz over each wire, on loopback.
+
+Another process sends poses and wrenches, stamped with this machine's monotonic clock as they are
+sent; what is measured is until ``take`` has given them. Beside it, as what is direct, a bare
+datagram of the same numbers between the same processes. All that is lost is counted.
+"""
+
+import argparse
+import os
+import shutil
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from benchmarks import machine, report
+from benchmarks.report import Limit, Row, Section
+from palpate.errors import PalpateError
+from palpate.live.sources.opening import SourceOptions, open_source
+
+RATE = 1000.0  # Hz
+KINDS = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped")
+NAMES = ("/pose", "/wrench")
+DIRECT = "a bare datagram"
+_SETTLE = 1.0  # s, that discovery takes at most on one machine
+_BARE = struct.Struct("<Qd6d")
+_DOMAIN = 200
+Send = Callable[[int, int], None]
+_ROSPY = """
+import os, sys, time
+import rospy
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+rospy.init_node("robot", disable_signals=True)
+# Without a queue it sends at once, as a node in C++ does.
+import warnings
+warnings.simplefilter("ignore")
+kinds = [("/pose", PoseStamped), ("/wrench", WrenchStamped)]
+senders = [(rospy.Publisher(n, k, queue_size=None, tcp_nodelay=True), k()) for n, k in kinds]
+print("ready", flush=True)
+sys.stdin.readline()
+begin = time.monotonic()
+for k in range(int(sys.argv[1])):
+    time.sleep(max(begin + k / float(sys.argv[2]) - time.monotonic(), 0.0))
+    stamp = rospy.Time(*divmod(time.monotonic_ns(), 10**9))
+    for sender, message in senders:
+        message.header.stamp = stamp
+        sender.publish(message)
+sys.stdin.readline()
+os._exit(0)
+"""
+
+
+def sender(wire: str, where: str) -> Send:
+    """Return what sends a sample: its number, and its stamp in ns."""
+    if wire == "zmq":
+        return _zeromq(where)
+    if wire == DIRECT:
+        bare = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        address = ("127.0.0.1", int(where))
+
+        def send(k: int, stamp: int) -> None:
+            bare.sendto(_BARE.pack(k, 1e-9 * stamp, *(0.0,) * 6), address)
+
+        return send
+    return _ros(wire, where)
+
+
+def _zeromq(where: str) -> Send:
+    import zmq
+
+    from palpate.live.wires.packets import packed
+
+    publisher = zmq.Context().socket(zmq.PUB)
+    publisher.sndhwm = 0
+    publisher.bind(where)
+    zeros = (0.0, 0.0, 0.0)
+    return lambda k, stamp: publisher.send(packed(k, 1e-9 * stamp, zeros, zeros)) and None
+
+
+def _ros(wire: str, where: str) -> Send:
+    """Messages made once; only stamp and number are written anew."""
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.LATEST)
+    made = [bytearray(_zeros(store, kind)) for kind in KINDS]
+    put = {"dds": _dds, "zenoh": _zenoh}[wire](store, where)
+
+    def send(k: int, stamp: int) -> None:
+        seconds, nanoseconds = divmod(stamp, 10**9)
+        for index, message in enumerate(made):
+            struct.pack_into("<II", message, 4, seconds, nanoseconds)  # after the head of CDR
+            put(index, bytes(message), k)
+
+    return send
+
+
+def _zeros(store: Any, kind: str) -> bytes:
+    types = store.types
+    time_ = types["builtin_interfaces/msg/Time"](0, 0)
+    header = types["std_msgs/msg/Header"](time_, "base")
+    vector = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+    point = types["geometry_msgs/msg/Point"](0.0, 0.0, 0.0)
+    turned = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+    whole = {
+        KINDS[0]: lambda: types["geometry_msgs/msg/Pose"](point, turned),
+        KINDS[1]: lambda: types["geometry_msgs/msg/Wrench"](vector, vector),
+    }[kind]()
+    return bytes(store.serialize_cdr(types[kind](header, whole), kind))
+
+
+def _dds(_: Any, where: str) -> Callable[[int, bytes, int], None]:
+    from cyclonedds.core import Policy, Qos
+    from cyclonedds.pub import DataWriter
+    from cyclonedds.topic import Topic
+
+    from palpate.live.wires.dds_domain import participant, raw_type
+
+    member = participant(int(where), None)
+    reliable = Qos(Policy.Reliability.Reliable(10**9), Policy.History.KeepLast(10_000))
+    types = [raw_type(kind) for kind in KINDS]
+    writers: list[Any] = [
+        DataWriter(member, Topic(member, f"rt{name}", kind), qos=reliable)
+        for name, kind in zip(NAMES, types, strict=True)
+    ]
+    return lambda index, data, _: writers[index].write(types[index].of(data))
+
+
+def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
+    import zenoh
+
+    from palpate.live.wires import zenoh_session
+    from palpate.live.wires.addresses import parsed
+
+    session = zenoh_session.opened(parsed("zenoh", f"?listen={where}", zenoh_session.OPTIONS))
+    publishers = [
+        session.declare_publisher(
+            zenoh_session.key_of(0, name, kind, store.hash_rihs01(kind)),
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            express=True,
+        )
+        for name, kind in zip(NAMES, KINDS, strict=True)
+    ]
+
+    def put(index: int, data: bytes, k: int) -> None:
+        assert not session.is_closed()  # which it is as soon as nobody holds it
+        attached = zenoh_session.attachment(k, time.time_ns(), b"a robot, 16 byte")
+        publishers[index].put(data, attachment=attached)
+
+    return put
+
+
+def serve(wire: str, where: str, count: int) -> None:
+    """Send at the rate, when asked."""
+    send = sender(wire, where)
+    print("ready", flush=True)
+    sys.stdin.readline()
+    begin = time.monotonic()
+    for k in range(count):
+        time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
+        send(k, time.monotonic_ns())
+    sys.stdin.readline()
+    os._exit(0)  # threads of the libraries are of no concern here
+
+
+def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:
+    """Times between sending and taking, s; how many were sent; and lost by the source's count."""
+    count = round(seconds * RATE)
+    where = {"zmq": f"tcp://127.0.0.1:{_free()}", "zenoh": f"tcp/127.0.0.1:{_free()}"}.get(wire)
+    where = where or (str(_free(socket.SOCK_DGRAM)) if wire == DIRECT else str(_DOMAIN))
+    command = [sys.executable, "-m", "benchmarks.live_wires", "--send", wire, where, str(count)]
+    if wire == "ros1":
+        # A robot's own node: by the Python that has rospy, which knows nothing of palpate.
+        command = ["/usr/bin/python3", "-c", _ROSPY, str(count), str(RATE)]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdout.readline()
+        begin = _Begin(process.stdin)
+        try:
+            if wire == DIRECT:
+                return _bare(int(where), count, begin), count, 0
+            return _taken(wire, where, count, begin)
+        finally:
+            begin()
+            with suppress(BrokenPipeError):
+                process.communicate("end\n", timeout=30)
+
+
+class _Begin:
+    """Has the sender begin, once."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream, self._done = stream, False
+
+    def __call__(self) -> None:
+        if not self._done:
+            with suppress(BrokenPipeError):  # the sender has said why
+                self._stream.write("begin\n")
+                self._stream.flush()
+        self._done = True
+
+
+def _taken(
+    wire: str, where: str, count: int, begin: Callable[[], None]
+) -> tuple[np.ndarray[Any, Any], int, int]:
+    rest = {
+        "zmq": where,
+        "dds": f"/pose,/wrench?domain={where}",
+        "zenoh": f"/pose,/wrench?connect={where}",
+        "ros1": "/pose,/wrench",
+    }[wire]
+    source = open_source(f"{wire}:{rest}", SourceOptions(vectors=True))
+    source.open()
+    try:
+        time.sleep(_SETTLE)
+        begin()
+        times = np.full(count, np.nan)
+        found = 0
+        while found < count and (arrival := source.take(2.0)) is not None:
+            times[found] = time.monotonic() - arrival.time
+            found += 1
+    finally:
+        source.close()
+    return times[:found], count, source.counts.lost + source.counts.unpaired
+
+
+def _bare(port: int, count: int, begin: Callable[[], None]) -> np.ndarray[Any, Any]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bare:
+        bare.bind(("127.0.0.1", port))
+        bare.settimeout(2.0)
+        begin()
+        times = []
+        for _ in range(count):
+            data = bare.recv(100)
+            times.append(time.monotonic() - _BARE.unpack(data)[1])
+    return np.array(times)
+
+
+def _free(kind: int = socket.SOCK_STREAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as free:
+        free.bind(("127.0.0.1", 0))
+        port: int = free.getsockname()[1]
+    return port
+
+
+@contextmanager
+def ros_master() -> Iterator[bool]:
+    """A master of ROS 1 of our own; whether there is one."""
+    if shutil.which("rosmaster") is None:
+        yield False
+        return
+    port = _free()
+    os.environ |= {"ROS_MASTER_URI": f"http://127.0.0.1:{port}", "ROS_IP": "127.0.0.1"}
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    with tempfile.TemporaryDirectory() as home, (Path(home) / "master.log").open("wb") as log:
+        clean["ROS_HOME"] = home
+        command = ["rosmaster", "--core", "-p", str(port)]
+        process = subprocess.Popen(command, env=clean, stdout=log, stderr=log)
+        try:
+            until = time.monotonic() + 20.0
+            while time.monotonic() < until and not _listens(port):
+                time.sleep(0.1)
+            yield True
+        finally:
+            process.terminate()
+            process.wait(10)
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def section_of(wires: list[str], seconds: float) -> Section:
+    """Measure each wire, one after the other."""
+    notes = [f"{seconds:g} s at {RATE:g} Hz each; ROS's wires carry two messages a sample."]
+    direct = float(np.median(measure(DIRECT, seconds)[0]))
+    rows = [Row(f"{DIRECT}, median", 1e3 * direct, "ms")]
+    for wire in wires:
+        try:
+            times, sent, lost = measure(wire, seconds)
+        except PalpateError as error:
+            notes.append(f"not measured: {error}")
+            continue
+        median, late = np.median(times), np.percentile(times, 99.9)
+        rows += [
+            Row(f"{wire}: lost of {sent}", sent - len(times), "", limit=Limit(0.0)),
+            Row(f"{wire}: lost, by the source's count", lost, "", limit=Limit(0.0)),
+            Row(f"{wire}: median above the datagram's", 1e3 * (median - direct), "ms",
+                limit=Limit(0.3)),
+            Row(f"{wire}: p99.9", 1e3 * late, "ms"),
+        ]  # fmt: skip
+    return Section("1 kHz on the wire, from sending to taking", rows, notes)
+
+
+def main() -> None:
+    """Measure, and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("wires", nargs="*", default=["zmq", "dds", "zenoh", "ros1"])
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--send", nargs=3, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.send:
+        wire, where, count = given.send
+        serve(wire, where, int(count))
+    with ros_master() if "ros1" in given.wires else tempfile.TemporaryDirectory():
+        section = section_of(given.wires, given.seconds)
+    report.print_sections([section], machine.describe(""), Console(highlight=False, width=120))
+
+
+if __name__ == "__main__":
+    main()

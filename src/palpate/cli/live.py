@@ -1,0 +1,231 @@
+"""The command ``palpate live``."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from palpate.cli.groups import LOOP, OUTPUT, PAGE, PREPARED, READ
+from palpate.cli.values import Address, Channels, Depth, Direction, Duration, Unit
+
+if TYPE_CHECKING:
+    from palpate.estimators import ContactEstimator
+    from palpate.live.sinks.sink import Sink
+    from palpate.live.sources.source import Source
+    from palpate.preparation import OnlinePreparation
+
+# Of the rest that a source begins with, what is sure to be without contact.
+_OF_REST = 0.8
+_READ = Parameter(group=READ)
+_PREPARED = Parameter(group=PREPARED)
+_FLAG = Parameter(group=PREPARED, negative="")
+_SIGNED = Parameter(group=PREPARED, allow_leading_hyphen=True)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Incoming:
+    """What a source delivers, and how it becomes penetration, velocity and force."""
+
+    rate: Annotated[float | None, _READ] = None
+    "Samples a second, nominally; what the source says unless given."
+    speed: Annotated[float, _READ] = 1.0
+    "Times its own pace, of a recording."
+    position: Annotated[Channels | None, _READ] = None
+    "The channel of a recording that is the position; looked for unless given."
+    force: Annotated[Channels | None, _READ] = None
+    "The channel of a recording that is the force; looked for unless given."
+    unit: Annotated[tuple[Unit, ...], Parameter(group=READ, negative="")] = ()
+    "Units of a recording's channels, such as penetration=mm,force=mN."
+    tare: Annotated[Duration | None, _PREPARED] = None
+    "Take off the mean force of so long at the start, such as 1s; of the laboratory it always is."
+    surface: Annotated[Depth | None, _SIGNED] = None
+    "Where the material begins: a position such as 0.7mm."
+    direction: Annotated[Direction | None, _SIGNED] = None
+    "Into the material, three numbers such as 0,0,-1: position and force are vectors then."
+    velocity_window: Annotated[float | None, _PREPARED] = None
+    "Length of the velocity filter, s; 15 samples but at most 15 ms unless given."
+    flip_force: Annotated[bool, _FLAG] = False
+    "Turn the sign of the force: compression is to be positive."
+    flip_penetration: Annotated[bool, _FLAG] = False
+    "Turn the sign of the position: into the material is to be positive."
+
+    def source(self, address: str) -> "Source":
+        """Return the source of an address."""
+        from palpate.cli.quantities import units_of
+        from palpate.live.sources import SourceOptions, open_source
+        from palpate.preparation import Columns
+        from palpate.validation import number_in
+
+        sample_time = None
+        if self.rate is not None:
+            sample_time = 1.0 / number_in("--rate", self.rate, 1e-3, 1e5)
+        named = {"position": self.position, "force": self.force}
+        columns = Columns(**{name: each for name, each in named.items() if each is not None})
+        options = SourceOptions(
+            sample_time=sample_time,
+            vectors=self.direction is not None,
+            speed=number_in("--speed", self.speed, 0.0, 1e6, open_low=True),
+            reading={"columns": columns, "units": units_of("--unit", self.unit)},
+        )
+        return open_source(address, options)
+
+    def preparation(self, source: "Source") -> "OnlinePreparation":
+        """Return what makes samples of what the source delivers."""
+        from palpate.cli.quantities import quantity
+        from palpate.preparation import OnlinePreparation
+
+        given: dict[str, Any] = {"velocity_window": self.velocity_window}
+        if self.tare is not None:
+            given["tare_time"] = quantity("--tare", self.tare, "time")
+        elif rest := getattr(source, "rest", 0.0):
+            given["tare_time"] = _OF_REST * rest
+        if self.surface is not None:
+            given["surface"] = quantity("--surface", self.surface, "penetration")
+        if self.direction is not None:
+            given["direction"] = _direction(self.direction)
+        turned = {"force": self.flip_force, "penetration": self.flip_penetration}
+        given["flip"] = tuple(channel for channel, turn in turned.items() if turn)
+        return OnlinePreparation(sample_time=source.sample_time, **given)
+
+
+@Parameter(name="*", group=PAGE)
+@dataclass(frozen=True)
+class Page:
+    """Where the page is served."""
+
+    page: bool = True
+    "Serve a page that shows the loop."
+    host: str = "127.0.0.1"
+    "Address to listen on; on any but this machine's own a token is demanded, and printed once."
+    port: int = 8765
+    "Port to listen on; 0 for any that is free."
+    open: Annotated[bool, Parameter(negative="")] = False
+    "Open the page in a browser."
+
+    def sinks(self) -> "list[Sink]":
+        """Return the page, where one is wanted."""
+        if not self.page:
+            return []
+        from palpate.live.page import Page as PageSink
+
+        return [PageSink(host=self.host, port=self.port, open_browser=self.open)]
+
+
+@Parameter(name="*", group=LOOP)
+@dataclass(frozen=True)
+class Looping:
+    """How the loop runs."""
+
+    realtime: Annotated[bool, Parameter(negative="")] = False
+    "Ask for a fixed priority and locked memory; what is not allowed is said."
+    seconds: float | None = None
+    "Stop after so long, s."
+    diagnosis: bool = True
+    "Diagnose the last 20 s, every 5 s or more, in a process of its own."
+
+
+def live(
+    source: Address,
+    /,
+    *,
+    method: str = "variable-projection",
+    record: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
+    publish: Annotated[tuple[Address, ...], Parameter(group=OUTPUT, negative="")] = (),
+    console: Annotated[bool, Parameter(group=OUTPUT)] = True,
+    page: Page | None = None,
+    looping: Looping | None = None,
+    incoming: Incoming | None = None,
+) -> None:
+    """Identify while a robot moves, each sample before the next one comes.
+
+    Ctrl-C ends it; what was lost, late or refused is printed then.
+
+    For example:
+
+        palpate live lab:ball --open
+        palpate live probing.mcap --speed 2 --tare 1s --no-page
+        palpate live zmq:tcp://127.0.0.1:5555 --direction 0,0,-1 --record touch.mcap
+
+    Parameters
+    ----------
+    source
+        The laboratory, such as lab:ball; a recording's path; or a robot on the wire: zmq:…, dds:…,
+        zenoh:… or ros1:….
+    method
+        The estimator, such as single-stage; it can be changed in the page.
+    record
+        Record what comes and what is found to this MCAP file; one that is there is left, and the
+        name has a number then.
+    publish
+        Publish the estimates on this wire too, such as zmq:tcp://127.0.0.1:5556.
+    console
+        Show a line of figures.
+    """
+    from palpate.live.running import run
+    from palpate.validation import number_in
+
+    looping, incoming = looping or Looping(), incoming or Incoming()
+    seconds = looping.seconds
+    if seconds is not None:
+        seconds = number_in("--seconds", seconds, 0.0, 1e9)
+    chosen = _estimator(method)
+    taken = incoming.source(source)
+    sinks = _sinks(record, publish, page or Page(), console=console, diagnosis=looping.diagnosis)
+    run(
+        taken,
+        chosen,
+        sinks,
+        preparation=incoming.preparation(taken),
+        realtime=looping.realtime,
+        seconds=seconds,
+    )
+
+
+def _estimator(method: str) -> "ContactEstimator":
+    from palpate.estimators import estimator_named
+    from palpate.live.running import default_estimator
+
+    usual = default_estimator()
+    return usual if method == usual.method else estimator_named(method)()
+
+
+def _sinks(
+    record: Path | None,
+    publish: Sequence[str],
+    page: Page,
+    *,
+    console: bool,
+    diagnosis: bool,
+) -> "list[Sink]":
+    from palpate.live.sinks.console import Console
+    from palpate.live.sinks.diagnosis import Diagnosing
+    from palpate.live.sinks.opening import open_publisher
+    from palpate.live.sinks.recorder import Recorder
+    from palpate.writing import check_writable
+
+    if record is not None:
+        check_writable(record)
+    sinks: list[Sink] = [Console(quiet=not console), *map(open_publisher, publish)]
+    if diagnosis:
+        sinks.append(Diagnosing())
+    if record is not None or page.page:
+        sinks.append(Recorder(record))
+    return [*sinks, *page.sinks()]
+
+
+def _direction(text: str) -> list[float]:
+    """Three numbers with commas between them."""
+    from palpate.errors import InvalidParameterError
+
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 3:
+        raise InvalidParameterError(
+            f"--direction must be three numbers such as 0,0,-1, not {text!r}"
+        )
+    return numbers

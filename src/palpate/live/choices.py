@@ -1,0 +1,79 @@
+"""What a person may choose of an estimator while it runs."""
+
+from typing import Any
+
+from palpate.errors import InvalidParameterError
+from palpate.estimators import ESTIMATORS, ContactEstimator, estimator_named
+from palpate.settings import ChangeDetector, ConstantForgetting, OutlierRejection
+from palpate.validation import number_in, shown
+
+#: Settings that are either off or as the library has them.
+SWITCHES = {"outlier_rejection": OutlierRejection, "change_detector": ChangeDetector}
+#: Numbers that only some methods have.
+NUMBERS = ("stiffness_drift", "dissipation_drift", "exponent_drift")
+#: Of the recording rather than the method: another method has them too.
+_KEPT = ("gate", "sample_time", "scale", "outlier_rejection", "change_detector")
+
+
+def main_settings(estimator: ContactEstimator) -> dict[str, Any]:
+    """Return the settings that a person may change, as plain values.
+
+    ``forgetting_factor`` is NaN-free: None where the method forgets in its own way, or not at all.
+    """
+    settings = estimator.settings
+    found: dict[str, Any] = {
+        name: settings[name] is not None for name in SWITCHES if name in settings
+    }
+    found |= {name: settings[name] for name in NUMBERS if name in settings}
+    if "forgetting" in settings:
+        forgetting = settings["forgetting"]
+        constant = isinstance(forgetting, ConstantForgetting)
+        found["forgetting_factor"] = forgetting.factor if constant else None
+    return found
+
+
+def offered() -> dict[str, dict[str, Any]]:
+    """Return every method with the main settings that it begins with."""
+    return {name: main_settings(kind()) for name, kind in ESTIMATORS.items()}
+
+
+def chosen(estimator: ContactEstimator, options: dict[str, Any]) -> ContactEstimator:
+    """Return an estimator that has learned nothing, as a person asked for it.
+
+    Parameters
+    ----------
+    estimator : ContactEstimator
+        The one until now; of another method what concerns the samples is kept, such as the gate.
+    options : dict
+        ``method``; what :func:`main_settings` names; or settings of the method, as objects.
+
+    Raises
+    ------
+    InvalidParameterError
+        There is no such method or setting, or a value is out of range.
+    """
+    wanted = dict(options)
+    kind = estimator_named(wanted.pop("method", estimator.method))
+    known = kind().settings
+    kept = estimator.settings
+    if kind is not type(estimator):
+        kept = {name: kept[name] for name in _KEPT if name in kept and name in known}
+    given = {}
+    for name, value in wanted.items():
+        if name != "forgetting_factor" and name not in known:
+            raise InvalidParameterError(f"{kind.method} has no setting {shown(name)}")
+        given.update(_setting(name, value, known))
+    return kind(**{**kept, **given})
+
+
+def _setting(name: str, value: Any, known: dict[str, Any]) -> dict[str, Any]:
+    """One setting as the constructor takes it."""
+    if name in SWITCHES and isinstance(value, bool):
+        return {name: SWITCHES[name]() if value else None}
+    if name in NUMBERS:
+        return {name: number_in(name, value, 0.0, 1e6)}
+    if name != "forgetting_factor":
+        return {name: value}
+    if "forgetting" not in known:
+        raise InvalidParameterError("this method has no forgetting factor")
+    return {"forgetting": known["forgetting"] if value is None else ConstantForgetting(value)}

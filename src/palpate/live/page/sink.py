@@ -1,0 +1,239 @@
+"""The page as a sink of the loop: its address, its token, and the process that serves it."""
+
+import asyncio
+import ipaddress
+import logging
+import multiprocessing
+import os
+import secrets
+import select
+import socket
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING, Any
+
+from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.live.board import Board
+from palpate.live.commands import Command
+from palpate.live.sinks.sink import Session
+from palpate.validation import shown, whole_in
+
+if TYPE_CHECKING:
+    from uvicorn import Config
+
+PORT = 8765
+_BACKLOG = 64
+_SHORTEST_TOKEN = 16
+_GENTLY = 5  # niceness: a frame can wait for a millisecond, the loop cannot
+
+
+class Page:
+    """A page that shows the run in any browser of this machine.
+
+    It listens from here on, so that a port in use is known before anything starts. On the loopback
+    addresses everybody on this machine may watch and ask; on any other a token is demanded.
+
+    Parameters
+    ----------
+    host : str
+        Address or name to listen on.
+    port : int
+        In [0, 65535]; 0 takes a free one.
+    token : str, optional
+        At least 16 characters; a random one where the address is not a loopback one.
+    open_browser : bool
+        Show the page as soon as it is there.
+
+    Raises
+    ------
+    InvalidParameterError
+        The address is not this machine's, the port is in use or not allowed, or the token is short.
+    MissingExtraError
+        What it needs is not installed.
+    """
+
+    name = "page"
+
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = PORT,
+        token: str | None = None,
+        open_browser: bool = False,
+    ) -> None:
+        _check_installed()
+        token_for("127.0.0.1", token)  # before anything listens
+        self._open_browser = open_browser
+        self._socket = _listening(host, whole_in("port", port, 0, 65535))
+        address = self._socket.getsockname()
+        self.port: int = address[1]
+        self._host = address[0]
+        self.token = token_for(self._host, token)
+
+    @property
+    def url(self) -> str:
+        """Where the page is, with its token."""
+        host = ipaddress.ip_address(self._host)
+        if host.is_unspecified:  # it listens on every address of this machine
+            name = socket.gethostname()
+        else:
+            name = f"[{host}]" if host.version == 6 else str(host)
+        query = f"?token={self.token}" if self.token else ""
+        return f"http://{name}:{self.port}/{query}"
+
+    def close(self) -> None:
+        """Let go of the port, in this process."""
+        self._socket.close()
+
+    def handed_over(self) -> None:
+        """The port is the other process's own now: when that ends, nobody answers in its place."""
+        self.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        if self._socket.fileno() < 0:
+            raise InvalidParameterError("this page has been served already: make another")
+        return dict(self.__dict__)
+
+    def run(self, session: Session, commands: Connection) -> None:
+        """Serve the page until the loop has stopped."""
+        if multiprocessing.parent_process() is not None:  # a process of its own
+            with suppress(OSError, AttributeError):
+                os.nice(_GENTLY)
+        # Bad requests are counted and shown; a log of them would only fill a disk.
+        logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
+        logging.getLogger("websockets").setLevel(logging.CRITICAL)
+        asyncio.run(self._serve(session, commands))
+
+    async def _serve(self, session: Session, commands: Connection) -> None:
+        from uvicorn import Config
+
+        from palpate.live.page.protocol import Malformed, protocols
+        from palpate.live.page.requests import MOST_BYTES
+        from palpate.live.page.server import Server
+        from palpate.live.page.watch import Watch
+
+        watch, own, malformed = Watch(session), Board(session.own), Malformed()
+        server = Server(watch, _sender(commands), malformed)
+        http, websockets = protocols(malformed)
+        config = Config(
+            server.app(self.token),
+            http=http,
+            ws=websockets,
+            ws_max_size=MOST_BYTES,
+            ws_per_message_deflate=False,  # on one machine it costs more than it saves
+            lifespan="off",
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            timeout_graceful_shutdown=1,
+        )
+        serving = asyncio.create_task(_quietly(config, self._socket))
+        print(f"The page is at {self.url}", flush=True)
+        if self._open_browser:
+            asyncio.get_running_loop().run_in_executor(None, webbrowser.open, self.url)
+        try:
+            await server.feed(_orphaned, own.write)
+        finally:
+            serving.cancel()
+            with suppress(asyncio.CancelledError):
+                await serving
+            watch.close()
+            own.close()
+
+
+async def _quietly(config: "Config", listening: socket.socket) -> None:
+    """Serve until cancelled; the loop's process is the one that signals are for."""
+    from uvicorn import Server
+
+    class Quiet(Server):
+        @contextmanager
+        def capture_signals(self) -> Iterator[None]:
+            yield
+
+    server = Quiet(config)
+    running = asyncio.create_task(server.serve([listening]))
+    try:
+        await asyncio.shield(running)
+    finally:
+        server.should_exit = True
+        await running
+
+
+def _sender(commands: Connection) -> Any:
+    def send(command: Command) -> None:
+        if not _takes(commands):
+            raise InvalidParameterError("the loop does not answer: nothing was asked")
+        try:
+            commands.send(command)
+        except OSError:
+            raise InvalidParameterError("the loop has ended") from None
+
+    return send
+
+
+def _takes(commands: Connection) -> bool:
+    """Whether there is room for a command: the page waits for nobody."""
+    try:
+        return bool(select.select([], [commands.fileno()], [], 0)[1])
+    except (OSError, ValueError):  # it has ended, which sending says; or it is no file here
+        return True
+
+
+def _orphaned() -> bool:
+    """Whether the loop's process is gone, without a word."""
+    parent = multiprocessing.parent_process()
+    return parent is not None and not parent.is_alive()
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+    except (OSError, UnicodeError):
+        raise InvalidParameterError(f"host {shown(host)} is not known") from None
+    made = socket.socket(family, kind, protocol)
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind(address)
+        made.listen(_BACKLOG)
+    except OSError as error:
+        made.close()
+        reason = (error.strerror or str(error)).lower()
+        raise InvalidParameterError(
+            f"the page cannot listen on {host} port {port}: {reason}; choose another port, or 0"
+        ) from None
+    return made
+
+
+def token_for(address: str, token: str | None) -> str | None:
+    """Return the token that a page on an address demands: a random one where it has to have one.
+
+    Raises
+    ------
+    InvalidParameterError
+        The token is short, or would not stand in an address as it is.
+    """
+    if token is None:
+        loopback = ipaddress.ip_address(address.partition("%")[0]).is_loopback
+        return None if loopback else secrets.token_urlsafe(24)
+    letters = token.replace("-", "").replace("_", "") if isinstance(token, str) else ""
+    if not (letters.isascii() and letters.isalnum() and len(token) >= _SHORTEST_TOKEN):
+        raise InvalidParameterError(
+            f"token must have {_SHORTEST_TOKEN} letters, digits, - or _ at least"
+        )
+    return token
+
+
+def _check_installed() -> None:
+    try:
+        import starlette
+        import uvicorn
+        import websockets
+    except ImportError as error:
+        raise MissingExtraError(
+            f"the page needs {error.name}: pip install 'palpate[live]'"
+        ) from None
+    del starlette, uvicorn, websockets

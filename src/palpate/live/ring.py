@@ -1,0 +1,178 @@
+"""A ring of rows in shared memory: one loop writes, any number of processes read.
+
+The writer never waits. A reader that falls behind by more than the ring holds loses rows, and knows
+how many.
+"""
+
+import struct
+from dataclasses import dataclass
+from multiprocessing import resource_tracker, shared_memory
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.validation import Floats
+
+#: The most parameters that a law may have to be shown live.
+MOST_PARAMETERS = 4
+
+#: Columns of a row, in their order.
+COLUMNS = (
+    "time",  # of the sample that was prepared, s, by the source's clock
+    "arrived",  # time of the newest measurement, s, by the same clock
+    "position", "raw_force",  # of the newest measurement, along the contact normal; m, N
+    "penetration", "velocity", "force",  # as they were given to the estimator; NaN where none was
+    "predicted_force",  # a priori, N
+    "status", "preparation", "state",  # numbers of Status, Status and State
+    "offset", "surface", "margin",  # N, m, and of condition 10
+    "cycle", "lateness",  # s
+    "method",  # number of the estimator's generation: another means that it was changed
+    *(f"parameter_{k}" for k in range(MOST_PARAMETERS)),
+    *(f"covariance_{k}" for k in range(MOST_PARAMETERS**2)),  # row by row
+    # As the newest measurement came, before signs and direction: a number is the first of three.
+    *(f"input_{what}_{axis}" for what in ("position", "force") for axis in "xyz"),
+)  # fmt: skip
+WIDTH = len(COLUMNS)
+_HEADER = 64  # bytes: a cache line of its own
+#: 16 s at 1 kHz: what a page shows, and a reader may stall for.
+CAPACITY = 1 << 14
+
+
+class Taken(NamedTuple):
+    """Rows that a reader took.
+
+    Attributes
+    ----------
+    rows : numpy.ndarray, shape (k, WIDTH)
+        In the order of time.
+    dropped : int
+        Rows between the last ones taken and these, which the ring no longer held.
+    """
+
+    rows: Floats
+    dropped: int
+
+
+class Writer:
+    """The loop's end; it owns the memory, unless another process made it.
+
+    Parameters
+    ----------
+    capacity, width : int
+        Rows that it holds, and numbers in each.
+    made : Address, optional
+        Of a ring that another process made, and gives back; nobody else may write it.
+    """
+
+    def __init__(
+        self, capacity: int = CAPACITY, width: int = WIDTH, *, made: "Address | None" = None
+    ) -> None:
+        self._own = made is None
+        self._row = struct.Struct(f"@{width if made is None else made.width}d")
+        self._memory = (
+            shared_memory.SharedMemory(create=True, size=_HEADER + capacity * self._row.size)
+            if made is None
+            else attached(made.name)
+        )
+        assert self._memory.buf is not None  # it is open
+        self._buffer: memoryview = self._memory.buf
+        self._capacity, self._count = capacity if made is None else made.capacity, 0
+        self._written = whole_numbers(self._buffer, 1)
+        self._written[0] = 0
+
+    @property
+    def address(self) -> "Address":
+        """How a reader in another process finds it."""
+        return Address(self._memory.name, self._capacity, self._row.size // 8)
+
+    @property
+    def count(self) -> int:
+        """Rows written so far."""
+        return self._count
+
+    def write(self, *row: float) -> None:
+        """Write one row, such as of :data:`COLUMNS`."""
+        at = _HEADER + (self._count % self._capacity) * self._row.size
+        self._row.pack_into(self._buffer, at, *row)
+        self._count += 1
+        # The row first, then the count: on x86 and, by the interpreter's own locks, elsewhere too.
+        self._written[0] = self._count
+
+    def close(self) -> None:
+        """Give the memory back, whether every reader has gone or not."""
+        self._written.release()
+        self._buffer.release()
+        self._memory.close()
+        if self._own:
+            self._memory.unlink()
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Name and size of a ring: how many rows it holds, and how many numbers are in each."""
+
+    name: str
+    capacity: int
+    width: int = WIDTH
+
+
+def whole_numbers(buffer: memoryview, count: int) -> "memoryview[int]":
+    """The first 64-bit numbers of shared memory, which are stored and read whole.
+
+    ``struct.pack_into`` clears the bytes before it writes them: another process would see zeros.
+    """
+    return buffer[: 8 * count].cast("q")
+
+
+def attached(name: str) -> shared_memory.SharedMemory:
+    """Shared memory that another process made, and will give back."""
+    # Python before 3.13 gives it back when the first reader ends, unless it is not told of it.
+    register = resource_tracker.register
+    resource_tracker.register = lambda *_: None
+    try:
+        return shared_memory.SharedMemory(name=name)
+    finally:
+        resource_tracker.register = register
+
+
+class Reader:
+    """One reader's end; it begins with what is written from now on, or ``back`` rows before."""
+
+    def __init__(self, address: Address, *, back: int = 0) -> None:
+        self._memory = attached(address.name)
+        assert self._memory.buf is not None  # it is open
+        self._buffer: memoryview = self._memory.buf
+        self._capacity, self._written = address.capacity, whole_numbers(self._buffer, 1)
+        self._rows: NDArray[np.float64] = np.ndarray(
+            (address.capacity, address.width), dtype="=f8", buffer=self._buffer, offset=_HEADER
+        )
+        self._next = max(self.count - min(back, address.capacity // 2), 0)
+
+    @property
+    def count(self) -> int:
+        """Rows written so far."""
+        return self._written[0]
+
+    def go_back(self, to: int) -> None:
+        """Take the rows from a count on again, as far as the ring still holds them."""
+        self._next = max(min(to, self._next), self.count - self._capacity // 2, 0)
+
+    def take(self, most: int | None = None) -> Taken:
+        """Return the rows written since the last call, at most so many of the newest."""
+        until = self.count
+        oldest = max(until - self._capacity, 0 if most is None else until - most)
+        start = max(self._next, oldest)
+        rows = self._rows[np.arange(start, until) % self._capacity]
+        # Rows that were written over while they were copied are no rows.
+        spoilt = min(max(self.count + 1 - self._capacity - start, 0), len(rows))
+        dropped = start - self._next + spoilt
+        self._next = until
+        return Taken(rows[spoilt:], dropped)
+
+    def close(self) -> None:
+        """Let go of the memory."""
+        del self._rows
+        self._written.release()
+        self._buffer.release()
+        self._memory.close()

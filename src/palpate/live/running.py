@@ -1,0 +1,200 @@
+"""A session: one loop in this process, each sink in a process of its own."""
+
+import multiprocessing
+import signal
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+from palpate.errors import InvalidParameterError
+from palpate.estimators import ContactEstimator, VariableProjection
+from palpate.live.board import Board
+from palpate.live.commands import Command
+from palpate.live.loop import Loop
+from palpate.live.processes import end, start
+from palpate.live.realtime import ask_for_realtime, show_name, undisturbed
+from palpate.live.ring import Writer
+from palpate.live.sinks.sink import Session, Sink
+from palpate.live.sources.source import Source, news_of
+from palpate.preparation import OnlinePreparation
+from palpate.settings import ChangeDetector, OutlierRejection
+
+ASKED_EVERY = 0.02  # s: how often the loop looks for commands
+TOLD_EVERY = 0.25  # s: how often it writes its statistics
+PATIENCE = 5.0  # s: that a sink has to end
+_THERE = "there"  # what a sink sends when it has begun
+_IMPORTING = 30.0  # s that a sink has to begin, on a busy machine
+
+
+def default_estimator() -> ContactEstimator:
+    """Variable projection that leaves outliers out and finds changes."""
+    return VariableProjection(
+        outlier_rejection=OutlierRejection(), change_detector=ChangeDetector()
+    )
+
+
+def run(
+    source: Source,
+    estimator: ContactEstimator | None = None,
+    sinks: Sequence[Sink] = (),
+    *,
+    preparation: OnlinePreparation | None = None,
+    realtime: bool = False,
+    seconds: float | None = None,
+) -> dict[str, Any]:
+    """Identify what a source delivers, sample by sample, until it ends or somebody stops it.
+
+    Parameters
+    ----------
+    source : Source
+        It is opened, and closed at the end.
+    estimator : ContactEstimator, optional
+        Variable projection with outlier rejection and change detection unless given.
+    sinks : sequence of Sink
+        Each runs in a process of its own.
+    preparation : OnlinePreparation, optional
+        Of the source's sample time unless given.
+    realtime : bool
+        Ask for a fixed priority and locked memory; what is not allowed is said.
+    seconds : float, optional
+        Stop after this time, s.
+
+    Returns
+    -------
+    dict
+        What :meth:`palpate.live.loop.Loop.status` says at the end.
+
+    Raises
+    ------
+    InvalidParameterError
+        Two sinks have one name, or what the source delivers does not fit the preparation.
+    PalpateError
+        The source cannot be opened.
+    """
+    if len({sink.name for sink in sinks}) < len(sinks):
+        names = ", ".join(sink.name for sink in sinks)
+        raise InvalidParameterError(f"sinks must have different names, not {names}")
+    ring, board = Writer(), Board()
+    boards = {sink.name: Board() for sink in sinks}
+    addresses = {name: each.name for name, each in boards.items()}
+    if preparation is None:
+        preparation = OnlinePreparation(sample_time=source.sample_time)
+    session = Session(ring.address, board.name, addresses, "")
+    try:
+        loop = Loop(source, preparation, estimator or default_estimator(), ring)
+        sessions = _started(sinks, session, loop, board)
+        with sessions as started, _interruptible(loop), undisturbed():
+            # All is there before the first sample: none waits while others begin.
+            for sentence in ask_for_realtime() if realtime else ():
+                loop.say(sentence)
+            source.open()
+            loop.say("started")
+            loop.commands = _Asked(started, loop, board, seconds)
+            loop.run()
+        return loop.status()
+    finally:
+        source.close()
+        for each in (board, *boards.values()):
+            each.close()
+        ring.close()
+
+
+class _Asked:
+    """Commands of the sinks, looked for now and then; and the board, written now and then."""
+
+    def __init__(
+        self, sinks: dict[str, Connection], loop: Loop, board: Board, seconds: float | None
+    ) -> None:
+        self._sinks, self._loop, self._board = dict(sinks), loop, board
+        self._asked = self._told = 0.0
+        self._until = float("inf") if seconds is None else time.monotonic() + seconds
+
+    def __call__(self) -> Command | None:
+        now = time.monotonic()
+        if now < self._asked:
+            return None
+        if now >= self._until:
+            self._until = float("inf")
+            return Command("stop")
+        if now >= self._told:
+            self._told = now + TOLD_EVERY
+            for sentence in news_of(self._loop.source):
+                self._loop.say(sentence)
+            self._board.write(self._loop.status())
+        for name, connection in list(self._sinks.items()):
+            try:
+                if connection.poll():
+                    command = connection.recv()
+                    if isinstance(command, Command):
+                        return command
+            except (EOFError, OSError):  # it has ended, by itself or by another's hand
+                del self._sinks[name]
+                self._loop.say(f"the {name} has ended")
+        self._asked = now + ASKED_EVERY
+        return None
+
+
+@contextmanager
+def _started(
+    sinks: Sequence[Sink], session: Session, loop: Loop, board: Board
+) -> Iterator[dict[str, Connection]]:
+    """Start the sinks' processes; at the end they are told, and have a while to finish."""
+    context = multiprocessing.get_context("spawn")
+    processes: list[BaseProcess] = []
+    connections: dict[str, Connection] = {}
+    try:
+        for sink in sinks:
+            ours, theirs = context.Pipe()
+            own = replace(session, own=session.boards[sink.name])
+            process = context.Process(target=_serve, args=(sink, own, theirs), name=sink.name)
+            process.daemon = True
+            start(process)
+            theirs.close()
+            # What it opened in this process, such as a port, is the other's own now.
+            getattr(sink, "handed_over", lambda: None)()
+            processes.append(process)
+            connections[sink.name] = ours
+        until = time.monotonic() + _IMPORTING
+        for connection in connections.values():
+            with suppress(EOFError):  # it has ended: the loop says so
+                if connection.poll(max(until - time.monotonic(), 0.0)):
+                    connection.recv()
+        yield connections
+    finally:
+        board.write({**loop.status(), "stopped": True})
+        end(processes, PATIENCE)
+        for connection in connections.values():
+            connection.close()
+
+
+def _serve(sink: Sink, session: Session, commands: Connection) -> None:
+    show_name(sink.name)
+    with suppress(BrokenPipeError):
+        commands.send(_THERE)
+        sink.run(session, commands)
+
+
+@contextmanager
+def _interruptible(loop: Loop) -> Iterator[None]:
+    """Ctrl-C, or a request to terminate, stops the loop in order; a second one as ever."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    asked = (signal.SIGINT, signal.SIGTERM)
+
+    def stop(*_: Any) -> None:
+        loop.stopped = True
+        for number in asked:
+            signal.signal(number, before[number])
+
+    before = {number: signal.signal(number, stop) for number in asked}
+    try:
+        yield
+    finally:
+        for number in asked:
+            signal.signal(number, before[number])

@@ -1,0 +1,1 @@
+"""What becomes of what the loop found: a page, a recording, a line on the console."""

@@ -1,0 +1,35 @@
+"""From the options of the command line to sinks."""
+
+from collections.abc import Mapping
+from importlib import import_module
+
+from palpate.errors import InvalidParameterError
+from palpate.live.sinks.sink import Sink
+from palpate.validation import shown
+
+#: Where estimates are published back, by what stands before the colon of an address: a module that
+#: has ``open_publisher(address)``, which returns a :class:`~palpate.live.sinks.sink.Sink`.
+PUBLISHERS: Mapping[str, str] = {
+    "zmq": "palpate.live.sinks.zeromq",
+    "dds": "palpate.live.sinks.dds",
+    "zenoh": "palpate.live.sinks.zenoh",
+    "ros1": "palpate.live.sinks.ros1",
+}
+
+
+def open_publisher(address: str) -> Sink:
+    """Return the sink that publishes estimates on a wire, such as ``zmq:tcp://127.0.0.1:5556``.
+
+    Raises
+    ------
+    InvalidParameterError
+        There is no such wire.
+    MissingExtraError
+        What it needs is not installed.
+    """
+    scheme, colon, rest = address.partition(":")
+    if not colon or scheme not in PUBLISHERS:
+        known = ", ".join(f"{name}:…" for name in PUBLISHERS)
+        raise InvalidParameterError(f"--publish must be one of {known}, not {shown(address)}")
+    sink: Sink = import_module(PUBLISHERS[scheme]).open_publisher(rest)
+    return sink

@@ -1,0 +1,203 @@
+"""Estimates published back on a wire, for the robot or whoever listens."""
+
+import math
+import sys
+import time
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+from typing import Any, Protocol
+
+import numpy as np
+
+from palpate.digits import with_error
+from palpate.errors import PalpateError
+from palpate.live.sinks.sink import Session
+from palpate.live.sinks.watching import Watching
+from palpate.live.states import State
+from palpate.live.wires.estimates import GENERATION, Fields
+from palpate.live.wires.ros_estimates import TOPICS, RosEncoder
+from palpate.validation import Floats
+
+_PAUSE = 1e-3  # s: how often new rows are looked for
+_ASKED_EVERY = 0.02  # s: whether the loop has stopped
+_TOLD_EVERY = 0.25  # s: the status, and the sink's own board
+
+
+class Wire(Protocol):
+    """One way of publishing."""
+
+    @property
+    def name(self) -> str:
+        """Scheme and address."""
+
+    def open(self) -> None:
+        """Begin; PalpateError where it cannot."""
+
+    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
+        """Send estimates, one after the other; return how many of them could not be sent."""
+
+    def tell(self, state: str, source: str, stamp: int, values: dict[str, str]) -> None:
+        """Send what is said in words."""
+
+    def close(self) -> None:
+        """End; may be called twice."""
+
+
+class Publisher:
+    """Publishes each estimate, and a few times a second the state in words.
+
+    Parameters
+    ----------
+    wire : Wire
+        Where.
+    """
+
+    def __init__(self, wire: Wire) -> None:
+        self._wire = wire
+
+    @property
+    def name(self) -> str:
+        """Scheme and address, for instance ``publish zmq:tcp://127.0.0.1:5556``."""
+        return f"publish {self._wire.name}"
+
+    def check(self) -> None:
+        """Begin and end, so that an address in use is known before the loop begins.
+
+        Raises
+        ------
+        PalpateError
+            It cannot be published there.
+        """
+        try:
+            self._wire.open()
+        finally:
+            self._wire.close()
+
+    def run(self, session: Session, commands: Connection) -> None:
+        """Publish what the loop finds until it stops."""
+        # With what came while this process began.
+        watching = Watching(session, back=session.ring.capacity)
+        try:
+            self._wire.open()
+            _Publishing(self._wire, watching).run()
+        except PalpateError as error:
+            watching.tell({"fault": str(error)})
+            print(f"palpate: {error}", file=sys.stderr)
+        finally:
+            self._wire.close()
+            watching.close()
+
+
+class _Publishing:
+    def __init__(self, wire: Wire, watching: Watching) -> None:
+        self._wire, self._watching = wire, watching
+        self._sent = self._refused = 0
+        self._fields: Fields | None = None
+        self._told = 0.0
+
+    def run(self) -> None:
+        waiting = self._watching.take().rows
+        over, asked = False, 0.0
+        while not over:
+            now = time.monotonic()
+            if now >= asked:
+                asked, over = now + _ASKED_EVERY, self._watching.over
+            page, rows = self._watching.status(), self._watching.take().rows
+            waiting = np.concatenate([waiting, rows]) if len(waiting) else rows
+            # What times are counted from is known with the first sample.
+            if page and page["counts"]["taken"]:
+                last = waiting[-1:]
+                waiting = self._publish(page, waiting)
+                self._tell(page, last)
+            if not over:
+                time.sleep(_PAUSE)
+        self._report()
+
+    def _publish(self, page: dict[str, Any], rows: Floats) -> Floats:
+        """Send rows whose estimator the board knows by now; return the others."""
+        fields = self._fields
+        if fields is None or (fields.generation, fields.origin) != (
+            page["generation"],
+            page["origin"],
+        ):
+            fields = self._fields = Fields.of(page)
+        mine = rows[:, GENERATION] == fields.generation
+        # Rows of the estimator before, which the board does not know any more, are not published.
+        self._watching.dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
+        if mine.any():
+            values = fields.values(rows[mine]).tolist()
+            self._refused += (refused := self._wire.send(fields.names, values))
+            self._sent += len(values) - refused
+        return rows[rows[:, GENERATION] > fields.generation]
+
+    def _tell(self, page: dict[str, Any], last: Floats) -> None:
+        now = time.monotonic()
+        if now < self._told or not len(last) or self._fields is None:
+            return
+        self._told = now + _TOLD_EVERY
+        values = self._fields.values(last)[0].tolist()
+        stamp = round(1e9 * (values[0] - 1e-9 * self._fields.origin)) + self._fields.origin
+        state = State(int(values[6])).name.lower()
+        self._wire.tell(state, page["source"], stamp, words_of(page, self._fields, values))
+        self._report()
+
+    def _report(self) -> None:
+        self._watching.tell({"published": self._sent, "refused": self._refused})
+
+
+def words_of(page: dict[str, Any], fields: Fields, values: Sequence[float]) -> dict[str, str]:
+    """What is said in words: numbers with their units and error bars, and what was lost."""
+    named = dict(zip(fields.names, values, strict=True))
+    said = {"method": str(page["method"]), "law": str(page["law"]["kind"])}
+    for name, unit in zip(fields.parameters, page["law"]["units"], strict=True):
+        value, error = named[name], named[f"{name}_standard_error"]
+        if not math.isfinite(value):
+            said[name] = "not known"
+        elif math.isfinite(error):
+            said[name] = with_error(value, error, unit=unit)
+        else:
+            said[name] = f"{value:.4g} {unit}".strip() + ", error not known"
+    for name in ("lost", "repeated", "disordered", "malformed", "unpaired", "refused"):
+        said[name] = str(page["counts"].get(name, 0))
+    return said
+
+
+class RosWire:
+    """What wires of ROS have in common: a prefix of topics, and messages.
+
+    Parameters
+    ----------
+    scheme, prefix : str
+        Of the address; topics are ``<prefix>/estimate`` and ``<prefix>/status``.
+    ros1 : bool
+        Whether messages are of ROS 1.
+    """
+
+    def __init__(self, scheme: str, prefix: str, *, ros1: bool = False) -> None:
+        self._scheme, self._prefix, self._ros1 = scheme, prefix, ros1
+        self._encoder: RosEncoder | None = None
+
+    @property
+    def name(self) -> str:
+        """Scheme and prefix."""
+        return f"{self._scheme}:{self._prefix}"
+
+    @property
+    def encoder(self) -> RosEncoder:
+        """Made when it is first needed, in the process that needs it."""
+        if self._encoder is None:
+            self._encoder = RosEncoder(ros1=self._ros1)
+        return self._encoder
+
+    def close(self) -> None:
+        """Forget what only this process can have."""
+        self._encoder = None
+
+    @property
+    def topics(self) -> list[tuple[str, str]]:
+        """Names and types of the topics."""
+        return [(f"{self._prefix}/{end}", kind) for end, kind in TOPICS]
+
+    def estimates(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> list[bytes]:
+        """Return messages of estimates."""
+        return [self.encoder.estimate(names, each) for each in values]

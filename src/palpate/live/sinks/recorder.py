@@ -1,0 +1,243 @@
+"""An MCAP recording of what came and what was found."""
+
+import os
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from datetime import datetime
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from palpate.errors import MissingExtraError
+from palpate.live.sinks.messages import ESTIMATE, INPUT, TYPES, Encoder, Row, described
+from palpate.live.sinks.sink import Session
+from palpate.live.sinks.watching import PLACE, Watching
+from palpate.writing import opened_new
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+#: s: what a process that is killed has not yet written.
+FLUSHED_EVERY = 0.25
+_SECOND_AXIS = PLACE["input_position_y"]
+# A clock that was set is no longer followed by the times of the log, ns.
+_SET = 5_000_000_000
+
+
+class Recorder:
+    """Records to a file when it is asked to; never over one that is there.
+
+    What came is the topic ``/input``, of which ``palpate identify`` makes the same again; what was
+    found is ``/estimate``. All is written four times a second, and the disk is asked to keep it: a
+    process that is killed loses no more, and the file is read as far as it goes.
+
+    Parameters
+    ----------
+    path : Path, optional
+        Recorded to from the beginning on. Without one it waits until it is asked to, by
+        ``Command("record", {"on": True})``.
+    folder : Path, optional
+        Where recordings without a path go; the current one unless given.
+
+    Raises
+    ------
+    MissingExtraError
+        The package ``mcap`` is not installed.
+    """
+
+    name = "recorder"
+
+    def __init__(self, path: Path | None = None, folder: Path | None = None) -> None:
+        try:
+            import mcap.writer
+        except ImportError:
+            raise MissingExtraError("a recording needs mcap: pip install 'palpate[live]'") from None
+        del mcap
+        self._path = path
+        self._folder = Path() if folder is None else folder
+
+    def run(self, session: Session, commands: Connection) -> None:
+        """Record until the loop stops."""
+        watching = Watching(session)
+        recording, wish, said = None, 0, ""
+        if self._path is not None:
+            recording, said = _begun(self._path)
+        goes_on = True
+        while goes_on:
+            goes_on = watching.wait(FLUSHED_EVERY)
+            status = watching.status()
+            asked = status.get("record", {})
+            rows = watching.take().rows.tolist()
+            if recording is not None:
+                said = recording.write(rows, status, watching.dropped) or said
+            if asked.get("wish", 0) != wish:
+                wish = asked["wish"]
+                recording, said = self._obey(recording, asked)
+                watching.go_back(asked["since"])  # when it was asked for
+            if recording is not None and recording.failed:
+                recording = None
+            watching.tell(_page(recording, said))
+        if recording is not None:
+            said = recording.finish()
+        watching.tell({**_page(recording, said), "on": False})
+        watching.close()
+
+    def _obey(
+        self, recording: "Recording | None", asked: dict[str, Any]
+    ) -> "tuple[Recording | None, str]":
+        if recording is not None:
+            said = recording.finish()
+            if not asked["on"]:
+                return None, said
+        elif not asked["on"]:
+            return None, "nothing is being recorded"
+        path = asked.get("path")
+        named = datetime.now().strftime("palpate-%Y-%m-%d-%H%M%S.mcap")
+        return _begun(Path(path) if path else self._folder / named)
+
+
+def _page(recording: "Recording | None", said: str) -> dict[str, Any]:
+    if recording is None:
+        return {"on": False, "said": said}
+    return {
+        "on": True,
+        "path": str(recording.path),
+        "rows": recording.rows,
+        "bytes": recording.bytes,
+        "unstamped": recording.unstamped,
+        "said": said,
+    }
+
+
+def _begun(path: Path) -> "tuple[Recording | None, str]":
+    try:
+        file, taken = opened_new(path)
+    except OSError as error:
+        return None, f"{path} cannot be recorded to: {error.strerror or error}"
+    words = f"recording to {taken}"
+    if taken != path:
+        words += f", as {path} is there already"
+    return Recording(taken, file), words
+
+
+class Recording:
+    """One file that grows.
+
+    Parameters
+    ----------
+    path : Path
+        Its name.
+    file : file object
+        Open for writing, empty.
+    """
+
+    def __init__(self, path: Path, file: IO[bytes]) -> None:
+        self.path, self._file = path, file
+        self.rows = self.bytes = self.unstamped = 0
+        self.failed = False
+        self._writer: Writer | None = None
+        # A disk may take seconds; what is written meanwhile is safe from all but a loss of power.
+        self._disk = ThreadPoolExecutor(1)
+        self._synced: Future[None] | None = None
+        self._shift = self._last = 0
+        self._dropped = -1
+
+    def write(self, rows: list[Row], status: dict[str, Any], dropped: int) -> str:
+        """Write rows, and see to it that they are on the disk; what went wrong, in words."""
+        try:
+            if rows:
+                self._begin(rows, status)
+                for row in rows:
+                    self._add(row)
+            self._note_dropped(dropped)
+            self._file.flush()
+            self.bytes = self._file.tell()
+            if self._synced is None or self._synced.done():
+                self._raise_failed()
+                self._synced = self._disk.submit(os.fsync, self._file.fileno())
+        except OSError as error:
+            return self._given_up(error)
+        return ""
+
+    def _given_up(self, error: OSError) -> str:
+        """Close the file as it is: the disk is full, or gone."""
+        self.failed = True
+        self._disk.shutdown()
+        with suppress(OSError):  # what waits cannot be written either
+            self._file.close()
+        words = f"{self.path}: {error.strerror or error}; "
+        return words + f"of {self.rows} rows those up to {FLUSHED_EVERY:g} s before are in it"
+
+    def _raise_failed(self) -> None:
+        if self._synced is not None and (error := self._synced.exception()) is not None:
+            raise error
+
+    def _begin(self, rows: list[Row], status: dict[str, Any]) -> None:
+        if self._writer is not None:
+            return
+        from mcap.writer import IndexType, Writer
+
+        # Without chunks each message is whole as soon as it is written; and there is no index, of
+        # which a reader would be without where the process is killed.
+        writer = Writer(self._file, use_chunking=False, index_types=IndexType.METADATA)
+        writer.start(profile="ros2", library="palpate")
+        vectors = rows[0][_SECOND_AXIS] == rows[0][_SECOND_AXIS]
+        self._encoder = Encoder(int(status.get("origin", 0)), vectors=vectors)
+        schemas = [
+            writer.register_schema(name, "ros2msg", text.encode())
+            for name, text in (TYPES["vectors" if vectors else "numbers"], TYPES["estimate"])
+        ]
+        self._channels = [
+            writer.register_channel(topic, "cdr", schema)
+            for topic, schema in zip((INPUT, ESTIMATE), schemas, strict=True)
+        ]
+        writer.add_metadata("palpate", described(status))
+        self._writer = writer
+
+    def _add(self, row: Row) -> None:
+        measured = self._encoder.measured(row)
+        if measured is None:
+            self.unstamped += 1
+            return
+        stamp, message = measured
+        log = self._log_time(stamp)
+        assert self._writer is not None  # it has begun
+        number = self.rows & 0xFFFFFFFF
+        self._writer.add_message(self._channels[0], log, message, log, number)
+        found = self._encoder.found(row)
+        if found is not None:
+            self._writer.add_message(self._channels[1], log, found, log, number)
+        self.rows += 1
+
+    def _log_time(self, stamp: int) -> int:
+        """When a measurement came by this machine's clock, ns: from the source's steps."""
+        now = time.time_ns()
+        if not abs(stamp + self._shift - now) < _SET:
+            self._shift = now - stamp
+        self._last = max(stamp + self._shift, self._last)
+        return self._last
+
+    def _note_dropped(self, dropped: int) -> None:
+        """Say in the file what the recorder lost, as soon as it does."""
+        if self._writer is None or dropped == self._dropped:
+            return
+        if self._dropped >= 0:
+            lost = str(dropped - self._dropped)
+            self._writer.add_metadata("palpate", {f"rows lost after {self.rows}": lost})
+        self._dropped = dropped
+
+    def finish(self) -> str:
+        """Write the end, and close the file."""
+        try:
+            if self._writer is not None:
+                self._writer.finish()  # type: ignore[no-untyped-call]
+            self._file.flush()
+            self._disk.shutdown()
+            self._raise_failed()
+            os.fsync(self._file.fileno())
+            self.bytes = self._file.tell()
+            self._file.close()
+        except OSError as error:
+            return self._given_up(error)
+        return f"recorded {self.rows} rows to {self.path}"

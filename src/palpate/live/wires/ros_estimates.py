@@ -1,0 +1,99 @@
+"""Estimates as messages that every user of ROS can echo and plot.
+
+``…/estimate`` is a ``std_msgs/Float64MultiArray`` for each sample, whose layout names its numbers:
+one dimension, with all the names, and commas between them, as its label. ``…/status`` is a
+``diagnostic_msgs/DiagnosticArray`` a few times a second: the state in words, and each number with
+its name and unit.
+"""
+
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from palpate.errors import MissingExtraError
+from palpate.live.wires.ordering import NANO
+
+ESTIMATE, STATUS = "std_msgs/msg/Float64MultiArray", "diagnostic_msgs/msg/DiagnosticArray"
+#: What is published: the end of a topic's name, and its type.
+TOPICS = (("estimate", ESTIMATE), ("status", STATUS))
+# DiagnosticStatus: OK, WARN, ERROR, STALE.
+_LEVELS = {"invalid": 1, "held": 1, "lost": 3}
+
+
+class RosEncoder:
+    """Makes messages of ROS 2, in CDR, or of ROS 1.
+
+    Parameters
+    ----------
+    ros1 : bool
+        Which.
+    """
+
+    def __init__(self, *, ros1: bool) -> None:
+        try:
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError:
+            raise MissingExtraError(
+                "messages of ROS need rosbags: pip install 'palpate[live]'"
+            ) from None
+        self._ros1 = ros1
+        self._store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
+        self._names: tuple[str, ...] = ()
+        self._template, self._at, self._form = bytearray(), 0, struct.Struct("")
+
+    def hash_of(self, type_name: str) -> str:
+        """Return the hash of a type's description, by which ROS 2 tells versions of it apart."""
+        return self._store.hash_rihs01(type_name)
+
+    def definition_of(self, type_name: str) -> tuple[str, str]:
+        """Return a type's definition and its MD5 sum, by which ROS 1 tells versions of it apart."""
+        return self._store.generate_msgdef(type_name)
+
+    def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
+        """Return the message of one sample; only its numbers are written anew."""
+        if names != self._names:
+            self._prepare(names)
+        self._form.pack_into(self._template, self._at, *values)
+        return bytes(self._template)
+
+    def _prepare(self, names: tuple[str, ...]) -> None:
+        types, size = self._store.types, len(names)
+        dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
+        layout = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
+        message = types[ESTIMATE](layout, np.zeros(size))
+        # The numbers are the last of it.
+        self._template = bytearray(self._bytes(message, ESTIMATE))
+        self._form = struct.Struct(f"<{size}d")
+        self._at = len(self._template) - self._form.size
+        self._names = names
+
+    def status(self, state: str, source: str, stamp: int, values: dict[str, str]) -> bytes:
+        """Return the message that says the state in words.
+
+        Parameters
+        ----------
+        state : str
+            A :class:`~palpate.live.states.State`, in small letters.
+        source : str
+            Where the samples come from.
+        stamp : int
+            ns, by the robot's clock.
+        values : dict
+            What is said, by name.
+        """
+        types = self._store.types
+        time = types["builtin_interfaces/msg/Time"](*divmod(max(stamp, 0), NANO))
+        numbered = (0,) if self._ros1 else ()
+        header = types["std_msgs/msg/Header"](*numbered, time, "")
+        pairs = [types["diagnostic_msgs/msg/KeyValue"](*pair) for pair in values.items()]
+        one: Any = types["diagnostic_msgs/msg/DiagnosticStatus"](
+            _LEVELS.get(state, 0), "palpate", state, source, pairs
+        )
+        return self._bytes(types[STATUS](header, [one]), STATUS)
+
+    def _bytes(self, message: object, type_name: str) -> bytes:
+        if self._ros1:
+            return bytes(self._store.serialize_ros1(message, type_name))
+        return bytes(self._store.serialize_cdr(message, type_name, little_endian=True))

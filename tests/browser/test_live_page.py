@@ -1,0 +1,360 @@
+"""The page of a live run, in a browser: its curves move, its controls act, and it comes back."""
+
+import json
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import palpate
+from palpate.digits import rounded, with_error
+
+pytest.importorskip("uvicorn", reason="the extra live is not installed")
+pytest.importorskip("mcap", reason="the extra live is not installed")
+
+from live_runs import Endless, wire_to
+
+from palpate.live import run
+from palpate.live.page import Page
+from palpate.live.sinks.recorder import Recorder
+
+pytestmark = pytest.mark.browser
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
+LOOKS = {"desk": 1280, "phone": 390}
+# Layout that moves although nobody touched anything, from the first paint on.
+SHIFTS = """globalThis.shifts = 0;
+new PerformanceObserver(list => {
+  for (const each of list.getEntries()) if (!each.hadRecentInput) globalThis.shifts += each.value;
+}).observe({ type: "layout-shift", buffered: true });"""
+PIXELS = """name => { const canvas = document.querySelector(`${name} canvas`);
+  return canvas.toDataURL(); }"""
+CONTRAST = """() => {
+  const channel = c => c <= 10 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4;
+  const luminance = rgb => { const [r, g, b] = rgb.map(channel);
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  const numbers = text => text.match(/[\\d.]+/g).map(Number);
+  const behind = each => { for (; each; each = each.parentElement) {
+    const back = numbers(getComputedStyle(each).backgroundColor);
+    if (back.length < 4 || back[3] > 0) return luminance(back.slice(0, 3)); } };
+  const words = [...document.querySelectorAll("h1, h2, small, b, p, td, th, dt, dd, li, button, " +
+    "label, summary, select, figcaption span, .state span")]
+    .filter(each => each.getClientRects().length && each.textContent.trim() && !each.disabled);
+  return Math.min(...words.map(each => {
+    const ink = luminance(numbers(getComputedStyle(each).color).slice(0, 3)), back = behind(each);
+    return (Math.max(ink, back) + 0.05) / (Math.min(ink, back) + 0.05);
+  }));
+}"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Where recordings go that are begun in the page."""
+    return tmp_path_factory.mktemp("recordings")
+
+
+@pytest.fixture(scope="module")
+def live(folder):
+    """A run with its page."""
+    source = Endless(palpate.prepare(EXAMPLES / "ball.csv"))
+    page = Page(port=0)
+    thread = threading.Thread(target=run, args=(source, None, [Recorder(folder=folder), page]))
+    thread.start()
+    yield source, page
+    source.ended.set()
+    thread.join(30.0)
+    page.close()
+    assert not thread.is_alive()
+
+
+@contextmanager
+def lone_page():
+    """A run with nothing but its page, which a test may end."""
+    source, own = Endless(palpate.prepare(EXAMPLES / "ball.csv")), Page(port=0)
+    thread = threading.Thread(target=run, args=(source, None, [own]))
+    thread.start()
+    try:
+        yield source, own
+    finally:
+        source.ended.set()
+        thread.join(30.0)
+        own.close()
+
+
+@pytest.fixture
+def browser(chromium):
+    """Opens an address; at the end nothing came from elsewhere, and nothing was complained of."""
+
+    @contextmanager
+    def open_(url, *, width=1280, dark=False, lossy=False):
+        context = chromium.new_context(
+            viewport={"width": width, "height": 900},
+            color_scheme="dark" if dark else "light",
+            accept_downloads=True,
+        )
+        page = context.new_page()
+        fetched, complaints = [], []
+        page.on("request", lambda request: fetched.append(request.url))
+        page.on("websocket", lambda socket: fetched.append(socket.url))
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.add_init_script(SHIFTS)
+        page.goto(url)
+        page.wait_for_selector("body.ready")
+        yield page
+        own = url.split("//")[1]
+        assert {each.split("//")[-1].split("/")[0] + "/" for each in fetched} == {own}
+        assert lossy or complaints == []
+        context.close()
+
+    return open_
+
+
+def wait(page, condition, seconds=30.0):
+    """Wait until a condition holds; looked at from outside, as the page allows no ``eval``."""
+    until = time.monotonic() + seconds
+    while not page.evaluate(condition):
+        assert time.monotonic() < until, condition
+        time.sleep(0.05)
+
+
+def frames(page, seconds):
+    """Frames a second, the best of some seconds: a busy machine is no defect of the page."""
+    best = 0
+    for _ in range(seconds):
+        time.sleep(1.0)
+        best = max(best, page.evaluate("palpate.rate"))
+    return best
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("width", LOOKS.values(), ids=LOOKS)
+def test_the_page_moves_and_is_readable(live, browser, width, dark):
+    with browser(live[1].url, width=width, dark=dark) as page:
+        before = {name: page.evaluate(PIXELS, name) for name in (".force", ".plane")}
+        rows = page.evaluate("palpate.store.rows")
+        assert frames(page, 3) >= 20
+        assert page.evaluate("palpate.store.rows") - rows > 2000
+        for name, pixels in before.items():
+            assert page.evaluate(PIXELS, name) != pixels
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate(CONTRAST) >= 4.5  # as WCAG 2 asks of text
+        assert page.evaluate("globalThis.shifts") < 0.005  # nothing that a person would see
+        assert page.inner_text("#state-name") in ("Contact", "Free", "Changed")
+        assert " ± " in page.inner_text(".number-tile b")
+        back = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        assert back == ("rgb(22, 24, 28)" if dark else "rgb(255, 255, 255)")
+
+
+def test_a_change_is_marked_with_the_laws_before_and_after(live, browser):
+    with browser(live[1].url) as page:
+        wait(page, "palpate.page.changes.length > 0")
+        page.wait_for_selector("#changes td div")
+        words = page.inner_text("#changes tbody tr")
+        assert words.count("K = ") == 2
+        assert "N/mⁿ" in words
+
+
+def test_controls_act(live, browser):
+    source, own = live
+    with browser(own.url) as page:
+        page.click("#hold")
+        page.wait_for_selector("#state[data-state=held]")
+        assert page.inner_text("#hold") == "Resume"
+        page.click("#hold")
+        page.wait_for_selector("#state:not([data-state=held])")
+        page.click("summary")
+        page.fill("#seconds", "2")
+        page.click("#tare")
+        page.wait_for_selector("#state[data-state=taring]", timeout=5000)
+        page.wait_for_selector("#state:not([data-state=taring])")
+        page.click("#reset")
+        page.wait_for_selector("#said li:has-text('reset')")
+        page.fill("#depth", "5")
+        page.click("text=Set depth")
+        page.wait_for_selector(".number-tile:has-text('5 mm, chosen')")
+        page.click("#median")
+        page.click("text=Change now")
+        page.wait_for_selector("#said li:has-text('the source was asked')")
+        assert {"change": "firmer"} in source.asked
+
+
+def test_a_recording_is_begun_and_ended(live, browser, folder):
+    with browser(live[1].url) as page:
+        page.wait_for_selector("#record:not([disabled])")
+        page.click("#record")
+        page.wait_for_selector("#recorded:has-text('MB')")
+        time.sleep(1.5)
+        page.click("text=Stop recording")
+        page.wait_for_selector("#recorded:has-text('recorded')")
+    (path,) = folder.iterdir()
+    assert len(palpate.open_recording(path).numbers("/input.force")) > 1000
+
+
+def test_a_page_without_a_recorder_does_not_offer_one(browser):
+    with lone_page() as (_, own), browser(own.url, lossy=True) as page:
+        assert page.is_disabled("#record")
+
+
+def test_another_estimator_brings_its_own_panels(live, browser):
+    with browser(live[1].url) as page:
+        page.click("summary")
+        page.select_option("#method", "single-stage")
+        page.fill("#settings input[name=forgetting_factor]", "0.999")
+        page.click("text=Start this estimator")
+        page.wait_for_selector(".panel.margin")
+        settings = page.evaluate("palpate.page.loop.settings")
+        assert settings["forgetting_factor"] == 0.999
+        page.select_option("#method", "extended-kelvin-voigt")
+        page.click("text=Start this estimator")
+        page.wait_for_selector("figcaption:has-text('K₂')")
+        assert page.query_selector(".panel.margin") is None
+        page.fill("#settings input[name=forgetting_factor]", "3")
+        page.evaluate("document.querySelector('#estimator').noValidate = true")
+        page.click("text=Start this estimator")
+        page.wait_for_selector("#answer:has-text('Refused: factor must be in')")
+        page.select_option("#method", "variable-projection")
+        page.check("#settings input[name=change_detector]")
+        page.check("#settings input[name=outlier_rejection]")
+        page.click("text=Start this estimator")
+        page.wait_for_selector("figcaption b:text-is('n')")
+        wait(page, "palpate.page.loop.settings.change_detector")
+
+
+def test_a_paused_view_stands_still_and_goes_on_without_a_gap(live, browser):
+    with browser(live[1].url) as page:
+        time.sleep(1.0)
+        page.click("#pause")
+        time.sleep(0.3)
+        before = page.evaluate(PIXELS, ".force"), page.inner_text("#numbers")
+        time.sleep(1.0)
+        assert (page.evaluate(PIXELS, ".force"), page.inner_text("#numbers")) == before
+        assert "paused" in page.inner_text("#link")
+        page.click("#pause")
+        wait(page, "palpate.store.length > 1500")
+        steps = page.evaluate(
+            "[...palpate.store.times.slice(palpate.store.start, palpate.store.end)]"
+        )
+        assert np.max(np.diff(steps)) < 0.0015
+
+
+def test_what_is_shown_can_be_downloaded_and_identified(live, browser, tmp_path):
+    with browser(live[1].url) as page:
+        wait(page, "palpate.store.length > 3000")
+        with page.expect_download() as waiting:
+            page.click("#download")
+        path = tmp_path / waiting.value.suggested_filename
+        waiting.value.save_as(path)
+    contact = palpate.prepare(path)
+    assert len(contact.time) > 2500
+    assert contact.sample_time == pytest.approx(1e-3, rel=1e-6)
+    assert palpate.identify(path).law.kind == "hunt-crossley"
+
+
+def test_the_keyboard_reaches_every_control(live, browser):
+    with browser(live[1].url) as page:
+        reached = set()
+        for _ in range(40):
+            page.keyboard.press("Tab")
+            reached.add(
+                page.evaluate("document.activeElement.id || document.activeElement.tagName")
+            )
+        assert {"hold", "tare", "reset", "pause", "download", "SUMMARY", "SELECT"} <= reached
+        page.focus("#hold")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#state[data-state=held]")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#state:not([data-state=held])")
+        names = page.evaluate("""() => [...document.querySelectorAll("button, input, select")]
+          .filter(each => !(each.textContent.trim() || each.labels?.length || each.ariaLabel))
+          .length""")
+        assert names == 0
+
+
+def test_a_dropped_connection_heals(live, browser):
+    with wire_to(live[1].port) as wire, browser(wire.url, lossy=True) as page:
+        wait(page, "palpate.store.length > 500")
+        wire.cut()
+        page.wait_for_selector("#link.broken:has-text('trying again')")
+        time.sleep(0.5)
+        wire.join()
+        page.wait_for_selector("#link:not(.broken):has-text('frames/s')", timeout=15_000)
+        rows = page.evaluate("palpate.store.rows")
+        wait(page, f"palpate.store.rows > {rows + 500}")
+
+
+def test_a_run_that_is_over_stays_on_the_page(browser):
+    with lone_page() as (source, own), browser(own.url, lossy=True) as page:
+        wait(page, "document.querySelector('.number-tile b').textContent.includes('±')")
+        source.ended.set()
+        page.wait_for_selector("#state[data-state=ended]")
+        page.wait_for_selector("#link:has-text('The run is over: trying again')")
+        assert page.evaluate("palpate.store.length") > 500
+        assert " ± " in page.inner_text(".number-tile b")
+
+
+def test_what_is_drawn_has_every_peak_of_what_came(live, browser):
+    """Of 9000 samples on 300 pixels one is a spike, and 0.2 s are missing."""
+    with browser(live[1].url) as page:
+        drawn, band, x = page.evaluate(
+            """async () => {
+            const { Pieces, Store } = await import("/static/store.js");
+            const store = new Store(["force", "error"], 10);
+            for (let k = 0; k < 9000; k += 90) { // as frames come
+              const rows = Array.from({ length: 90 }, (_, i) => k + i);
+              store.append(
+                Float64Array.from(rows, row => 50 + (row + (row >= 4500 ? 200 : 0)) * 1e-3),
+                [Float32Array.from(rows, row => row === 3333 ? 64 : Math.sin(row / 500)),
+                  new Float32Array(90).fill(0.5)]);
+            }
+            const pieces = new Pieces(store, 300);
+            return [pieces.extremes("force"), pieces.edge("force", "error", 2), pieces.x];
+            }"""
+        )
+    known = np.array([np.nan if each is None else each for each in drawn])
+    assert np.nanmax(known) == 64.0
+    assert np.nanmin(known) == pytest.approx(-1.0, abs=1e-5)
+    assert np.nanmax([each for each in band if each is not None]) == 65.0
+    gap = np.isnan(known) & (np.array(x) > -9.0)
+    assert 0.15 < np.ptp(np.array(x)[gap]) < 0.25  # no line over what is missing
+    assert np.all(np.diff(x) > 0.0)
+
+
+def test_numbers_are_written_as_everywhere_else(live, browser):
+    generator = np.random.default_rng(8)
+    values = generator.choice([-1.0, 1.0], 3000) * 10.0 ** generator.uniform(-12, 12, 3000)
+    errors = np.abs(values) * 10.0 ** generator.uniform(-6, 3, 3000)
+    # Those that stand in the middle between two digits, and the edges of the rule.
+    edges = [
+        (2.5, 10.0),
+        (3.5, 10.0),
+        (0.5, 1.0),
+        (1.25, 0.3),
+        (1.35, 0.3),
+        (12.0, 340.0),
+        (0.0, 1e-6),
+    ]
+    edges += [
+        (25.0, 100.0),
+        (35.0, 120.0),
+        (1e5, 780.0),
+        (99.95, 0.355),
+        (1.0, 0.0949),
+        (5.0, 0.095),
+    ]
+    pairs = [*edges, *zip(values.tolist(), errors.tolist(), strict=True)]
+    with browser(live[1].url) as page:
+        found = page.evaluate(
+            """async pairs => { const { withError, rounded } = await import("/static/digits.js");
+            return pairs.map(([value, error]) =>
+              [withError(value, [error], "N"), rounded(value, 4), rounded(error, 2)]); }""",
+            json.loads(json.dumps(pairs)),
+        )
+    expected = [
+        [with_error(value, error, unit="N"), rounded(value, 4), rounded(error, 2)]
+        for value, error in pairs
+    ]
+    assert found == expected

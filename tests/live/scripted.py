@@ -1,0 +1,193 @@
+"""A source that delivers what a test wrote down, and sinks that behave badly."""
+
+import itertools
+import math
+import time
+
+import numpy as np
+from cases import MATERIALS, THREE_SINES
+
+from palpate.live.arrivals import Arrival, Counts
+from palpate.live.loop import Loop
+from palpate.live.ring import COLUMNS, Reader, Writer
+from palpate.live.sinks.watching import Watching
+from palpate.live.sources.source import EndOfSourceError
+
+T = 1e-3
+PLACE = {name: k for k, name in enumerate(COLUMNS)}
+
+
+class Silence(float):
+    """So long, in s, nothing comes."""
+
+
+class Scripted:
+    """Delivers arrivals, and silences between them; its own clock stands in for the machine's.
+
+    The clock is not waited for, so that a minute of silence takes no time.
+    """
+
+    name = "scripted source"
+    sample_time = T
+
+    def __init__(self, script):
+        self._script = iter(script)
+        self.counts = Counts()
+        self.opened = self.closed = False
+        self.silent = 0.0
+
+    def open(self):
+        self.opened = True
+
+    def take(self, timeout):
+        while self.silent <= 0.0:
+            entry = next(self._script, None)
+            if entry is None:
+                raise EndOfSourceError
+            if not isinstance(entry, Silence):
+                return entry
+            self.silent = float(entry)
+        self.silent -= timeout
+        return None
+
+    def ask(self, options):
+        return f"asked for {options}"
+
+    def close(self):
+        self.closed = True
+
+
+def measured(seconds=2.0, *, seed=0, noise=0.05):
+    """The ball under three sines: times, positions and forces as lists."""
+    time_ = np.arange(round(seconds / T)) * T
+    x, v = THREE_SINES.at(time_)
+    random = np.random.default_rng(seed)
+    force = MATERIALS["ball"].force(x, v) + noise * random.standard_normal(time_.size)
+    return time_.tolist(), x.tolist(), force.tolist()
+
+
+def arrivals(times, positions, forces, *, there=None):
+    """Each there at its time, by the machine's clock too."""
+    there = times if there is None else there
+    rows = zip(times, positions, forces, there, strict=True)
+    return [Arrival(*row) for row in rows]
+
+
+def looped(script, preparation, estimator, commands=(), *, source=None):
+    """The loop and the rows that it wrote; a command is taken after so many samples.
+
+    Parameters
+    ----------
+    commands : sequence of (int, Command)
+    """
+    ring = Writer(1 << 15)
+    reader = Reader(ring.address)
+    source = source or Scripted(script)
+    waiting = sorted(commands, key=lambda each: each[0])
+
+    def asked():
+        if waiting and loop.counts.taken >= waiting[0][0]:
+            return waiting.pop(0)[1]
+        return None
+
+    try:
+        loop = Loop(source, preparation, estimator, ring)
+        loop.commands = asked
+        loop.run()
+        return loop, reader.take().rows.copy()
+    finally:
+        reader.close()
+        ring.close()
+
+
+def column(rows, name):
+    return rows[:, PLACE[name]]
+
+
+class Endless:
+    """A sample every millisecond, in real time, until it is told to end, or so many have come."""
+
+    name = "endless source"
+    sample_time = T
+
+    def __init__(self, samples=math.inf):
+        self.counts, self._samples = Counts(), samples
+
+    def open(self):
+        self._began = time.monotonic()
+        self._rows = itertools.count()
+
+    def take(self, timeout):
+        k = next(self._rows)
+        if k >= self._samples:
+            raise EndOfSourceError
+        due = self._began + k * T
+        time.sleep(max(due - time.monotonic(), 0.0))
+        return Arrival(
+            k * T, 1e-2 + 1e-3 * math.sin(0.03 * k), 20.0 + 2.0 * math.sin(0.03 * k), due
+        )
+
+    def ask(self, options):
+        return ""
+
+    def close(self):
+        pass
+
+
+class Looking:
+    """A sink that writes down what it saw, and that it ended in order."""
+
+    def __init__(self, path, name="looking"):
+        self.path, self.name = path, name
+
+    def run(self, session, commands):
+        watching = Watching(session)
+        rows = 0
+        names = session.ring.name, session.board, *session.boards.values()
+        self.path.with_suffix(".began").write_text(" ".join(names))
+        while watching.wait(0.02):
+            rows += len(watching.take().rows)
+            watching.tell({"rows": rows})
+        rows += len(watching.take().rows)
+        self.path.write_text(f"{rows} {watching.dropped} {watching.status()['stopped']}")
+        watching.close()
+
+
+class Slow(Looking):
+    """One that looks so seldom that the ring has gone round."""
+
+    def run(self, session, commands):
+        watching = Watching(session)
+        while not watching.over:
+            time.sleep(0.05)
+        taken = watching.take()
+        self.path.write_text(f"{len(taken.rows)} {watching.dropped} {watching._reader.count}")
+        watching.tell({})
+        watching.close()
+
+
+class Hanging:
+    """One that does not listen to anybody."""
+
+    name = "hanging"
+
+    def __init__(self, path):
+        self.path = path
+
+    def run(self, session, commands):
+        import os
+        import signal
+
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        self.path.write_text(str(os.getpid()))
+        while True:
+            time.sleep(10.0)
+
+
+class Failing:
+    """One that ends at once."""
+
+    name = "failing"
+
+    def run(self, session, commands):
+        raise SystemExit(1)

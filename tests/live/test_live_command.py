@@ -1,0 +1,123 @@
+"""``palpate live``: what it prints, and what it refuses, in one line."""
+
+import os
+import pty
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scripted import measured
+
+from palpate.live.sinks.console import summary
+from palpate.live.sinks.figures import percent, seconds
+
+BARE = ("--no-page", "--no-diagnosis")
+
+
+def live(*arguments, timeout=60):
+    return subprocess.run(
+        [sys.executable, "-m", "palpate", "live", *map(str, arguments)],
+        capture_output=True, text=True, timeout=timeout, check=False,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def recording(tmp_path):
+    times, positions, forces = measured(2.0)
+    path = tmp_path / "touch.csv"
+    rows = np.column_stack([times, positions, forces])
+    np.savetxt(path, rows, delimiter=",", header="time_s,penetration_m,force_N", comments="")
+    return path
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (["nowhere.csv"], "SOURCE must be a recording's path, or one of lab:ball"),
+        (["lab:jelly"], "material must be one of ball"),
+        (["lab:ball,waltz"], "motion must be one of"),
+        (["lab:ball", "--method", "magic"], "magic"),
+        (["lab:ball", "--direction", "down"], "--direction must be three numbers"),
+        (["lab:ball", "--tare", "soon"], "--tare must be a number"),
+        (["lab:ball", "--rate", "0"], "--rate must be in"),
+        (["lab:ball", "--publish", "fax:1"], "--publish must be one of"),
+        (["lab:ball", "--seconds", "-1"], "--seconds must be in"),
+        (["lab:ball", "--record", "no/such/folder/a.mcap"], "no/such/folder"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(arguments, words, run):
+    status, out, error = run("live", *arguments, *BARE)
+    assert status == 2
+    assert out == ""
+    assert words in error
+    assert error.count("\n") == 1
+
+
+def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
+    copy = tmp_path / "copy.mcap"
+    done = live(recording, "--record", copy, *BARE)
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    assert any(each.startswith(f"{recording}: 2000 samples, 19") for each in lines)
+    assert any(each.startswith("update, estimate") for each in lines)
+    assert "0 lost before the loop" in done.stdout
+    assert re.search(r"contact · 20\d\d.* N/m, .* N·s/m at .* mm", done.stdout)
+    assert f"recorded 2000 rows to {copy}" in done.stdout
+
+
+@pytest.mark.slow
+def test_on_a_terminal_there_is_one_line_written_anew(recording):
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "palpate", "live", recording, *BARE],
+        stdin=theirs, stdout=theirs, stderr=theirs,
+    )  # fmt: skip
+    os.close(theirs)
+    shown = b""
+    while True:
+        try:
+            piece = os.read(ours, 4096)
+        except OSError:  # Linux, when the other end is closed
+            break
+        if not piece:
+            break
+        shown += piece
+    assert process.wait() == 0
+    os.close(ours)
+    text = shown.decode()
+    assert text.count("\r") > 8
+    assert text.count("\n") < 12
+    assert "contact" in text
+
+
+@pytest.mark.slow
+def test_a_reader_that_goes_away_ends_nothing_in_tears(recording):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "palpate", "live", recording, *BARE],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    process.stdout.readline()
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    process.stderr.close()
+    assert process.wait() in (0, 141)
+
+
+def test_times_and_fractions_are_written_for_a_person():
+    assert [seconds(each) for each in (6.3e-6, 4.2e-4, 2.0, None)] == [
+        "6.3 µs", "420 µs", "2 s", "–",
+    ]  # fmt: skip
+    # What is not all is never rounded to all.
+    assert [percent(each) for each in (1.0, 0.999_934, 0.9, None)] == [
+        "100 %", "99.9934 %", "90 %", "–",
+    ]  # fmt: skip
+
+
+def test_the_summary_says_what_each_sink_dropped():
+    lines = list(
+        summary({"source": "robot"}, {"page": {"dropped": 3}, "recorder": {"said": "done"}})
+    )
+    assert "rows dropped: 3 by the page, 0 by the recorder" in lines
+    assert lines[-1] == "done"

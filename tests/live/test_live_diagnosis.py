@@ -1,0 +1,100 @@
+"""The diagnosis of the last seconds is that of the library, and beside the loop."""
+
+import numpy as np
+import pytest
+from cases import MATERIALS
+from scripted import arrivals, looped, measured
+
+import palpate
+from palpate import OnlinePreparation
+from palpate.live import run
+from palpate.live.ring import COLUMNS
+from palpate.live.running import default_estimator
+from palpate.live.sinks.diagnosis import Diagnosing, contact_of, diagnosed, recent
+from palpate.live.sinks.watching import Watching
+from palpate.live.sources.replay import Replay
+
+SAMPLE = [COLUMNS.index(name) for name in ("time", "penetration", "velocity", "force", "status")]
+LATE = 9e-3  # s
+STATUS = {"method": "variable-projection", "sample_time": 1e-3}
+
+
+@pytest.fixture(scope="module")
+def samples():
+    """What the loop wrote of four seconds on the ball."""
+    times, positions, forces = measured(4.0)
+    _, rows = looped(arrivals(times, positions, forces), OnlinePreparation(), default_estimator())
+    return rows[:, SAMPLE]
+
+
+def test_it_is_the_librarys_own(samples):
+    page = diagnosed(recent(samples, 20.0, LATE), STATUS)
+    known = samples[np.isfinite(samples).all(axis=1)]
+    diagnosis = palpate.identify(contact_of(known, 1e-3)).diagnosis
+    assert page["verdict"] == diagnosis.verdict.as_dict()
+    assert page["reason"] == diagnosis.reason
+    assert page["said"].startswith("trust")
+    depth = page["working_depths"][0]
+    stiffness = MATERIALS["ball"].stiffness_at(depth["depth"])
+    bars = depth["stiffness"]
+    assert abs(bars["value"] - stiffness) < 4.0 * bars["standard_error"] + bars["systematic"]
+
+
+def test_it_is_of_the_last_seconds_of_one_clock(samples):
+    short = recent(samples, 1.0, LATE)
+    assert short[-1, 0] - short[0, 0] == pytest.approx(1.0, abs=2e-3)
+    earlier = samples.copy()
+    earlier[:, 0] += 100.0
+    both = recent(np.concatenate([earlier, samples]), 20.0, LATE)
+    np.testing.assert_array_equal(both, recent(samples, 20.0, LATE))
+
+
+def test_it_is_of_what_is_touched_since_the_loop_noticed_a_change(samples):
+    times, positions, forces = measured(4.0)
+    softer = [0.3 * force for force in forces]
+    x, f = [*positions, *positions], [*forces, *softer]
+    script = arrivals([*times, *(4.0 + time for time in times)], x, f)
+    _, rows = looped(script, OnlinePreparation(), default_estimator())
+    page = diagnosed(recent(rows[:, SAMPLE], 20.0, LATE), STATUS)
+    assert page["window"][0] == pytest.approx(4.0, abs=0.5)
+    assert page["verdict"]["overall"] == "trust"
+
+
+def test_a_gap_begins_another_segment_and_no_contact_is_said(samples):
+    known = recent(samples, 20.0, LATE)
+    contact = contact_of(np.concatenate([known[:1000], known[1500:]]), 1e-3)
+    assert len(list(contact.segments())) == 2
+    free = known.copy()
+    free[:, 1] = -1e-3
+    free[:, 3] = 0.0
+    page = diagnosed(free, STATUS)
+    assert page["verdict"] is None
+    assert page["reason"]
+
+
+class Reading:
+    """A sink that keeps what the diagnosis said."""
+
+    name = "reading"
+
+    def __init__(self, path):
+        self.path = path
+
+    def run(self, session, commands):
+        watching = Watching(session)
+        while watching.wait(0.1):
+            if said := watching.others()["diagnosis"].get("said"):
+                self.path.write_text(said)
+        watching.close()
+
+
+@pytest.mark.slow
+def test_it_says_its_verdict_while_the_loop_runs(tmp_path):
+    times, positions, forces = measured(3.5)
+    contact = palpate.Contact(
+        times, penetration=positions, velocity=[0.0] * len(times), force=forces
+    )
+    said = tmp_path / "said"
+    status = run(Replay(contact), None, [Diagnosing(every=1.0), Reading(said)])
+    assert said.read_text().startswith("trust")
+    assert status["counts"]["taken"] == 3500

@@ -1,0 +1,181 @@
+"""The laboratory that goes on is that of the batch run, and continuous whatever is asked of it."""
+
+import os
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from palpate import InvalidParameterError, OnlinePreparation, lab
+from palpate.live import run
+from palpate.live.sources import SOURCES, SourceOptions, open_source
+from palpate.live.sources.laboratory import Laboratory
+from palpate.live.sources.laboratory_process import Setup
+from palpate.live.sources.source import EndOfSourceError
+
+STEP = 1e-3
+
+
+def ongoing(probe=None, *, material=lab.BALL, trajectory=lab.THREE_SINES, sensors=lab.PERFECT):
+    bench = lab.Bench(material, trajectory, probe or lab.IdealProbe(), sensors)
+    return lab.OngoingBench(bench, seed=4)
+
+
+def advanced(bench, seconds, block=20):
+    return np.concatenate([bench.advance(block) for _ in range(round(seconds / STEP / block))])
+
+
+@pytest.mark.parametrize("block", [1, 37])
+def test_a_bench_that_goes_on_is_the_batch_run_to_the_last_bit(block):
+    pytest.importorskip("mujoco")
+    bench = lab.Bench(lab.SOFT_THEN_HARD, lab.PALPATION)
+    size = 2500 // block * block
+    batch = bench.run(4, seconds=size * STEP).contact
+    going = lab.OngoingBench(bench, 4)
+    rows = np.concatenate([going.advance(block) for _ in range(size // block)])
+    np.testing.assert_array_equal(rows[:, 1], batch.penetration)
+    np.testing.assert_array_equal(rows[:, 0], batch.time)
+    tare = float(batch.provenance["tare"].split()[3])  # in six digits
+    assert rows[:, 2] - tare == pytest.approx(batch.force, abs=1e-5)
+
+
+@pytest.mark.parametrize("ask", ["change", "place", "move"])
+def test_whatever_is_asked_the_probe_goes_on_without_a_jump(ask):
+    bench = ongoing()
+    before = advanced(bench, 4.0)
+    {"change": bench.change, "place": bench.place, "move": bench.move}[ask](
+        lab.TAPPING if ask == "move" else lab.SPONGE
+    )
+    after = advanced(bench, 6.0)
+    depth = np.concatenate([before, after])[:, 1]
+    speed = np.diff(depth) / STEP
+    # The quickest of both motions, and the way to the beginning of the other in 0.5 s.
+    assert np.abs(speed).max() < 0.15
+    # Over one sample the speed changes by what an acceleration of some 2 m/s² makes of it.
+    assert np.abs(np.diff(speed)).max() < 5e-3
+    assert bench.trajectory is (lab.TAPPING if ask == "move" else lab.THREE_SINES)
+    assert bench.material is (lab.BALL if ask == "move" else lab.SPONGE)
+
+
+def test_a_change_is_felt_at_once_and_another_material_only_when_the_probe_has_left():
+    bench = ongoing()
+    advanced(bench, 4.0)
+    bench.change(lab.SPONGE)
+    now = advanced(bench, 1.0)
+    law = lab.SPONGE.law
+    x = now[:, 1]
+    v = np.gradient(x, STEP)
+    np.testing.assert_allclose(now[5:-5, 2], law.force(x, v)[5:-5], rtol=2e-3)
+    bench.place(lab.BALL)
+    leaving = advanced(bench, 0.4)
+    assert bench.material is lab.SPONGE
+    assert leaving[-1, 1] < leaving[0, 1]
+    resting = advanced(bench, 1.0)
+    assert bench.material is lab.BALL
+    assert resting[-1, 1] < 0.0
+
+
+def test_of_many_wishes_in_a_transition_the_last_one_is_granted():
+    bench = ongoing()
+    advanced(bench, 3.0)
+    for _ in range(300):
+        bench.move(lab.TAPPING)
+        bench.advance(1)
+    bench.move(lab.TWO_SINES)
+    began = time.perf_counter()
+    advanced(bench, 4.0)
+    assert bench.trajectory is lab.TWO_SINES
+    assert time.perf_counter() - began < 5.0
+
+
+def test_a_simulation_that_breaks_down_begins_again_on_the_first_material():
+    pytest.importorskip("mujoco")
+    from palpate import HuntCrossley
+
+    bench = ongoing(lab.TwinPantograph())
+    advanced(bench, 3.0)
+    bench.change(lab.Homogeneous(HuntCrossley(1e9, 1e9, 1.0), "a rock"))
+    with pytest.raises(InvalidParameterError, match="too stiff"):
+        advanced(bench, 2.0)
+    again = advanced(bench, 1.0)
+    assert bench.material is lab.BALL
+    assert again[0, 1] < 0.0
+
+
+def test_the_laboratory_runs_in_real_time_and_does_what_it_is_asked():
+    source = Laboratory("ball", probe="ideal")
+    source.open()
+    began, rows, asked = time.monotonic(), [], ""
+    while time.monotonic() - began < 1.0:
+        arrival = source.take(0.2)
+        assert arrival is not None
+        assert arrival.there <= time.monotonic()
+        rows.append(arrival)
+        if len(rows) == 300:
+            asked = source.ask({"change": "sponge"})
+    assert asked.startswith("material: sponge")
+    assert source.chosen["material"] == "sponge"
+    assert source.chosen["truth"]["stiffness"] == 300.0
+    assert len(rows) == pytest.approx(1000, abs=150)
+    assert np.diff([row.time for row in rows]) == pytest.approx(STEP)
+    assert source.counts.lost == 0
+    assert source.offers["material"] == list(lab.MATERIALS)
+    for wrong in ({}, {"colour": "red"}, {"material": "jelly"}, {"motion": 3}):
+        with pytest.raises(InvalidParameterError):
+            source.ask(wrong)
+    assert "ideal probe" in source.name
+    source._process.kill()
+    with pytest.raises(EndOfSourceError):
+        list(iter(lambda: source.take(0.2), None))
+    source.close()
+    source.close()
+
+
+@pytest.mark.slow
+def test_what_the_loop_does_not_take_in_time_is_lost_and_counted():
+    source = Laboratory("ball", probe="ideal", sample_time=1e-4)
+    source.open()
+    time.sleep(1.2)  # at 10 kHz more than the 4096 rows that wait
+    arrival = source.take(0.2)
+    assert source.counts.lost > 4096
+    assert arrival.time == pytest.approx(source.counts.lost * 1e-4)
+    source.close()
+
+
+def test_without_mujoco_an_ideal_probe_is_taken_and_said(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    bench, probe, words = Setup("ball", "three-sines", 1e-3, 0, "twin-pantograph").bench()
+    assert probe == "ideal probe"
+    assert "needs MuJoCo" in words
+    assert len(bench.advance(10)) == 10
+
+
+@pytest.mark.slow
+def test_the_laboratory_on_the_loop_gives_the_truth():
+    source = open_source("lab:ball,two-sines", SourceOptions(seed=3))
+    preparation = OnlinePreparation(tare_time=1.6)
+    status = run(source, None, preparation=preparation, seconds=4.0)
+    assert status["offers"]["motion"] == list(lab.TRAJECTORIES)
+    assert status["chosen"]["motion"] == "two-sines"
+    assert status["counts"]["lost"] == 0
+    assert status["tare"] is not None
+    assert status["state"] == "contact"
+    assert status["counts"]["learned"] > 500
+
+
+def test_each_kind_of_source_says_how_it_is_written():
+    for scheme, kind in SOURCES.items():
+        assert kind.form.startswith(f"{scheme}:")
+    with pytest.raises(InvalidParameterError, match=r"lab:ball .*zmq:.*dds:.*zenoh:.*ros1:"):
+        open_source("nowhere")
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="of Linux")
+def test_its_process_ends_with_the_loop():
+    source = Laboratory("ball", probe="ideal")
+    source.open()
+    pid = source._process.pid
+    source.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)

@@ -1,0 +1,316 @@
+"""The loop is the same recursion as everywhere, and says what is wrong with a source."""
+
+import gc
+import math
+
+import numpy as np
+import pytest
+from scripted import Scripted, Silence, T, arrivals, column, looped, measured
+
+import palpate
+from palpate import ESTIMATORS, OnlinePreparation, Status
+from palpate.live.arrivals import Arrival
+from palpate.live.commands import Command
+from palpate.live.ring import Writer
+from palpate.live.running import default_estimator
+from palpate.live.sources.replay import Replay
+from palpate.live.states import State
+from palpate.replaying import replayed
+
+TIMES, POSITIONS, FORCES = measured(2.0)
+PREPARED = "time", "penetration", "velocity", "force"
+
+
+def replay_of(times, positions, forces, estimator=None, preparation=None):
+    """What the same recursion gives offline: the prepared contact and the trace."""
+    contact = (preparation or OnlinePreparation()).replay(positions, forces, times)
+    return contact, replayed(contact, estimator or default_estimator())
+
+
+def same(rows, contact, trace, *, predicted=True):
+    """The prepared samples and every estimate, to the last bit."""
+    given = rows[np.isfinite(column(rows, "time"))]
+    assert len(given) == len(contact)
+    for name in PREPARED:
+        np.testing.assert_array_equal(column(given, name), getattr(contact, name))
+    size = trace.parameters.shape[1]
+    found = np.column_stack([column(given, f"parameter_{k}") for k in range(size)])
+    np.testing.assert_array_equal(found, trace.parameters)
+    # A prediction by the law itself, or by its regression in scaled units: rounded otherwise.
+    if predicted:
+        force = column(given, "predicted_force")
+        np.testing.assert_allclose(force, trace.predicted_force, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(column(given, "status"), trace.status)
+
+
+@pytest.mark.parametrize("method", ESTIMATORS)
+def test_the_loop_over_a_recording_is_the_replay_to_the_last_bit(method):
+    contact = palpate.Contact(
+        TIMES, penetration=POSITIONS, velocity=[0.0] * len(TIMES), force=FORCES
+    )
+    estimator = ESTIMATORS[method]()
+    source = Replay(contact, speed=math.inf)
+    source.open()
+    loop, rows = looped((), OnlinePreparation(), estimator.copy(), source=source)
+    # That of drift tracking is solved every other sample, from which its replay predicts.
+    replay = replay_of(TIMES, POSITIONS, FORCES, estimator.copy())
+    same(rows, *replay, predicted=method != "drift-tracking")
+    assert loop.counts.taken == len(TIMES) == len(rows)
+    assert loop.status()["counts"]["jumps"] == 0
+
+
+def changed(k, **values):
+    """The clean script with something else at sample k."""
+    script = arrivals(TIMES, POSITIONS, FORCES)
+    script[k] = script[k]._replace(**values)
+    return script
+
+
+def without(*gone):
+    keep = [k for k in range(len(TIMES)) if k not in gone]
+    return tuple([each[k] for k in keep] for each in (TIMES, POSITIONS, FORCES))
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"position": math.nan}, {"force": math.inf}, {"position": 1e300}],
+    ids=["NaN", "infinite", "absurd"],
+)
+def test_what_is_no_number_is_refused_said_and_forgotten(values):
+    loop, rows = looped(changed(900, **values), OnlinePreparation(), default_estimator())
+    states = column(rows, "state")
+    assert states[899] == State.CONTACT
+    assert states[900] == State.INVALID
+    # It is seen for half a second, and then is over.
+    assert (states[900:1399] == State.INVALID).all()
+    assert (states[1401:] == State.CONTACT).all()
+    assert loop.counts.refused == 1
+    assert any("no numbers" in words for words in loop.said)
+    # But for that sample, whose window has a hole, all is as if it had never come.
+    same(rows, *replay_of(*without(900)))
+
+
+def test_a_repeated_sample_changes_nothing_and_is_counted():
+    script = arrivals(TIMES, POSITIONS, FORCES)
+    script[901:901] = [script[900]] * 3
+    loop, rows = looped(script, OnlinePreparation(), default_estimator())
+    assert loop.status()["counts"]["repeated"] == 3 == loop.counts.refused
+    assert (column(rows, "state")[901:904] == State.INVALID).all()
+    same(rows, *replay_of(TIMES, POSITIONS, FORCES))
+
+
+def test_a_sample_that_comes_after_a_later_one_changes_nothing_and_is_counted():
+    script = arrivals(TIMES, POSITIONS, FORCES)
+    script[905:905] = [script[900]]
+    loop, rows = looped(script, OnlinePreparation(), default_estimator())
+    assert loop.status()["counts"]["disordered"] == 1
+    same(rows, *replay_of(TIMES, POSITIONS, FORCES))
+
+
+@pytest.mark.parametrize("jump", [-5.0, 40.0, -1.79e9], ids=["back", "ahead", "epoch to boot"])
+def test_a_clock_that_is_set_is_seen_and_a_new_window_begins(jump):
+    later = [time + jump * (k >= 1000) for k, time in enumerate(TIMES)]
+    script = arrivals(later, POSITIONS, FORCES, there=TIMES)
+    loop, rows = looped(script, OnlinePreparation(), default_estimator())
+    states = column(rows, "state")
+    assert states[999] == State.CONTACT
+    assert states[1000] == State.INVALID
+    assert states[-1] == State.CONTACT
+    assert loop.status()["counts"]["jumps"] == 1
+    assert any("clock went" in words for words in loop.said)
+    contact, trace = _in_two_parts(1000)
+    given = rows[np.isfinite(column(rows, "time"))]
+    # A clock near 1.8e9 s has a resolution of 0.24 µs: of a step, and so of a velocity, 2.4e-4.
+    for name in PREPARED[1:]:
+        fine = {"rtol": 3e-4, "atol": 1e-6} if name == "velocity" else {"rtol": 1e-12}
+        np.testing.assert_allclose(column(given, name), getattr(contact, name), **fine)
+    found = [column(given, f"parameter_{k}")[-1] for k in range(3)]
+    np.testing.assert_allclose(found, trace.parameters[-1], rtol=1e-3)
+
+
+def _in_two_parts(k):
+    """The recording as two of which the second begins where the clock was set."""
+    apart = [time + 1000.0 * (i >= k) for i, time in enumerate(TIMES)]
+    return replay_of(apart, POSITIONS, FORCES)
+
+
+def test_a_silent_source_is_lost_and_found_again():
+    script = arrivals(TIMES, POSITIONS, FORCES)
+    late = [each._replace(time=each.time + 30.0, there=each.there + 30.0) for each in script[1000:]]
+    loop, rows = looped(
+        [*script[:1000], Silence(30.0), *late], OnlinePreparation(), default_estimator()
+    )
+    assert loop.counts.silences == 1
+    assert loop.status()["counts"]["gaps"] == 1
+    assert any("no sample comes" in words for words in loop.said)
+    states = column(rows, "state")
+    # Until the new window is whole nothing is known of the contact.
+    assert states[1000] == State.LOST
+    assert states[1030] == State.CONTACT
+    times = [*TIMES[:1000], *(time + 30.0 for time in TIMES[1000:])]
+    same(rows, *replay_of(times, POSITIONS, FORCES))
+
+
+def test_during_a_silence_the_state_is_lost_and_the_estimate_held():
+    loop, rows = looped(
+        [*arrivals(TIMES, POSITIONS, FORCES), Silence(5.0)],
+        OnlinePreparation(),
+        default_estimator(),
+    )
+    assert loop.state is State.LOST
+    assert loop.estimator.estimate().law.stiffness == column(rows, "parameter_0")[-1]
+
+
+def test_a_stall_of_the_wire_that_loses_nothing_changes_nothing():
+    script = arrivals(TIMES, POSITIONS, FORCES)
+    stalled = [each._replace(there=1.5) for each in script[1000:1500]]
+    loop, rows = looped(
+        [*script[:1000], Silence(0.5), *stalled, *script[1500:]],
+        OnlinePreparation(),
+        default_estimator(),
+    )
+    assert loop.counts.silences == 1
+    assert loop.counts.refused == 0
+    same(rows, *replay_of(TIMES, POSITIONS, FORCES))
+
+
+def test_samples_that_come_too_seldom_for_the_window_are_said_to():
+    times = [10.0 * time for time in TIMES]
+    loop, rows = looped(
+        arrivals(times, POSITIONS, FORCES), OnlinePreparation(), default_estimator()
+    )
+    assert np.isnan(column(rows, "time")).all()
+    assert loop.state is State.INVALID
+    assert any("--rate" in words for words in loop.said)
+
+
+def test_the_same_fault_in_each_sample_is_said_once_a_second():
+    script = [each._replace(force=math.nan) for each in arrivals(TIMES, POSITIONS, FORCES)]
+    loop, _ = looped(script, OnlinePreparation(), default_estimator())
+    assert loop.counts.refused == len(TIMES)
+    assert sum("no numbers" in words for words in loop.said) == 2
+
+
+def test_hold_and_resume_and_reset():
+    commands = [(600, Command("hold")), (1200, Command("resume")), (1500, Command("reset"))]
+    loop, rows = looped(
+        arrivals(TIMES, POSITIONS, FORCES), OnlinePreparation(), default_estimator(), commands
+    )
+    stiffness, states = column(rows, "parameter_0"), column(rows, "state")
+    assert (stiffness[600:1200] == stiffness[599]).all()
+    assert stiffness[1210] != stiffness[599]
+    assert (states[600:1200] == State.HELD).all()
+    assert states[1200] == State.CONTACT
+    assert (column(rows, "method")[[1499, 1500]] == [0.0, 1.0]).all()
+    assert loop.status()["generation"] == 1
+
+
+def test_a_tare_is_taken_and_taken_off():
+    biased = [force + 3.0 for force in FORCES]
+    free = arrivals(TIMES[:600], [-1e-3] * 600, [3.0] * 600)
+    touching = arrivals(TIMES[600:], POSITIONS[600:], biased[600:])
+    commands = [(50, Command("tare", {"seconds": 0.5}))]
+    loop, rows = looped([*free, *touching], OnlinePreparation(), default_estimator(), commands)
+    states = column(rows, "state")
+    assert (states[60:540] == State.TARING).all()
+    assert loop.status()["tare"] == pytest.approx(3.0, rel=1e-12)
+    assert column(rows, "force")[-1] == pytest.approx(FORCES[-10], abs=1e-9)
+
+
+def test_another_estimator_and_what_there_is_not():
+    commands = [
+        (500, Command("estimator", {"method": "single-stage"})),
+        (600, Command("estimator", {"method": "magic"})),
+        (700, Command("source", {"material": "ball"})),
+        (800, Command("record", {"on": True})),
+        (900, Command("tare", {"seconds": -1.0})),
+        (1000, Command("stop")),
+    ]
+    loop, rows = looped(
+        arrivals(TIMES, POSITIONS, FORCES), OnlinePreparation(), default_estimator(), commands
+    )
+    status = loop.status()
+    assert status["method"] == "single-stage"
+    assert len(rows) == 1000
+    assert status["record"] == {"wish": 1, "on": True, "path": None, "since": 800}
+    said = " ".join(loop.said)
+    assert "asked for {'material': 'ball'}" in said
+    assert "magic" in said
+    assert "seconds must be in" in said
+
+
+def test_vectors_are_taken_along_the_direction_and_kept_as_they_came():
+    down = [Arrival(t, (0.4, 0.0, -x), (0.1, 0.2, f), t) for t, x, f in
+            zip(TIMES, POSITIONS, FORCES, strict=True)]  # fmt: skip
+    preparation = OnlinePreparation(direction=[0, 0, -2], flip=["force"])
+    _, rows = looped(down, preparation, default_estimator())
+    np.testing.assert_array_equal(column(rows, "position"), POSITIONS)
+    np.testing.assert_array_equal(column(rows, "raw_force"), [-force for force in FORCES])
+    np.testing.assert_array_equal(column(rows, "input_force_y"), 0.2)
+    assert column(rows, "parameter_0")[-1] == pytest.approx(2000.0, rel=0.05)
+
+
+@pytest.mark.parametrize("vectors", [False, True])
+def test_a_direction_of_numbers_or_vectors_without_one_is_a_clear_line(vectors):
+    one = (
+        Arrival(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+        if vectors
+        else Arrival(0.0, 0.0, 0.0, 0.0)
+    )
+    preparation = OnlinePreparation(direction=None if vectors else [0, 0, -1])
+    with pytest.raises(palpate.InvalidParameterError, match="--direction"):
+        looped([one], preparation, default_estimator())
+
+
+def test_a_source_that_counts_too_is_added_up():
+    script = arrivals(TIMES, POSITIONS, FORCES)
+    source = Scripted([script[0], script[0], *script[1:20]])
+    source.counts.repeated, source.counts.lost = 4, 7
+    loop, _ = looped((), OnlinePreparation(sample_time=T), default_estimator(), source=source)
+    counts = loop.status()["counts"]
+    assert counts["repeated"] == 5
+    assert counts["lost"] == 7
+    assert counts["taken"] == 21
+    assert loop.preparation.status is Status.UPDATED
+
+
+class Wide(palpate.HuntCrossley):
+    symbols = ("a", "b", "c", "d", "e")
+
+
+class WideEstimator(palpate.VariableProjection):
+    law_type = Wide
+
+
+def test_a_law_for_which_there_is_no_room_is_a_clear_line():
+    with pytest.raises(palpate.InvalidParameterError, match="more than 4 parameters"):
+        looped([], OnlinePreparation(), WideEstimator())
+
+
+def test_a_recording_says_what_it_knows_with_hindsight():
+    contact = palpate.Contact(
+        TIMES, penetration=POSITIONS, velocity=[0.0] * len(TIMES), force=FORCES, tare_deviation=0.01
+    )
+    source = Replay(contact)
+    assert ["tare of the recording" in words for words in source.news()] == [True]
+    assert source.news() == []
+
+
+def test_the_loop_makes_no_cycles_so_that_it_needs_no_collector():
+    script = arrivals(TIMES, POSITIONS, FORCES)
+    script[100] = script[100]._replace(force=math.nan)
+    script[300:300] = [script[299]]
+    loop, _ = looped(script[:500], OnlinePreparation(), default_estimator())
+    rest = iter(script[500:])
+    ring = Writer()
+    loop.ring = ring
+    gc.collect()
+    gc.disable()
+    try:
+        for arrival in rest:
+            loop.step(arrival)
+            loop.status()
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
+        ring.close()

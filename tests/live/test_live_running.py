@@ -1,0 +1,163 @@
+"""A session: sinks in processes of their own, which end in order, and hold nobody."""
+
+import gc
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from scripted import Endless, Failing, Hanging, Looking, Slow
+
+import palpate
+from palpate.live import run, running
+from palpate.live.ring import Writer
+
+SHM = Path("/dev/shm")
+HERE = Path(__file__).parent
+
+
+def test_sinks_see_every_row_and_end_in_order_and_the_memory_is_given_back(tmp_path):
+    sinks = [Looking(tmp_path / "one", "one"), Looking(tmp_path / "two", "two")]
+    status = run(Endless(500), None, sinks)
+    taken = status["counts"]["taken"]
+    for name in ("one", "two"):
+        assert (tmp_path / name).read_text() == f"{taken} 0 True"
+    assert taken == 500
+    assert status["counts"]["lost"] == 0
+    names = (tmp_path / "one.began").read_text().split()
+    assert len(names) == 4
+    assert not any((SHM / name.lstrip("/")).exists() for name in names)
+
+
+def test_a_slow_sink_drops_rows_and_says_how_many_and_holds_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(running, "Writer", lambda: Writer(200))
+    status = run(Endless(600), None, [Slow(tmp_path / "slow", "slow")])
+    seen, dropped, written = map(int, (tmp_path / "slow").read_text().split())
+    assert written == status["counts"]["taken"] == seen + dropped
+    assert seen == 199
+    assert dropped == 401
+
+
+def test_a_sink_that_hangs_is_ended_and_one_that_ends_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(running, "PATIENCE", 0.3)
+    status = run(Endless(), None, [Hanging(tmp_path / "pid"), Failing()], seconds=1.0)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "pid").read_text()), 0)
+    assert any("failing has ended" in words for words in status["said"])
+
+
+SESSION = """
+import sys
+sys.path[:0] = [{here!r}, {tests!r}]
+from pathlib import Path
+from scripted import Endless, Looking
+from palpate.live import run
+if __name__ == "__main__":
+    status = run(Endless(), None, [Looking(Path({path!r}))])
+    print(status["counts"]["taken"])
+"""
+
+
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
+def test_ctrl_c_ends_the_loop_and_its_sinks_in_order(tmp_path, number):
+    script = tmp_path / "session.py"
+    path = tmp_path / "seen"
+    script.write_text(SESSION.format(here=str(HERE), tests=str(HERE.parent), path=str(path)))
+    process = subprocess.Popen(
+        [sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    until = time.monotonic() + 60.0
+    while not path.with_suffix(".began").exists() and time.monotonic() < until:
+        time.sleep(0.02)
+    time.sleep(0.3)
+    # As a terminal does: to all of the processes in front of it.
+    process.send_signal(number)
+    out, error = process.communicate(timeout=20)
+    assert (process.returncode, error) == (0, "")
+    assert path.read_text() == f"{int(out)} 0 True"
+
+
+def test_ctrl_c_while_the_sinks_begin_is_quiet_too(tmp_path):
+    script, path = tmp_path / "session.py", tmp_path / "seen"
+    script.write_text(SESSION.format(here=str(HERE), tests=str(HERE.parent), path=str(path)))
+    for wait in (0.4, 0.7):  # importing, and starting
+        process = subprocess.Popen(
+            [sys.executable, script],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        )  # fmt: skip
+        time.sleep(wait)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        _, error = process.communicate(timeout=30)
+        # Of the script itself, which has no main that says nothing.
+        assert error.count("Traceback") <= 1
+        assert "spawn_main" not in error
+
+
+@pytest.mark.slow
+def test_an_error_of_the_source_ends_the_sinks_too(tmp_path):
+    class Broken(Endless):
+        def open(self):
+            raise OSError("the cable is out")
+
+    with pytest.raises(OSError, match="cable"):
+        run(Broken(), None, [Looking(tmp_path / "seen")])
+    assert (tmp_path / "seen").read_text() == "0 0 True"
+
+
+REALTIME = """
+import ctypes, os, resource
+from palpate.live.realtime import ask_for_realtime
+for limit in (resource.RLIMIT_MEMLOCK, resource.RLIMIT_RTPRIO):
+    resource.setrlimit(limit, (0, 0))
+if os.getuid() == 0:
+    os.setgid(65534)
+    os.setuid(65534)
+print(*ask_for_realtime(), sep=chr(10))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="of Linux")
+def test_what_realtime_is_not_allowed_is_said():
+    done = subprocess.run(
+        [sys.executable, "-c", REALTIME],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    first, second = done.stdout.splitlines()
+    assert first.startswith("no fixed priority: ")
+    assert "rtprio" in first
+    assert second.startswith("memory is not locked: ")
+    assert "memlock" in second
+
+
+def test_the_collector_is_out_of_the_loop_and_back_afterwards():
+    seen = []
+
+    class Asking(Endless):
+        def take(self, timeout):
+            seen.append(gc.isenabled())
+            return super().take(timeout)
+
+    assert gc.isenabled()
+    run(Asking(5))
+    assert gc.isenabled()
+    assert gc.get_freeze_count() == 0
+    assert not any(seen)
+
+
+def test_two_sinks_of_one_name_are_refused(tmp_path):
+    with pytest.raises(palpate.InvalidParameterError, match="different names, not one, one"):
+        run(Endless(5), None, [Looking(tmp_path, "one"), Looking(tmp_path, "one")])
+
+
+def test_the_loop_may_run_in_another_thread():
+    found = []
+    thread = threading.Thread(target=lambda: found.append(run(Endless(200))))
+    thread.start()
+    thread.join()
+    assert found[0]["counts"]["taken"] == 200

@@ -1,0 +1,142 @@
+"""What of the loop's rows goes to a browser: stiffness at a depth, gaps, clocks that are set."""
+
+import struct
+
+import numpy as np
+import pytest
+from cases import KINDS, exciting
+from hypothesis import given
+from hypothesis import strategies as st
+
+from palpate.estimators import ESTIMATORS
+from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.lab import MATERIALS
+from palpate.live.page.channels import CHANNELS, at_depth, channels_of
+from palpate.live.page.history import HEADER, History
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS
+
+AT = {name: place for place, name in enumerate(COLUMNS)}
+DELAY = 0.009
+
+
+def rows_of(times, **columns):
+    """Rows as the loop writes them, of a law that does not change."""
+    rows = np.zeros((len(times), len(COLUMNS)))
+    rows[:, AT["time"]] = times
+    rows[:, AT["arrived"]] = np.asarray(times) + DELAY
+    rows[:, AT["parameter_0"] : AT["parameter_0"] + 4] = [2000.0, 3000.0, 1.3, np.nan]
+    for name, values in columns.items():
+        rows[:, AT[name]] = values
+    return rows
+
+
+def frame(history, first, until, **options):
+    options = {"every": 1, "dropped": 0, "void": False, **options}
+    message = history.frame(first, until, **options)
+    _, count, number, _, _ = HEADER.unpack_from(message)
+    times = np.frombuffer(message, "<f8", count, HEADER.size)
+    values = np.frombuffer(message, "<f4", offset=HEADER.size + 8 * count)
+    return number, times, dict(zip(CHANNELS, values.reshape(len(CHANNELS), count), strict=True))
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_stiffness_and_damping_at_a_depth_are_those_of_the_estimate(kind):
+    estimator = kind()
+    signals = exciting(next(iter(MATERIALS.values())).law, noise=0.05, seed=3)
+    for sample in zip(
+        signals.penetration[:800], signals.velocity[:800], signals.force[:800], strict=True
+    ):
+        estimator.update(*map(float, sample))
+    estimate = estimator.estimate()
+    parameters, covariance = estimate.parameters[None], estimate.covariance[None]
+    for depth in (1e-4, 0.01):
+        found = at_depth(estimator.law_type, parameters, covariance, depth)[:, 0]
+        expected = [*estimate.stiffness_at(depth), *estimate.damping_at(depth)]
+        # Damping by differences of the force, which has sixteen digits of which these take eight.
+        np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("method", ESTIMATORS)
+def test_many_laws_at_once_are_each_of_them(method):
+    law = ESTIMATORS[method].law_type
+    parameters = np.random.default_rng(5).uniform(0.5, 2.0, (20, len(law.symbols)))
+    quick, slow = law.many_at(parameters, 0.01), ForceLaw.many_at.__func__(law, parameters, 0.01)
+    np.testing.assert_allclose(quick, slow, rtol=1e-9)  # by differences over 2 mm/s
+
+
+@given(st.binary(min_size=8 * len(COLUMNS), max_size=8 * len(COLUMNS)))
+def test_any_floats_make_channels_that_are_finite_or_nothing(content):
+    row = np.array([struct.unpack(f"<{len(COLUMNS)}d", content)])
+    found = channels_of(row, HuntCrossley, 0.005)
+    assert found.dtype == np.dtype("<f4")
+    assert not np.isinf(found).any()
+
+
+def test_what_is_kept_is_the_last_seconds_without_a_gap():
+    history = History(1e-3)
+    history.show(HuntCrossley, 0.01, 0.0)
+    times = np.arange(40_000) * 1e-3
+    for part in np.array_split(rows_of(times, force=times), 321):
+        history.add(part, DELAY)
+    assert history.total == 40_000
+    assert history.oldest == 40_000 - 12_000
+    number, kept, values = frame(history, history.oldest, history.total)
+    assert number == history.oldest
+    np.testing.assert_array_equal(kept, times[-12_000:])
+    np.testing.assert_array_equal(values["force"], times[-12_000:].astype(np.float32))
+    expected = 1.3 * 2000.0 * 0.01**0.3
+    np.testing.assert_allclose(values["stiffness"][1:], expected, rtol=1e-6)
+
+
+def test_a_page_that_slept_goes_on_with_the_newest_rows_under_their_own_numbers():
+    history = History(1e-3)
+    history.add(rows_of(np.arange(16_000) * 1e-3), DELAY)
+    assert (history.total, history.oldest) == (16_000, 4_000)
+    np.testing.assert_allclose(frame(history, 15_998, 16_000)[1], [15.998, 15.999], rtol=1e-12)
+
+
+def test_thinned_rows_are_the_same_ones_however_they_are_cut():
+    history = History(1e-3)
+    history.add(rows_of(np.arange(100) * 1e-3), DELAY)
+    times = [frame(history, a, b, every=4)[1] for a, b in ((0, 7), (7, 8), (8, 31), (31, 100))]
+    np.testing.assert_array_equal(np.concatenate(times), np.arange(0, 100, 4) * 1e-3)
+
+
+def test_a_measurement_without_a_sample_stands_where_the_next_one_would():
+    times = np.arange(10) * 1e-3
+    rows = rows_of(times)
+    rows[3:5, AT["time"]] = np.nan
+    rows[7, [AT["time"], AT["arrived"]]] = np.nan  # and one without any time at all
+    history = History(1e-3)
+    history.add(rows, DELAY)
+    expected = times.copy()
+    expected[7] = times[6]
+    np.testing.assert_allclose(frame(history, 0, 10)[1], expected, atol=1e-15)
+
+
+def test_a_clock_that_is_set_back_voids_what_was_before():
+    history = History(1e-3)
+    history.add(rows_of([100.0, 100.001]), DELAY)
+    history.add(rows_of([100.002, 5.0, 5.001]), DELAY)
+    assert (history.total, history.begins, history.oldest) == (5, 3, 3)
+    np.testing.assert_array_equal(frame(history, 3, 5)[1], [5.0, 5.001])
+    history.add(rows_of([5.0005, 5.002]), DELAY)  # that is jitter
+    np.testing.assert_array_equal(frame(history, 5, 7)[1], [5.001, 5.002])
+
+
+def test_no_line_leads_from_one_estimator_to_the_next():
+    history = History(1e-3)
+    history.show(HuntCrossley, 0.01, 0.0)
+    history.add(rows_of(np.arange(6) * 1e-3, method=[0, 0, 0, 1, 1, 1]), DELAY)
+    known = np.isfinite(frame(history, 0, 6)[2]["stiffness"])
+    assert known.tolist() == [True] * 3 + [False] * 3  # the board has not said yet what 1 is
+    assert history.show(HuntCrossley, 0.01, 1.0)
+    known = np.isfinite(frame(history, 0, 6)[2]["parameter_0"])
+    assert known.tolist() == [True] * 3 + [False] + [True] * 2
+    assert history.show(ESTIMATORS["kelvin-voigt"].law_type, 0.01, 2.0)
+    assert not np.isfinite(frame(history, 0, 6)[2]["parameter_0"]).any()
+    assert not history.show(ESTIMATORS["kelvin-voigt"].law_type, 0.01, 2.0)
+
+
+def test_there_is_a_channel_for_every_parameter():
+    assert sum(name.startswith("parameter") for name in CHANNELS) == MOST_PARAMETERS

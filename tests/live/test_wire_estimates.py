@@ -1,0 +1,347 @@
+"""Estimates published on each wire are what the loop found, and are said in types that all know."""
+
+import json
+import math
+import socket
+import struct
+import time
+
+import numpy as np
+import pytest
+from scripted import measured
+from test_wires import ros_master, wire  # noqa: F401 - fixtures
+from wire_robots import ROBOTS, free_port, query
+
+import palpate
+from palpate.errors import InvalidParameterError, PalpateError
+from palpate.live import run
+from palpate.live.sinks.opening import open_publisher
+from palpate.live.sinks.zeromq import BINARY
+from palpate.live.sources.replay import Replay
+
+NAMES = [
+    "time",
+    "prepared_time",
+    "penetration",
+    "velocity",
+    "force",
+    "predicted_force",
+    "state",
+    "offset",
+    "surface",
+    "margin",
+    "stiffness",
+    "damping",
+    "exponent",
+    "stiffness_standard_error",
+    "damping_standard_error",
+    "exponent_standard_error",
+]
+
+
+class Listener:
+    """What hears the estimates; each wire's own, without palpate's part of it."""
+
+    wait = 2.0  # s, until it is connected
+
+    def __init__(self, wire: str) -> None:  # noqa: F811
+        self.estimates: list[list[float]] = []
+        self.said: list[dict[str, str]] = []
+        self.names: list[str] = []
+
+    def connect(self) -> None:
+        time.sleep(self.wait)
+
+
+class ZeroMQListener(Listener):
+    form = "json"
+
+    def __init__(self) -> None:
+        super().__init__("zmq")
+        zmq = pytest.importorskip("zmq", reason="no pyzmq: pip install 'palpate[live]'")
+        self.zmq, self.context = zmq, zmq.Context()
+        self.socket = self.context.socket(zmq.SUB)
+        self.socket.rcvhwm, self.socket.reconnect_ivl = 0, 10
+        self.port = free_port()
+        endpoint = f"tcp://127.0.0.1:{self.port}"
+        self.socket.connect(endpoint)
+        self.socket.setsockopt(zmq.SUBSCRIBE, b"")
+        self.address = f"zmq:{endpoint}{query({'format': self.form})}"
+
+    def connect(self) -> None:
+        until = time.monotonic() + 20.0
+        with socket.socket() as probe:
+            while probe.connect_ex(("127.0.0.1", self.port)) and time.monotonic() < until:
+                time.sleep(0.05)
+        time.sleep(0.3)  # for its own connection, which is tried every 10 ms
+
+    def hear(self) -> None:
+        while self.socket.poll(200):
+            topic, data = self.socket.recv_multipart()
+            if topic == b"status":
+                self.said.append(json.loads(data))
+            else:
+                self.take(data)
+
+    def take(self, data: bytes) -> None:
+        page = json.loads(data)
+        self.names = [name for name in page if name != "number"]
+        assert page["number"] == len(self.estimates) + 1
+        none = math.nan
+        self.estimates.append([none if page[n] is None else page[n] for n in self.names])
+
+    def close(self) -> None:
+        self.socket.close(0)
+        self.context.term()
+
+
+class BinaryListener(ZeroMQListener):
+    form = "binary"
+
+    def take(self, data: bytes) -> None:
+        number, *values = struct.unpack("<Q18d", data)
+        assert number == len(self.estimates) + 1
+        self.names = NAMES
+        # Room for four parameters and their errors; the law has three.
+        assert math.isnan(values[13])
+        assert math.isnan(values[17])
+        self.estimates.append([*values[:13], *values[14:17]])
+
+
+class RosListener(Listener):
+    def __init__(self, wire: str) -> None:  # noqa: F811
+        super().__init__(wire)
+        self.robot = ROBOTS[wire]()
+        self.store = self.robot.store
+
+    def decoded(self, data: bytes, kind: str):
+        return self.store.deserialize_cdr(data, kind)
+
+    def take(self, data: bytes) -> None:
+        message = self.decoded(data, "std_msgs/msg/Float64MultiArray")
+        (dimension,) = message.layout.dim
+        self.names = dimension.label.split(",")
+        assert dimension.size == dimension.stride == len(message.data) == len(self.names)
+        self.estimates.append(message.data.tolist())
+
+    def status(self, data: bytes) -> None:
+        message = self.decoded(data, "diagnostic_msgs/msg/DiagnosticArray")
+        (one,) = message.status
+        assert one.name == "palpate"
+        said = {each.key: each.value for each in one.values}
+        stamp = message.header.stamp
+        self.said.append({"state": one.message, "time": stamp.sec + 1e-9 * stamp.nanosec, **said})
+
+    def close(self) -> None:
+        self.robot.close()
+
+
+class DDSListener(RosListener):
+    def __init__(self) -> None:
+        super().__init__("dds")
+        from cyclonedds.core import Policy, Qos
+        from cyclonedds.sub import DataReader
+        from cyclonedds.topic import Topic
+
+        from palpate.live.wires.dds_domain import participant, raw_type
+
+        domain = self.robot.domain
+        self.address = f"dds:/palpate?domain={domain}"
+        member = participant(domain, None)
+        qos = Qos(Policy.Reliability.Reliable(10**9), Policy.History.KeepAll)
+        self.readers = [
+            DataReader(member, Topic(member, f"rt/palpate/{name}", raw_type(kind)), qos=qos)
+            for name, kind in (
+                ("estimate", "std_msgs/msg/Float64MultiArray"),
+                ("status", "diagnostic_msgs/msg/DiagnosticArray"),
+            )
+        ]
+
+    def hear(self) -> None:
+        time.sleep(0.2)
+        for reader, take in zip(self.readers, (self.take, self.status), strict=True):
+            for each in reader.take(100_000):
+                if each.sample_info.valid_data:
+                    take(each.raw)
+
+
+class ZenohListener(RosListener):
+    def __init__(self) -> None:
+        super().__init__("zenoh")
+        import zenoh
+
+        self.address = f"zenoh:/palpate?connect={self.robot.endpoint}"
+        self.heard: list[tuple[str, bytes, bytes]] = []
+        self.tokens: list[str] = []
+        session = self.robot.session
+
+        def hear(sample) -> None:
+            found = sample.payload.to_bytes(), sample.attachment.to_bytes()
+            self.heard.append((str(sample.key_expr), *found))
+
+        def meet(sample) -> None:
+            self.tokens.append(str(sample.key_expr))
+
+        session.declare_subscriber(
+            "0/palpate/**", zenoh.handlers.Callback(hear, lambda: None, indirect=False)
+        )
+        tokens = zenoh.handlers.Callback(meet, lambda: None, indirect=False)
+        session.liveliness().declare_subscriber("@ros2_lv/**", tokens)
+
+    def hear(self) -> None:
+        time.sleep(0.2)
+        numbers = {}
+        for key, data, attached in self.heard:
+            domain, prefix, name, kind, checksum = key.split("/")
+            type_name = kind.replace("::msg::dds_::", "/msg/").removesuffix("_")
+            assert (domain, prefix) == ("0", "palpate")
+            assert checksum == self.store.hash_rihs01(type_name)
+            (self.take if name == "estimate" else self.status)(data)
+            number, written, length, _ = struct.unpack("<qqB16s", attached)
+            assert length == 16
+            assert number == numbers.get(name, 0) + 1
+            assert abs(written - time.time_ns()) < 60e9
+            numbers[name] = number
+        kinds = {token.split("/")[5] for token in self.tokens}
+        assert kinds == {"NN", "MP"}
+        assert any("/%palpate%estimate/std_msgs::msg::dds_::" in each for each in self.tokens)
+
+
+class ROS1Listener(RosListener):
+    wait = 3.0
+
+    def __init__(self) -> None:
+        super().__init__("ros1")
+        from palpate.live.wires.ros1_process import Bridge
+
+        self.address = "ros1:/palpate"
+        topics = ["/palpate/estimate", "/palpate/status"]
+        self.bridge = Bridge({"mode": "subscribe", "topics": topics}, "")
+
+    def decoded(self, data: bytes, kind: str):
+        return self.store.deserialize_ros1(data, kind)
+
+    def hear(self) -> None:
+        from palpate.live.wires.ros1_bridge import MESSAGE, STAMPED
+
+        while self.bridge.waiting(0.3):
+            for frame in self.bridge.frames(0.3):
+                if frame.kind == MESSAGE:
+                    body = frame.body[STAMPED.size :]
+                    (self.status if frame.topic else self.take)(body)
+
+    def close(self) -> None:
+        self.bridge.close()
+        super().close()
+
+
+LISTENERS = {
+    "zmq": ZeroMQListener,
+    "dds": DDSListener,
+    "zenoh": ZenohListener,
+    "ros1": ROS1Listener,
+}
+
+
+@pytest.fixture
+def listener(wire):  # noqa: F811
+    made = LISTENERS[wire]()
+    yield made
+    made.close()
+
+
+def contact(seconds: float) -> palpate.Contact:
+    """A touch of a known material, at its own pace."""
+    time, penetration, force = map(np.array, measured(seconds))
+    return palpate.Contact(
+        time, penetration=penetration, velocity=np.gradient(penetration, time), force=force
+    )
+
+
+class Later(Replay):
+    """Begins when those who listen are connected: a publisher sends nothing to nobody."""
+
+    def __init__(self, touch: palpate.Contact, listener: Listener) -> None:
+        super().__init__(touch)
+        self._listener = listener
+
+    def open(self) -> None:
+        self._listener.connect()
+        super().open()
+
+
+def check(listener: Listener, count: int) -> None:
+    listener.hear()
+    assert list(listener.names) == NAMES
+    values = np.array(listener.estimates)
+    assert len(values) == count
+    assert (np.diff(values[:, 0]) > 0).all()
+    last = dict(zip(NAMES, values[-1], strict=True))
+    assert 0.0 < last["stiffness_standard_error"] < last["stiffness"]
+    said = listener.said[-1]
+    assert said["state"] in ("contact", "free", "changed", "lost")
+    assert said["method"] == "variable-projection"
+    assert "±" in said["stiffness"]
+    assert said["lost"] == "0"
+
+
+def test_every_estimate_is_published_with_names_and_units() -> None:
+    listener = ZeroMQListener()
+    try:
+        published(listener)
+    finally:
+        listener.close()
+
+
+@pytest.mark.slow
+def test_ros_hears_every_estimate_with_names_and_units(listener) -> None:
+    published(listener)
+
+
+def published(listener: Listener) -> None:
+    touch = contact(0.4)
+    status = run(Later(touch, listener), sinks=[open_publisher(listener.address)])
+    assert status["counts"]["taken"] == len(touch)
+    check(listener, len(touch))
+
+
+@pytest.mark.slow
+def test_zeromq_has_a_form_for_languages_without_json() -> None:
+    listener = BinaryListener()
+    try:
+        published(listener)
+    finally:
+        listener.close()
+    assert BINARY.size == 152
+
+
+def test_an_address_in_use_is_one_clear_line() -> None:
+    robot = ROBOTS["zmq"]()
+    for address in (robot.address, robot.address + "?format=binary"):
+        with pytest.raises(
+            PalpateError, match=r"^zmq:tcp://127.0.0.1:\d+: address already in use$"
+        ):
+            open_publisher(address)
+    robot.close()
+    robot = ROBOTS["zenoh"]()
+    listen = f"zenoh:/palpate?listen={robot.endpoint}"
+    with pytest.raises(PalpateError, match=r"^zenoh: tcp/127.0.0.1:\d+: address already in use$"):
+        open_publisher(listen)
+    robot.close()
+
+
+def test_nobody_there_is_one_clear_line() -> None:
+    pytest.importorskip("zenoh", reason="no eclipse-zenoh: pip install 'palpate[live]'")
+    address = f"zenoh:/palpate?connect=tcp/127.0.0.1:{free_port()}"
+    with pytest.raises(PalpateError, match=r"^zenoh: nobody answers at tcp/.*rmw_zenohd") as caught:
+        open_publisher(address)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["zmq:127.0.0.1", "zmq:tcp://127.0.0.1:1?format=xml", "dds:/a,/b", "dds:", "zenoh:/p?mode=x"],
+)
+def test_an_address_that_is_none_is_refused(address) -> None:
+    with pytest.raises(InvalidParameterError):
+        open_publisher(address)

@@ -1,0 +1,288 @@
+"""What holds of every wire: DDS and Zenoh by ROS 2's names, ROS 1, and ZeroMQ."""
+
+import contextlib
+import random
+import resource
+import socket
+import struct
+import time
+
+import pytest
+from peers import ros1
+from wire_robots import (
+    POSE,
+    ROBOTS,
+    START,
+    WIRES,
+    WRENCH,
+    collect,
+    force,
+    free_port,
+    position,
+    sent_by_another_process,
+)
+
+from palpate.errors import PalpateError
+from palpate.live.sources.opening import SourceOptions, open_source
+
+
+@pytest.fixture(scope="module")
+def ros_master(tmp_path_factory):
+    if missing := ros1.absent():
+        pytest.skip(f"ROS 1 is not installed: no {missing}")
+    with ros1.master(tmp_path_factory.mktemp("ros")) as environment:
+        yield environment
+
+
+@pytest.fixture(params=WIRES)
+def wire(request, monkeypatch):
+    if request.param == "ros1":
+        environment = request.getfixturevalue("ros_master")
+        for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOME"):
+            monkeypatch.setenv(name, environment[name])
+    return request.param
+
+
+@pytest.fixture
+def robot(wire):
+    made = ROBOTS[wire]()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def source(robot):
+    made = robot.source()
+    yield made
+    made.close()
+    made.close()  # may be called twice
+
+
+def test_every_sample_comes_once_in_order_and_to_the_last_bit(robot, source):
+    begin = time.monotonic()
+    for k in range(300):
+        robot.send(k)
+    found = collect(source, 300)
+    assert len(found) == 300
+    assert [each.position for each in found] == [position(k) for k in range(300)]
+    assert [each.force for each in found] == [force(k) for k in range(300)]
+    for k, each in enumerate(found):
+        # ZeroMQ's stamps are floats since 1970, which have steps of 0.24 µs.
+        assert each.time == pytest.approx(1e-3 * k, abs=5e-7)
+        assert begin <= each.there <= time.monotonic()
+    assert abs(source.origin - START) < 250
+    source.close()
+    counts = source.counts
+    assert (counts.lost, counts.repeated, counts.disordered) == (0, 0, 0)
+    assert (counts.malformed, counts.unpaired, counts.last_fault) == (0, 0, "")
+
+
+def test_lost_repeated_and_overtaken_samples_are_counted(robot, source):
+    for k in range(70):
+        robot.send(k)
+    for k in (73, 73, 72, 74):  # 70 to 72 are missing, one is there twice, one comes too late
+        robot.send(k)
+    for k in range(75, 150):
+        robot.send(k)
+    found = collect(source, 147, patience=1.5)
+    sent = [*range(70), *range(73, 150)]
+    assert [each.force for each in found] == [force(k) for k in sent]
+    source.close()
+    streams = 1 if source.name.startswith("zmq") else 2  # position and force are counted each
+    counts = source.counts
+    assert (counts.lost, counts.repeated, counts.disordered) == (3 * streams, streams, streams)
+
+
+def test_a_robot_that_starts_again_is_followed(robot, source):
+    stamps = [(k, START + k * 10**6) for k in range(1000, 1010)]
+    # Its count begins again, with a later time; then its clock is set back.
+    stamps += [(k, START + 10**13 + k * 10**6) for k in range(10)]
+    stamps += [(k, START + k * 10**6) for k in range(10, 20)]
+    found = []
+    for k, stamp in stamps:
+        robot.send(k, stamp)
+        found += collect(source, 1)  # one at a time: ROS 1 has a connection for each topic
+    source.close()
+    assert [each.force for each in found] == [force(k) for k in (*range(1000, 1010), *range(20))]
+    assert (source.counts.lost, source.counts.disordered) == (0, 0)
+
+
+def test_a_robot_that_goes_away_and_comes_back_is_heard_again(robot, source):
+    robot.send(1)
+    assert len(collect(source, 1)) == 1
+    robot.close()
+    assert source.take(0.6) is None  # after half a second another publisher is followed
+    other = robot.again()
+    try:
+        found, until = [], time.monotonic() + 15.0
+        for k in range(100_000):  # for as long as it takes to find each other again
+            other.send(k, stamp=START + 10**12 + k * 10**6)
+            found += collect(source, 1, patience=0.1)
+            if found or time.monotonic() > until:
+                break
+        assert found[0].time == pytest.approx(1000.0 + 1e-3 * k, abs=0.05)
+        assert source.counts.malformed == 0
+    finally:
+        other.close()
+
+
+def fuzz(robot, source, count: int, first: int = 0) -> int:
+    """So many packets that are no samples, with good ones in between; all are counted."""
+    chance, sample = random.Random(5), first
+    before = source.counts.malformed
+    good = robot.message(POSE, 1, START) if hasattr(robot, "message") else bytes(64)
+    found = 0
+    for k in range(count):
+        size = chance.choice([0, 1, 3, 31, 63, 65, 200])
+        junk = chance.randbytes(size)
+        if k % 3 == 0:  # begins as a good one does
+            junk = good[: chance.randrange(len(good))] + b"\xff" * chance.choice([0, 5, 300])
+        if len(junk) in (32, 64) or len(good) <= len(junk) < len(good) + 4:
+            junk += b"1234"  # of a sample's length, with padding: it would be one
+        robot.junk(junk)
+        if k % 50 == 49:
+            robot.send(sample)
+            sample += 1
+            found += len(collect(source, 1))
+    assert found == sample - first
+    source.take(0.1)
+    assert source.counts.malformed == before + count
+    assert source.counts.last_fault
+    assert (source.counts.repeated, source.counts.disordered) == (0, 0)
+    return sample
+
+
+def test_what_is_no_sample_is_counted_and_the_next_one_is_taken(robot, source):
+    fuzz(robot, source, 200)
+
+
+@pytest.mark.slow
+def test_ten_thousand_malformed_packets_leave_the_memory_flat(robot, source):
+    sample = fuzz(robot, source, 10_000)
+    before = _resident()
+    for _ in range(5):
+        sample = fuzz(robot, source, 10_000, sample)
+    # The allocator takes up to 3 MB before it takes no more; kept packets would be 7 MB.
+    assert _resident() - before < 4 << 20
+
+
+def _resident() -> int:
+    with open("/proc/self/statm") as file:  # noqa: PTH123
+        return int(file.read().split()[1]) * resource.getpagesize()
+
+
+def test_a_source_can_be_opened_again_after_it_was_closed(wire, robot):
+    for _ in range(2):
+        source = robot.source()
+        robot.send(5)
+        assert len(collect(source, 1)) == 1
+        source.close()
+
+
+def test_an_unknown_option_is_one_clear_line(wire):
+    with pytest.raises(PalpateError, match=f"^{wire}: no option 'speed'; there are .*") as caught:
+        open_source(f"{wire}:/pose,/wrench?speed=3")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("types", [(POSE, POSE), (WRENCH, WRENCH)], ids=["pose", "wrench"])
+def test_a_topic_of_the_wrong_type_is_one_clear_line(wire, types):
+    if wire == "zmq":
+        pytest.skip("ZeroMQ has no types")
+    robot = ROBOTS[wire](types=types)
+    topic = "/wrench" if types[1] == POSE else "/pose"
+
+    def listen() -> None:
+        source = robot.source()
+        try:
+            robot.send(1)
+            collect(source, 1)
+        finally:
+            source.close()
+
+    try:
+        with pytest.raises(PalpateError) as caught:
+            listen()
+        assert f"topic {topic} is of the type {types[0]}" in str(caught.value)
+        assert "\n" not in str(caught.value)
+    finally:
+        robot.close()
+
+
+def test_vectors_without_a_direction_are_one_clear_line(wire, robot):
+    if wire == "zmq":
+        pytest.skip("of ZeroMQ it is a fault of each packet")
+    address = robot.source()
+    address.close()
+    name = f"{wire}:/pose,/wrench"
+    if wire == "dds":
+        name += f"?domain={robot.domain}"
+    elif wire == "zenoh":
+        name += f"?connect={robot.endpoint}"
+    source = open_source(name, SourceOptions())
+
+    def listen() -> None:
+        source.open()
+        time.sleep(0.3)
+        robot.send(1)
+        collect(source, 1)
+
+    with pytest.raises(PalpateError, match=r"say --direction, such as 0,0,-1"):
+        listen()
+    source.close()
+
+
+@pytest.mark.slow
+def test_a_minute_at_1_khz_loses_nothing(wire):
+    assert received(wire, 60_000) == (60_000, 0, 0)
+
+
+def received(wire: str, count: int) -> tuple[int, int, int]:
+    """What came of so many samples at 1 kHz from another process: taken, lost and unpaired."""
+    process = sent_by_another_process(wire, count, 1e-3)
+    try:
+        where = process.stdout.readline().strip()
+        address = {
+            "zmq": where,
+            "dds": f"dds:/pose,/wrench?domain={where}",
+            "zenoh": f"zenoh:/pose,/wrench?connect={where}",
+            "ros1": "ros1:/pose,/wrench",
+        }[wire]
+        source = open_source(address, SourceOptions(vectors=True))
+        source.open()
+        time.sleep(0.5)
+        process.stdin.write("begin\n")
+        process.stdin.flush()
+        found, until = 0, time.monotonic() + 20.0 + 2e-3 * count
+        while found < count and time.monotonic() < until:
+            found += source.take(0.1) is not None
+        source.close()
+        return found, source.counts.lost, source.counts.unpaired
+    finally:
+        process.communicate("end\n", timeout=30)
+        assert process.returncode == 0
+
+
+def test_connections_that_do_not_speak_the_protocol_do_no_harm():
+    zmq = pytest.importorskip("zmq", reason="no pyzmq: pip install 'palpate[live]'")
+    port, chance = free_port(), random.Random(8)
+    address = f"zmq:tcp://127.0.0.1:{port}?socket=pull&bind=yes"
+    source = open_source(address)
+    source.open()
+    with pytest.raises(PalpateError, match=r"^zmq:tcp://127.0.0.1:\d+: address already in use$"):
+        open_source(address).open()
+    for _ in range(200):
+        with socket.socket() as plain:
+            plain.connect(("127.0.0.1", port))
+            with contextlib.suppress(ConnectionError):
+                plain.sendall(chance.randbytes(chance.randrange(300)))
+    with zmq.Context() as context, context.socket(zmq.PUSH) as robot:
+        robot.linger = 0
+        robot.connect(f"tcp://127.0.0.1:{port}")
+        robot.send(b"x" * 100_000)  # too long: it ends the connection, and takes no memory
+        for k in range(200):  # until it is connected again
+            robot.send(struct.pack("<Qddd", k, 1e-3 * k, 0.001, 0.5))
+            if found := collect(source, 1, patience=0.05):
+                break
+    source.close()
+    assert (found[0].position, found[0].force) == (0.001, 0.5)

@@ -1,0 +1,277 @@
+"""Robots on the wire: what a controller would send, a sample or anything else at a time."""
+
+import os
+import socket
+import struct
+import subprocess
+import sys
+import time
+from typing import Any
+
+import pytest
+
+from palpate.live.arrivals import Arrival
+from palpate.live.sources.opening import SourceOptions, open_source
+
+POSE, WRENCH = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
+START = 1_700_000_000_000_000_000  # ns
+VECTORS = SourceOptions(vectors=True)
+WIRES = ("zmq", "dds", "zenoh", pytest.param("ros1", marks=[pytest.mark.peers, pytest.mark.slow]))
+
+
+def free_port() -> int:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+def position(k: int) -> tuple[float, float, float]:
+    return 0.4, 0.02, -0.001 * (k % 7) - 1e-9 * k
+
+
+def force(k: int) -> tuple[float, float, float]:
+    return 0.1, 0.0, -0.5 * (k % 7) - 1e-6 * k
+
+
+def collect(source, count: int, patience: float = 3.0) -> list[Arrival]:
+    """So many samples, or those that come in time."""
+    found: list[Arrival] = []
+    until = time.monotonic() + patience
+    while len(found) < count and time.monotonic() < until:
+        if (arrival := source.take(0.05)) is not None:
+            found.append(arrival)
+    return found
+
+
+class ZeroMQRobot:
+    """A PUB socket that knows of its subscribers."""
+
+    def __init__(self, address: str = "") -> None:
+        zmq = pytest.importorskip("zmq", reason="no pyzmq: pip install 'palpate[live]'")
+        self.context = zmq.Context()
+        self.socket = self.context.socket(zmq.XPUB)
+        self.socket.sndhwm, self.socket.linger = 0, 0
+        self.socket.setsockopt(zmq.XPUB_VERBOSE, 1)
+        self.address = address or f"zmq:tcp://127.0.0.1:{free_port()}"
+        self.socket.bind(self.address.removeprefix("zmq:"))
+
+    def again(self) -> "ZeroMQRobot":
+        return ZeroMQRobot(self.address)
+
+    def source(self, **options: Any):
+        source = open_source(self.address + query(options), VECTORS)
+        source.open()
+        # What it sends before it knows its subscribers it drops.
+        while self.socket.recv()[:1] != b"\x01":
+            assert self.socket.poll(5000)
+        return source
+
+    def send(self, k: int, stamp: int | None = None) -> None:
+        stamp = START + k * 1_000_000 if stamp is None else stamp
+        self.junk(struct.pack("<Qd6d", k, stamp * 1e-9, *position(k), *force(k)))
+
+    def junk(self, data: bytes) -> None:
+        self.socket.send(data)
+
+    def close(self) -> None:
+        self.socket.close()
+        self.context.term()
+
+
+class RosRobot:
+    """Two topics of ROS, made by rosbags."""
+
+    ros1 = False
+
+    def __init__(self) -> None:
+        from rosbags.typesys import Stores, get_typestore
+
+        self.store = get_typestore(Stores.ROS1_NOETIC if self.ros1 else Stores.LATEST)
+
+    def message(self, kind: str, k: int, stamp: int) -> bytes:
+        types = self.store.types
+        number = (k,) if self.ros1 else ()
+        when = types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9))
+        header = types["std_msgs/msg/Header"](*number, when, "base")
+        vector = types["geometry_msgs/msg/Vector3"]
+        if kind == POSE:
+            point = types["geometry_msgs/msg/Point"](*position(k))
+            turned = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+            whole = types[POSE](header, types["geometry_msgs/msg/Pose"](point, turned))
+        else:
+            wrench = types["geometry_msgs/msg/Wrench"](vector(*force(k)), vector(0.0, 0.0, 0.0))
+            whole = types[WRENCH](header, wrench)
+        if self.ros1:
+            return bytes(self.store.serialize_ros1(whole, kind))
+        return bytes(self.store.serialize_cdr(whole, kind))
+
+    def send(self, k: int, stamp: int | None = None) -> None:
+        stamp = START + k * 1_000_000 if stamp is None else stamp
+        for index, kind in enumerate((POSE, WRENCH)):
+            self.put(index, self.message(kind, k, stamp), k)
+
+    def junk(self, data: bytes) -> None:
+        self.put(0, data, 0)
+
+    def put(self, index: int, data: bytes, k: int) -> None:
+        raise NotImplementedError
+
+    def again(self) -> "RosRobot":
+        return type(self)()
+
+
+class DDSRobot(RosRobot):
+    """Writers of Cyclone DDS, in a domain of their own on this machine only."""
+
+    types = (POSE, WRENCH)
+
+    def __init__(self, types: tuple[str, str] | None = None) -> None:
+        super().__init__()
+        pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install 'palpate[live]'")
+        from cyclonedds.core import Policy, Qos
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.topic import Topic
+
+        from palpate.live.wires.dds_domain import participant, raw_type
+
+        self.domain = 100 + os.getpid() % 100
+        member = participant(self.domain, None)
+        reliable = Qos(Policy.Reliability.Reliable(10**9), Policy.History.KeepLast(20_000))
+        self.writers = []
+        for name, kind in zip(("pose", "wrench"), types or self.types, strict=True):
+            made = raw_type(kind)
+            topic = Topic(member, f"rt/{name}", made)
+            self.writers.append((DataWriter(member, topic, qos=reliable), made))
+
+    def source(self, **options: Any):
+        address = f"dds:/pose,/wrench{query({'domain': self.domain, **options})}"
+        source = open_source(address, VECTORS)
+        source.open()
+        return source
+
+    def put(self, index: int, data: bytes, k: int) -> None:
+        writer, kind = self.writers[index]
+        writer.write(kind.of(data))
+
+    def junk(self, data: bytes) -> None:
+        """Cyclone DDS sends no message that is none; so it is a datagram that begins as RTPS does.
+
+        The first participant of a domain on a machine listens where the standard says.
+        """
+        datagram = b"RTPS\2\3\1\x10" + bytes(12) + b"\xc0" + data
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plain:
+            plain.sendto(datagram, ("127.0.0.1", 7410 + 250 * self.domain))
+
+    def close(self) -> None:
+        self.writers.clear()
+
+
+class ZenohRobot(RosRobot):
+    """A peer that listens, as rmw_zenoh's router would."""
+
+    def __init__(self, types: tuple[str, str] = (POSE, WRENCH), endpoint: str = "") -> None:
+        super().__init__()
+        zenoh = pytest.importorskip("zenoh", reason="no eclipse-zenoh: pip install 'palpate[live]'")
+        self.endpoint = endpoint or f"tcp/127.0.0.1:{free_port()}"
+        config = zenoh.Config()
+        config.insert_json5("mode", '"peer"')
+        config.insert_json5("listen/endpoints", f'["{self.endpoint}"]')
+        config.insert_json5("scouting/multicast/enabled", "false")
+        self.session = zenoh.open(config)
+        self.publishers = [
+            self.session.declare_publisher(
+                f"0/{name}/{self.dds_name(kind)}/{self.store.hash_rihs01(kind)}",
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                express=True,
+            )
+            for name, kind in zip(("pose", "wrench"), types, strict=True)
+        ]
+
+    def again(self) -> "ZenohRobot":
+        return ZenohRobot(endpoint=self.endpoint)
+
+    @staticmethod
+    def dds_name(kind: str) -> str:
+        package, _, name = kind.split("/")
+        return f"{package}::msg::dds_::{name}_"
+
+    def source(self, **options: Any):
+        options = {"connect": self.endpoint, **options}
+        source = open_source(f"zenoh:/pose,/wrench{query(options)}", VECTORS)
+        source.open()
+        until = time.monotonic() + 5.0
+        while not all(each.matching_status.matching for each in self.publishers):
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        return source
+
+    def put(self, index: int, data: bytes, k: int) -> None:
+        attached = struct.pack("<qqB16s", k, time.time_ns(), 16, b"robot robot robo")
+        self.publishers[index].put(data, attachment=attached)
+
+    def close(self) -> None:
+        self.publishers.clear()
+        self.session.close()
+
+
+class ROS1Robot(RosRobot):
+    """A node of rospy, which publishes bytes as they are."""
+
+    ros1 = True
+
+    def __init__(self, types: tuple[str, str] = (POSE, WRENCH)) -> None:
+        super().__init__()
+        from palpate.live.wires.ros1_process import Bridge
+
+        described = []
+        for kind in types:
+            text, checksum = self.store.generate_msgdef(kind)
+            described.append((kind.replace("/msg/", "/"), checksum, text))
+        task = {"mode": "publish", "topics": ["/pose", "/wrench"], "types": described}
+        self.bridge = Bridge({**task, "queue": 100_000}, "")
+
+    def source(self, **options: Any):
+        source = open_source(f"ros1:/pose,/wrench{query(options)}", VECTORS)
+        source.open()
+        time.sleep(1.0)  # until the publishers have heard of the subscriber
+        return source
+
+    def put(self, index: int, data: bytes, k: int) -> None:
+        self.bridge.write([(index, data)])
+
+    def close(self) -> None:
+        self.bridge.close()
+
+
+ROBOTS = {"zmq": ZeroMQRobot, "dds": DDSRobot, "zenoh": ZenohRobot, "ros1": ROS1Robot}
+
+
+def query(options: dict[str, Any]) -> str:
+    return "?" + "&".join(f"{name}={value}" for name, value in options.items()) if options else ""
+
+
+def sent_by_another_process(wire: str, count: int, pause: float) -> subprocess.Popen:
+    """A robot in a process of its own, at a pace; it prints its address, and begins when asked."""
+    code = f"import wire_robots; wire_robots.serve({wire!r}, {count}, {pause})"
+    here = os.path.dirname(__file__)  # noqa: PTH120
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([here, *sys.path])}
+    return subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=environment,
+        text=True,
+    )
+
+
+def serve(wire: str, count: int, pause: float) -> None:
+    robot = ROBOTS[wire]()
+    print(getattr(robot, "address", getattr(robot, "endpoint", getattr(robot, "domain", ""))))
+    sys.stdout.flush()
+    sys.stdin.readline()
+    begin = time.monotonic() + 0.2
+    for k in range(count):
+        time.sleep(max(begin + k * pause - time.monotonic(), 0.0))
+        robot.send(k)
+    sys.stdin.readline()
+    robot.close()

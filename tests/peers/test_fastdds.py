@@ -1,0 +1,93 @@
+"""ROS 2's usual middleware, eProsima Fast DDS, as a robot: samples to palpate, estimates back.
+
+Debian has it: ``apt-get install fastddsgen libfastrtps-dev``. Its program is generated from ROS's
+types and compiled here; everything stays on this machine.
+"""
+
+import os
+import shutil
+import subprocess
+import threading
+from pathlib import Path
+
+import pytest
+
+from palpate.preparation import OnlinePreparation
+
+pytestmark = [pytest.mark.peers, pytest.mark.slow]
+
+SOURCES = Path(__file__).with_name("fastdds")
+DOMAIN = 60 + os.getpid() % 40
+JUNK = 1_000
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory) -> Path:
+    """The robot."""
+    pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install 'palpate[live]'")
+    compiler = os.environ.get("CXX", "c++")
+    missing = [each for each in ("fastddsgen", compiler) if shutil.which(each) is None]
+    if not missing and not Path("/usr/include/fastrtps").is_dir():
+        missing = ["libfastrtps-dev"]
+    if missing:
+        pytest.skip(f"Fast DDS is not installed: no {', '.join(missing)}")
+    folder = tmp_path_factory.mktemp("fastdds")
+    for name in ("Probe.idl", "peer.cpp"):
+        shutil.copy(SOURCES / name, folder)
+    run = {"cwd": folder, "check": True, "timeout": 300, "capture_output": True}
+    subprocess.run(["fastddsgen", "-replace", "Probe.idl"], **run)
+    files = ["peer.cpp", "Probe.cxx", "ProbePubSubTypes.cxx"]
+    libraries = ["-lfastrtps", "-lfastcdr", "-lpthread"]
+    subprocess.run([compiler, "-std=c++17", *files, "-o", "peer", *libraries], **run)
+    return folder / "peer"
+
+
+def session(program: Path, count: int, junk: int) -> tuple[dict, list[str]]:
+    """What the loop counted, and what the robot heard of it."""
+    from palpate.live import run
+    from palpate.live.sinks.opening import open_publisher
+    from palpate.live.sources import SourceOptions, open_source
+
+    command = [program, str(DOMAIN), str(count), str(junk)]
+    robot = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    begin = threading.Timer(4.0, lambda: (robot.stdin.write("begin\n"), robot.stdin.flush()))
+    try:
+        source = open_source(f"dds:/pose,/wrench?domain={DOMAIN}", SourceOptions(vectors=True))
+        begin.start()
+        status = run(
+            source,
+            sinks=[open_publisher(f"dds:/palpate?domain={DOMAIN}")],
+            preparation=OnlinePreparation(direction=[0, 0, -1]),
+            seconds=6.0 + 1e-3 * count,
+        )
+        heard, _ = robot.communicate("end\n", timeout=30)
+    finally:
+        begin.cancel()
+        robot.kill()
+        robot.wait()
+    return status, heard.splitlines()
+
+
+def test_a_robot_on_fast_dds_sends_samples_and_hears_estimates(program) -> None:
+    status, (estimates, label, said) = session(program, 3_000, 0)
+    counts = status["counts"]
+    assert counts["taken"] == 3_000
+    assert not counts["last_fault"]
+    assert [counts[name] for name in ("lost", "malformed", "unpaired", "refused")] == [0, 0, 0, 0]
+    heard, size, *values = estimates.split()
+    named = dict(zip(label.split(","), map(float, values), strict=True))
+    assert (int(heard), int(size)) == (3_000, len(named))
+    # The robot's material: F = 500 N/m · x.
+    assert named["stiffness"] == pytest.approx(500.0, rel=1e-3)
+    assert named["exponent"] == pytest.approx(1.0, abs=1e-3)
+    assert named["time"] == pytest.approx(1_700_000_002.999, abs=1e-6)
+    assert int(said.split()[0]) > 5
+    assert said.split()[1] == "palpate"
+
+
+def test_messages_that_are_none_are_counted_each(program, capfd) -> None:
+    status, _ = session(program, 2_000, JUNK)
+    assert status["counts"]["taken"] == 2_000
+    assert status["counts"]["malformed"] == JUNK
+    assert "deserialization rt/pose" in status["counts"]["last_fault"]
+    assert "deserialization" not in capfd.readouterr().err
