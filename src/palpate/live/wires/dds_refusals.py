@@ -1,10 +1,11 @@
 """What Cyclone DDS itself refuses: it says so in its log only, of which the lines are counted."""
 
 import ctypes
+import fcntl
 import os
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 _LONGEST = 120  # characters of what is shown
 #: In a line of the log about a packet or a message that was thrown away.
@@ -28,6 +29,8 @@ class Refusals:
         except ValueError:  # not glibc: the lines go where they go
             return
         ours, theirs = os.pipe()
+        with suppress(OSError):
+            fcntl.fcntl(theirs, 1031, 1 << 20)  # F_SETPIPE_SZ, of Linux: some thousand lines
         libc.fdopen.restype = ctypes.c_void_p
         self._file = libc.fdopen(theirs, b"w")
         threading.Thread(target=self._count_lines, args=(ours,), daemon=True).start()
