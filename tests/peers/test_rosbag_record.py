@@ -16,7 +16,7 @@ import pytest
 
 from palpate.errors import RecordingError
 from palpate.recordings import open_recording
-from peers.ros1 import PYTHON, absent, master
+from peers.ros1 import PYTHON, absent, master, wait_for
 from peers.rosbag_publisher import numbers
 
 pytestmark = [pytest.mark.peers, pytest.mark.slow]

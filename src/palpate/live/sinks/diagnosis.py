@@ -11,7 +11,7 @@ import numpy as np
 from palpate._core import Status
 from palpate.contact import Contact
 from palpate.errors import PalpateError
-from palpate.identification import identify
+from palpate.identifying import identify
 from palpate.live.sinks.sink import Session
 from palpate.live.sinks.watching import PLACE, Watching
 from palpate.validation import Floats
