@@ -1,25 +1,28 @@
 """Processes beside the loop: how they begin, and how they are ended."""
 
 import signal
-import threading
+import sys
 import time
 from collections.abc import Sequence
+from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 
 
 def start(process: BaseProcess) -> None:
     """Start a process that Ctrl-C does not reach, from its first instruction on.
 
-    A terminal sends it to every process in front; who started them ends them in order.
+    A terminal sends it to every process in front; who started them ends them in order. It is
+    held back meanwhile, and not ignored: one that comes during the start comes after it here.
     """
-    if threading.current_thread() is not threading.main_thread():  # which alone may say so
+    if sys.platform == "win32":
         process.start()
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource_tracker.ensure_running()  # its own start would lift what is held back
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        process.start()
+        process.start()  # a child begins with its parent's mask
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def end(processes: Sequence[BaseProcess], patience: float) -> None:
