@@ -17,7 +17,7 @@ from palpate.live.board import Board
 from palpate.live.commands import Command
 from palpate.live.loop import Loop
 from palpate.live.processes import end, start
-from palpate.live.realtime import ask_for_realtime, show_name, undisturbed
+from palpate.live.realtime import ask_for_realtime, give_way, show_name, undisturbed
 from palpate.live.ring import Writer
 from palpate.live.sinks.sink import Session, Sink
 from palpate.live.sources.source import Source, news_of
@@ -174,6 +174,7 @@ def _started(
 
 def _serve(sink: Sink, session: Session, commands: Connection) -> None:
     show_name(sink.name)
+    give_way()
     with suppress(BrokenPipeError):
         commands.send(_THERE)
         sink.run(session, commands)

@@ -4,7 +4,6 @@ import asyncio
 import ipaddress
 import logging
 import multiprocessing
-import os
 import secrets
 import select
 import socket
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 PORT = 8765
 _BACKLOG = 64
 _SHORTEST_TOKEN = 16
-_GENTLY = 5  # niceness: a frame can wait for a millisecond, the loop cannot
 
 
 class Page:
@@ -98,9 +96,6 @@ class Page:
 
     def run(self, session: Session, commands: Connection) -> None:
         """Serve the page until the loop has stopped."""
-        if multiprocessing.parent_process() is not None:  # a process of its own
-            with suppress(OSError, AttributeError):
-                os.nice(_GENTLY)
         # Bad requests are counted and shown; a log of them would only fill a disk.
         logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
         logging.getLogger("websockets").setLevel(logging.CRITICAL)

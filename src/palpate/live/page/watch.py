@@ -85,8 +85,7 @@ class Watch:
         self.loop = self._board.read() or self.loop
         sign = (self._board.version, self._ring.count)
         if sign != self._sign:
-            self._changed_in = math.nan  # number of the estimator that noticed the last change
-        self._sign, self._moved = sign, time.monotonic()
+            self._sign, self._moved = sign, time.monotonic()
         law = self.loop.get("law") or {}
         self._law = FORCE_LAWS.get(law.get("kind", ""))
         self._choose_depth()

@@ -1,8 +1,6 @@
 """The diagnosis of the last seconds, again and again, in a process of its own."""
 
-import os
 import time
-from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -12,6 +10,7 @@ from palpate._core import Status
 from palpate.contact import Contact
 from palpate.errors import PalpateError
 from palpate.identifying import identify
+from palpate.live.realtime import give_way
 from palpate.live.sinks.sink import Session
 from palpate.live.sinks.watching import PLACE, Watching
 from palpate.validation import Floats
@@ -20,7 +19,6 @@ WINDOW = 20.0  # s
 EVERY = 5.0  # s from the end of one to the next, at the least
 _LOOKED_EVERY = 0.5  # s
 _LEAST = 500  # samples
-_GENTLY = 10  # niceness: a diagnosis can wait, the loop cannot
 _MOST_ROWS = 200_000  # 20 s at 10 kHz; of quicker ones the window is shorter, and says so
 _SAMPLE = [PLACE[name] for name in ("time", "penetration", "velocity", "force", "status")]
 # A velocity filter needs no more than a few samples of a gap: of so many steps, another segment.
@@ -47,8 +45,7 @@ class Diagnosing:
 
     def run(self, session: Session, commands: Connection) -> None:
         """Diagnose until the loop stops."""
-        with suppress(OSError, AttributeError):
-            os.nice(_GENTLY)
+        give_way(last=True)
         watching = Watching(session)
         samples, due = np.empty((0, len(_SAMPLE))), time.monotonic() + self._every
         runs, page = 0, dict[str, Any]()

@@ -7,7 +7,7 @@ from multiprocessing.connection import Connection
 
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.lab import MATERIALS, TRAJECTORIES, Bench, IdealProbe, OngoingBench, Sensors
-from palpate.live.realtime import show_name
+from palpate.live.realtime import give_way, show_name
 from palpate.live.ring import Address, Writer
 
 #: Of a row: time, position, force, and when it is due by the monotonic clock.
@@ -17,7 +17,8 @@ CAPACITY = 4096
 # s ahead of the clock: this machine's other work may hold the process up for some 10 ms,
 # and a person does not see a tenth of a second.
 _AHEAD = 0.1
-# s at a time: the kinematics of some samples together take little more than those of one.
+# s at a time: the kinematics of some samples together take little more than those of one, but one
+# who works for more than a millisecond holds up the loop where it shares a core with it.
 _BLOCK = 0.01
 _BEHIND = 1.0  # s, after which the laboratory's clock is set anew
 
@@ -62,6 +63,7 @@ class Word:
 def press(setup: Setup, ring: Address, connection: Connection) -> None:
     """Write samples until the other end of the connection is closed."""
     show_name("lab")
+    give_way()
     writer = Writer(made=ring)
     with suppress(BrokenPipeError, EOFError):
         bench, probe, words = setup.bench()
