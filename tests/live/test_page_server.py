@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from palpate.errors import InvalidParameterError
 from palpate.live.commands import Command
-from palpate.live.page import Page, protocol, requests, server
+from palpate.live.page import Page, protocol, requests, server, watch
 from palpate.live.page.sink import token_for
 
 TOKEN = "a-token-of-twenty-letters"
@@ -269,6 +269,21 @@ def test_the_loop_is_asked_for_no_more_than_a_person_would():
             arrived += 1
         # A burst, and ten a second of what it took.
         assert requests.MOST_COMMANDS <= arrived < 100
+
+
+def test_a_loop_that_writes_nothing_more_is_said_and_its_return_too(monkeypatch):
+    monkeypatch.setattr(watch, "ALIVE", 0.6)  # s
+    with served(seconds=0.1) as page, page.socket() as client:
+        silent = messages(client, until=lambda each: isinstance(each, dict) and "alive" in each)
+        assert list(silent)[-1]["alive"]
+        *_, last = messages(client, until=lambda each: is_of(each, alive=False))
+        assert last["loop"]["state"]
+        page.write(1)
+        assert list(messages(client, until=lambda each: is_of(each, alive=True)))
+
+
+def is_of(message, *, alive):
+    return isinstance(message, dict) and message.get("alive") is alive
 
 
 @pytest.mark.slow
