@@ -5,6 +5,7 @@ import json
 import os
 import tempfile
 import time
+from multiprocessing import Pipe, get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -17,11 +18,13 @@ from benchmarks.report import Limit, Row, Section
 from palpate import VariableProjection
 from palpate.live import run
 from palpate.live.page import Page
+from palpate.live.realtime import ask_for_realtime, undisturbed
 from palpate.live.sinks.diagnosis import Diagnosing
 from palpate.live.sinks.recorder import Recorder
 from palpate.live.sinks.sink import Session, Sink
 from palpate.live.sinks.watching import Watching
 from palpate.live.sources.laboratory import Laboratory
+from palpate.live.statistics import Histogram
 from palpate.preparation import OnlinePreparation
 
 TARE = 1.6  # s, of the 2 s that the laboratory rests
@@ -93,6 +96,38 @@ def _figures(process: int) -> tuple[float, float]:
     return (int(fields[11]) + int(fields[12])) / _TICK, float(pages * _PAGE)
 
 
+def bare(seconds: float, *, realtime: bool) -> tuple[Histogram, Histogram]:
+    """What this machine gives a loop that only waits, with nothing beside it.
+
+    Returns
+    -------
+    tuple of Histogram
+        How late it woke; and what a fixed piece of work took, of about an update's length.
+    """
+    receiver, sender = Pipe(duplex=False)
+    process = get_context("spawn").Process(target=_wait, args=(seconds, realtime, sender))
+    process.start()
+    found: tuple[Histogram, Histogram] = receiver.recv()
+    process.join()
+    return found
+
+
+def _wait(seconds: float, realtime: bool, sender: Connection) -> None:
+    lateness, work = Histogram(1e-3), Histogram(20e-6)
+    with undisturbed():
+        if realtime:
+            ask_for_realtime()
+        due = time.monotonic()
+        for _ in range(round(1000.0 * seconds)):
+            due += 1e-3
+            time.sleep(max(due - time.monotonic(), 0.0))
+            began = time.perf_counter()
+            sum(range(100))
+            work.add(time.perf_counter() - began)
+            lateness.add(time.monotonic() - due)
+    sender.send((lateness, work))
+
+
 def measure(minutes: float, *, realtime: bool, method: VariableProjection | None) -> Section:
     """Run the loop, and return what it counted and what it took.
 
@@ -105,6 +140,7 @@ def measure(minutes: float, *, realtime: bool, method: VariableProjection | None
     method : VariableProjection, optional
         The default of ``palpate live`` unless given.
     """
+    machines = bare(min(60.0 * minutes, 60.0), realtime=realtime)
     with tempfile.TemporaryDirectory() as folder:
         looks, page = Path(folder) / "looks.json", Page(port=0)
         recording = Path(folder) / "run.mcap"
@@ -121,12 +157,18 @@ def measure(minutes: float, *, realtime: bool, method: VariableProjection | None
             seconds=60.0 * minutes,
         )  # fmt: skip
         size = recording.stat().st_size
-        return _section(minutes, status, json.loads(looks.read_text()), size)
+        seen = json.loads(looks.read_text())
+        return _section(minutes, status, seen, size, machines)
 
 
 def _section(
-    minutes: float, status: dict[str, Any], looks: list[dict[str, Any]], size: int
+    minutes: float,
+    status: dict[str, Any],
+    looks: list[dict[str, Any]],
+    size: int,
+    machines: tuple[Histogram, Histogram],
 ) -> Section:
+    alone, work = (each.as_dict() for each in machines)
     counts, cycle, lateness = status["counts"], status["cycle"], status["lateness"]
     shares, grown = _shares(looks), _growth(looks)
     serving = sum(shares.get(name, 0.0) for name in SERVING)
@@ -136,10 +178,14 @@ def _section(
         Row("refused", counts["refused"], "", limit=Limit(0.0)),
         Row("done within 1 ms of their time", 100.0 * lateness["within"], "%",
             limit=Limit(99.9, at_least=True)),
+        Row("  a loop that only waits, alone", 100.0 * alone["within"], "%"),
         Row("done after their time, p99.9", 1e3 * lateness["p99.9"], "ms"),
+        Row("  a loop that only waits, alone", 1e3 * alone["p99.9"], "ms"),
         Row("done after their time, latest", 1e3 * lateness["max"], "ms"),
         Row("update and estimate, p50", 1e6 * cycle["p50"], "µs"),
         Row("update and estimate, p99.9", 1e6 * cycle["p99.9"], "µs", limit=Limit(20.0)),
+        Row("  a fixed piece of work, alone, p50", 1e6 * work["p50"], "µs"),
+        Row("  a fixed piece of work, alone, p99.9", 1e6 * work["p99.9"], "µs"),
         Row("loop, page and recorder", 100.0 * serving, "% of a core", limit=Limit(20.0)),
         *(Row(f"  {name}", 100.0 * share, "% of a core") for name, share in shares.items()),
         *(Row(f"memory, {name}", bytes_ / 1e6, "MB more since the first minute")
