@@ -46,20 +46,23 @@ def undisturbed() -> Iterator[None]:
             gc.enable()
 
 
-def give_way(*, last: bool = False) -> None:
+def give_way(*, gently: bool = True, last: bool = False) -> None:
     """Let the loop go first, whenever it wakes; to be called in a process beside it.
 
     One of the cores that this process may use is left to it, where there are two or more.
 
     Parameters
     ----------
+    gently : bool
+        Programs of others too get more of what is left: not of what the loop waits for.
     last : bool
-        Everybody else goes first too: of what may take long.
+        Everybody else goes first: of what may take long.
     """
     with suppress(OSError, AttributeError):  # of another system, or not allowed
         policy = os.SCHED_IDLE if last else os.SCHED_BATCH
         os.sched_setscheduler(0, policy, os.sched_param(0))
-        os.nice(_GENTLY)
+        if gently:
+            os.nice(_GENTLY)
         _ask_for_slices(_LONGEST_SLICE)
         cores = os.sched_getaffinity(0)
         # The first ones are those that a kernel gives its interrupts to.

@@ -14,11 +14,10 @@ from palpate.live.ring import Address, Writer
 WIDTH = 4
 #: Rows that wait for the loop: 4 s at 1 kHz, after which the oldest are lost, and counted.
 CAPACITY = 4096
-# s ahead of the clock: this machine's other work may hold the process up for some 10 ms,
-# and a person does not see a tenth of a second.
-_AHEAD = 0.1
-# s at a time: the kinematics of some samples together take little more than those of one, but one
-# who works for more than a millisecond holds up the loop where it shares a core with it.
+# s ahead of the clock: other work of this machine, such as a browser that draws, may hold the
+# process up for a tenth of a second; and no longer than this a person waits for what is asked.
+_AHEAD = 0.2
+# s at a time: the kinematics of some samples together take little more than those of one.
 _BLOCK = 0.01
 _BEHIND = 1.0  # s, after which the laboratory's clock is set anew
 
@@ -63,7 +62,7 @@ class Word:
 def press(setup: Setup, ring: Address, connection: Connection) -> None:
     """Write samples until the other end of the connection is closed."""
     show_name("lab")
-    give_way()
+    give_way(gently=False)
     writer = Writer(made=ring)
     with suppress(BrokenPipeError, EOFError):
         bench, probe, words = setup.bench()
@@ -83,7 +82,7 @@ class _Pressing:
     ) -> None:
         self._setup, self._bench, self._probe = setup, bench, probe
         self._writer, self._connection = writer, connection
-        self._began = time.monotonic() + _AHEAD
+        self._began = time.monotonic() + _BLOCK  # all the rest of the lead is gained in a moment
         self._block = max(round(_BLOCK / setup.sample_time), 1)
 
     def run(self) -> None:
