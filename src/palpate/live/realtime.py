@@ -54,7 +54,7 @@ def give_way(*, gently: bool = True, last: bool = False) -> None:
     Parameters
     ----------
     gently : bool
-        Programs of others too get more of what is left: not of what the loop waits for.
+        Programs of others get more, and sooner, too: of what only a person waits for.
     last : bool
         Everybody else goes first: of what may take long.
     """
@@ -63,7 +63,7 @@ def give_way(*, gently: bool = True, last: bool = False) -> None:
         os.sched_setscheduler(0, policy, os.sched_param(0))
         if gently:
             os.nice(_GENTLY)
-        _ask_for_slices(_LONGEST_SLICE)
+            _ask_for_slices(_LONGEST_SLICE)
         cores = os.sched_getaffinity(0)
         # The first ones are those that a kernel gives its interrupts to.
         os.sched_setaffinity(0, cores - {max(cores)} or cores)

@@ -174,7 +174,7 @@ def _started(
 
 def _serve(sink: Sink, session: Session, commands: Connection) -> None:
     show_name(sink.name)
-    give_way()
+    give_way(gently=getattr(sink, "gently", True))
     with suppress(BrokenPipeError):
         commands.send(_THERE)
         sink.run(session, commands)

@@ -52,6 +52,8 @@ class Publisher:
         Where.
     """
 
+    gently = False  # a robot may act on what is published
+
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
 

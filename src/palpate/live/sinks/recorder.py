@@ -47,6 +47,7 @@ class Recorder:
     """
 
     name = "recorder"
+    gently = False
 
     def __init__(self, path: Path | None = None, folder: Path | None = None) -> None:
         try:

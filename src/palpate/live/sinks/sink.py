@@ -31,7 +31,11 @@ class Session:
 
 
 class Sink(Protocol):
-    """Consumes what the loop found; a slow one loses rows, and says how many, and holds nothing."""
+    """Consumes what the loop found; a slow one loses rows, and says how many, and holds nothing.
+
+    It gives way to the programs of others too, unless it has ``gently = False``: where what it does
+    must not wait.
+    """
 
     @property
     def name(self) -> str:
