@@ -14,6 +14,7 @@ from palpate.live.commands import Command
 from palpate.live.ring import Writer
 from palpate.live.running import default_estimator
 from palpate.live.sources.replay import Replay
+from palpate.live.sources.source import EndOfSourceError
 from palpate.live.states import State
 from palpate.replaying import replayed
 
@@ -86,6 +87,7 @@ def test_what_is_no_number_is_refused_said_and_forgotten(values):
     assert (states[1401:] == State.CONTACT).all()
     assert loop.counts.refused == 1
     assert any("no numbers" in words for words in loop.said)
+    assert loop.status()["fault"] == ""  # it is over
     # But for that sample, whose window has a hole, all is as if it had never come.
     same(rows, *replay_of(*without(900)))
 
@@ -151,6 +153,27 @@ def test_a_silent_source_is_lost_and_found_again():
     same(rows, *replay_of(times, POSITIONS, FORCES))
 
 
+def test_of_a_slow_source_a_person_is_heard_long_before_it_is_lost():
+    source = Scripted([*arrivals(TIMES, POSITIONS, FORCES)[:2], Silence(30.0)])
+    source.sample_time, asked = 2.0, []
+    take = source.take
+    source.take = lambda timeout: (asked.append(timeout), take(timeout))[1]
+    loop, _ = looped((), OnlinePreparation(sample_time=2.0), default_estimator(), source=source)
+    assert max(asked) <= 1.0
+    assert loop.counts.silences == 0  # 20 sample times are 40 s
+
+
+def test_a_source_that_ends_of_a_sudden_says_why():
+    source = Scripted([])
+    source.take = lambda _: raise_(EndOfSourceError("the cable is out"))
+    loop, _ = looped((), OnlinePreparation(), default_estimator(), source=source)
+    assert "the cable is out" in loop.said[-1]
+
+
+def raise_(error):
+    raise error
+
+
 def test_during_a_silence_the_state_is_lost_and_the_estimate_held():
     loop, rows = looped(
         [*arrivals(TIMES, POSITIONS, FORCES), Silence(5.0)],
@@ -181,6 +204,7 @@ def test_samples_that_come_too_seldom_for_the_window_are_said_to():
     )
     assert np.isnan(column(rows, "time")).all()
     assert loop.state is State.INVALID
+    assert "--rate" in loop.status()["fault"]
     assert any("--rate" in words for words in loop.said)
 
 
@@ -203,6 +227,8 @@ def test_hold_and_resume_and_reset():
     assert states[1200] == State.CONTACT
     assert (column(rows, "method")[[1499, 1500]] == [0.0, 1.0]).all()
     assert loop.status()["generation"] == 1
+    # While it is held nothing is updated: the times of that are not those of updates.
+    assert loop.cycle.count == np.isfinite(column(rows, "time")).sum() - 600
 
 
 def test_a_tare_is_taken_and_taken_off():
