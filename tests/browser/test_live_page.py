@@ -19,6 +19,7 @@ from live_runs import Endless, wire_to
 
 from palpate.live import run
 from palpate.live.page import Page
+from palpate.live.sinks.figures import percent
 from palpate.live.sinks.recorder import Recorder
 
 pytestmark = pytest.mark.browser
@@ -344,7 +345,10 @@ def test_numbers_are_written_as_everywhere_else(live, browser):
         (99.95, 0.355),
         (1.0, 0.0949),
         (5.0, 0.095),
+        (5.0, float("nan")),
+        (5.0, float("inf")),
     ]
+    fractions = [1.0, 0.999_934, 0.9, 0.999_999_8, 0.5, 0.0]
     pairs = [*edges, *zip(values.tolist(), errors.tolist(), strict=True)]
     with browser(live[1].url) as page:
         found = page.evaluate(
@@ -353,8 +357,14 @@ def test_numbers_are_written_as_everywhere_else(live, browser):
               [withError(value, [error], "N"), rounded(value, 4), rounded(error, 2)]); }""",
             json.loads(json.dumps(pairs)),
         )
+        parts = page.evaluate(
+            """async parts => { const { percent } = await import("/static/digits.js");
+            return parts.map(percent); }""",
+            fractions,
+        )
     expected = [
         [with_error(value, error, unit="N"), rounded(value, 4), rounded(error, 2)]
         for value, error in pairs
     ]
     assert found == expected
+    assert parts == [percent(each) for each in fractions]
