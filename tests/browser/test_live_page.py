@@ -122,13 +122,13 @@ def wait(page, condition, seconds=30.0):
         time.sleep(0.05)
 
 
-def frames(page, seconds):
-    """Frames a second, the best of some seconds: a busy machine is no defect of the page."""
-    best = 0
+def frames(page, enough, seconds=30):
+    """Frames a second, until they are enough: a busy machine is no defect of the page."""
     for _ in range(seconds):
         time.sleep(1.0)
-        best = max(best, page.evaluate("palpate.rate"))
-    return best
+        if (rate := page.evaluate("palpate.rate")) >= enough:
+            break
+    return rate
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
@@ -137,8 +137,8 @@ def test_the_page_moves_and_is_readable(live, browser, width, dark):
     with browser(live[1].url, width=width, dark=dark) as page:
         before = {name: page.evaluate(PIXELS, name) for name in (".force", ".plane")}
         rows = page.evaluate("palpate.store.rows")
-        assert frames(page, 3) >= 20
-        assert page.evaluate("palpate.store.rows") - rows > 2000
+        assert frames(page, 20) >= 20
+        assert page.evaluate("palpate.store.rows") - rows > 900
         for name, pixels in before.items():
             assert page.evaluate(PIXELS, name) != pixels
         assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -13,6 +13,7 @@ from palpate.live.arrivals import Arrival
 from palpate.live.commands import Command
 from palpate.live.ring import Writer
 from palpate.live.running import default_estimator
+from palpate.live.sinks.figures import at_depth
 from palpate.live.sources.replay import Replay
 from palpate.live.sources.source import EndOfSourceError
 from palpate.live.states import State
@@ -36,7 +37,11 @@ def same(rows, contact, trace, *, predicted=True):
         np.testing.assert_array_equal(column(given, name), getattr(contact, name))
     size = trace.parameters.shape[1]
     found = np.column_stack([column(given, f"parameter_{k}") for k in range(size)])
-    np.testing.assert_array_equal(found, trace.parameters)
+    known = np.isfinite(found[:, 0])
+    np.testing.assert_array_equal(found[known], trace.parameters[known])
+    # Where an estimator starts is no estimate.
+    learned = np.isin(trace.status, (Status.UPDATED, Status.GUARDED, Status.RESTARTED))
+    np.testing.assert_array_equal(known, np.cumsum(learned) > 0)
     # A prediction by the law itself, or by its regression in scaled units: rounded otherwise.
     if predicted:
         force = column(given, "predicted_force")
@@ -229,6 +234,16 @@ def test_hold_and_resume_and_reset():
     assert loop.status()["generation"] == 1
     # While it is held nothing is updated: the times of that are not those of updates.
     assert loop.cycle.count == np.isfinite(column(rows, "time")).sum() - 600
+
+
+def test_after_a_reset_nothing_is_known_until_something_is_learned():
+    commands = [(600, Command("hold")), (700, Command("reset"))]
+    script = arrivals(TIMES, POSITIONS, FORCES)[:800]
+    loop, rows = looped(script, OnlinePreparation(), default_estimator(), commands)
+    assert np.isfinite(column(rows, "parameter_0")[690:700]).all()
+    assert np.isnan(column(rows, "parameter_0")[700:]).all()
+    assert at_depth(loop.status(), rows[-1], 8e-3) == "nothing known yet"
+    assert at_depth(loop.status(), rows[699], 8e-3) == "another estimator begins"
 
 
 def test_a_tare_is_taken_and_taken_off():

@@ -191,12 +191,13 @@ class Loop:
         estimate: Any,
         took: float,
     ) -> None:
-        parameters = estimate.parameters.tolist()
-        size = len(parameters)
-        covariance = estimate.covariance.tolist()
-        flat = [0.0] * MOST_PARAMETERS**2
-        for i in range(size):
-            flat[i * MOST_PARAMETERS : i * MOST_PARAMETERS + size] = covariance[i]
+        size, flat = len(estimate.parameters), [0.0] * MOST_PARAMETERS**2
+        if estimate.samples:
+            parameters, covariance = estimate.parameters.tolist(), estimate.covariance.tolist()
+            for i in range(size):
+                flat[i * MOST_PARAMETERS : i * MOST_PARAMETERS + size] = covariance[i]
+        else:  # where an estimator starts is nothing that it knows
+            parameters, flat = [math.nan] * size, [math.nan] * MOST_PARAMETERS**2
         position, force = self._axes(arrival.position), self._axes(arrival.force)
         self.ring.write(
             prepared[0],
