@@ -19,6 +19,7 @@ from live_runs import Endless, wire_to
 
 from palpate.live import run
 from palpate.live.page import Page
+from palpate.live.sinks.figures import percent
 from palpate.live.sinks.recorder import Recorder
 
 pytestmark = pytest.mark.browser
@@ -121,13 +122,13 @@ def wait(page, condition, seconds=30.0):
         time.sleep(0.05)
 
 
-def frames(page, seconds):
-    """Frames a second, the best of some seconds: a busy machine is no defect of the page."""
-    best = 0
+def frames(page, enough, seconds=30):
+    """Frames a second, until they are enough: a busy machine is no defect of the page."""
     for _ in range(seconds):
         time.sleep(1.0)
-        best = max(best, page.evaluate("palpate.rate"))
-    return best
+        if (rate := page.evaluate("palpate.rate")) >= enough:
+            break
+    return rate
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
@@ -136,8 +137,8 @@ def test_the_page_moves_and_is_readable(live, browser, width, dark):
     with browser(live[1].url, width=width, dark=dark) as page:
         before = {name: page.evaluate(PIXELS, name) for name in (".force", ".plane")}
         rows = page.evaluate("palpate.store.rows")
-        assert frames(page, 3) >= 20
-        assert page.evaluate("palpate.store.rows") - rows > 2000
+        assert frames(page, 20) >= 20
+        assert page.evaluate("palpate.store.rows") - rows > 900
         for name, pixels in before.items():
             assert page.evaluate(PIXELS, name) != pixels
         assert page.evaluate("document.documentElement.scrollWidth") <= width
@@ -344,7 +345,10 @@ def test_numbers_are_written_as_everywhere_else(live, browser):
         (99.95, 0.355),
         (1.0, 0.0949),
         (5.0, 0.095),
+        (5.0, float("nan")),
+        (5.0, float("inf")),
     ]
+    fractions = [1.0, 0.999_934, 0.9, 0.999_999_8, 0.5, 0.0]
     pairs = [*edges, *zip(values.tolist(), errors.tolist(), strict=True)]
     with browser(live[1].url) as page:
         found = page.evaluate(
@@ -353,8 +357,14 @@ def test_numbers_are_written_as_everywhere_else(live, browser):
               [withError(value, [error], "N"), rounded(value, 4), rounded(error, 2)]); }""",
             json.loads(json.dumps(pairs)),
         )
+        parts = page.evaluate(
+            """async parts => { const { percent } = await import("/static/digits.js");
+            return parts.map(percent); }""",
+            fractions,
+        )
     expected = [
         [with_error(value, error, unit="N"), rounded(value, 4), rounded(error, 2)]
         for value, error in pairs
     ]
     assert found == expected
+    assert parts == [percent(each) for each in fractions]

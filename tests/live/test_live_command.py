@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scripted import measured
 
+import palpate
 from palpate.live.sinks.console import summary
 from palpate.live.sinks.figures import percent, seconds
 
@@ -42,6 +43,8 @@ def recording(tmp_path):
         (["lab:ball", "--direction", "down"], "--direction must be three numbers"),
         (["lab:ball", "--tare", "soon"], "--tare must be a number"),
         (["lab:ball", "--rate", "0"], "--rate must be in"),
+        (["lab:ball", "--rate", "20"], "--rate must be from 100 to 10000 samples a second, not 20"),
+        (["lab:ball", "--speed", "2"], "--speed has no effect: lab:ball is no recording"),
         (["lab:ball", "--publish", "fax:1"], "--publish must be one of"),
         (["lab:ball", "--seconds", "-1"], "--seconds must be in"),
         (["lab:ball", "--record", "no/such/folder/a.mcap"], "no/such/folder"),
@@ -65,6 +68,19 @@ def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
     assert "0 lost before the loop" in done.stdout
     assert re.search(r"contact · 20\d\d.* N/m, .* N·s/m at .* mm", done.stdout)
     assert f"recorded 2000 rows to {copy}" in done.stdout
+
+
+@pytest.mark.parametrize("output", ["closed", "full"])
+def test_an_output_that_takes_nothing_ends_nothing_in_tears(recording, tmp_path, output):
+    copy = tmp_path / "copy.mcap"
+    arguments = f"{recording} --record {copy} --no-page --no-diagnosis --speed 20"
+    where = {"closed": ">&-", "full": "> /dev/full"}[output]
+    done = subprocess.run(
+        f"{sys.executable} -m palpate live {arguments} {where}",
+        shell=True, capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(palpate.open_recording(copy).numbers("/input.force")) == 2000
 
 
 @pytest.mark.slow

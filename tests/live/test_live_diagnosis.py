@@ -10,7 +10,7 @@ from palpate import OnlinePreparation
 from palpate.live import run
 from palpate.live.ring import COLUMNS
 from palpate.live.running import default_estimator
-from palpate.live.sinks.diagnosis import Diagnosing, contact_of, diagnosed, recent
+from palpate.live.sinks.diagnosis import Diagnosing, contact_of, diagnosed, outdated, recent
 from palpate.live.sinks.watching import Watching
 from palpate.live.sources.replay import Replay
 
@@ -70,6 +70,16 @@ def test_a_gap_begins_another_segment_and_no_contact_is_said(samples):
     page = diagnosed(free, STATUS)
     assert page["verdict"] is None
     assert page["reason"]
+
+
+def test_it_says_when_it_is_no_longer_of_what_the_loop_does(samples):
+    status = {**STATUS, "counts": {"changes": 1}, "tare": None}
+    page = diagnosed(recent(samples, 1.0, LATE), status)
+    assert outdated(page, status) == ""
+    later = {**status, "method": "single-stage", "counts": {"changes": 2}}
+    words = "another estimator runs now and the material has changed since"
+    assert outdated(page, later) == words
+    assert outdated(page, {**status, "tare": 0.3}) == "the force was tared since"
 
 
 class Reading:

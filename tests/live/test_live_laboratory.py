@@ -126,7 +126,7 @@ def test_the_laboratory_runs_in_real_time_and_does_what_it_is_asked():
             source.ask(wrong)
     assert "ideal probe" in source.name
     source._process.kill()
-    with pytest.raises(EndOfSourceError):
+    with pytest.raises(EndOfSourceError, match="ended by itself"):
         list(iter(lambda: source.take(0.2), None))
     source.close()
     source.close()

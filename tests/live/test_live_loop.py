@@ -13,7 +13,9 @@ from palpate.live.arrivals import Arrival
 from palpate.live.commands import Command
 from palpate.live.ring import Writer
 from palpate.live.running import default_estimator
+from palpate.live.sinks.figures import at_depth
 from palpate.live.sources.replay import Replay
+from palpate.live.sources.source import EndOfSourceError
 from palpate.live.states import State
 from palpate.replaying import replayed
 
@@ -35,7 +37,11 @@ def same(rows, contact, trace, *, predicted=True):
         np.testing.assert_array_equal(column(given, name), getattr(contact, name))
     size = trace.parameters.shape[1]
     found = np.column_stack([column(given, f"parameter_{k}") for k in range(size)])
-    np.testing.assert_array_equal(found, trace.parameters)
+    known = np.isfinite(found[:, 0])
+    np.testing.assert_array_equal(found[known], trace.parameters[known])
+    # Where an estimator starts is no estimate.
+    learned = np.isin(trace.status, (Status.UPDATED, Status.GUARDED, Status.RESTARTED))
+    np.testing.assert_array_equal(known, np.cumsum(learned) > 0)
     # A prediction by the law itself, or by its regression in scaled units: rounded otherwise.
     if predicted:
         force = column(given, "predicted_force")
@@ -86,6 +92,7 @@ def test_what_is_no_number_is_refused_said_and_forgotten(values):
     assert (states[1401:] == State.CONTACT).all()
     assert loop.counts.refused == 1
     assert any("no numbers" in words for words in loop.said)
+    assert loop.status()["fault"] == ""  # it is over
     # But for that sample, whose window has a hole, all is as if it had never come.
     same(rows, *replay_of(*without(900)))
 
@@ -151,6 +158,27 @@ def test_a_silent_source_is_lost_and_found_again():
     same(rows, *replay_of(times, POSITIONS, FORCES))
 
 
+def test_of_a_slow_source_a_person_is_heard_long_before_it_is_lost():
+    source = Scripted([*arrivals(TIMES, POSITIONS, FORCES)[:2], Silence(30.0)])
+    source.sample_time, asked = 2.0, []
+    take = source.take
+    source.take = lambda timeout: (asked.append(timeout), take(timeout))[1]
+    loop, _ = looped((), OnlinePreparation(sample_time=2.0), default_estimator(), source=source)
+    assert max(asked) <= 1.0
+    assert loop.counts.silences == 0  # 20 sample times are 40 s
+
+
+def test_a_source_that_ends_of_a_sudden_says_why():
+    source = Scripted([])
+    source.take = lambda _: raise_(EndOfSourceError("the cable is out"))
+    loop, _ = looped((), OnlinePreparation(), default_estimator(), source=source)
+    assert "the cable is out" in loop.said[-1]
+
+
+def raise_(error):
+    raise error
+
+
 def test_during_a_silence_the_state_is_lost_and_the_estimate_held():
     loop, rows = looped(
         [*arrivals(TIMES, POSITIONS, FORCES), Silence(5.0)],
@@ -181,6 +209,7 @@ def test_samples_that_come_too_seldom_for_the_window_are_said_to():
     )
     assert np.isnan(column(rows, "time")).all()
     assert loop.state is State.INVALID
+    assert "--rate" in loop.status()["fault"]
     assert any("--rate" in words for words in loop.said)
 
 
@@ -203,6 +232,18 @@ def test_hold_and_resume_and_reset():
     assert states[1200] == State.CONTACT
     assert (column(rows, "method")[[1499, 1500]] == [0.0, 1.0]).all()
     assert loop.status()["generation"] == 1
+    # While it is held nothing is updated: the times of that are not those of updates.
+    assert loop.cycle.count == np.isfinite(column(rows, "time")).sum() - 600
+
+
+def test_after_a_reset_nothing_is_known_until_something_is_learned():
+    commands = [(600, Command("hold")), (700, Command("reset"))]
+    script = arrivals(TIMES, POSITIONS, FORCES)[:800]
+    loop, rows = looped(script, OnlinePreparation(), default_estimator(), commands)
+    assert np.isfinite(column(rows, "parameter_0")[690:700]).all()
+    assert np.isnan(column(rows, "parameter_0")[700:]).all()
+    assert at_depth(loop.status(), rows[-1], 8e-3) == "nothing known yet"
+    assert at_depth(loop.status(), rows[699], 8e-3) == "another estimator begins"
 
 
 def test_a_tare_is_taken_and_taken_off():

@@ -71,6 +71,21 @@ def test_a_reader_that_falls_behind_gets_the_newest_and_knows_how_many_it_lost()
         each.close()
 
 
+def test_a_reader_that_begins_late_gets_the_first_row_or_counts_it():
+    ring = Writer(8)
+    for k in range(5):
+        ring.write(*[float(k)] * WIDTH)
+    early = Reader(ring.address)
+    assert early.take().rows[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    for k in range(5, 20):
+        ring.write(*[float(k)] * WIDTH)
+    late = Reader(ring.address)
+    rows, dropped = late.take()
+    assert (len(rows), dropped) == (7, 13)
+    for each in (early, late, ring):
+        each.close()
+
+
 def test_a_reader_goes_back_as_far_as_half_the_ring():
     ring = Writer(8)
     reader = Reader(ring.address)

@@ -18,6 +18,7 @@ import palpate
 from palpate import OnlinePreparation
 from palpate.live import run
 from palpate.live.commands import Command
+from palpate.live.ring import COLUMNS
 from palpate.live.running import default_estimator
 from palpate.live.sinks.recorder import Recorder, Recording
 from palpate.writing import opened_new
@@ -135,6 +136,26 @@ def test_vectors_are_recorded_as_they_came(tmp_path):
     assert "direction=[0, 0, -1]" in recording.notes["palpate.preparation"]
     found = np.column_stack([recording.numbers(f"/input.position.{axis}") for axis in "xyz"])
     np.testing.assert_array_equal(found, [row[1] for row in rows])
+
+
+def test_what_changes_meanwhile_stands_in_the_recording(tmp_path):
+    commands = [(300, Command("estimator", {"method": "kelvin-voigt"}))]
+    loop, rows = looped(
+        arrivals(TIMES, POSITIONS, FORCES), OnlinePreparation(), default_estimator(), commands
+    )
+    end = {**loop.status(), "preparation": "tare_time=0.5", "tare": 0.5, "generation": 300}
+    begin = {**end, "method": "variable-projection", "tare": None}
+    file, path = opened_new(tmp_path / "a.mcap")
+    recording = Recording(path, file)
+    recording.write(rows[:400].tolist(), begin, 0)
+    rows[400:, COLUMNS.index("method")] = 300.0
+    recording.write(rows[400:].tolist(), end, 0)
+    recording.finish()
+    found = palpate.open_recording(path)
+    assert found.notes["palpate.tare"] == "being measured"
+    assert found.notes["palpate.method by row 1500, estimator 300"] == "kelvin-voigt"
+    assert found.notes["palpate.tare by row 1500, estimator 300"].startswith("0.5 N")
+    assert found.channels["/estimate.method"][-1] == 300
 
 
 @pytest.mark.slow

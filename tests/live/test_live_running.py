@@ -1,6 +1,7 @@
 """A session: sinks in processes of their own, which end in order, and hold nobody."""
 
 import gc
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -97,6 +98,37 @@ def test_ctrl_c_while_the_sinks_begin_is_quiet_too(tmp_path):
         # Of the script itself, which has no main that says nothing.
         assert error.count("Traceback") <= 1
         assert "spawn_main" not in error
+
+
+class Interrupting(Looking):
+    """Ctrl-C comes when its process has been started, and before anything else is."""
+
+    def handed_over(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_ctrl_c_between_two_sinks_that_are_started_leaves_nobody_behind(tmp_path):
+    before = signal.getsignal(signal.SIGINT)
+    sinks = [Interrupting(tmp_path / "one", "one"), Looking(tmp_path / "two", "two")]
+    status = run(Endless(), None, sinks)
+    assert status["counts"]["taken"] == 0
+    assert (tmp_path / "one").read_text() == "0 0 True"
+    assert not (tmp_path / "two").exists()
+    assert multiprocessing.active_children() == []
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+class SlowToBegin(Looking):
+    """Its process begins to look when rows have been written already."""
+
+    def run(self, session, commands):
+        time.sleep(0.2)
+        super().run(session, commands)
+
+
+def test_a_sink_that_begins_late_misses_no_row(tmp_path):
+    status = run(Endless(400), None, [SlowToBegin(tmp_path / "seen")])
+    assert (tmp_path / "seen").read_text() == f"{status['counts']['taken']} 0 True"
 
 
 @pytest.mark.slow

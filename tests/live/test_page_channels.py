@@ -8,12 +8,16 @@ from cases import KINDS, exciting
 from hypothesis import given
 from hypothesis import strategies as st
 
+from palpate import Status
 from palpate.estimators import ESTIMATORS
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.lab import MATERIALS
+from palpate.live.board import Board
+from palpate.live.page import watch
 from palpate.live.page.channels import CHANNELS, at_depth, channels_of
 from palpate.live.page.history import HEADER, History
-from palpate.live.ring import COLUMNS, MOST_PARAMETERS
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Writer
+from palpate.live.sinks.sink import Session
 
 AT = {name: place for place, name in enumerate(COLUMNS)}
 DELAY = 0.009
@@ -140,3 +144,49 @@ def test_no_line_leads_from_one_estimator_to_the_next():
 
 def test_there_is_a_channel_for_every_parameter():
     assert sum(name.startswith("parameter") for name in CHANNELS) == MOST_PARAMETERS
+
+
+@pytest.fixture
+def watched(monkeypatch):
+    """A ring, the loop's board, and what a page sees of them at once."""
+    monkeypatch.setattr(watch, "ALIVE", 0.0)
+    writer, board, own = Writer(64), Board(), Board()
+    seen = watch.Watch(Session(writer.address, board.name, {"page": own.name}, own.name))
+    yield writer, board, seen
+    seen.close()
+    for each in (own, board, writer):
+        each.close()
+
+
+def test_a_loop_whose_source_is_still_being_opened_is_not_dead(watched):
+    _, board, seen = watched
+    seen.look()
+    assert seen.page({})["alive"]
+    board.write({"sample_time": 1e-3, "generation": 0, "law": {"kind": "hunt-crossley"}})
+    seen.take()
+    assert not seen.page({})["alive"]  # it has been, and says nothing more
+
+
+def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
+    writer, board, seen = watched
+
+    def write(*times, **columns):
+        for row in rows_of(times, **columns):
+            writer.write(*row)
+        seen.take()
+
+    board.write({"sample_time": 1e-3, "generation": 0, "law": {"kind": "hunt-crossley"}})
+    write(0.0, 0.2)
+    write(0.4, status=float(Status.RESTARTED))
+    seen.look()
+    assert seen.page({})["now"]["parameters"] == [2000.0, 3000.0, 1.3]
+    board.write({"sample_time": 1e-3, "generation": 1, "law": {"kind": "kelvin-voigt"}})
+    seen.look()
+    write(0.401)  # the last one of the estimator before
+    (change,) = seen.page({})["changes"]
+    assert change["before"]["parameters"] == change["after"]["parameters"] == [2000.0, 3000.0, 1.3]
+    assert "parameters" not in seen.page({})["now"]
+    write(0.402, method=1)
+    assert seen.page({})["now"]["parameters"] == [2000.0, 3000.0]
+    write(0.403, method=2)  # of which the board has not said yet what it identifies
+    assert "parameters" not in seen.page({})["now"]

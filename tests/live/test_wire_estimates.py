@@ -2,20 +2,23 @@
 
 import json
 import math
-import socket
 import struct
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scripted import measured
+from scripted import arrivals, looped, measured
 from test_wires import ros_master, wire  # noqa: F401 - fixtures
 from wire_robots import ROBOTS, free_port, query
 
 import palpate
+from palpate import OnlinePreparation
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live import run
+from palpate.live.running import default_estimator
 from palpate.live.sinks.opening import open_publisher
+from palpate.live.sinks.publishing import _Publishing
 from palpate.live.sinks.zeromq import BINARY
 from palpate.live.sources.replay import Replay
 
@@ -64,16 +67,17 @@ class ZeroMQListener(Listener):
         self.socket.rcvhwm, self.socket.reconnect_ivl = 0, 10
         self.port = free_port()
         endpoint = f"tcp://127.0.0.1:{self.port}"
-        self.socket.connect(endpoint)
+        self.endpoint = endpoint
         self.socket.setsockopt(zmq.SUBSCRIBE, b"")
         self.address = f"zmq:{endpoint}{query({'format': self.form})}"
 
     def connect(self) -> None:
-        until = time.monotonic() + 20.0
-        with socket.socket() as probe:
-            while probe.connect_ex(("127.0.0.1", self.port)) and time.monotonic() < until:
-                time.sleep(0.05)
-        time.sleep(0.3)  # for its own connection, which is tried every 10 ms
+        monitor = self.socket.get_monitor_socket(self.zmq.EVENT_HANDSHAKE_SUCCEEDED)
+        self.socket.connect(self.endpoint)  # tried every 10 ms, until the publisher is there
+        assert monitor.poll(60_000)
+        self.socket.disable_monitor()
+        monitor.close(0)
+        time.sleep(0.3)  # for the subscription, which follows at once
 
     def hear(self) -> None:
         while self.socket.poll(200):
@@ -313,6 +317,20 @@ def test_zeromq_has_a_form_for_languages_without_json() -> None:
     finally:
         listener.close()
     assert BINARY.size == 152
+
+
+def test_of_a_source_that_is_silent_the_wire_says_that_it_is_lost() -> None:
+    loop, rows = looped(arrivals(*measured(0.3)), OnlinePreparation(), default_estimator())
+    told = []
+    full = SimpleNamespace(send=lambda *_: 7, tell=lambda state, *_: told.append(state))
+    publishing = _Publishing(full, SimpleNamespace(dropped=0, tell=lambda page: None))
+    page = loop.status()
+    publishing._publish(page, rows)
+    assert publishing._watching.dropped == 7  # what could not be sent is counted with the rest
+    publishing._tell(page, silent=False)
+    publishing._told = 0.0
+    publishing._tell({**page, "state": "lost"}, silent=True)
+    assert told == ["contact", "lost"]
 
 
 def test_an_address_in_use_is_one_clear_line() -> None:

@@ -70,7 +70,21 @@ class Incoming:
             speed=number_in("--speed", self.speed, 0.0, 1e6, open_low=True),
             reading={"columns": columns, "units": units_of("--unit", self.unit)},
         )
-        return open_source(address, options)
+        source = open_source(address, options)
+        self._check(address)
+        return source
+
+    def _check(self, address: str) -> None:
+        """Refuse what would have no effect."""
+        from palpate.errors import InvalidParameterError
+        from palpate.live.sources import SOURCES
+
+        recording = address.partition(":")[0] not in SOURCES
+        others = ("rate",) if recording else ("speed", "position", "force", "unit")
+        for name in others:
+            if getattr(self, name) != getattr(Incoming, name):
+                words = "has its own times" if recording else "is no recording"
+                raise InvalidParameterError(f"--{name} has no effect: {address} {words}")
 
     def preparation(self, source: "Source") -> "OnlinePreparation":
         """Return what makes samples of what the source delivers."""

@@ -30,6 +30,7 @@ IN_TIME = 1e-3  # s: a cycle is in time when it is done so long after its sample
 SHOWN_FOR = 1.0  # s: how long a change is a state
 SILENT = 20  # sample times without a sample, but at least SILENT_TIME, are a silence
 SILENT_TIME = 0.2  # s
+PATIENCE = 1.0  # s: of a slow source too, a person who asks for something is heard meanwhile
 _NONE = (math.nan,) * 4
 _TAKEN = frozenset({Status.UPDATED, Status.GUARDED, Status.RESTARTED})
 _REFUSED = frozenset({Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE})
@@ -92,14 +93,20 @@ class Loop:
             The source delivers vectors, and there is no direction; or the other way round.
         """
         silent = max(SILENT * self.source.sample_time, SILENT_TIME)
+        patience, waited = min(silent, PATIENCE), 0.0
         while not self.stopped:
             try:
-                arrival = self.source.take(silent)
-            except EndOfSourceError:
+                arrival = self.source.take(patience)
+            except EndOfSourceError as end:
+                if str(end):
+                    self.say(str(end))
                 return
             if arrival is None:
-                self._silence()
+                waited += patience
+                if waited >= silent:
+                    self._silence()
             else:
+                waited = 0.0
                 self.step(arrival)
             self._obey()
 
@@ -125,7 +132,7 @@ class Loop:
         took = time.perf_counter() - began
         self._judge(arrival, status, fault, sampled=sample is not None)
         self._write(arrival, prepared, predicted, status, estimate, took)
-        if sample is not None:
+        if sample is not None and not self.held:
             self.cycle.add(took)
         self.lateness.add(time.monotonic() - arrival.there)
 
@@ -184,12 +191,13 @@ class Loop:
         estimate: Any,
         took: float,
     ) -> None:
-        parameters = estimate.parameters.tolist()
-        size = len(parameters)
-        covariance = estimate.covariance.tolist()
-        flat = [0.0] * MOST_PARAMETERS**2
-        for i in range(size):
-            flat[i * MOST_PARAMETERS : i * MOST_PARAMETERS + size] = covariance[i]
+        size, flat = len(estimate.parameters), [0.0] * MOST_PARAMETERS**2
+        if estimate.samples:
+            parameters, covariance = estimate.parameters.tolist(), estimate.covariance.tolist()
+            for i in range(size):
+                flat[i * MOST_PARAMETERS : i * MOST_PARAMETERS + size] = covariance[i]
+        else:  # where an estimator starts is nothing that it knows
+            parameters, flat = [math.nan] * size, [math.nan] * MOST_PARAMETERS**2
         position, force = self._axes(arrival.position), self._axes(arrival.force)
         self.ring.write(
             prepared[0],

@@ -28,12 +28,14 @@ def start(process: BaseProcess) -> None:
 def end(processes: Sequence[BaseProcess], patience: float) -> None:
     """Wait until they have ended, s; then end them, whether they listen or not."""
     until = time.monotonic() + patience
-    for process in processes:
-        process.join(max(until - time.monotonic(), 0.0))
-    for process in processes:
-        if process.is_alive():
-            process.terminate()
-            process.join(1.0)
-        if process.is_alive():  # it does not listen
-            process.kill()
-            process.join()
+    try:
+        for process in processes:
+            process.join(max(until - time.monotonic(), 0.0))
+    finally:  # of whoever asks a second time, too
+        for process in processes:
+            if process.is_alive():
+                process.terminate()
+                process.join(1.0)
+            if process.is_alive():  # it does not listen
+                process.kill()
+                process.join()

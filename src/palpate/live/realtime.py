@@ -46,8 +46,8 @@ def undisturbed() -> Iterator[None]:
             gc.enable()
 
 
-def give_way(*, gently: bool = True, last: bool = False) -> None:
-    """Let the loop go first, whenever it wakes; to be called in a process beside it.
+def give_way(*, gently: bool = True) -> None:
+    """Let the loop go first, whenever it wakes; to be called once in a process beside it.
 
     One of the cores that this process may use is left to it, where there are two or more.
 
@@ -55,18 +55,21 @@ def give_way(*, gently: bool = True, last: bool = False) -> None:
     ----------
     gently : bool
         Programs of others get more, and sooner, too: of what only a person waits for.
-    last : bool
-        Everybody else goes first: of what may take long.
     """
     with suppress(OSError, AttributeError):  # of another system, or not allowed
-        policy = os.SCHED_IDLE if last else os.SCHED_BATCH
-        os.sched_setscheduler(0, policy, os.sched_param(0))
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
         if gently:
             os.nice(_GENTLY)
             _ask_for_slices(_LONGEST_SLICE)
         cores = os.sched_getaffinity(0)
         # The first ones are those that a kernel gives its interrupts to.
         os.sched_setaffinity(0, cores - {max(cores)} or cores)
+
+
+def go_last() -> None:
+    """Let everybody else go first too, of what may take long; after :func:`give_way`."""
+    with suppress(OSError, AttributeError):
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 def _ask_for_slices(length: int) -> None:

@@ -137,9 +137,9 @@ def attached(name: str) -> shared_memory.SharedMemory:
 
 
 class Reader:
-    """One reader's end; it begins with what is written from now on, or ``back`` rows before."""
+    """One reader's end; it begins with the first row of all, and counts those that are gone."""
 
-    def __init__(self, address: Address, *, back: int = 0) -> None:
+    def __init__(self, address: Address) -> None:
         self._memory = attached(address.name)
         assert self._memory.buf is not None  # it is open
         self._buffer: memoryview = self._memory.buf
@@ -147,7 +147,7 @@ class Reader:
         self._rows: NDArray[np.float64] = np.ndarray(
             (address.capacity, address.width), dtype="=f8", buffer=self._buffer, offset=_HEADER
         )
-        self._next = max(self.count - min(back, address.capacity // 2), 0)
+        self._next = 0
 
     @property
     def count(self) -> int:

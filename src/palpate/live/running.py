@@ -5,7 +5,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -29,6 +29,7 @@ TOLD_EVERY = 0.25  # s: how often it writes its statistics
 PATIENCE = 5.0  # s: that a sink has to end
 _THERE = "there"  # what a sink sends when it has begun
 _IMPORTING = 30.0  # s that a sink has to begin, on a busy machine
+_LOOKED_EVERY = 0.1  # s, meanwhile: whether somebody has asked to stop
 
 
 def default_estimator() -> ContactEstimator:
@@ -79,29 +80,27 @@ def run(
     if len({sink.name for sink in sinks}) < len(sinks):
         names = ", ".join(sink.name for sink in sinks)
         raise InvalidParameterError(f"sinks must have different names, not {names}")
-    ring, board = Writer(), Board()
-    boards = {sink.name: Board() for sink in sinks}
-    addresses = {name: each.name for name, each in boards.items()}
     if preparation is None:
         preparation = OnlinePreparation(sample_time=source.sample_time)
-    session = Session(ring.address, board.name, addresses, "")
-    try:
+    # From here on Ctrl-C only leaves word: whatever is begun is known, and ended in order.
+    with _interruptible() as interruption, ExitStack() as kept:
+        ring, board = kept.enter_context(closing(Writer())), kept.enter_context(closing(Board()))
+        boards = {sink.name: kept.enter_context(closing(Board())) for sink in sinks}
+        addresses = {name: each.name for name, each in boards.items()}
+        session = Session(ring.address, board.name, addresses, "")
+        kept.callback(source.close)
         loop = Loop(source, preparation, estimator or default_estimator(), ring)
-        sessions = _started(sinks, session, loop, board)
-        with sessions as started, _interruptible(loop), undisturbed():
+        interruption.stops(loop)
+        with _started(sinks, session, loop, board) as started, undisturbed():
             # All is there before the first sample: none waits while others begin.
             for sentence in ask_for_realtime() if realtime else ():
                 loop.say(sentence)
-            source.open()
-            loop.say("started")
+            if not loop.stopped:
+                source.open()
+                loop.say("started")
             loop.commands = _Asked(started, loop, board, seconds)
             loop.run()
         return loop.status()
-    finally:
-        source.close()
-        for each in (board, *boards.values()):
-            each.close()
-        ring.close()
 
 
 class _Asked:
@@ -149,6 +148,8 @@ def _started(
     connections: dict[str, Connection] = {}
     try:
         for sink in sinks:
+            if loop.stopped:
+                break
             ours, theirs = context.Pipe()
             own = replace(session, own=session.boards[sink.name])
             process = context.Process(target=_serve, args=(sink, own, theirs), name=sink.name)
@@ -161,12 +162,14 @@ def _started(
             connections[sink.name] = ours
         until = time.monotonic() + _IMPORTING
         for connection in connections.values():
-            with suppress(EOFError):  # it has ended: the loop says so
-                if connection.poll(max(until - time.monotonic(), 0.0)):
-                    connection.recv()
+            while not loop.stopped and time.monotonic() < until:
+                if connection.poll(_LOOKED_EVERY):
+                    with suppress(EOFError):  # it has ended: the loop says so
+                        connection.recv()
+                    break
         yield connections
     finally:
-        board.write({**loop.status(), "stopped": True})
+        board.write({"stopped": True, **loop.status()})
         end(processes, PATIENCE)
         for connection in connections.values():
             connection.close()
@@ -180,22 +183,45 @@ def _serve(sink: Sink, session: Session, commands: Connection) -> None:
         sink.run(session, commands)
 
 
+class _Interruption:
+    """Whether Ctrl-C has come, which stops the loop even if it comes before there is one."""
+
+    def __init__(self) -> None:
+        self._came = False
+        self._loop: Loop | None = None
+
+    def come(self) -> None:
+        """Stop the loop."""
+        self._came = True
+        if self._loop is not None:
+            self._loop.stopped = True
+
+    def stops(self, loop: Loop) -> None:
+        """Say which loop it is."""
+        self._loop = loop
+        if self._came:
+            loop.stopped = True
+
+
 @contextmanager
-def _interruptible(loop: Loop) -> Iterator[None]:
+def _interruptible() -> Iterator[_Interruption]:
     """Ctrl-C, or a request to terminate, stops the loop in order; a second one as ever."""
+    interruption = _Interruption()
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield interruption
         return
     asked = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.getsignal(number) or signal.SIG_DFL for number in asked}
 
     def stop(*_: Any) -> None:
-        loop.stopped = True
+        interruption.come()
         for number in asked:
             signal.signal(number, before[number])
 
-    before = {number: signal.signal(number, stop) for number in asked}
     try:
-        yield
+        for number in asked:
+            signal.signal(number, stop)
+        yield interruption
     finally:
         for number in asked:
             signal.signal(number, before[number])

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from palpate.diagnosis.finding import defined
 from palpate.live.choices import main_settings
 from palpate.live.counts import summed
+from palpate.live.states import State
 from palpate.preparation import OnlinePreparation
 
 if TYPE_CHECKING:
@@ -35,7 +36,8 @@ def status_of(loop: "Loop") -> dict[str, Any]:
         "needs_condition_10": loop.estimator.needs_condition_10,
         "state": loop.state.name.lower(),
         "held": loop.held,
-        "fault": loop.watchdog.words,
+        # What is wrong now; one that is past was said.
+        "fault": loop.watchdog.words if loop.state is State.INVALID else "",
         # What a person may choose of the source itself: {"material": [...], ...}.
         "offers": getattr(loop.source, "offers", {}),
         "chosen": getattr(loop.source, "chosen", {}),

@@ -86,7 +86,7 @@ class Watchdog:
             return "samples come repeatedly: they are refused"
         if -self.longest_gap <= step < 0.0:
             faults.disordered += 1
-            return "samples come in disorder: the late ones are refused"
+            return "samples come out of order: the late ones are refused"
         self._time, self._there = arrival.time, arrival.there
         if step < 0.0:
             faults.jumps += 1

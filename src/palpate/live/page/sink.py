@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.live.board import Board
 from palpate.live.commands import Command
+from palpate.live.sinks.printing import printed
 from palpate.live.sinks.sink import Session
 from palpate.validation import shown, whole_in
 
@@ -125,7 +126,7 @@ class Page:
             timeout_graceful_shutdown=1,
         )
         serving = asyncio.create_task(_quietly(config, self._socket))
-        print(f"The page is at {self.url}", flush=True)
+        printed(f"The page is at {self.url}")
         if self._open_browser:
             asyncio.get_running_loop().run_in_executor(None, webbrowser.open, self.url)
         try:

@@ -13,7 +13,7 @@ from palpate.force_laws import FORCE_LAWS, ForceLaw
 from palpate.live.board import Board
 from palpate.live.page.channels import at_depth, column, parameters_of
 from palpate.live.page.history import SHOWN, History
-from palpate.live.ring import CAPACITY, Reader
+from palpate.live.ring import Reader
 from palpate.live.sinks.sink import Session
 from palpate.live.states import State
 from palpate.validation import Floats
@@ -46,7 +46,7 @@ class Watch:
     """
 
     def __init__(self, session: Session) -> None:
-        self._ring = Reader(session.ring, back=CAPACITY)
+        self._ring = Reader(session.ring)
         self._board = Board(session.board)
         self._others = {name: Board(of) for name, of in session.boards.items() if of != session.own}
         self.loop = self._board.read()
@@ -57,7 +57,9 @@ class Watch:
         self.changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
         self._law: type[ForceLaw] | None = None
         self._last: Floats | None = None
-        self._changed_in = math.nan  # number of the estimator that noticed the last change
+        # Number of the estimator that noticed the last change, and what it identified.
+        self._changed_in = math.nan
+        self._changed_law: type[ForceLaw] | None = None
         self._sign, self._moved = (-1, -1), time.monotonic()
 
     def take(self) -> None:
@@ -74,29 +76,33 @@ class Watch:
 
     def _begin(self) -> bool:
         """Make room for the source's rate, as soon as the loop has said it; the rows wait."""
-        self.loop = self._board.read()
+        self._read()
         sample_time = self.loop.get("sample_time")
         if sample_time:
             self.history, self._begun = History(float(sample_time)), True
+            self._moved = time.monotonic()
         return self._begun
 
     def look(self) -> None:
         """Read the boards, and choose the depth: a few times a second."""
-        self.loop = self._board.read() or self.loop
+        self._read()
         sign = (self._board.version, self._ring.count)
         if sign != self._sign:
             self._sign, self._moved = sign, time.monotonic()
-        law = self.loop.get("law") or {}
-        self._law = FORCE_LAWS.get(law.get("kind", ""))
         self._choose_depth()
         generation = float(self.loop.get("generation", math.nan))
         if self.history.show(self._law, self.depth, generation):
             self.recast += 1
 
+    def _read(self) -> None:
+        self.loop = self._board.read() or self.loop
+        law = self.loop.get("law") or {}
+        self._law = FORCE_LAWS.get(law.get("kind", ""))
+
     @property
     def alive(self) -> bool:
-        """Whether the loop has written anything lately."""
-        return time.monotonic() - self._moved < ALIVE
+        """Whether the loop has written anything lately, or its source is still being opened."""
+        return not self._begun or time.monotonic() - self._moved < ALIVE
 
     @property
     def stopped(self) -> bool:
@@ -122,25 +128,31 @@ class Watch:
             self.changes.clear()
         for place in np.flatnonzero(column(rows, "status") == float(Status.RESTARTED)).tolist():
             moment = float(column(rows, "time")[place])
-            # The samples between a change and its alarm have moved the estimate already.
-            kept = self.history.rows()
-            settled = kept[column(kept, "time") <= moment - _NOTICED][-1:]
-            before = self._of(settled if len(settled) else kept[:1])
-            self.changes.append({"time": moment, "law": self._described(), "before": before})
             self._changed_in = float(column(rows, "method")[place])
-        same = rows[column(rows, "method") == self._changed_in]  # not what another made of it
+            self._changed_law = self._law if self._knows(self._changed_in) else None
+            kept = self.history.rows()
+            kept = kept[column(kept, "method") == self._changed_in]  # not what another found
+            # The samples between a change and its alarm have moved the estimate already.
+            settled = kept[column(kept, "time") <= moment - _NOTICED][-1:]
+            before = self._of(settled if len(settled) else kept[:1], self._changed_law)
+            self.changes.append({"time": moment, "law": self._described(), "before": before})
+        same = rows[column(rows, "method") == self._changed_in]
         if self.changes and len(same):
-            self.changes[-1]["after"] = self._of(same[-1:])
+            self.changes[-1]["after"] = self._of(same[-1:], self._changed_law)
+
+    def _knows(self, generation: float) -> bool:
+        """Whether the law is that of an estimator, which the board says a little later."""
+        return generation == self.loop.get("generation")
 
     def _described(self) -> dict[str, Any]:
         return dict(self.loop.get("law") or {})
 
-    def _of(self, row: Floats) -> dict[str, Any]:
+    def _of(self, row: Floats, law: type[ForceLaw] | None) -> dict[str, Any]:
         """Parameters of one row, their standard errors, and what follows at the depth."""
-        if self._law is None or not len(row):
+        if law is None or not len(row):
             return {}
-        parameters, covariance = parameters_of(row, len(self._law.symbols))
-        stiffness = at_depth(self._law, parameters, covariance, self.depth)[:, 0].tolist()
+        parameters, covariance = parameters_of(row, len(law.symbols))
+        stiffness = at_depth(law, parameters, covariance, self.depth)[:, 0].tolist()
         with np.errstate(invalid="ignore"):
             errors = np.sqrt(np.diagonal(covariance[0]))
         return {
@@ -161,7 +173,10 @@ class Watch:
             return {}
         depth = np.linspace(0.0, deepest, _CURVE)
         law = self._law(*parameters[0].tolist())
-        force = law.force(depth, np.zeros(_CURVE)) + float(np.nan_to_num(column(row, "offset")[0]))
+        with np.errstate(all="ignore"):  # a start may have a negative exponent
+            force = law.force(depth, np.zeros(_CURVE)) + float(
+                np.nan_to_num(column(row, "offset")[0])
+            )
         return {"penetration": depth.tolist(), "force": force.tolist()}
 
     def page(self, served: Mapping[str, Any]) -> dict[str, Any]:
@@ -175,7 +190,8 @@ class Watch:
         now: dict[str, Any] = {}
         if self._last is not None:
             row = self._last
-            now = {**self._of(row), "curve": self._curve(row)}
+            if self._knows(float(column(row, "method")[0])):
+                now = {**self._of(row, self._law), "curve": self._curve(row)}
             for name in ("offset", "surface", "force", "penetration", "velocity"):
                 now[name] = float(column(row, name)[0])
         said: dict[str, Any] = plain(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from palpate.live.sinks.figures import WorkingDepth, at_depth, percent, seconds
+from palpate.live.sinks.printing import printed
 from palpate.live.sinks.sink import Session
 from palpate.live.sinks.watching import PLACE, Watching
 from palpate.live.states import State
@@ -26,7 +27,7 @@ COUNTED = (
     ("unpaired", "unpaired"),
     ("refused", "refused"),
     ("repeated", "repeated"),
-    ("disordered", "in disorder"),
+    ("disordered", "out of order"),
     ("gaps", "gaps"),
     ("jumps", "jumps of the clock"),
     ("silences", "silences"),
@@ -53,8 +54,8 @@ class Console:
         if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
             sys.stdout.reconfigure(errors="replace")
         watching = Watching(session)
-        with suppress(BrokenPipeError, KeyboardInterrupt):
-            _Printing(watching, terminal=sys.stdout.isatty(), quiet=self._quiet).run()
+        terminal = sys.stdout is not None and sys.stdout.isatty()
+        _Printing(watching, terminal=terminal, quiet=self._quiet).run()
         watching.close()
 
 
@@ -62,17 +63,22 @@ class _Printing:
     def __init__(self, watching: Watching, *, terminal: bool, quiet: bool) -> None:
         self._watching, self._terminal, self._quiet = watching, terminal, quiet
         self._depth, self._said = WorkingDepth(), list[str]()
-        self._row, self._next = np.empty(0), 0.0
+        self._row, self._next, self._heard = np.empty(0), 0.0, True
 
     def run(self) -> None:
-        while self._watching.wait(_REFRESHED_EVERY):
+        while self._watching.wait(_REFRESHED_EVERY) and self._heard:
             self._look()
         self._watching.wait(_OTHERS_END)
         self._look()
         self._clear()
-        for line in summary(self._watching.status(), self._watching.others()):
-            print(line)
-        sys.stdout.flush()
+        status = self._watching.status()
+        if status and not status.get("stopped"):
+            self._print("the loop has ended without a word; this is what it counted last:")
+        for line in summary(status, self._watching.others()):
+            self._print(line)
+
+    def _print(self, words: str, end: str = "\n") -> None:
+        self._heard = self._heard and printed(words, end)
 
     def _look(self) -> None:
         rows = self._watching.take().rows
@@ -82,7 +88,7 @@ class _Printing:
             self._depth.see(rows)
         for sentence in self._new(status):
             self._clear()
-            print(sentence, flush=True)
+            self._print(sentence)
         if not self._quiet and len(self._row) and not status.get("stopped"):
             self._show(_line(status, self._row, self._depth.value))
         self._watching.tell({})
@@ -103,14 +109,14 @@ class _Printing:
         if self._terminal:
             with suppress(OSError):
                 line = line[: os.get_terminal_size(sys.stdout.fileno()).columns - 1]
-            print(f"\r{line}\x1b[K", end="", flush=True)
+            self._print(f"\r{line}\x1b[K", end="")
         elif time.monotonic() >= self._next:
             self._next = time.monotonic() + _LINE_EVERY
-            print(line, flush=True)
+            self._print(line)
 
     def _clear(self) -> None:
         if self._terminal:
-            print("\r\x1b[K", end="")
+            self._print("\r\x1b[K", end="")
 
 
 def _line(status: dict[str, Any], row: Any, depth: float) -> str:
@@ -123,8 +129,8 @@ def _line(status: dict[str, Any], row: Any, depth: float) -> str:
     parts = [
         state.ljust(7),
         at_depth(status, row, depth),
+        *(wrong or ["none lost or late"]),  # of a long line a narrow terminal has only the first
         f"{counts.get('taken', 0)} samples, 99 % within {seconds(lateness.get('p99'))}",
-        *(wrong or ["none lost or late"]),
     ]
     return " · ".join(parts)
 
@@ -141,11 +147,11 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
     """
     counts = status.get("counts", {})
     taken, learned = counts.get("taken", 0), counts.get("learned", 0)
-    yield f"{status.get('source', '')}: {taken} samples, {learned} learned of, " + _many(
+    yield f"{status.get('source', '')}: {taken} samples, {learned} learned, " + _many(
         counts.get("changes", 0), "change"
     )
     yield "                     p50      p99    p99.9      max   in time"
-    for name, words in (("cycle", "update, estimate"), ("lateness", "done, when due")):
+    for name, words in (("cycle", "update, estimate"), ("lateness", "after its sample")):
         figures = status.get(name, {})
         known = figures if figures.get("count") else {}
         columns = [seconds(known.get(key)) for key in ("p50", "p99", "p99.9", "max")]

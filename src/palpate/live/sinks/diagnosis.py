@@ -10,7 +10,7 @@ from palpate._core import Status
 from palpate.contact import Contact
 from palpate.errors import PalpateError
 from palpate.identifying import identify
-from palpate.live.realtime import give_way
+from palpate.live.realtime import go_last
 from palpate.live.sinks.sink import Session
 from palpate.live.sinks.watching import PLACE, Watching
 from palpate.validation import Floats
@@ -25,6 +25,11 @@ _SAMPLE = [PLACE[name] for name in ("time", "penetration", "velocity", "force", 
 _GAP = 10.0
 # Delays after a change: for two the velocity's window has both materials in it.
 _SMEARED = 3.0
+_SINCE = {
+    "method": "another estimator runs now",
+    "changes": "the material has changed since",
+    "tare": "the force was tared since",
+}
 
 
 class Diagnosing:
@@ -45,21 +50,43 @@ class Diagnosing:
 
     def run(self, session: Session, commands: Connection) -> None:
         """Diagnose until the loop stops."""
-        give_way(last=True)
+        go_last()
         watching = Watching(session)
         samples, due = np.empty((0, len(_SAMPLE))), time.monotonic() + self._every
-        runs, page = 0, dict[str, Any]()
+        runs, page, tare = 0, dict[str, Any](), None
         while watching.wait(_LOOKED_EVERY):
             rows = watching.take().rows[:, _SAMPLE]
             status = watching.status()
+            if status.get("tare") != tare:  # another offset is in the samples before it
+                samples, rows, tare = samples[:0], rows[:0], status.get("tare")
             delay = float(status.get("delay", 0.0))
             samples = recent(np.concatenate([samples, rows]), self._window, delay)
             if time.monotonic() >= due and len(samples) >= _LEAST:
                 runs += 1
                 page = {**diagnosed(samples, status), "runs": runs}
                 due = time.monotonic() + self._every
-            watching.tell(page)
+            watching.tell({**page, "outdated": outdated(page, status)} if page else page)
         watching.close()
+
+
+def _basis(status: dict[str, Any]) -> dict[str, Any]:
+    """What a diagnosis is of; it is another one's as soon as one of these is another."""
+    changes = status.get("counts", {}).get("changes", 0)
+    return {"method": status.get("method"), "changes": changes, "tare": status.get("tare")}
+
+
+def outdated(page: dict[str, Any], status: dict[str, Any]) -> str:
+    """Why the last diagnosis is not of what the loop does now; nothing where it is.
+
+    Parameters
+    ----------
+    page : dict
+        What :func:`diagnosed` gave.
+    status : dict
+        What the loop says now.
+    """
+    now = _basis(status)
+    return " and ".join(words for name, words in _SINCE.items() if page["of"][name] != now[name])
 
 
 def recent(samples: Floats, window: float, delay: float) -> Floats:
@@ -113,6 +140,7 @@ def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         "window": [float(samples[0, 0]), float(samples[-1, 0])],
         "samples": len(samples),
         "method": status.get("method"),
+        "of": _basis(status),
     }
     try:
         contact = contact_of(samples, float(status.get("sample_time", 1e-3)))

@@ -45,6 +45,8 @@ def at_depth(status: dict[str, Any], row: Floats, depth: float) -> str:
     kind = FORCE_LAWS.get(status.get("law", {}).get("kind", ""))
     if kind is None or not depth > 0.0:
         return "no contact yet"
+    if row[PLACE["method"]] != status.get("generation"):
+        return "another estimator begins"  # of which the board has not said yet what it identifies
     size = len(kind.symbols)
     parameters = row[_FIRST : _FIRST + size]
     covariance = row[_COVARIANCE:].reshape(-1)[: MOST_PARAMETERS**2]

@@ -74,7 +74,8 @@ _IN_SPACE = _slice("input_position_x", 6)
 _SAMPLE = _slice("penetration", 4)
 _FOUND = _slice("parameter_0", MOST_PARAMETERS + _MATRIX)
 _REST = [PLACE[name] for name in ("offset", "surface", "margin", "cycle", "lateness")]
-_WHOLE = [PLACE[name] for name in ("status", "preparation", "state", "method")]
+_WHOLE = [PLACE[name] for name in ("status", "preparation", "state")]
+_METHOD = PLACE["method"]
 _ARRIVED, _TIME_OF = PLACE["arrived"], PLACE["time"]
 
 
@@ -120,6 +121,7 @@ class Encoder:
             *row[_FOUND],
             *[row[k] for k in _REST],
             *[int(row[k]) & 0xFF for k in _WHOLE],
+            int(row[_METHOD]) & 0xFFFF,
         )
 
     def _stamp(self, time: float) -> int | None:
@@ -134,12 +136,16 @@ def described(status: dict[str, Any]) -> dict[str, str]:
     """What is to be known of a recording beside its messages, in words."""
     law = status.get("law", {})
     units = zip(law.get("symbols", ()), law.get("units", ()), strict=True)
-    tare = status.get("tare")
+    tare, preparation = status.get("tare"), str(status.get("preparation", ""))
+    if "tare_time=" not in preparation:
+        tared = "none"
+    else:
+        tared = "being measured" if tare is None else f"{tare:.6g} N was taken off online"
     return {
         "source": str(status.get("source", "")),
         "method": str(status.get("method", "")),
         "parameters": ", ".join(f"{name} [{unit or '1'}]" for name, unit in units),
-        "preparation": str(status.get("preparation", "")) or "as usual",
-        "tare": "none" if tare is None else f"{tare:.6g} N was taken off online",
+        "preparation": preparation or "as usual",
+        "tare": tared,
         "delay": f"{status.get('delay', 0.0):g} s from a measurement to its estimate",
     }

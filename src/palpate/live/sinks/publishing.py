@@ -77,8 +77,7 @@ class Publisher:
 
     def run(self, session: Session, commands: Connection) -> None:
         """Publish what the loop finds until it stops."""
-        # With what came while this process began.
-        watching = Watching(session, back=session.ring.capacity)
+        watching = Watching(session)
         try:
             self._wire.open()
             _Publishing(self._wire, watching).run()
@@ -93,8 +92,9 @@ class Publisher:
 class _Publishing:
     def __init__(self, wire: Wire, watching: Watching) -> None:
         self._wire, self._watching = wire, watching
-        self._sent = self._refused = 0
+        self._sent = 0
         self._fields: Fields | None = None
+        self._last: Floats = np.empty((0, 0))  # of what was published
         self._told = 0.0
 
     def run(self) -> None:
@@ -108,9 +108,8 @@ class _Publishing:
             waiting = np.concatenate([waiting, rows]) if len(waiting) else rows
             # What times are counted from is known with the first sample.
             if page and page["counts"]["taken"]:
-                last = waiting[-1:]
                 waiting = self._publish(page, waiting)
-                self._tell(page, last)
+                self._tell(page, silent=not len(rows))
             if not over:
                 time.sleep(_PAUSE)
         self._report()
@@ -123,28 +122,35 @@ class _Publishing:
             page["origin"],
         ):
             fields = self._fields = Fields.of(page)
+            self._last = rows[:0]
         mine = rows[:, GENERATION] == fields.generation
         # Rows of the estimator before, which the board does not know any more, are not published.
         self._watching.dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
         if mine.any():
             values = fields.values(rows[mine]).tolist()
-            self._refused += (refused := self._wire.send(fields.names, values))
+            self._last = rows[mine][-1:]
+            refused = self._wire.send(fields.names, values)
+            self._watching.dropped += refused  # they came to nobody, as those that the ring lost
             self._sent += len(values) - refused
         return rows[rows[:, GENERATION] > fields.generation]
 
-    def _tell(self, page: dict[str, Any], last: Floats) -> None:
+    def _tell(self, page: dict[str, Any], *, silent: bool) -> None:
+        """Say it whether rows come or not: of a source that is lost there are none."""
         now = time.monotonic()
-        if now < self._told or not len(last) or self._fields is None:
+        if now < self._told or not len(self._last) or self._fields is None:
+            return
+        values = self._fields.values(self._last)[0].tolist()
+        if not math.isfinite(values[0]):
             return
         self._told = now + _TOLD_EVERY
-        values = self._fields.values(last)[0].tolist()
         stamp = round(1e9 * (values[0] - 1e-9 * self._fields.origin)) + self._fields.origin
-        state = State(int(values[6])).name.lower()
+        lost = silent and page["state"] == "lost"
+        state = "lost" if lost else State(int(values[6])).name.lower()
         self._wire.tell(state, page["source"], stamp, words_of(page, self._fields, values))
         self._report()
 
     def _report(self) -> None:
-        self._watching.tell({"published": self._sent, "refused": self._refused})
+        self._watching.tell({"published": self._sent})
 
 
 def words_of(page: dict[str, Any], fields: Fields, values: Sequence[float]) -> dict[str, str]:

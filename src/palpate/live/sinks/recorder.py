@@ -143,6 +143,7 @@ class Recording:
         self._synced: Future[None] | None = None
         self._shift = self._last = 0
         self._dropped = -1
+        self._described = dict[str, str]()
 
     def write(self, rows: list[Row], status: dict[str, Any], dropped: int) -> str:
         """Write rows, and see to it that they are on the disk; what went wrong, in words."""
@@ -152,6 +153,7 @@ class Recording:
                 for row in rows:
                     self._add(row)
             self._note_dropped(dropped)
+            self._note_changed(status)
             self._file.flush()
             self.bytes = self._file.tell()
             if self._synced is None or self._synced.done():
@@ -193,7 +195,8 @@ class Recording:
             writer.register_channel(topic, "cdr", schema)
             for topic, schema in zip((INPUT, ESTIMATE), schemas, strict=True)
         ]
-        writer.add_metadata("palpate", described(status))
+        self._described = described(status)
+        writer.add_metadata("palpate", self._described)
         self._writer = writer
 
     def _add(self, row: Row) -> None:
@@ -227,6 +230,16 @@ class Recording:
             lost = str(dropped - self._dropped)
             self._writer.add_metadata("palpate", {f"rows lost after {self.rows}": lost})
         self._dropped = dropped
+
+    def _note_changed(self, status: dict[str, Any]) -> None:
+        """Say in the file what is another than at its beginning, such as the estimator."""
+        now = described(status)
+        changed = {name: words for name, words in now.items() if self._described.get(name) != words}
+        if self._writer is not None and changed:
+            since = f"by row {self.rows}, estimator {status.get('generation', 0)}"
+            notes = {f"{name} {since}": words for name, words in changed.items()}
+            self._writer.add_metadata("palpate", notes)
+            self._described = now
 
     def finish(self) -> str:
         """Write the end, and close the file."""

@@ -15,16 +15,16 @@ PLACE = {name: k for k, name in enumerate(COLUMNS)}
 class Watching:
     """Ring and boards of a session, and whether the loop still runs.
 
+    The first rows are those that the loop wrote first, however long this process took to begin.
+
     Parameters
     ----------
     session : Session
         Where they are.
-    back : int
-        How many rows before this moment are taken too, where the ring still holds them.
     """
 
-    def __init__(self, session: Session, *, back: int = 0) -> None:
-        self._reader, self._board = Reader(session.ring, back=back), Board(session.board)
+    def __init__(self, session: Session) -> None:
+        self._reader, self._board = Reader(session.ring), Board(session.board)
         self._own = Board(session.own)
         self._others = {
             name: Board(each) for name, each in session.boards.items() if each != session.own

@@ -17,6 +17,7 @@ from palpate.live.sources.source import EndOfSourceError
 from palpate.validation import shown
 
 _STARTING = 60.0  # s: MuJoCo takes one or two to be imported, more on a busy machine
+_SHORTEST, _LONGEST = 1e-4, 1e-2  # s between samples
 _LOOK_AGAIN = 2e-4  # s, where the laboratory is behind
 
 #: What can be asked for: the material with the probe lifted meanwhile, or changed under it.
@@ -65,6 +66,11 @@ class Laboratory:
             "material": _known("material", material),
             "motion": _known("motion", motion),
         }
+        if not _SHORTEST <= sample_time <= _LONGEST:
+            raise InvalidParameterError(
+                f"the laboratory's --rate must be from {1.0 / _LONGEST:g} to {1.0 / _SHORTEST:g} "
+                f"samples a second, not {1.0 / sample_time:g}"
+            )
         self._setup = Setup(material, motion, sample_time, seed, probe)
         self.counts = Counts()
         self._rows: deque[list[float]] = deque()
@@ -114,7 +120,10 @@ class Laboratory:
         theirs.close()
         if not self._connection.poll(_STARTING):
             raise RecordingError("the laboratory did not begin within a minute")
-        self._listen()
+        with suppress(EOFError, OSError):
+            self._hear(self._connection.recv())
+            return
+        raise RecordingError("the laboratory's process ended before it began")
 
     def take(self, timeout: float) -> Arrival | None:
         """Wait until the next sample is due, and return it."""
@@ -125,7 +134,7 @@ class Laboratory:
             self._rows.extend(taken.rows.tolist())
             if not self._rows:
                 if not self._process.is_alive():
-                    raise EndOfSourceError
+                    raise EndOfSourceError("the laboratory's process has ended by itself")
                 if time.monotonic() >= until:
                     return None
                 time.sleep(_LOOK_AGAIN)
@@ -170,11 +179,13 @@ class Laboratory:
     def _listen(self) -> None:
         with suppress(EOFError, OSError):
             while self._connection.poll():
-                word: Word = self._connection.recv()
-                if word.sentence:
-                    self._said.append(word.sentence)
-                self._probe = word.probe
-                self._chosen |= word.chosen
+                self._hear(self._connection.recv())
+
+    def _hear(self, word: Word) -> None:
+        if word.sentence:
+            self._said.append(word.sentence)
+        self._probe = word.probe
+        self._chosen |= word.chosen
 
     def close(self) -> None:
         """End the process; the memory is given back."""

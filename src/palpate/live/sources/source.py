@@ -6,7 +6,7 @@ from palpate.live.arrivals import Arrival, Counts
 
 
 class EndOfSourceError(Exception):
-    """A source has no more samples, and will have none."""
+    """A source has no more samples, and will have none; in words, where that is a surprise."""
 
 
 class Source(Protocol):

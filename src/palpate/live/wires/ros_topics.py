@@ -14,6 +14,8 @@ from palpate.live.wires.ros_messages import FORCES, POSITIONS, MessageReader
 
 #: Options of an address that all wires of ROS know.
 OPTIONS = ("position", "force", "at", "tolerance")
+#: Letters of what is said of a message: a name in it may have as many as a peer likes.
+LONGEST_WORDS = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +175,7 @@ class RosTopics:
     def refuse(self, words: str, count: int = 1) -> None:
         """Count messages that hold no sample."""
         self.counts.malformed += count
-        self.counts.last_fault = words
+        self.counts.last_fault = words[:LONGEST_WORDS]  # a peer's own may be in it
 
     def settle(self) -> None:
         """Count what is missing so far."""

@@ -11,6 +11,7 @@ export function withError(value, errors, unit = "") {
   if (!Number.isFinite(value)) words = "unknown";
   else if (!known.length) words = rounded(value, 4);
   else words = together(value, known);
+  if (Number.isFinite(value) && !errors.every(Number.isFinite)) words += " ± unknown";
   return `${words} ${unit}`.trimEnd();
 }
 
@@ -110,6 +111,14 @@ export function scaleOf(largest, unit) {
   if (unit.startsWith("m")) power = Math.min(power, 0);
   if (power in PREFIXES) return { factor: 10 ** -power, unit: PREFIXES[power] + unit };
   return { factor: 10 ** -power, unit: `10${superscript(power)} ${unit}` };
+}
+
+/** Of 1, with as many digits as its distance from all needs, rounded down: what is not all never looks so. */
+export function percent(part) {
+  if (!Number.isFinite(part)) return "–";
+  const rest = Number((100 * (1 - part)).toFixed(9));
+  const digits = rest <= 0 ? 0 : Math.min(Math.max(1 - Math.floor(Math.log10(rest)), 0), 4);
+  return `${(Math.floor(100 * part * 10 ** digits + 1e-6) / 10 ** digits).toFixed(digits)} %`;
 }
 
 /** A time in the unit that fits it: "6.3 µs". */

@@ -1,6 +1,6 @@
 // What is said in words.
 
-import { duration, rounded, scaleOf, withError } from "./digits.js";
+import { duration, percent, rounded, scaleOf, withError } from "./digits.js";
 
 export const STATES = {
   free: ["○", "Free", "The probe touches nothing; the estimate is held."],
@@ -10,7 +10,7 @@ export const STATES = {
   invalid: ["✕", "Invalid", "Samples come that cannot be taken; the estimate is held."],
   lost: ["?", "Lost", "No sample comes; the estimate is held."],
   taring: ["▽", "Taring", "The force without contact is measured: touch nothing."],
-  none: ["·", "No run yet", ""],
+  none: ["·", "Starting", "The source is being opened."],
   dead: ["✕", "Stopped", "The loop does not answer any more; what it found last is shown."],
   ended: ["■", "Ended", "The run is over; what it found is shown."],
 };
@@ -51,7 +51,7 @@ export function fillTimes(table, loop) {
   const row = (name, each) => element("tr", {}, element("th", { scope: "row" }, name),
     ...["p50", "p99", "p99.9", "max"].map((key) => element("td", {}, duration(each?.[key] ?? NaN))),
     element("td", {}, Number.isFinite(each?.within)
-      ? `${(100 * each.within).toFixed(each.within < 0.999 ? 1 : 3)} % in ${duration(each.limit)}` : "–"));
+      ? `${percent(each.within)} in ${duration(each.limit)}` : "–"));
   table.tBodies[0].replaceChildren(row("after its sample", loop.lateness), row("update and estimate", loop.cycle));
 }
 
@@ -71,9 +71,10 @@ export function fillCounts(list, page, store) {
     ["page: bad requests", (page.page.malformed ?? 0) + (page.page.refused ?? 0), true],
     ["page: stalled", (page.page.stalled ?? 0) + (page.page.turned_away ?? 0), true],
     ["page: browsers", page.page.clients],
+    ...Object.entries(page.others).map(([name, other]) => [`${name}: dropped`, other.dropped, true]),
   );
   for (const [name, count, bad] of rows) {
-    let place = list.querySelector(`[data-name="${name}"]`);
+    let place = [...list.children].find((each) => each.dataset.name === name);
     if (!place) {
       place = element("div", {}, element("dt", {}, name), element("dd"));
       place.dataset.name = name;
@@ -89,14 +90,16 @@ const BADGES = { trust: "yes", "with-care": "partly", "do-not-trust": "no" };
 
 /** The last verdict, its reason, and the numbers at their depths with all that is known to move them. */
 export function fillDiagnosis(place, found) {
-  if (!found?.at || place.dataset.run === String(found.runs ?? found.at)) return;
-  place.dataset.run = String(found.runs ?? found.at);
+  const run = `${found?.runs ?? found?.at} ${found?.outdated ?? ""}`;
+  if (!found?.at || place.dataset.run === run) return;
+  place.dataset.run = run;
   const verdict = found.verdict?.overall ?? "";
   const seconds = rounded(found.window[1] - found.window[0], 2);
   const made = [
-    element("p", {}, element("b", { className: `badge ${BADGES[verdict] ?? "open"}` },
+    element("p", {}, element("b", { className: `badge ${(!found.outdated && BADGES[verdict]) || "open"}` },
       verdict ? verdict.replaceAll("-", " ") : "no verdict"), `: ${found.reason ?? ""}`),
   ];
+  if (found.outdated) made.unshift(element("p", {}, `Of before: ${found.outdated}.`));
   if (found.remedy) made.push(element("p", {}, found.remedy));
   const quantity = (each, unit) => withError(each?.value ?? NaN, [each?.standard_error ?? NaN, each?.systematic ?? NaN], unit);
   for (const each of found.working_depths ?? []) {
@@ -104,7 +107,7 @@ export function fillDiagnosis(place, found) {
     made.push(element("p", {}, `At ${rounded(each.depth * scale.factor, 3)} ${scale.unit}: ` +
       `stiffness ${quantity(each.stiffness, "N/m")}, damping ${quantity(each.damping, "N·s/m")}`));
   }
-  made.push(element("p", { className: "soft" }, `Of the last ${seconds} s at ${found.at}, ${found.samples} samples.`));
+  made.push(element("p", { className: "soft" }, `By ${found.method}, of the last ${seconds} s at ${found.at}, ${found.samples} samples.`));
   place.replaceChildren(...made);
 }
 
