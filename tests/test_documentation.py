@@ -83,8 +83,14 @@ def briefly(monkeypatch):
     monkeypatch.setattr(lab.Bench, "run", short)
 
 
+# They draw, which takes long; other tests draw the same.
+DRAWING = {ROOT / "docs" / "results.md", ROOT / "docs" / "figures.md"}
+
+
 @pytest.mark.parametrize(
-    "page", [p for p in PAGES if SNIPPETS[p]], ids=lambda page: str(page.relative_to(ROOT))
+    "page",
+    [pytest.param(p, marks=pytest.mark.slow) if p in DRAWING else p for p in PAGES if SNIPPETS[p]],
+    ids=lambda page: str(page.relative_to(ROOT)),
 )
 def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys):
     pytest.importorskip("mujoco")

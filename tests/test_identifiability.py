@@ -148,7 +148,9 @@ def test_a_material_outside_the_model_class_widens_its_error_bars() -> None:
     assert (estimate.standard_errors > 10.0 * same_but_white.standard_errors).all()
 
 
-@pytest.mark.parametrize("name", ["F_microrheo_c00.csv", "F_microrheo_c10.csv"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("F_microrheo_c00.csv", marks=pytest.mark.slow), "F_microrheo_c10.csv"]
+)
 def test_microrheology_is_flagged_or_not_trusted(name: str) -> None:
     path = DATA / name
     if not path.is_file():

@@ -70,7 +70,7 @@ def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
     assert f"recorded 2000 rows to {copy}" in done.stdout
 
 
-@pytest.mark.parametrize("output", ["closed", "full"])
+@pytest.mark.parametrize("output", [pytest.param("closed", marks=pytest.mark.slow), "full"])
 def test_an_output_that_takes_nothing_ends_nothing_in_tears(recording, tmp_path, output):
     copy = tmp_path / "copy.mcap"
     arguments = f"{recording} --record {copy} --no-page --no-diagnosis --speed 20"

@@ -26,7 +26,7 @@ def advanced(bench, seconds, block=20):
     return np.concatenate([bench.advance(block) for _ in range(round(seconds / STEP / block))])
 
 
-@pytest.mark.parametrize("block", [1, 37])
+@pytest.mark.parametrize("block", [pytest.param(1, marks=pytest.mark.slow), 37])
 def test_a_bench_that_goes_on_is_the_batch_run_to_the_last_bit(block):
     pytest.importorskip("mujoco")
     bench = lab.Bench(lab.SOFT_THEN_HARD, lab.PALPATION)

@@ -115,6 +115,7 @@ def write_pages(name, seconds, gate):
     board.close()
 
 
+@pytest.mark.slow
 def test_a_page_that_is_read_while_it_is_written_is_whole():
     board = Board()
     gate, theirs = SPAWN.Pipe()

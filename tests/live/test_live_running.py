@@ -34,6 +34,7 @@ def test_sinks_see_every_row_and_end_in_order_and_the_memory_is_given_back(tmp_p
     assert not any((SHM / name.lstrip("/")).exists() for name in names)
 
 
+@pytest.mark.slow
 def test_a_slow_sink_drops_rows_and_says_how_many_and_holds_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(running, "Writer", lambda: Writer(200))
     status = run(Endless(600), None, [Slow(tmp_path / "slow", "slow")])
@@ -43,6 +44,7 @@ def test_a_slow_sink_drops_rows_and_says_how_many_and_holds_nothing(tmp_path, mo
     assert dropped == 401
 
 
+@pytest.mark.slow
 def test_a_sink_that_hangs_is_ended_and_one_that_ends_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(running, "PATIENCE", 0.3)
     status = run(Endless(), None, [Hanging(tmp_path / "pid"), Failing()], seconds=1.0)
@@ -126,6 +128,7 @@ class SlowToBegin(Looking):
         super().run(session, commands)
 
 
+@pytest.mark.slow
 def test_a_sink_that_begins_late_misses_no_row(tmp_path):
     status = run(Endless(400), None, [SlowToBegin(tmp_path / "seen")])
     assert (tmp_path / "seen").read_text() == f"{status['counts']['taken']} 0 True"

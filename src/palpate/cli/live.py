@@ -166,8 +166,8 @@ def live(
     Parameters
     ----------
     source
-        The laboratory, such as lab:ball; a recording's path; or a robot on the wire: zmq:…, dds:…,
-        zenoh:… or ros1:….
+        The laboratory, such as lab:ball; a recording's path; or a robot on the wire: an address
+        that begins with zmq:, dds:, zenoh: or ros1:.
     method
         The estimator, such as single-stage; it can be changed in the page.
     record

@@ -8,11 +8,10 @@ import struct
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 
 _PRIORITY = 50  # of 1 to 99: above all that is ordinary, below the kernel's own threads
 _ALL_MEMORY = 1 | 2  # MCL_CURRENT | MCL_FUTURE, of sys/mman.h
-_SET_TIMER_SLACK = 29  # PR_SET_TIMERSLACK, of linux/prctl.h
+_SET_NAME, _SET_TIMER_SLACK = 15, 29  # PR_SET_NAME, PR_SET_TIMERSLACK, of linux/prctl.h
 # Number of sched_setattr: the C library has had a name for it only since glibc 2.41.
 _SET_ATTRIBUTES = {"x86_64": 314, "aarch64": 274, "riscv64": 274}
 # struct sched_attr of linux/sched/types.h: size, policy, flags, nice, priority, runtime, deadline,
@@ -84,8 +83,9 @@ def _ask_for_slices(length: int) -> None:
 
 def show_name(name: str) -> None:
     """Let ``top`` and ``ps`` show this process by a name, of which Linux takes 15 letters."""
-    with suppress(OSError):
-        Path("/proc/self/comm").write_text(f"live {name}"[:15])
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_SET_NAME, f"live {name}".encode()[:15], 0, 0, 0)
 
 
 def ask_for_realtime() -> list[str]:
