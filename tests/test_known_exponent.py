@@ -98,7 +98,7 @@ def test_error_bars_of_the_rest_hold_the_truth(keeper):
             (result.law.parameters[:2] - SPHERE.parameters[:2]) / result.standard_errors[:2]
         )
     covered = np.mean(np.abs(away) < 1.96)
-    # Of 120, by binomial scatter four deviations (0.08) below 0.95; drift's bars are wide by design.
+    # Four deviations of the binomial scatter of 120 (0.08) below 0.95; drift bars are wide anyhow.
     assert covered > 0.87
 
 

@@ -1,74 +1,31 @@
 // The recursion over arrays, written sample by sample into memory that the caller owns.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 
 #include "palpate/estimate.hpp"
-#include "palpate/matrix.hpp"
+#include "palpate/projection/contact_solver.hpp"
+#include "palpate/projection/replay_abreast.hpp"
 #include "palpate/sample.hpp"
 #include "palpate/status.hpp"
+#include "palpate/trace_columns.hpp"
 
 namespace palpate {
 
-// `count` samples. `time_steps` has `count` entries, or one where `one_time_step` says so, or is
-// null for the estimator's own sample time.
-struct Signals {
-  const double* penetration;
-  const double* velocity;
-  const double* force;
-  const double* time_steps;
-  std::size_t count;
-  bool one_time_step = false;
-};
-
-// The samples after which a thinned trace writes the estimate down: their numbers, rising.
-struct TraceRows {
-  const std::int64_t* samples;
-  std::size_t count;
-};
-
-// Row-major. A row of parameters and errors, of as many columns as the law has parameters, for each
-// sample or for each of the TraceRows; the others have an entry for each sample.
-struct TraceColumns {
-  double* parameters;
-  double* standard_errors;
-  double* predicted_force;
-  double* validity_margin;
-  std::uint8_t* status;
-};
-
 namespace detail {
 
-inline double time_step(const Signals& in, std::size_t k, double sample_time) noexcept {
-  return in.time_steps ? in.time_steps[in.one_time_step ? 0 : k] : sample_time;
-}
-
-// Writes the estimate down, and gives its validity margin.
+// Whether an estimate is a solution that can be kept from one sample to the next.
 template <class Estimator>
-double write_estimate(const Estimator& estimator, const Snapshot<typename Estimator::Law>& now,
-                      const TraceColumns& out, std::size_t row) noexcept {
-  constexpr std::size_t size = Estimator::Law::size;
-  const Vector<size> parameters = now.law.parameters();
-  for (std::size_t i = 0; i < size; ++i) {
-    out.parameters[row * size + i] = parameters[i];
-    out.standard_errors[row * size + i] = std::sqrt(std::max(now.variances[i], 0.0));
-  }
-  return validity_margin(now.law, estimator.last_velocity());
-}
+concept Solves = requires(const typename Estimator::Method& method) { method.solution(); };
 
-// The a-priori force of a sample that an estimator has been given, by its estimate before. Where it
-// was left out others may have been with it, before it was predicted.
+// Whether it is that of a known surface, of which there is one set of sums.
 template <class Estimator>
-double predicted_by(const Estimator& estimator, const Snapshot<typename Estimator::Law>& before,
-                    const Sample& sample, Status status) noexcept {
-  if (status == Status::not_finite) return std::numeric_limits<double>::quiet_NaN();
-  if (status == Status::rejected) return estimator.predict(sample.penetration, sample.velocity);
-  return before.force(sample.penetration, sample.velocity);
-}
+concept SolvesAbreast = Solves<Estimator> && requires(const typename Estimator::Method& method) {
+  { method.solver() } -> std::same_as<const ContactSolver&>;
+};
 
 }  // namespace detail
 
@@ -81,15 +38,15 @@ template <class Estimator>
     const double dt = detail::time_step(in, k, sample_time);
     const Status status = estimator.update({in.penetration[k], in.velocity[k], in.force[k]}, dt,
                                            out.predicted_force[k]);
-    out.validity_margin[k] = detail::write_estimate(estimator, estimator.snapshot(), out, k);
+    out.validity_margin[k] =
+        detail::write_estimate(estimator.snapshot(), estimator.last_velocity(), out, k);
     out.status[k] = static_cast<std::uint8_t>(status);
   }
 }
 
 // Where an estimate is a solution, which costs several samples: one a sample, that of the sample
 // before being the prediction, and what a search is due for.
-template <class Estimator>
-  requires requires(const typename Estimator::Method& method) { method.solution(); }
+template <detail::Solves Estimator>
 void replay(Estimator& estimator, const Signals& in, const TraceColumns& out) noexcept {
   const double sample_time = estimator.settings().sample_time;
   const auto& method = estimator.method();
@@ -103,8 +60,14 @@ void replay(Estimator& estimator, const Signals& in, const TraceColumns& out) no
     out.predicted_force[k] = detail::predicted_by(estimator, before, sample, status);
     known = method.solution();
     before = method.snapshot(known, estimator.units());
-    out.validity_margin[k] = detail::write_estimate(estimator, before, out, k);
+    out.validity_margin[k] = detail::write_estimate(before, estimator.last_velocity(), out, k);
   }
+}
+
+// Of a surface that is known: eight answers abreast.
+template <detail::SolvesAbreast Estimator>
+void replay(Estimator& estimator, const Signals& in, const TraceColumns& out) noexcept {
+  detail::ReplayAbreast<Estimator>(estimator, in, out).run();
 }
 
 // The same with the estimate after some samples only. Where the a-priori force and the margin cost
@@ -129,7 +92,8 @@ void replay(Estimator& estimator, const Signals& in, const TraceColumns& out,
     }
     out.status[k] = static_cast<std::uint8_t>(status);
     if (written) {
-      out.validity_margin[k] = detail::write_estimate(estimator, estimator.snapshot(), out, row++);
+      out.validity_margin[k] =
+          detail::write_estimate(estimator.snapshot(), estimator.last_velocity(), out, row++);
     } else {
       out.validity_margin[k] =
           everywhere ? validity_margin(estimator.law(), estimator.last_velocity()) : unknown;

@@ -152,6 +152,20 @@ class VariableProjectionMethod {
     return snapshot;
   }
 
+  // For whoever works answers out together: the samples, the answer that solving starts from,
+  // whether a search is due instead, whether an old exponent is kept, and W of the root R W.
+  const Solver& solver() const noexcept { return solver_; }
+  const detail::ProjectionSolution& last_solution() const noexcept { return last_solution_; }
+  bool due() const noexcept {
+    // After every 64th part of the samples, which moves an answer by an eighth of its standard
+    // error at most (1/√64), but at least every 64 samples, as its cost of ten updates is a sixth
+    // of theirs then.
+    return static_cast<double>(samples_since_solve_) >=
+           std::min(1.0 + solver_.weight() / 64.0, 64.0);
+  }
+  bool keeps_exponent() const noexcept { return kept_.kept(); }
+  const Matrix<5>& widening() const noexcept { return widening_; }
+
   // Of the force, in scaled units.
   double noise_variance() const noexcept { return solve().noise_variance; }
 
@@ -190,14 +204,6 @@ class VariableProjectionMethod {
     widening_ = white;
     samples_since_widening_ = 0;
     samples_since_solve_ = 1;
-  }
-
-  // The global search is due again after every 64th part of the samples, which moves an answer by
-  // an eighth of its standard error at most (1/√64), but at least every 64 samples, as its cost of
-  // ten updates is a sixth of theirs then.
-  bool due() const noexcept {
-    return static_cast<double>(samples_since_solve_) >=
-           std::min(1.0 + solver_.weight() / 64.0, 64.0);
   }
 
   Solution solve() const noexcept {

@@ -203,8 +203,10 @@ class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
 
     Where the exponent is known, y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
 
-    Settings are those of :class:`HuntCrossleyRLS`; ``initial`` is a :class:`HuntCrossley` of
-    positive stiffness, ``initial_covariance`` that of θ, 1e3 unless given.
+    Settings are those of :class:`RecursiveLeastSquaresEstimator` and ``exponent``, n in [0.1, 10]
+    where the shape of the tip tells it, as 1.5 for a sphere: it is kept, with an error of zero.
+    ``initial`` is a :class:`HuntCrossley` of positive stiffness, ``initial_covariance`` that of θ,
+    1e3 unless given.
     """
 
     __slots__ = ("_settings",)
@@ -238,9 +240,9 @@ class DoubleStageRLS(HuntCrossleyRLS, _core.DoubleStageRLS):
     Where the exponent is known there is stage 1 alone, with the truth for n̂: a linear least squares
     that does not freeze.
 
-    Settings are those of :class:`HuntCrossleyRLS`; ``initial`` is a :class:`HuntCrossley`,
-    ``initial_covariance`` that of [K, B] and n, (1e8, 1e8, 1e3) unless given, with no covariance
-    between the stages.
+    Settings are those of :class:`RecursiveLeastSquaresEstimator` and ``exponent``, as of
+    :class:`SingleStageRLS`; ``initial`` is a :class:`HuntCrossley`, ``initial_covariance`` that of
+    [K, B] and n, (1e8, 1e8, 1e3) unless given, with no covariance between the stages.
     """
 
     __slots__ = ("_settings",)
