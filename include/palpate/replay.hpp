@@ -70,8 +70,8 @@ void replay(Estimator& estimator, const Signals& in, const TraceColumns& out) no
   detail::ReplayAbreast<Estimator>(estimator, in, out).run();
 }
 
-// The same with the estimate after some samples only. Where the a-priori force and the margin cost
-// a solution of their own they are NaN at the others.
+// The same with the estimate after some samples only. Where the a-priori force costs a solution of
+// its own it is NaN, and so is the margin at the others.
 template <class Estimator>
 void replay(Estimator& estimator, const Signals& in, const TraceColumns& out,
             const TraceRows& rows) noexcept {
@@ -83,7 +83,7 @@ void replay(Estimator& estimator, const Signals& in, const TraceColumns& out,
     const double dt = detail::time_step(in, k, sample_time);
     const bool written = row < rows.count && static_cast<std::size_t>(rows.samples[row]) == k;
     Status status;
-    if (everywhere || written) {
+    if constexpr (everywhere) {
       status = estimator.update({in.penetration[k], in.velocity[k], in.force[k]}, dt,
                                 out.predicted_force[k]);
     } else {

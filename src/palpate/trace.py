@@ -29,11 +29,11 @@ class Trace:
     standard_errors : numpy.ndarray, shape (m, p)
         Their standard errors.
     predicted_force : numpy.ndarray, shape (k,)
-        N, a priori: from the estimate before the sample. NaN where a sample is not finite, and
-        between the estimates of a thinned trace by a method to which it costs one of them.
+        N, a priori: from the estimate before the sample. NaN where a sample is not finite, and in
+        a thinned trace by a method to which it costs an estimate of its own.
     validity_margin : numpy.ndarray, shape (k,)
         Condition 10 as 1 − |v B/K| / 0.1, with the estimates in place of the truth. NaN between the
-        estimates of a thinned trace where the predicted force is.
+        estimates of a thinned trace by such a method.
     status : numpy.ndarray of uint8, shape (k,)
         A :class:`Status` each.
     time : numpy.ndarray, shape (m,)

@@ -55,12 +55,13 @@ class ReplayAbreast {
   double reach() const noexcept { return furthest / (1.0 + 4.0 * deepest_); }
   // Before that a search is due every third sample, and freedom is small.
   static constexpr double fewest_samples = 128.0;
-  // What the first and the last of two of Newton's steps may be, in standard errors: the next would
-  // be a tenth or, mostly, a hundredth of it.
-  static constexpr double largest_first_step = 0.01;
+  // Newton's steps go by the slopes alone, so that each leaves some 10 σ_n of the one before: one
+  // is enough where it is so short, as that is a thousandth of σ_n then. The last may be so many
+  // σ_n.
+  static constexpr double largest_first_step = 1e-4;
   static constexpr double largest_step = 0.05;
   // Samples: a copy of the estimator costs 200 ns, and what was not regular is done again from it.
-  static constexpr std::size_t between_copies = 16;
+  static constexpr std::size_t between_copies = 32;
 
   const auto& method() const noexcept { return estimator_.method(); }
   const auto& solver() const noexcept { return method().solver(); }
@@ -226,9 +227,12 @@ class ReplayAbreast {
 
   // Whether the first of Newton's steps leaves a thousandth of a standard error, or less.
   bool near(std::size_t filled) const noexcept {
-    double most = 0.0;
-    for (std::size_t lane = 0; lane < filled; ++lane) most = std::max(most, block_.moved[lane]);
-    return most < largest_first_step * largest_first_step;
+    double most = 0.0, in_variances = 0.0;
+    for (std::size_t lane = 0; lane < filled; ++lane) {
+      most = std::max(most, std::abs(block_.step[lane]));
+      in_variances = std::max(in_variances, block_.moved[lane]);
+    }
+    return most < largest_first_step && in_variances < 0.1 * 0.1;
   }
 
   // Lanes that no sample fills do as another does.

@@ -52,7 +52,8 @@ struct Abreast {
   // variances of K, B and n.
   Lane k, c, offset, unit;
   std::array<Lane, 3> variances;
-  Lane moved;  // by the last step: its square, in variances of n as white noise leaves it
+  Lane step;   // the last one
+  Lane moved;  // its square, in variances of n as white noise leaves it
   Lane sound;  // 1; 0 where it is not regular
 };
 
@@ -164,6 +165,7 @@ inline void newton_abreast(Abreast& a, const AbreastSettings& s) noexcept {
     const double next = a.away[l] + step;
     const bool sound = r.sound & (pivot > 0.0) & (curvature > 0.0) & (whole * whole < 1e6);
     a.sound[l] = sound ? a.sound[l] : 0.0;
+    a.step[l] = step;
     a.moved[l] = step * step * curvature / a.variance[l];
     a.away[l] = next;
   }
