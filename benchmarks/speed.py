@@ -22,6 +22,7 @@ from benchmarks.replays import measure_replays
 from benchmarks.side_by_side import compare_with_peers
 from benchmarks.startup import measure_startup
 from benchmarks.timing import Effort, clock
+from benchmarks.traces import measure_traces
 from palpate.writing import check_outputs, write_text
 
 app = App(name="python -m benchmarks.speed", help_format="plaintext", version_flags=[])
@@ -54,6 +55,7 @@ def main(
             measure_preparation(running, effort),
             count_allocations(),
             measure_replays(running, effort),
+            measure_traces(running, effort),
             compare_with_peers(running, effort),
             measure_startup(running, effort),
             measure_memory(effort),
