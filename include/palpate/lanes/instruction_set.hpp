@@ -15,8 +15,10 @@
 
 #if defined(__GNUC__)
 #define PALPATE_LANES_INLINE [[gnu::always_inline]] inline
+#define PALPATE_LANES_LAMBDA __attribute__((always_inline))
 #else
 #define PALPATE_LANES_INLINE inline
+#define PALPATE_LANES_LAMBDA
 #endif
 
 namespace palpate::lanes {

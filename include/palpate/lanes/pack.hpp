@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "palpate/lanes/instruction_set.hpp"
 
@@ -93,6 +94,23 @@ using RegisterMask = unsigned char;
 using RegisterMask = RegisterBits;
 #endif
 
+template <int I>
+struct Index {
+  static constexpr int value = I;
+};
+
+template <class Act, int... I>
+PALPATE_LANES_INLINE void each_of(std::integer_sequence<int, I...>, const Act& act) noexcept {
+  (act(Index<I>{}), ...);
+}
+
+// Calls act(Index<0>{}) … act(Index<Count − 1>{}): a loop that is none any more before the compiler
+// decides what stays in registers.
+template <int Count, class Act>
+PALPATE_LANES_INLINE void each(const Act& act) noexcept {
+  each_of(std::make_integer_sequence<int, Count>{}, act);
+}
+
 namespace register_of {
 
 PALPATE_LANES_INLINE RegisterDoubles all(double value) noexcept {
@@ -122,6 +140,13 @@ PALPATE_LANES_INLINE void store(double* to, const RegisterDoubles& values) noexc
   *reinterpret_cast<UnalignedDoubles*>(to) = values;
 #else
   for (int i = 0; i < register_lanes; ++i) to[i] = values[i];
+#endif
+}
+
+// Asks for what lies there to be in the cache soon; nothing has to lie there.
+PALPATE_LANES_INLINE void fetch([[maybe_unused]] const double* from) noexcept {
+#if defined(__GNUC__)
+  __builtin_prefetch(from);
 #endif
 }
 
@@ -220,32 +245,37 @@ PALPATE_LANES_INLINE RegisterMask mask_of(unsigned lanes) noexcept {
 // Exchanges rows and columns of register_lanes × register_lanes doubles.
 PALPATE_LANES_INLINE void transpose(RegisterDoubles (&rows)[register_lanes]) noexcept {
 #if defined(PALPATE_LANES_BIT_MASKS)
-  for (int i = 0; i < 8; i += 2) {
+  each<4>([&](auto pair) PALPATE_LANES_LAMBDA {
+    constexpr int i = 2 * decltype(pair)::value;
     const RegisterDoubles a = rows[i], b = rows[i + 1];
     rows[i] = __builtin_shufflevector(a, b, 0, 8, 2, 10, 4, 12, 6, 14);
     rows[i + 1] = __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15);
-  }
-  for (int i = 0; i < 8; i = i % 4 == 1 ? i + 3 : i + 1) {
+  });
+  each<4>([&](auto pair) PALPATE_LANES_LAMBDA {
+    constexpr int i = decltype(pair)::value + decltype(pair)::value / 2 * 2;  // 0, 1, 4, 5
     const RegisterDoubles a = rows[i], b = rows[i + 2];
     rows[i] = __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13);
     rows[i + 2] = __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15);
-  }
-  for (int i = 0; i < 4; ++i) {
+  });
+  each<4>([&](auto pair) PALPATE_LANES_LAMBDA {
+    constexpr int i = decltype(pair)::value;
     const RegisterDoubles a = rows[i], b = rows[i + 4];
     rows[i] = __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11);
     rows[i + 4] = __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15);
-  }
+  });
 #elif defined(__AVX2__) && defined(__GNUC__)
-  for (int i = 0; i < 4; i += 2) {
+  each<2>([&](auto pair) PALPATE_LANES_LAMBDA {
+    constexpr int i = 2 * decltype(pair)::value;
     const RegisterDoubles a = rows[i], b = rows[i + 1];
     rows[i] = _mm256_unpacklo_pd(a, b);
     rows[i + 1] = _mm256_unpackhi_pd(a, b);
-  }
-  for (int i = 0; i < 2; ++i) {
+  });
+  each<2>([&](auto pair) PALPATE_LANES_LAMBDA {
+    constexpr int i = decltype(pair)::value;
     const RegisterDoubles a = rows[i], b = rows[i + 2];
     rows[i] = _mm256_permute2f128_pd(a, b, 0x20);
     rows[i + 2] = _mm256_permute2f128_pd(a, b, 0x31);
-  }
+  });
 #elif defined(__SSE2__) && defined(__GNUC__)
   const RegisterDoubles a = rows[0], b = rows[1];
   rows[0] = _mm_unpacklo_pd(a, b);
@@ -263,15 +293,6 @@ PALPATE_LANES_INLINE void transpose(RegisterDoubles (&rows)[register_lanes]) noe
 
 }  // namespace register_of
 
-// All parts of a pack, one after the other, without a loop left.
-#if defined(__clang__)
-#define PALPATE_LANES_EACH(i) _Pragma("clang loop unroll(full)") for (int i = 0; i < parts; ++i)
-#elif defined(__GNUC__)
-#define PALPATE_LANES_EACH(i) _Pragma("GCC unroll 16") for (int i = 0; i < parts; ++i)
-#else
-#define PALPATE_LANES_EACH(i) for (int i = 0; i < parts; ++i)
-#endif
-
 template <int Lanes>
 struct Mask {
   static constexpr int parts = Lanes / register_lanes;
@@ -280,25 +301,37 @@ struct Mask {
 
   PALPATE_LANES_INLINE static Mask of_bits(unsigned lanes) noexcept {
     Mask result;
-    PALPATE_LANES_EACH(i) result.part[i] = register_of::mask_of(lanes >> (i * register_lanes));
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = register_of::mask_of(lanes >> (i * register_lanes));
+    });
     return result;
   }
 
   // A bit a lane, the first lane's lowest.
   PALPATE_LANES_INLINE unsigned bits() const noexcept {
     unsigned result = 0;
-    PALPATE_LANES_EACH(i) result |= register_of::bits_of(part[i]) << (i * register_lanes);
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result |= register_of::bits_of(part[i]) << (i * register_lanes);
+    });
     return result;
   }
 
   PALPATE_LANES_INLINE friend Mask operator&(const Mask& a, const Mask& b) noexcept {
     Mask result;
-    PALPATE_LANES_EACH(i) result.part[i] = register_of::both(a.part[i], b.part[i]);
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = register_of::both(a.part[i], b.part[i]);
+    });
     return result;
   }
   PALPATE_LANES_INLINE friend Mask operator|(const Mask& a, const Mask& b) noexcept {
     Mask result;
-    PALPATE_LANES_EACH(i) result.part[i] = register_of::either(a.part[i], b.part[i]);
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = register_of::either(a.part[i], b.part[i]);
+    });
     return result;
   }
 };
@@ -311,38 +344,59 @@ struct Bits {
 
   PALPATE_LANES_INLINE static Bits all(std::uint64_t value) noexcept {
     Bits result;
-    PALPATE_LANES_EACH(i) result.part[i] = register_of::all_bits(value);
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = register_of::all_bits(value);
+    });
     return result;
   }
 
   PALPATE_LANES_INLINE friend Bits operator+(const Bits& a, const Bits& b) noexcept {
     Bits result;
-    PALPATE_LANES_EACH(i) result.part[i] = a.part[i] + b.part[i];
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = a.part[i] + b.part[i];
+    });
     return result;
   }
   PALPATE_LANES_INLINE friend Bits operator-(const Bits& a, const Bits& b) noexcept {
     Bits result;
-    PALPATE_LANES_EACH(i) result.part[i] = a.part[i] - b.part[i];
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = a.part[i] - b.part[i];
+    });
     return result;
   }
   PALPATE_LANES_INLINE friend Bits operator&(const Bits& a, const Bits& b) noexcept {
     Bits result;
-    PALPATE_LANES_EACH(i) result.part[i] = a.part[i] & b.part[i];
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = a.part[i] & b.part[i];
+    });
     return result;
   }
   PALPATE_LANES_INLINE friend Bits operator|(const Bits& a, const Bits& b) noexcept {
     Bits result;
-    PALPATE_LANES_EACH(i) result.part[i] = a.part[i] | b.part[i];
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = a.part[i] | b.part[i];
+    });
     return result;
   }
   PALPATE_LANES_INLINE friend Bits operator<<(const Bits& a, int by) noexcept {
     Bits result;
-    PALPATE_LANES_EACH(i) result.part[i] = a.part[i] << by;
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = a.part[i] << by;
+    });
     return result;
   }
   PALPATE_LANES_INLINE friend Bits operator>>(const Bits& a, int by) noexcept {
     Bits result;
-    PALPATE_LANES_EACH(i) result.part[i] = a.part[i] >> by;
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = a.part[i] >> by;
+    });
     return result;
   }
 };
@@ -356,46 +410,73 @@ struct Pack {
 
   PALPATE_LANES_INLINE static Pack all(double value) noexcept {
     Pack result;
-    PALPATE_LANES_EACH(i) result.part[i] = register_of::all(value);
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = register_of::all(value);
+    });
     return result;
   }
   PALPATE_LANES_INLINE static Pack load(const double* from) noexcept {
     Pack result;
-    PALPATE_LANES_EACH(i) result.part[i] = register_of::load(from + i * register_lanes);
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = register_of::load(from + i * register_lanes);
+    });
     return result;
   }
   PALPATE_LANES_INLINE void store(double* to) const noexcept {
-    PALPATE_LANES_EACH(i) register_of::store(to + i * register_lanes, part[i]);
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      register_of::store(to + i * register_lanes, part[i]);
+    });
   }
 
   PALPATE_LANES_INLINE friend Pack operator+(const Pack& a, const Pack& b) noexcept {
     Pack result;
-    PALPATE_LANES_EACH(i) result.part[i] = a.part[i] + b.part[i];
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = a.part[i] + b.part[i];
+    });
     return result;
   }
   PALPATE_LANES_INLINE friend Pack operator-(const Pack& a, const Pack& b) noexcept {
     Pack result;
-    PALPATE_LANES_EACH(i) result.part[i] = a.part[i] - b.part[i];
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = a.part[i] - b.part[i];
+    });
     return result;
   }
   PALPATE_LANES_INLINE friend Pack operator*(const Pack& a, const Pack& b) noexcept {
     Pack result;
-    PALPATE_LANES_EACH(i) result.part[i] = a.part[i] * b.part[i];
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = a.part[i] * b.part[i];
+    });
     return result;
   }
   PALPATE_LANES_INLINE friend Pack operator/(const Pack& a, const Pack& b) noexcept {
     Pack result;
-    PALPATE_LANES_EACH(i) result.part[i] = a.part[i] / b.part[i];
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = a.part[i] / b.part[i];
+    });
     return result;
   }
   PALPATE_LANES_INLINE friend Mask<Lanes> operator<(const Pack& a, const Pack& b) noexcept {
     Mask<Lanes> result;
-    PALPATE_LANES_EACH(i) result.part[i] = register_of::less(a.part[i], b.part[i]);
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = register_of::less(a.part[i], b.part[i]);
+    });
     return result;
   }
   PALPATE_LANES_INLINE friend Mask<Lanes> operator<=(const Pack& a, const Pack& b) noexcept {
     Mask<Lanes> result;
-    PALPATE_LANES_EACH(i) result.part[i] = register_of::less_equal(a.part[i], b.part[i]);
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = register_of::less_equal(a.part[i], b.part[i]);
+    });
     return result;
   }
   PALPATE_LANES_INLINE friend Mask<Lanes> operator>(const Pack& a, const Pack& b) noexcept {
@@ -408,20 +489,27 @@ struct Pack {
   PALPATE_LANES_INLINE friend Pack select(const Mask<Lanes>& mask, const Pack& yes,
                                           const Pack& no) noexcept {
     Pack result;
-    PALPATE_LANES_EACH(i) {
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
       result.part[i] = register_of::select(mask.part[i], yes.part[i], no.part[i]);
-    }
+    });
     return result;
   }
 
   PALPATE_LANES_INLINE friend Bits<Lanes> bits_of(const Pack& values) noexcept {
     Bits<Lanes> result;
-    PALPATE_LANES_EACH(i) result.part[i] = register_of::bits(values.part[i]);
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = register_of::bits(values.part[i]);
+    });
     return result;
   }
   PALPATE_LANES_INLINE static Pack of_bits(const Bits<Lanes>& bits) noexcept {
     Pack result;
-    PALPATE_LANES_EACH(i) result.part[i] = register_of::doubles(bits.part[i]);
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
+      result.part[i] = register_of::doubles(bits.part[i]);
+    });
     return result;
   }
 
@@ -432,7 +520,8 @@ struct Pack {
   PALPATE_LANES_INLINE friend Pack lesser(const Pack& a, const Pack& b) noexcept {
 #if defined(__SSE2__) && defined(__GNUC__)
     Pack result;
-    PALPATE_LANES_EACH(i) {
+    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
+      constexpr int i = decltype(index)::value;
 #if defined(PALPATE_LANES_BIT_MASKS)
       // Under a full mask: the plain one of GCC 12 warns of its own undefined operand.
       result.part[i] = _mm512_mask_min_pd(a.part[i], 0xff, a.part[i], b.part[i]);
@@ -441,7 +530,7 @@ struct Pack {
 #else
       result.part[i] = _mm_min_pd(a.part[i], b.part[i]);
 #endif
-    }
+    });
     return result;
 #else
     return select(a < b, a, b);

@@ -15,6 +15,10 @@
 
 namespace palpate {
 
+namespace lanes {
+struct Access;
+}
+
 template <class Regression>
 struct RegressionSettings {
   typename Regression::Law initial = Regression::initial;
@@ -102,6 +106,8 @@ class RegressionMethod {
   }
 
  private:
+  friend lanes::Access;
+
   // The diagonal of fit().covariance.
   Vector<order> variances(const Law& law, const Units& units) const noexcept {
     Vector<order> result = Regression::variances(least_squares_.covariance(), law, units);
