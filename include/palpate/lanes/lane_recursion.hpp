@@ -113,8 +113,7 @@ struct Learned {
 
   // One application of eq. 13 without perturbation, and whether it may stand in each lane.
   //
-  // 1/(λ + φᵀPφ) and 1/λ are worked out once where the scalar recursion divides: the last bit of a
-  // step may differ.
+  // One division stands for the ten of the scalar recursion: the last bits of a step may differ.
   PALPATE_LANES_INLINE Mask<Lanes> next(const Doubles (&phi)[Order], const Doubles& output,
                                         const Doubles& factor, const Doubles& ceiling,
                                         Learned& to) const noexcept {
@@ -138,8 +137,9 @@ struct Learned {
     const Doubles error = output - predicted;
     const Doubles innovation = factor + spread;
     const Doubles one = Doubles::all(1.0);
-    const Doubles per_factor = one / factor;
-    const Doubles per_innovation = one / innovation;
+    const Doubles per_both = one / (factor * innovation);
+    const Doubles per_factor = per_both * innovation;
+    const Doubles per_innovation = per_both * factor;
 
     Doubles gain[Order];
     each<Order>([&](auto i) PALPATE_LANES_LAMBDA {
@@ -265,12 +265,13 @@ class LaneGroup {
     return taken;
   }
 
-  [[gnu::noinline]] void count_taken(unsigned which, std::size_t index) noexcept {
-    for (int i = 0; i < Lanes; ++i) {
-      if (((which >> i) & 1U) == 0) continue;
-      state_.samples[lane_ + i] += 1.0;
-      state_.last[lane_ + i] = static_cast<double>(index);
-    }
+  PALPATE_LANES_INLINE void count_taken(unsigned which, std::size_t index) noexcept {
+    const Mask<Lanes> taken = Mask<Lanes>::of_bits(which);
+    const Doubles samples = Doubles::load(state_.samples + lane_);
+    const Doubles last = Doubles::load(state_.last + lane_);
+    const Doubles now = Doubles::all(static_cast<double>(index));
+    select(taken, samples + Doubles::all(1.0), samples).store(state_.samples + lane_);
+    select(taken, now, last).store(state_.last + lane_);
   }
 
   PALPATE_LANES_INLINE void finish(Learned<order, Lanes>& now, Doubles& departure, unsigned contact,

@@ -230,9 +230,28 @@ PALPATE_LANES_INLINE unsigned bits_of(const RegisterMask& mask) noexcept {
 #endif
 }
 
+#if !defined(PALPATE_LANES_BIT_MASKS)
+// The mask of each set of lanes: looked up, as there is no instruction for it.
+struct MaskTable {
+  alignas(32) std::uint64_t mask[1 << register_lanes][register_lanes]{};
+
+  constexpr MaskTable() noexcept {
+    for (unsigned lanes = 0; lanes < 1U << register_lanes; ++lanes) {
+      for (unsigned i = 0; i < register_lanes; ++i) {
+        mask[lanes][i] = (lanes >> i) & 1U ? ~std::uint64_t{0} : 0;
+      }
+    }
+  }
+};
+inline constexpr MaskTable mask_table;
+#endif
+
 PALPATE_LANES_INLINE RegisterMask mask_of(unsigned lanes) noexcept {
 #if defined(PALPATE_LANES_BIT_MASKS)
   return static_cast<RegisterMask>(lanes);
+#elif defined(__GNUC__)
+  const auto* found = mask_table.mask[lanes & ((1U << register_lanes) - 1U)];
+  return bits(load(reinterpret_cast<const double*>(found)));
 #else
   RegisterMask result{};
   for (int i = 0; i < register_lanes; ++i) {

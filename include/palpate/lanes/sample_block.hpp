@@ -12,7 +12,7 @@ namespace palpate::lanes {
 inline namespace PALPATE_LANES_SET {
 
 struct SampleBlock {
-  static constexpr int length = 32;  // with 16 lanes 12 kB, which stays in the first cache
+  static constexpr int length = 64;  // with 16 lanes 24 kB, which stays in the first cache
 
   // [sample][lane]: penetration, velocity and force, and from prepare() on the row's channels.
   alignas(64) double depth[length][block_lanes];
