@@ -5,6 +5,10 @@
 
 namespace palpate {
 
+namespace lanes {
+struct Access;
+}
+
 // λ = 1 − (1 − λ₀) e^(−α t), t since contact was made. α = 0 is a constant factor.
 class Forgetting {
  public:
@@ -23,7 +27,7 @@ class Forgetting {
 
   double factor() const noexcept { return 1.0 - departure_; }
 
-  void rearm() noexcept { departure_ = 1.0 - settings_.initial_factor; }
+  void rearm() noexcept { departure_ = initial_departure(); }
 
   void advance(double dt) noexcept {
     departure_ *= dt == sample_time_ ? decay_ : std::exp(-settings_.rate * dt);
@@ -33,6 +37,10 @@ class Forgetting {
   }
 
  private:
+  friend lanes::Access;
+
+  double initial_departure() const noexcept { return 1.0 - settings_.initial_factor; }
+
   Settings settings_;
   double sample_time_;
   double decay_;

@@ -19,6 +19,10 @@
 
 namespace palpate {
 
+namespace lanes {
+struct Access;
+}
+
 template <Method M, class Detector = NoChangeDetector, class Rejection = NoOutlierRejection>
 struct EstimatorSettings {
   typename M::Settings method{};
@@ -140,6 +144,8 @@ class RecursiveEstimator {
   void reset() noexcept { *this = RecursiveEstimator(settings_); }
 
  private:
+  friend lanes::Access;
+
   struct Outcome {
     Status status;
     double predicted_force;  // N; NaN where none was asked for

@@ -13,6 +13,7 @@
 #include "estimate.hpp"
 #include "handle.hpp"
 #include "palpate/palpate.hpp"
+#include "replay_many.hpp"
 #include "state.hpp"
 #include "update_method.hpp"
 
@@ -131,6 +132,7 @@ nb::class_<Handle> bind_face(nb::module_& module, const char* name) {
            "End the contact, as where a recording breaks off: the estimate is held until contact "
            "is made again.")
       .def("_replay", &replay_arrays<Handle>)
+      .def("_replay_many", &replay_many<Handle>)
       .def("_state",
            [full_name](Handle& self) {
              self.wait_until_free();

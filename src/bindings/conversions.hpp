@@ -30,5 +30,6 @@ void bind_projection(nb::module_& module);
 void bind_drift_tracking(nb::module_& module);
 void bind_least_squares(nb::module_& module);
 void bind_online_preparation(nb::module_& module);
+void bind_lanes(nb::module_& module);
 
 }  // namespace palpate::bindings

@@ -16,6 +16,10 @@
 
 namespace palpate {
 
+namespace lanes {
+struct Access;
+}
+
 template <class Regression>
 struct RegressionSettings {
   typename Regression::Law initial = Regression::initial;
@@ -142,6 +146,8 @@ class RegressionMethod {
   }
 
  private:
+  friend lanes::Access;
+
   // The diagonal of fit().covariance.
   Vector<size> variances(const Law& law, const Units& units) const noexcept {
     Vector<size> result =
