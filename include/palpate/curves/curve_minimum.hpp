@@ -93,7 +93,7 @@ class CurveDescent {
       const double gain = -dot(slope.gradient, step.by);
       // The error after Newton's step is that before it squared.
       const double enough = step.newton && !step.cut ? 1e3 * tolerance : tolerance;
-      if (gain < enough * here.variance / cost_.data().per_point) {
+      if (!step.cut && gain < enough * here.variance / cost_.data().per_point) {
         found.at = bounded(moved(here.at, step.by));
         found.settled = true;
         break;
@@ -196,7 +196,9 @@ class CurveDescent {
         for (std::size_t j = 0; j < 5; ++j) hessian[i][j] -= slope.curvature[i][j];
       }
       const CurveStep step = solve_open(hessian, slope.information, down, free, 0.0);
-      planned.newton = step.sound;
+      // Near a saddle it is hardly positive definite, and its step goes far for next to nothing.
+      const double gain = dot(down, step.by);
+      planned.newton = step.sound && dot(step.by, multiply(slope.information, step.by)) < 10.0 * gain;
       planned.by = step.by;
     }
     if (!planned.newton) {
@@ -209,14 +211,13 @@ class CurveDescent {
     }
     // Beyond these a quadratic form says little of the cost.
     const double width = highest_[4] - lowest_[4];
-    planned.cut = cut(planned.by[2], 0.4) | cut(planned.by[4], 0.15 * width);
+    const double far = std::max(std::abs(planned.by[2]) / 0.4,
+                                width > 0.0 ? std::abs(planned.by[4]) / (0.15 * width) : 0.0);
+    planned.cut = !(far <= 1.0);
+    if (planned.cut) {
+      for (double& entry : planned.by) entry /= far;
+    }
     return planned;
-  }
-
-  static bool cut(double& step, double most) noexcept {
-    if (!(std::abs(step) > most)) return false;
-    step = std::clamp(step, -most, most);
-    return true;
   }
 
   static CurvePoint moved(CurvePoint z, const Vector<5>& by) noexcept {
