@@ -193,7 +193,7 @@ def _apart(curves: Curves, settings: dict[str, Any]) -> Any:
     time = 1e-3 * np.arange(curves.force.shape[1])
     for k in range(len(curves)):
         row = curves.penetration[k], curves.velocity[k], curves.force[k]
-        scale = suggest_scale(Contact(time, *row))
+        scale = suggest_scale(Contact(time, penetration=row[0], velocity=row[1], force=row[2]))
         estimator = VariableProjection(scale=scale, **settings)
         estimator.replay(*row)
         law = estimator.estimate().parameters

@@ -70,8 +70,14 @@ inline void take_logarithms(const CurveModel& model, const CurveSamples& samples
   model.kernels->logarithms(samples.x, samples.log, CurveSamples::padded(samples.count));
 }
 
-// The lowest of the minima that the coarse search leads to.
-inline CurveMinimum global_minimum(const CurveModel& model, const CurveData& data) noexcept {
+// The lowest of the minima that the coarse search leads to, and the lowest in a valley of another
+// exponent.
+struct CurveMinima {
+  CurveMinimum best;
+  CurveMinimum rival;  // of infinite cost where there is none
+};
+
+inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data) noexcept {
   constexpr double coarse_tolerance = 1e-4, tolerance = 1e-8;
   constexpr int coarse_passes = 12, most_passes = 40;
   const bool known = !model.finds_surface();
@@ -80,21 +86,33 @@ inline CurveMinimum global_minimum(const CurveModel& model, const CurveData& dat
   const CurveCost coarse(model, means.data()), cost(model, data);
   const CurveStarts starts =
       known ? known_surface_starts(means, coarse) : unknown_surface_starts(means, coarse);
-  std::array<CurveMinimum, CurveStarts::most> found;
-  double lowest = std::numeric_limits<double>::infinity(), variance = 0.0;
-  for (std::size_t i = 0; i < starts.count; ++i) {
-    found[i] = CurveDescent(coarse).from(starts.starts[i], coarse_passes, coarse_tolerance);
-    if (found[i].cost < lowest) {
-      lowest = found[i].cost;
-      variance = found[i].state.variance;
+  std::array<CurveMinimum, CurveStarts::most + 2> found;
+  std::size_t count = 0, deepest = 0;
+  const CurveDescent quick(coarse);
+  const auto look = [&](const CurvePoint& start) noexcept {
+    found[count] = quick.from(quick.bounded(start), coarse_passes, coarse_tolerance);
+    if (found[count].cost < found[deepest].cost) deepest = count;
+    ++count;
+  };
+  for (std::size_t i = 0; i < starts.count; ++i) look(starts.starts[i]);
+  if (!known && !model.exponent_fixed) {
+    // At v = a − b x, as of a probe that slows down while it goes in, xⁿ⁺¹ does in place of xⁿ: the
+    // grid does not see the valleys of both.
+    const CurvePoint least = found[deepest].at;
+    for (const double away : {-1.0, 1.0}) {
+      CurvePoint other = least;
+      other[2] += away;
+      look(quick.with_linear_part(coarse.at(quick.bounded(other))));
     }
   }
+  const double lowest = found[deepest].cost, variance = found[deepest].state.variance;
   // Means bend the cost: what is within so many σ² of the lowest may be the lowest of all.
-  const double margin = (known ? 60.0 : 12.0) * variance / means.data().per_point;
+  const double margin = (known ? 60.0 : 20.0) * variance / means.data().per_point;
   const CurveDescent descent(cost);
-  CurveMinimum best{};
-  bool any = false;
-  for (std::size_t i = 0; i < starts.count; ++i) {
+  constexpr double apart = 0.3;  // exponents of different valleys
+  CurveMinimum best{}, rival{};
+  best.cost = rival.cost = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < count; ++i) {
     if (!(found[i].cost <= lowest + margin)) continue;
     bool again = false;  // another start has come here too
     for (std::size_t j = 0; j < i; ++j) {
@@ -104,14 +122,23 @@ inline CurveMinimum global_minimum(const CurveModel& model, const CurveData& dat
     }
     if (again) continue;
     const CurveMinimum here = descent.from(found[i].at, most_passes, tolerance);
-    if (!any || here.cost < best.cost) {
+    const bool lower = here.cost < best.cost;
+    const CurveMinimum other = lower ? best : here;
+    if (std::abs((lower ? here : best).at[2] - other.at[2]) > apart && other.cost < rival.cost) {
+      rival = other;
+    }
+    if (lower) {
       best = here;
     } else {
       best.latest = false;
     }
-    any = true;
   }
-  return best;
+  rival.latest = false;
+  return {best, rival};
+}
+
+inline CurveMinimum global_minimum(const CurveModel& model, const CurveData& data) noexcept {
+  return lowest_minima(model, data).best;
 }
 
 // For n near 1 and below every sample that the surface passes makes a kink, and J has many minima:
@@ -135,7 +162,8 @@ inline CurveMinimum polished(const CurveModel& model, const CurveData& data,
       for (const double side : {-1.0, 1.0}) {
         CurvePoint start = centre;
         for (std::size_t i = 0; i < 5; ++i) start[i] += side * step * deviation * along.by[i];
-        const CurveMinimum here = descent.from(descent.bounded(start), 40, tolerance);
+        const CurveAbandon abandon{best.at, best.cost, 1e-4 * deviation};
+        const CurveMinimum here = descent.from(descent.bounded(start), 30, tolerance, abandon);
         if (here.cost < best.cost) {
           better = better || here.cost < best.cost - 1e-6 * best.state.variance;
           best = here;
@@ -253,21 +281,26 @@ class CurveFitter {
   }
 
   void answer(CurveFit& fit) noexcept {
-    CurveMinimum best;
-    if (light_.count == 0 && !(model_.settings.offset_deviation > 0.0)) {
-      best = global_minimum(model_, of(firm_));
-    } else if (model_.finds_surface()) {
-      best = global_minimum(model_, of(firm_));
-    } else {
-      best = chosen();
-    }
+    CurveMinimum best = model_.finds_surface() ? with_surface() : chosen();
     const CurveData data = joined_ ? of(firm_, light_) : of(firm_);
-    constexpr double kinked = 1.3;
-    if (model_.finds_surface() && best.at[2] < kinked) best = polished(model_, data, best);
     const CurveCost cost(model_, data);
     if (!best.latest) best.state = cost.at(best.state.at);
     best.state.at = best.at;
     finish(fit, best, cost);
+  }
+
+  CurveMinimum with_surface() const noexcept {
+    // Above it J is smooth enough; so much may what is below still lie under its first minimum.
+    constexpr double kinked = 1.5, margin = 6.0;
+    const CurveData data = of(firm_);
+    auto [best, rival] = lowest_minima(model_, data);
+    const auto kinks = [&](const CurveMinimum& found) noexcept {
+      return found.at[2] < kinked && found.cost <= best.cost + margin * best.state.variance;
+    };
+    if (kinks(rival)) rival = polished(model_, data, rival);
+    if (kinks(best)) best = polished(model_, data, best);
+    best.latest = false;
+    return rival.cost < best.cost ? rival : best;
   }
 
   // The minimum over the samples, and with the prior of the offset, that hold together.
@@ -347,8 +380,7 @@ class CurveFitter {
     double excess = 0.0;
     if (freedom >= 10.0) {
       const double variance = std::max(best.state.sums.squares / freedom, tiny);
-      excess = (both.state.sums.squares - best.state.sums.squares - usable * variance) /
-               (variance * std::sqrt(2.0 * usable));
+      excess = (both.cost - best.cost - usable * variance) / (variance * std::sqrt(2.0 * usable));
     }
     joined_ = !(excess > largest_excess);
     best.latest = false;

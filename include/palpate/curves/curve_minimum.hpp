@@ -24,6 +24,13 @@ struct CurveMinimum {
   bool latest;  // the residuals in the arrays are those of `state`
 };
 
+// When a descent is not worth its end: it leads to a minimum that is known, or to none below it.
+struct CurveAbandon {
+  CurvePoint at{};     // the known minimum …
+  double cost = 0.0;   // … and J there
+  double near = 0.0;   // of its surface; 0: no descent is abandoned
+};
+
 // x of A x = b for the open coordinates, and whether A is positive definite; scaled to a unit
 // diagonal by that of `sizes`.
 struct CurveStep {
@@ -82,7 +89,8 @@ class CurveDescent {
         highest_(cost.model().highest()) {}
 
   // `tolerance` ends it: what the next step would take off J, in σ².
-  CurveMinimum from(const CurvePoint& start, int most_passes, double tolerance) const noexcept {
+  CurveMinimum from(const CurvePoint& start, int most_passes, double tolerance,
+                    const CurveAbandon& abandon = {}) const noexcept {
     CurveMinimum found{cost_.at(start), start, 0.0, 1, false, true};
     double damping = 0.0;
     while (true) {
@@ -100,6 +108,12 @@ class CurveDescent {
       }
       found.at = here.at;
       if (found.passes >= most_passes) break;
+      if (abandon.near > 0.0 && step.newton && !step.cut) {
+        const double ahead = here.at[4] + step.by[4];
+        const double below = cost_.value(here, here.variance) - 10.0 * gain;
+        if (std::abs(ahead - abandon.at[4]) < abandon.near) break;
+        if (found.passes >= 8 && below > abandon.cost) break;
+      }
       const CurvePoint target = moved(here.at, step.by);
       const CurvePoint trial = bounded(target);
       CurveState there = cost_.at(trial);

@@ -252,7 +252,7 @@ inline CurveStarts known_surface_starts(const CurveMeans& means, const CurveCost
 
 // The lowest local minima of J(d, n) over a grid.
 inline CurveStarts unknown_surface_starts(const CurveMeans& means, const CurveCost& cost) noexcept {
-  constexpr std::size_t surfaces = 24, most = 3;
+  constexpr std::size_t surfaces = 24, most = 6;
   const CurveModel& model = cost.model();
   CurveGrid grid(means, model);
   const std::size_t nodes = grid.nodes();
