@@ -1,4 +1,4 @@
-"""The stated cost of a curve minimised by SciPy from many starts: what ``fit_curves`` is held to."""
+"""The stated cost of a curve minimised by SciPy from many starts."""
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -48,9 +48,9 @@ class Reference:
         low, high = self.exponents
         if self.surfaces is None:
             return [(n, 0.0) for n in np.linspace(low + 0.2, high - 0.3, count)]
-        ends = np.array(self.surfaces) / self.cost.scale.penetration
+        shallow, deep = (at / self.cost.scale.penetration for at in self.surfaces)
         exponents = np.linspace(low + 0.4, high - 0.7, 4)
-        inside = np.linspace(*ends, count // 4 + 2)[1:-1]
+        inside = np.linspace(shallow, deep, count // 4 + 2)[1:-1]
         return [(float(n), float(d)) for n in exponents for d in inside]
 
     def _from(self, exponent: float, surface: float) -> float:

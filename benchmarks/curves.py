@@ -1,4 +1,4 @@
-"""``python -m benchmarks.curves``: whole curves a second, and whether their answers are the minimum.
+"""``python -m benchmarks.curves``: whole curves a second, and whether answers are the minimum.
 
 Needs the ``develop`` extra. With one core: ``taskset -c 0 python -m benchmarks.curves``.
 """
@@ -19,9 +19,9 @@ from benchmarks.curve_sets import DEPTH, MOTIONS, Curves, approach_and_retract, 
 from benchmarks.native_programs import BuildError, native_programs
 from benchmarks.report import Limit, Row, Section
 from palpate import SingleStageRLS, VariableProjection
+from palpate.contact import Contact
 from palpate.curves import CurveFits, fit_curves, stated_cost
 from palpate.preparation.suggestions import suggest_scale
-from palpate.contact import Contact
 from palpate.writing import check_outputs, write_text
 
 app = App(name="python -m benchmarks.curves", help_format="plaintext", version_flags=[])
@@ -119,14 +119,24 @@ def measure_recursion(count: int) -> Section:
     for surface, settings in ((False, KNOWN), (True, UNKNOWN)):
         word = "unknown" if surface else "known"
         for name, motion in MOTIONS.items():
-            few = random_curves(motion, count if not surface else max(count // 4, 10),
-                                surface=surface, seed=6)
+            few = random_curves(
+                motion, count if not surface else max(count // 4, 10), surface=surface, seed=6
+            )
             apart = _apart(few, settings)
             if surface:
-                rows.append(Row(f"{word}, {name}: median", float(np.median(apart)), "s.e.",
-                                limit=Limit(0.1)))
-            rows.append(Row(f"{word}, {name}: worst", float(apart.max()), "s.e.",
-                            limit=Limit(0.5 if surface else 0.1)))
+                rows.append(
+                    Row(
+                        f"{word}, {name}: median", float(np.median(apart)), "s.e.", limit=Limit(0.1)
+                    )
+                )
+            rows.append(
+                Row(
+                    f"{word}, {name}: worst",
+                    float(apart.max()),
+                    "s.e.",
+                    limit=Limit(0.5 if surface else 0.1),
+                )
+            )
     notes = ["The largest of K, B and n apart, in the standard errors of fit_curves."]
     return Section("The recursion beside it", rows, notes)
 

@@ -146,8 +146,8 @@ def fit_curves(
     noise : float, optional
         Standard deviation of the force, N, > 0. None: from the residual.
     scale : Scale, optional
-        Units of the arithmetic, in which the priors are stated. None: the largest penetration, speed
-        and force of each curve, as :func:`identify` chooses them.
+        Units of the arithmetic, in which the priors are stated. None: the largest penetration,
+        speed and force of each curve, as :func:`identify` chooses them.
     threads : int
         That share the curves, 1 to 1024. The interpreter's lock is released: do not change the
         arrays meanwhile.
@@ -155,8 +155,8 @@ def fit_curves(
     Returns
     -------
     CurveFits
-        Numbers with their joint covariance, flags and a status, a row a curve. The same bits for any
-        number of threads.
+        Numbers with their joint covariance, flags and a status, a row a curve. The same bits for
+        any number of threads.
 
     Raises
     ------
@@ -284,13 +284,11 @@ def _fitted(
     rows = max(1, _AT_ONCE // max(samples, 1)) * threads
     for first in range(0, count, rows):
         part = slice(first, first + rows)
-        _core.fit_curves(
-            *(values[part] for values in curves),
-            *settings.rows(part),
-            *(column[part] for column in answers),
-            None if roles is None else roles[part],
-            threads,
-        )
+        arguments: list[Any] = [values[part] for values in curves]
+        arguments += settings.rows(part)
+        arguments += [column[part] for column in answers]
+        arguments += [None if roles is None else roles[part], threads]
+        _core.fit_curves(*arguments)
     return answers
 
 

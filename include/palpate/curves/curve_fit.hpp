@@ -163,7 +163,7 @@ inline CurveMinimum polished(const CurveModel& model, const CurveData& data,
         CurvePoint start = centre;
         for (std::size_t i = 0; i < 5; ++i) start[i] += side * step * deviation * along.by[i];
         const CurveAbandon abandon{best.at, best.cost, 1e-4 * deviation};
-        const CurveMinimum here = descent.from(descent.bounded(start), 30, tolerance, abandon);
+        const CurveMinimum here = descent.from(descent.bounded(start), 40, tolerance, abandon);
         if (here.cost < best.cost) {
           better = better || here.cost < best.cost - 1e-6 * best.state.variance;
           best = here;

@@ -112,7 +112,7 @@ class CurveDescent {
         const double ahead = here.at[4] + step.by[4];
         const double below = cost_.value(here, here.variance) - 10.0 * gain;
         if (std::abs(ahead - abandon.at[4]) < abandon.near) break;
-        if (found.passes >= 8 && below > abandon.cost) break;
+        if (found.passes >= 8 && here.at[2] > 1.0 && below > abandon.cost) break;
       }
       const CurvePoint target = moved(here.at, step.by);
       const CurvePoint trial = bounded(target);
