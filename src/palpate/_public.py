@@ -2,6 +2,7 @@
 
 from palpate._core import PreparedSample, Status
 from palpate.contact import Contact
+from palpate.curves import CurveFits, fit_curves
 from palpate.diagnosis import Diagnosis, Finding, Verdict, WorkingDepth
 from palpate.errors import (
     InvalidParameterError,
@@ -64,6 +65,7 @@ __all__ = [
     "Contact",
     "ContactEstimator",
     "ContactGate",
+    "CurveFits",
     "Diagnosis",
     "DoubleStageRLS",
     "DriftTracking",
@@ -110,6 +112,7 @@ __all__ = [
     "compare",
     "diagnose",
     "dissipation_for",
+    "fit_curves",
     "identify",
     "load_result",
     "open_recording",

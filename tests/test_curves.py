@@ -1,0 +1,315 @@
+"""Whole curves: the minimum of the stated cost, whatever the motion, with honest error bars."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from curve_cases import (
+    MOTIONS,
+    SURFACES,
+    Curves,
+    Reference,
+    approach_and_retract,
+    random_curves,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from palpate import (
+    Contact,
+    CurveFits,
+    HuntCrossley,
+    InvalidParameterError,
+    Scale,
+    VariableProjection,
+    _core,
+    fit_curves,
+)
+from palpate.curves import STATUS_WORDS, stated_cost
+from palpate.preparation.suggestions import suggest_scale
+
+UNKNOWN: dict[str, Any] = {"surface": "estimate", "surface_range": SURFACES}
+
+
+def fitted(curves: Curves, **more: Any) -> CurveFits:
+    return fit_curves(curves.penetration, curves.velocity, curves.force, **more)
+
+
+def parameters(fits: CurveFits) -> np.ndarray:
+    return np.stack([fits.stiffness, fits.damping, fits.exponent, fits.offset, fits.surface], 1)
+
+
+def excess(curves: Curves, starts: int, **more: Any) -> np.ndarray:
+    """J above the lowest that SciPy finds, in σ²."""
+    fits = fitted(curves, **more)
+    result = np.empty(len(curves))
+    for k, found in enumerate(parameters(fits)):
+        row = curves.penetration[k], curves.velocity[k], curves.force[k]
+        cost = stated_cost(*row, **more)
+        own = cost.value(found)
+        # The last step is taken without another look at the samples.
+        assert own == pytest.approx(fits.cost[k], abs=1e-4 * fits.noise[k] ** 2)
+        least = Reference(cost, more.get("surface_range")).least(starts)
+        result[k] = (own - least) / fits.noise[k] ** 2
+    return result
+
+
+def apart_from_the_recursion(curves: Curves, **more: Any) -> np.ndarray:
+    """The largest of K, B and n apart, in standard errors."""
+    result = np.empty(len(curves))
+    time = 1e-3 * np.arange(curves.force.shape[1])
+    fits = fitted(curves, **more)
+    for k, found in enumerate(parameters(fits)[:, :3]):
+        x, v, f = curves.penetration[k], curves.velocity[k], curves.force[k]
+        scale = suggest_scale(Contact(time, penetration=x, velocity=v, force=f))
+        estimator = VariableProjection(scale=scale, **more)
+        estimator.replay(x, v, f)
+        away = np.abs(estimator.estimate().parameters - found) / fits.standard_errors[k, :3]
+        result[k] = away.max()
+    return result
+
+
+def rolled(curves: Curves) -> Curves:
+    """All free air before the contact: the recursion does not go back to what comes after it."""
+    quarter = curves.force.shape[1] // 4
+    return Curves(
+        *(
+            np.roll(values, quarter, axis=1)
+            for values in (curves.penetration, curves.velocity, curves.force)
+        ),
+        curves.truth,
+        curves.noise,
+    )
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_the_answer_is_scipys_minimum_of_the_stated_cost(name: str) -> None:
+    curves = random_curves(MOTIONS[name], 8, seed=11)
+    assert (excess(curves, 7) < 1e-4).all()
+    curves = random_curves(MOTIONS[name], 5, surface=True, seed=12)
+    assert (excess(curves, 24, **UNKNOWN) < 1e-4).all()
+
+
+def test_a_fixed_exponent_gives_scipys_minimum_too() -> None:
+    curves = random_curves(approach_and_retract, 5, surface=True, exponents=(1.5, 1.5), seed=13)
+    assert (excess(curves, 24, exponent=1.5, **UNKNOWN) < 1e-4).all()
+    assert (excess(curves, 4, exponent=1.5, offset=False) < 1e-4).all()
+    fits = fitted(curves, exponent=1.5, **UNKNOWN)
+    assert (fits.exponent == 1.5).all()
+    assert (fits.standard_errors[:, 2] == 0.0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MOTIONS)
+@pytest.mark.parametrize("surface", [False, True])
+def test_of_400_curves_the_answer_is_scipys_minimum(name: str, surface: bool) -> None:
+    curves = random_curves(MOTIONS[name], 400, surface=surface, seed=4 if surface else 3)
+    above = excess(curves, 24, **UNKNOWN) if surface else excess(curves, 7)
+    # A one-way approach has many minima; of them all the lowest is promised in 99 of 100.
+    allowed = 4 if name == "one-way approach" else 0
+    assert np.count_nonzero(above > 1e-4) <= allowed
+    assert above.max() < 1.0
+
+
+@pytest.mark.slow
+def test_with_a_kink_at_every_sample_the_minimum_is_missed_in_one_of_100() -> None:
+    curves = random_curves(approach_and_retract, 400, surface=True, exponents=(0.5, 1.0), seed=5)
+    above = excess(curves, 24, **UNKNOWN)
+    assert np.count_nonzero(above > 1e-4) <= 4
+    assert above.max() < 1.0
+
+
+def test_the_recursion_lies_within_a_tenth_of_a_standard_error() -> None:
+    curves = random_curves(MOTIONS["palpation"], 20, seed=6)
+    assert apart_from_the_recursion(curves).max() < 0.1
+    curves = rolled(random_curves(approach_and_retract, 20, seed=6))
+    assert apart_from_the_recursion(curves).max() < 0.1
+
+
+def test_with_the_surface_unknown_the_recursion_lies_within_half_of_one() -> None:
+    curves = random_curves(MOTIONS["palpation"], 4, surface=True, seed=7)
+    apart = apart_from_the_recursion(curves, **UNKNOWN)
+    assert np.median(apart) < 0.1
+    assert apart.max() < 0.5
+
+
+@pytest.mark.slow
+def test_of_hundreds_of_curves_the_recursion_lies_as_near() -> None:
+    for curves in (
+        random_curves(MOTIONS["palpation"], 200, seed=6),
+        rolled(random_curves(approach_and_retract, 200, seed=6)),
+    ):
+        apart = apart_from_the_recursion(curves)
+        # Which samples count hangs by a hair in some: z = 3 of the light ones.
+        assert np.count_nonzero(apart >= 0.1) <= 1
+        assert np.median(apart) < 0.02
+    for motion in (MOTIONS["palpation"], approach_and_retract):
+        apart = apart_from_the_recursion(random_curves(motion, 60, surface=True, seed=6), **UNKNOWN)
+        assert np.median(apart) < 0.1
+        assert apart.max() < 0.5
+
+
+@pytest.mark.parametrize("surface", [False, True])
+def test_error_bars_hold_the_truth(surface: bool) -> None:
+    curves = random_curves(approach_and_retract, 300, surface=surface, seed=21)
+    fits = fitted(curves, **(UNKNOWN if surface else {}))
+    assert not fits.status.any()
+    # Where noise is 3 % of the peak some exponents are known to no better than 0.2.
+    assert np.count_nonzero(fits.flags) <= (6 if surface else 0)
+    open_ = 5 if surface else 4
+    z = ((parameters(fits) - curves.truth)[:, :open_]) / fits.standard_errors[:, :open_]
+    # 95 in 100 promised; of 300 four standard deviations are 5 %.
+    held = (np.abs(z) < 1.96).mean(axis=0)
+    assert (held > 0.90).all()
+    assert (np.sqrt((z**2).mean(axis=0)) > 0.6).all()
+    assert fits.noise == pytest.approx(curves.noise, rel=0.15)
+
+
+@pytest.mark.parametrize("more", [{}, UNKNOWN])
+def test_threads_instruction_sets_and_neighbours_change_no_bit(more: dict[str, Any]) -> None:
+    curves = random_curves(approach_and_retract, 40, surface=bool(more), seed=31)
+    alone = fitted(curves, **more)
+    shared = fitted(curves, threads=3, **more)
+    for name in ("stiffness", "covariance", "cost", "taken", "flags"):
+        assert np.array_equal(getattr(alone, name), getattr(shared, name))
+    one = fit_curves(curves.penetration[7], curves.velocity[7], curves.force[7], **more)
+    assert one.stiffness[0] == alone.stiffness[7]
+    numbers = {set_: core_numbers(curves, more, set_) for set_ in ("baseline", "")}
+    assert np.array_equal(numbers["baseline"], numbers[""])
+    assert np.array_equal(numbers[""][:, 0], alone.stiffness)
+
+
+def core_numbers(curves: Curves, more: dict[str, Any], instruction_set: str) -> np.ndarray:
+    count = len(curves)
+    numbers = np.empty((count, 13))
+    _core.fit_curves(
+        curves.penetration,
+        curves.velocity,
+        curves.force,
+        (0.3, 3.6),
+        True,
+        0.0,
+        np.zeros(count),
+        np.zeros(count),
+        more.get("surface_range"),
+        (0.0, 0.0, 0.0),
+        numbers,
+        np.empty((count, 5, 5)),
+        np.empty(count, np.int64),
+        np.empty((count, 2), np.uint8),
+        None,
+        1,
+        instruction_set,
+    )
+    return numbers
+
+
+def test_samples_that_are_nan_are_not_there() -> None:
+    curves = random_curves(MOTIONS["palpation"], 2, seed=41)
+    short = fit_curves(*(a[:, :700] for a in (curves.penetration, curves.velocity, curves.force)))
+    force = curves.force.copy()
+    force[:, 700:] = np.nan
+    filled = fit_curves(curves.penetration, curves.velocity, force)
+    assert np.array_equal(short.stiffness, filled.stiffness)
+    assert np.array_equal(short.covariance, filled.covariance)
+
+
+def test_a_tare_is_a_prior_and_its_contradiction_is_flagged() -> None:
+    curves = random_curves(MOTIONS["palpation"], 3, seed=42)
+    inside = curves.penetration > 0.0
+    force = np.where(inside, curves.force + 0.5, np.nan)  # no free air, and 0.5 N beside the tare
+    fits = fit_curves(
+        curves.penetration, curves.velocity, force, offset_deviation=[0.001, np.nan, 0.001]
+    )
+    assert [bool(flags & 64) for flags in fits.flags.tolist()] == [True, False, True]
+    assert "tare" in fits.flag_words(0)[-1]
+    assert fits.offset[0] == pytest.approx(curves.truth[0, 3] + 0.5, abs=0.05)
+
+
+def test_without_contact_there_is_no_answer() -> None:
+    nothing = np.full((1, 50), -1e-3)
+    fits = fit_curves(nothing, nothing, nothing)
+    assert fits.words == ["no contact"]
+    assert np.isnan(fits.stiffness[0])
+    assert fits.taken[0] == 0
+    assert len(fit_curves(np.empty((0, 10)), np.empty((0, 10)), np.empty((0, 10)))) == 0
+    with pytest.raises(InvalidParameterError, match="nothing of the curve is contact"):
+        stated_cost(nothing[0], nothing[0], nothing[0])
+
+
+def test_laws_and_flags_come_by_curve() -> None:
+    x = np.linspace(1e-3, 5e-3, 100)
+    v = np.full_like(x, 0.01)
+    fits = fit_curves(x, v, HuntCrossley(100.0, 0.0, 1.5).force(x, v), noise=1e-3)
+    assert isinstance(fits.law(0), HuntCrossley)
+    assert any("damping" in words for words in fits.flag_words(0))
+
+
+def test_units_change_nothing() -> None:
+    curves = random_curves(approach_and_retract, 4, surface=True, seed=51)
+    usual = fitted(curves, **UNKNOWN)
+    small = fit_curves(
+        1e-6 * curves.penetration,
+        1e-6 * curves.velocity,
+        1e-9 * curves.force,
+        surface="estimate",
+        surface_range=(1e-6 * SURFACES[0], 1e-6 * SURFACES[1]),
+    )
+    assert small.exponent == pytest.approx(usual.exponent, rel=1e-6)
+    assert small.surface == pytest.approx(1e-6 * usual.surface, rel=1e-6)
+    own = 1e-6 * usual.standard_errors[:, 4]
+    assert small.standard_errors[:, 4] == pytest.approx(own, rel=1e-4)
+
+
+anything = st.floats(width=64) | st.sampled_from((0.0, 1e-3, 1e-2, 1.0, 1e8, -1e-3, 1e-300))
+hostile = arrays(np.float64, st.integers(1, 12).map(lambda n: (3, 2, n)), elements=anything)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    hostile,
+    st.sampled_from((None, "estimate")),
+    st.none() | st.floats(0.1, 10.0),
+    st.booleans(),
+    st.none() | st.builds(lambda a: Scale(*[10.0**a] * 3), st.integers(-30, 30)),
+)
+def test_whatever_comes_answers_are_finite_or_not_there(
+    signals: np.ndarray,
+    surface: Any,
+    exponent: float | None,
+    offset: bool,
+    scale: Scale | None,
+) -> None:
+    fits = fit_curves(*signals, surface=surface, exponent=exponent, offset=offset, scale=scale)
+    found = fits.status != STATUS_WORDS.index("no contact")
+    assert np.isfinite(parameters(fits)[found]).all()
+    assert np.isfinite(fits.covariance[found]).all()
+    assert np.isnan(parameters(fits)[~found]).all()
+
+
+@pytest.mark.parametrize(
+    "more, words",
+    [
+        ({"surface": "search"}, "surface must be 'estimate'"),
+        ({"surface_range": (0.0, 1e-3)}, "surface_range is for"),
+        ({"surface": "estimate", "surface_range": (1e-3, 0.0)}, "it holds nothing"),
+        ({"exponent": 0.0}, "exponent must be in"),
+        ({"exponent_range": (1.0, 1.1)}, "exponent_range must be 0.2 to 5 wide"),
+        ({"threads": 0}, "threads must be in"),
+        ({"noise": -1.0}, "noise must be in"),
+        ({"offset_deviation": [1.0, 2.0, 3.0]}, "one for each of 2 curves"),
+        ({"surface_deviation": -1.0}, "surface_deviation must be"),
+        ({"scale": 1.0}, "scale must be a Scale"),
+    ],
+)
+def test_settings_out_of_range_are_refused(more: dict[str, Any], words: str) -> None:
+    with pytest.raises(InvalidParameterError, match=words):
+        fit_curves(np.ones((2, 5)), np.ones((2, 5)), np.ones((2, 5)), **more)
+
+
+def test_arrays_of_other_shapes_are_refused() -> None:
+    with pytest.raises(InvalidParameterError, match="of one shape"):
+        fit_curves(np.ones((2, 5)), np.ones((2, 5)), np.ones((2, 6)))
+    with pytest.raises(InvalidParameterError, match="of one shape"):
+        fit_curves(np.ones((2, 5, 1)), np.ones((2, 5, 1)), np.ones((2, 5, 1)))
