@@ -4,6 +4,7 @@ from palpate._core import PreparedSample, Status
 from palpate.contact import Contact
 from palpate.diagnosis import Diagnosis, Finding, Verdict, WorkingDepth
 from palpate.errors import (
+    FleetError,
     InvalidParameterError,
     MissingChannelError,
     MissingExtraError,
@@ -23,6 +24,7 @@ from palpate.estimators import (
     SingleStageRLS,
     VariableProjection,
 )
+from palpate.fleet.many import identify_many
 from palpate.force_laws import (
     FORCE_LAWS,
     ExtendedKelvinVoigt,
@@ -75,6 +77,7 @@ __all__ = [
     "FadingForgetting",
     "Finding",
     "FlatPunch",
+    "FleetError",
     "ForceLaw",
     "HuntCrossley",
     "Identification",
@@ -111,6 +114,7 @@ __all__ = [
     "diagnose",
     "dissipation_for",
     "identify",
+    "identify_many",
     "load_result",
     "open_recording",
     "prepare",
