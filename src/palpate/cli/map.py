@@ -10,7 +10,7 @@ from palpate.cli.values import Depth, Folder
 _FIGURE = Path("map.svg")
 
 
-def map(  # noqa: A001 - the command's name
+def map(
     results: Folder,
     /,
     *,

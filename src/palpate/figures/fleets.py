@@ -112,9 +112,7 @@ def _histogram(
             low = max(low, 1e-12) if logarithmic else low
         edges = np.geomspace(low, high, _BINS + 1) if logarithmic else None
         inside = known[(known >= low) & (known <= high)]
-        axes.hist(
-            inside, _BINS if edges is None else edges, color=look.theme.lines[0], linewidth=0
-        )
+        axes.hist(inside, _BINS if edges is None else edges, color=look.theme.lines[0], linewidth=0)
         if logarithmic:
             axes.set_xscale("log")
         beyond = known.size - inside.size

@@ -40,7 +40,8 @@ def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Float
     return found
 
 
-def _percentile(values: Floats, counts: "np.ndarray[tuple[int], np.dtype[np.int64]]", part: float
+def _percentile(
+    values: Floats, counts: "np.ndarray[tuple[int], np.dtype[np.int64]]", part: float
 ) -> Floats:
     """A percentile of the first so many of each row, once sorted, by linear interpolation."""
     order = np.sort(values, axis=1)

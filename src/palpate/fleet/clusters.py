@@ -16,7 +16,7 @@ PATIENCE = 10.0
 LOOPBACK = "127.0.0.1"
 _DASHBOARD = f"{LOOPBACK}:8787"
 #: One thread a worker: arithmetic that starts threads of its own would only wait for them.
-_ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 @contextmanager

@@ -26,9 +26,7 @@ def needed(name: str, what: str) -> Any:
         return import_module(name)
     except ImportError:
         package = name.partition(".")[0]
-        raise MissingExtraError(
-            f"{what} needs {package}: pip install 'palpate[fleet]'"
-        ) from None
+        raise MissingExtraError(f"{what} needs {package}: pip install 'palpate[fleet]'") from None
 
 
 def cores() -> int:

@@ -1,4 +1,4 @@
-"""From what a person names to the sources that are there: files, globs, folders, arrays, objects."""
+"""From what a person names to the sources there are: files, globs, folders, arrays, objects."""
 
 import glob
 import os
@@ -19,7 +19,9 @@ _ENDINGS = tuple(ending for each in FORMATS for ending in each.suffixes)
 _BAG = "metadata.yaml"
 
 
-def sources_of(names: Sequence[str | os.PathLike[str]], leave_out: Path | None = None) -> list[Source]:
+def sources_of(
+    names: Sequence[str | os.PathLike[str]], leave_out: Path | None = None
+) -> list[Source]:
     """List what there is to identify, in an order that depends on the names alone.
 
     Parameters
@@ -145,7 +147,9 @@ def _entries(files: Any, root: str) -> list[tuple[str, dict[str, Any]]]:
         found: dict[str, dict[str, Any]] = files.glob(root, detail=True)
     else:
         found = files.find(root, detail=True)
-    return sorted((name, about) for name, about in found.items() if about.get("type") != "directory")
+    return sorted(
+        (name, about) for name, about in found.items() if about.get("type") != "directory"
+    )
 
 
 def _arrays_among(entries: Iterable[tuple[str, dict[str, Any]]]) -> set[str]:

@@ -114,9 +114,7 @@ def settings_of(
         )
     usual = type(method)().settings
     own = {name: value for name, value in method.settings.items() if value != usual[name]}
-    return Settings(
-        method=method.method, estimator=own, diagnosis=diagnosis, preparation=prepared
-    )
+    return Settings(method=method.method, estimator=own, diagnosis=diagnosis, preparation=prepared)
 
 
 def _rows(contacts: "Iterable[Contact | Recorded]", settings: Settings) -> "Iterable[Row]":
@@ -125,7 +123,7 @@ def _rows(contacts: "Iterable[Contact | Recorded]", settings: Settings) -> "Iter
         try:
             if not isinstance(given, Contact):
                 named["source"] = str(given) if isinstance(given, str | os.PathLike) else None
-                given = prepare(given, **settings.preparation)  # noqa: PLW2901 - the same, prepared
+                given = prepare(given, **settings.preparation)
             named["source"] = given.source or named.get("source")
             rows = [{**named, **row} for row in rows_of(given, settings)]
         except (PalpateError, ArithmeticError, LookupError, TypeError, ValueError) as error:

@@ -88,7 +88,11 @@ class Map:
 
 
 def map_of(
-    results: "pa.Table", by: Sequence[str], *, of: Quantity = "stiffness", depth: float | None = None
+    results: "pa.Table",
+    by: Sequence[str],
+    *,
+    of: Quantity = "stiffness",
+    depth: float | None = None,
 ) -> Map:
     """Return what a fleet found over one or two columns of its results.
 
@@ -152,9 +156,7 @@ def _numbers(results: "pa.Table", name: str) -> Floats:
     return values
 
 
-def _values(
-    results: "pa.Table", of: str, depth: float | None
-) -> tuple[Floats, Floats, Floats]:
+def _values(results: "pa.Table", of: str, depth: float | None) -> tuple[Floats, Floats, Floats]:
     depths = _numbers(results, "depth")
     if of == "exponent":
         if "exponent" not in results.schema.names:

@@ -111,7 +111,8 @@ def _tiles(table: "pa.Table") -> Iterator[str]:
             tiles.append((f"{quantity} at depth", middle, words))
     yield '<div class="tiles">'
     for heading, number, words in tiles:
-        yield f'<div class="tile"><small>{heading}</small><b>{number}</b><small>{words}</small></div>'
+        about = f"<small>{heading}</small><b>{number}</b><small>{words}</small>"
+        yield f'<div class="tile">{about}</div>'
     yield "</div>"
     verdicts = survey.verdicts_of(table)
     if verdicts:
