@@ -10,6 +10,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 
 #include "palpate/haar_levels.hpp"
 #include "palpate/matrix.hpp"
@@ -23,13 +24,17 @@ inline double widened_quantile(double freedom) noexcept {
   return 1.0 + r * (1.210365 + r * (1.440077 + r * 1.304029));
 }
 
+// Of which fit the residuals are: of earlier samples alone, as a-priori errors are, or of these too.
+enum class ResidualOf : std::uint8_t { earlier_samples, the_fit };
+
 // d_k/σ² ≥ 1 of each level and, last, of what has no partner.
 struct LevelNoise {
   // The largest that counts: error bars a million times those of white noise.
   static constexpr double largest = 1e12;
 
   template <std::size_t Size>
-  LevelNoise(const HaarLevels<Size>& levels, double variance) noexcept : used(levels.used()) {
+  LevelNoise(const HaarLevels<Size>& levels, double variance, ResidualOf residual) noexcept
+      : used(levels.used()) {
     // Eight pairs tell a variance to a half.
     constexpr double fewest_pairs = 8.0;
     for (; measured < used && levels[measured].older_pairs >= fewest_pairs; ++measured) {
@@ -37,7 +42,8 @@ struct LevelNoise {
       pairs[measured] = level.older_pairs;
       // p/2m of residuals goes into a fit of p parameters; into one of earlier samples only, which
       // a-priori errors are of, half of it. (AR(1) 0.98, 1 s: covers 94, without it 92 %.)
-      const double lost = static_cast<double>(Size) / (4.0 * level.older_pairs);
+      const double per_pair = residual == ResidualOf::the_fit ? 0.5 : 0.25;
+      const double lost = per_pair * static_cast<double>(Size) / level.older_pairs;
       ratio[measured] = level.residual_variance() * (1.0 + lost) / variance;
     }
     if (measured > 0) extrapolate();
@@ -85,10 +91,11 @@ struct LevelNoise {
 template <std::size_t Size, std::size_t Rows>
 class ErrorWidening {
  public:
-  ErrorWidening(const HaarLevels<Size>& levels, const Vector<Size>& prior, double variance) noexcept
+  ErrorWidening(const HaarLevels<Size>& levels, const Vector<Size>& prior, double variance,
+                ResidualOf residual = ResidualOf::earlier_samples) noexcept
       : levels_(levels),
         rest_(levels.rest()),
-        noise_(levels, variance),
+        noise_(levels, variance, residual),
         root_(inverse_root(prior)),
         variance_(variance) {}
 

@@ -106,6 +106,7 @@ class HaarLevels {
 
   std::size_t used() const noexcept { return used_; }
   const HaarLevel<Size>& operator[](std::size_t k) const noexcept { return levels_[k]; }
+  HaarLevel<Size>& operator[](std::size_t k) noexcept { return levels_[k]; }
 
   // Σ (ΣJ)(ΣJ)ᵀ/b of blocks without a partner: those that wait for one, and what ends the levels.
   // With all D_k it is Σ JJᵀ. The upper triangle.

@@ -27,6 +27,7 @@ void bind_error_bars(nb::module_& module);
 void bind_estimators(nb::module_& module);
 void bind_projection(nb::module_& module);
 void bind_drift_tracking(nb::module_& module);
+void bind_curves(nb::module_& module);
 void bind_least_squares(nb::module_& module);
 void bind_online_preparation(nb::module_& module);
 

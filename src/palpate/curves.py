@@ -5,7 +5,7 @@ which only the last answer is wanted; ``docs/curves.md`` has the cost and how it
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,12 +13,25 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimate import ADVICE
-from palpate.estimators.variable_projection import VariableProjection
+from palpate.estimators.variable_projection import projection_settings
 from palpate.force_laws import HuntCrossley
 from palpate.settings import Scale
-from palpate.validation import Floats, real_array, shown
+from palpate.stated_cost import StatedCost
+from palpate.validation import (
+    Floats,
+    all_good,
+    instance,
+    number_in,
+    pair_in,
+    real_array,
+    shown,
+    whole_in,
+)
 
+_SIGNALS = ("penetration", "velocity", "force")
+_AT_ONCE = 2_000_000  # samples of one call of the core, between which Ctrl-C is heard
 _RANGE: tuple[float, float] = _core.defaults["VariableProjection"]["exponent_range"]
+_MOST_SAMPLES = 1 << 20  # the levels of error bars that look at noise end there
 #: By the codes of :attr:`CurveFits.status`.
 STATUS_WORDS = ("fitted", "no contact", "did not settle")
 
@@ -95,65 +108,257 @@ def fit_curves(
     exponent: float | None = None,
     exponent_range: tuple[float, float] = _RANGE,
     offset: bool = True,
-    offset_deviation: float | ArrayLike | None = None,
-    surface_deviation: float | ArrayLike | None = None,
+    offset_deviation: ArrayLike | None = None,
+    surface_deviation: ArrayLike | None = None,
     noise: float | None = None,
     scale: Scale | None = None,
     threads: int = 1,
 ) -> CurveFits:
-    """Fit the Hunt–Crossley law to many curves.
+    """Fit the Hunt–Crossley law to whole curves, thousands a second.
+
+    min over (K, B, n, F₀, d) of Σ (F − K (x − d)ⁿ − B (x − d)ⁿ v − F₀)² + priors
+
+    The samples are those that :class:`VariableProjection` would choose, the priors its own, and so
+    are the error bars; the answer is the minimum of that cost. The recursion, which updates an
+    answer sample by sample, lies within a tenth of a standard error of it where the surface is
+    known. Outliers are not looked for. ``docs/curves.md`` writes the cost down.
 
     Parameters
     ----------
     penetration, velocity, force : array_like, shape (k, samples) or (samples,)
         m, m/s (positive while penetrating) and N, one row a curve, in the order of time. A sample
-        with a NaN is not there.
+        of which one is not finite is not there: shorter curves are filled up with NaN.
+    surface : "estimate", optional
+        Find where the material begins too, within ``surface_range``. None: at 0.
+    surface_range : tuple of float, optional
+        Where the surface is looked for, m, in the coordinate of the penetration: (lowest, highest).
+        None: ± a fifth of the unit of penetration.
+    exponent : float, optional
+        n, in [0.1, 10], where the shape of the tip says it: 1.5 for a sphere. None: fitted.
+    exponent_range : tuple of float
+        Where the exponent is looked for: (lowest, highest), within [0.1, 10], 0.2 to 5 apart.
+    offset : bool
+        Fit a constant force offset beside the law.
+    offset_deviation : float or array_like, shape (k,), optional
+        What a tare left of that offset, N, > 0, of all or of each; NaN or None: no tare.
+    surface_deviation : float or array_like, shape (k,), optional
+        How well the surface is known, m, > 0, of all or of each; NaN or None: exactly.
+    noise : float, optional
+        Standard deviation of the force, N, > 0. None: from the residual.
+    scale : Scale, optional
+        Units of the arithmetic, in which the priors are stated. None: the largest penetration, speed
+        and force of each curve, as :func:`identify` chooses them.
+    threads : int
+        That share the curves, 1 to 1024. The interpreter's lock is released: do not change the
+        arrays meanwhile.
+
+    Returns
+    -------
+    CurveFits
+        Numbers with their joint covariance, flags and a status, a row a curve. The same bits for any
+        number of threads.
+
+    Raises
+    ------
+    InvalidParameterError
+        A setting is outside its range, or the arrays are not of one shape.
     """
-    x, v, f = (
-        np.atleast_2d(real_array(name, values))
-        for name, values in (("penetration", penetration), ("velocity", velocity), ("force", force))
+    curves = _checked_curves(penetration, velocity, force)
+    settings = _Settings(
+        *_checked_projection(noise, exponent, exponent_range, offset),
+        _of_each("offset_deviation", offset_deviation, len(curves[0])),
+        _of_each("surface_deviation", surface_deviation, len(curves[0])),
+        _checked_surfaces(surface, surface_range),
+        _checked_scale(scale),
     )
-    if not x.shape == v.shape == f.shape or x.ndim != 2:
+    return _fitted(curves, settings, whole_in("threads", threads, 1, 1024)).fits()
+
+
+def stated_cost(
+    penetration: ArrayLike,
+    velocity: ArrayLike,
+    force: ArrayLike,
+    *,
+    exponent: float | None = None,
+    offset: bool = True,
+    **settings: Any,
+) -> StatedCost:
+    """Write down the cost of which :func:`fit_curves` gives the minimum, for one curve.
+
+    Parameters
+    ----------
+    penetration, velocity, force : array_like, shape (samples,)
+        m, m/s and N.
+    exponent, offset, **settings
+        As :func:`fit_curves` takes them.
+
+    Raises
+    ------
+    InvalidParameterError
+        As :func:`fit_curves` does; or nothing of the curve is contact.
+    """
+    curves = _checked_curves(penetration, velocity, force)
+    if len(curves[0]) != 1:
+        raise InvalidParameterError(f"the cost of one curve is asked for, not of {len(curves[0])}")
+    checked = _Settings(
+        *_checked_projection(
+            settings.pop("noise", None), exponent, settings.pop("exponent_range", _RANGE), offset
+        ),
+        _of_each("offset_deviation", settings.pop("offset_deviation", None), 1),
+        _of_each("surface_deviation", settings.pop("surface_deviation", None), 1),
+        _checked_surfaces(settings.pop("surface", None), settings.pop("surface_range", None)),
+        _checked_scale(settings.pop("scale", None)),
+    )
+    if settings:
+        raise InvalidParameterError(f"there is no setting {', '.join(sorted(settings))}")
+    roles = np.empty(curves[0].shape, np.uint8)
+    answers = _fitted(curves, checked, 1, roles)
+    if answers.codes[0, 1] == STATUS_WORDS.index("no contact"):
+        raise InvalidParameterError("nothing of the curve is contact")
+    x, v, f = (values[0] for values in curves)
+    return StatedCost.of((x, v, f), roles[0], answers.numbers[0, 7:], exponent, offset)
+
+
+class _Settings(NamedTuple):
+    """As the core takes them, checked; what is 0 is not given."""
+
+    exponents: tuple[float, float]
+    offset: bool
+    noise: float
+    offset_deviation: Floats
+    surface_deviation: Floats
+    surfaces: tuple[float, float] | None
+    scale: tuple[float, float, float]
+
+    def rows(self, part: slice) -> "_Settings":
+        return self._replace(
+            offset_deviation=self.offset_deviation[part],
+            surface_deviation=self.surface_deviation[part],
+        )
+
+
+class _Answers(NamedTuple):
+    """What the core writes, a row a curve."""
+
+    numbers: Floats  # K, B, n, F₀, d, noise, cost, scale (3), prior of F₀ (2), σ² of the priors
+    covariance: Floats
+    taken: NDArray[np.int64]
+    codes: NDArray[np.uint8]  # flags, status
+
+    @classmethod
+    def empty(cls, count: int) -> "_Answers":
+        return cls(
+            np.empty((count, 13)),
+            np.empty((count, 5, 5)),
+            np.empty(count, np.int64),
+            np.empty((count, 2), np.uint8),
+        )
+
+    def fits(self) -> CurveFits:
+        columns = (np.ascontiguousarray(self.numbers[:, i]) for i in range(7))
+        stiffness, damping, exponent, offset, surface, noise, cost = columns
+        flags, status = (np.ascontiguousarray(self.codes[:, i]) for i in range(2))
+        return CurveFits(
+            stiffness,
+            damping,
+            exponent,
+            offset,
+            surface,
+            self.covariance,
+            noise,
+            cost,
+            self.taken,
+            flags,
+            status,
+        )
+
+
+def _fitted(
+    curves: tuple[Floats, ...],
+    settings: _Settings,
+    threads: int,
+    roles: NDArray[np.uint8] | None = None,
+) -> _Answers:
+    count, samples = curves[0].shape
+    answers = _Answers.empty(count)
+    rows = max(1, _AT_ONCE // max(samples, 1)) * threads
+    for first in range(0, count, rows):
+        part = slice(first, first + rows)
+        _core.fit_curves(
+            *(values[part] for values in curves),
+            *settings.rows(part),
+            *(column[part] for column in answers),
+            None if roles is None else roles[part],
+            threads,
+        )
+    return answers
+
+
+def _checked_curves(*given: ArrayLike) -> tuple[Floats, ...]:
+    arrays = [real_array(name, values) for name, values in zip(_SIGNALS, given, strict=True)]
+    shapes = {array.shape for array in arrays}
+    if len(shapes) > 1 or arrays[0].ndim not in (1, 2):
+        found = ", ".join(str(array.shape) for array in arrays)
         raise InvalidParameterError(
-            "penetration, velocity and force must be of one shape, (curves, samples), not "
-            f"{x.shape}, {v.shape} and {f.shape}"
+            f"penetration, velocity and force must be of one shape, (curves, samples), not {found}"
         )
+    if arrays[0].shape[-1] > _MOST_SAMPLES:
+        raise InvalidParameterError(
+            f"curves must have at most {_MOST_SAMPLES} samples, not {arrays[0].shape[-1]}; "
+            "VariableProjection takes longer ones"
+        )
+    return tuple(np.ascontiguousarray(np.atleast_2d(array)) for array in arrays)
+
+
+def _checked_projection(
+    noise: float | None,
+    exponent: float | None,
+    exponent_range: tuple[float, float],
+    offset: bool,
+) -> tuple[tuple[float, float], bool, float]:
+    level, exponents, _, _ = projection_settings(noise, exponent_range, offset, None)
     if exponent is not None:
-        raise InvalidParameterError(f"exponent: not yet, {shown(exponent)}, {threads}")
-    count = len(x)
-    values = np.full((count, 5), np.nan)
-    covariance = np.full((count, 5, 5), np.nan)
-    taken, flags = np.zeros(count, np.int64), np.zeros(count, np.uint8)
-    status = np.ones(count, np.uint8)
-    tares = np.broadcast_to(0.0 if offset_deviation is None else offset_deviation, count)
-    surfaces = np.broadcast_to(0.0 if surface_deviation is None else surface_deviation, count)
-    for k in range(count):
-        estimator = VariableProjection(
-            noise=noise,
-            offset=offset,
-            offset_deviation=float(tares[k]) or None,
-            surface_deviation=float(surfaces[k]) or None,
-            exponent_range=exponent_range,
-            surface=surface,
-            surface_range=surface_range,
-            scale=scale or _scale_of(x[k], v[k], f[k]),
+        fixed = number_in("exponent", exponent, 0.1, 10.0)
+        exponents = fixed, fixed
+    return exponents, offset, level
+
+
+def _checked_surfaces(
+    surface: str | None, surface_range: tuple[float, float] | None
+) -> tuple[float, float] | None:
+    if not (surface is None or (isinstance(surface, str) and surface == "estimate")):
+        raise InvalidParameterError(f"surface must be 'estimate' or None, not {shown(surface)}")
+    if surface is None:
+        if surface_range is not None:
+            raise InvalidParameterError(
+                "surface_range is for surface='estimate'; without it the surface is at 0"
+            )
+        return None
+    if surface_range is None:
+        return 0.0, 0.0  # the core chooses it by the unit
+    low, high = pair_in("surface_range", surface_range, -1e30, 1e30)
+    if not high > low:
+        raise InvalidParameterError(
+            f"surface_range must be (lowest, highest) in m, not {shown(surface_range)}: it holds "
+            "nothing"
         )
-        estimator.replay(x[k], v[k], f[k])
-        estimate = estimator.estimate()
-        if not estimate.samples:
-            continue
-        status[k] = 0
-        values[k] = (*estimate.parameters, estimate.offset, estimate.surface)
-        covariance[k] = 0.0
-        covariance[k, :4, :4] = estimate.joint_covariance
-        covariance[k, 4, 4] = estimate.surface_standard_error**2
-        taken[k], flags[k] = estimate.samples, estimate._value.flags
-    unknown = np.full(count, np.nan)
-    return CurveFits(*values.T, covariance, unknown, unknown, taken, flags, status)
+    return low, high
 
 
-def _scale_of(x: Floats, v: Floats, f: Floats) -> Scale:
-    touching = (x > 0.0) & (f > 0.0)
-    if not touching.any():
-        return Scale()
-    return Scale(*(float(values[touching].max()) or 1.0 for values in (x, np.abs(v), f)))
+def _checked_scale(scale: Scale | None) -> tuple[float, float, float]:
+    instance("scale", scale, (Scale, type(None)))
+    return (0.0, 0.0, 0.0) if scale is None else scale._plain()
+
+
+def _of_each(name: str, value: ArrayLike | None, count: int) -> Floats:
+    """Return a deviation for each curve; 0 is none."""
+    if value is None:
+        return np.zeros(count)
+    given = real_array(name, value)
+    if given.shape not in ((), (1,), (count,)):
+        raise InvalidParameterError(
+            f"{name} must be one number or one for each of {count} curves, not of shape "
+            f"{given.shape}"
+        )
+    all_good(name, given, np.isnan(given) | ((given > 0.0) & (given <= 1e30)), "in (0, 1e+30]")
+    return np.ascontiguousarray(np.broadcast_to(np.nan_to_num(given, nan=0.0), count))

@@ -1,0 +1,167 @@
+// The stated cost of a curve, in scaled units, forces counting from the mean of the offset's prior:
+//
+//   J = Σ (F − f)² + σ² [(n − n₀)²/s_n² + (c/k − b₀)²/s_b² + F₀²/s_F²],
+//
+// over the samples that were chosen once, with σ² from the residual that J itself ends with: the
+// answer is the point where J of its own σ² is least. See docs/curves.md.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "palpate/curves/curve_sums.hpp"
+#include "palpate/projection/priors.hpp"
+
+namespace palpate::detail {
+
+// The samples of one cost: firm ones, and beside them the light ones where these join.
+struct CurveData {
+  static constexpr std::size_t most = 2;
+  std::array<CurveSamples, most> parts;
+  std::size_t used;
+  double force_squared;    // Σ F²
+  double per_point = 1.0;  // samples that a point stands for: block means stand for many
+
+  double count() const noexcept {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < used; ++i) sum += static_cast<double>(parts[i].count);
+    return sum;
+  }
+};
+
+// What is fitted, and within which bounds.
+struct CurveModel {
+  ProjectionSettings settings;
+  const lanes::CurveKernels* kernels;
+  double lowest_surface = 0.0;
+  double highest_surface = 0.0;  // equal where the surface is known
+  bool exponent_fixed = false;
+
+  bool finds_surface() const noexcept { return highest_surface > lowest_surface; }
+  std::array<bool, 5> open() const noexcept {
+    return {true, true, !exponent_fixed, settings.offset, finds_surface()};
+  }
+  std::array<double, 5> lowest() const noexcept {
+    constexpr double none = -largest_parameter;
+    return {none, none, settings.lowest_exponent, none, lowest_surface};
+  }
+  std::array<double, 5> highest() const noexcept {
+    constexpr double none = largest_parameter;
+    return {none, none, settings.highest_exponent, none, highest_surface};
+  }
+};
+
+// The sums at a point, those of each part beside those of all.
+struct CurveState {
+  CurvePoint at;
+  CurveSums sums;
+  std::array<CurveSums, CurveData::most> part;
+  double variance;  // σ² of the priors
+};
+
+class CurveCost {
+ public:
+  CurveCost(const CurveModel& model, const CurveData& data) noexcept : model_(model), data_(data) {}
+
+  const CurveModel& model() const noexcept { return model_; }
+  const CurveData& data() const noexcept { return data_; }
+
+  CurveState at(const CurvePoint& point) const noexcept {
+    CurveState state{point, {}, {}, 0.0};
+    for (std::size_t i = 0; i < data_.used; ++i) {
+      state.part[i] = curve_sums(data_.parts[i], point, model_.finds_surface(), *model_.kernels);
+      state.sums.include(state.part[i]);
+    }
+    state.variance = variance(state.sums.squares);
+    return state;
+  }
+
+  // σ² by the residual, as in variable projection (ProjectionProblem::prior_variance).
+  double variance(double squares) const noexcept {
+    const ProjectionSettings& s = model_.settings;
+    if (s.noise > 0.0) return s.noise * s.noise;
+    if (!(data_.force_squared > 0.0)) return 1.0;
+    const double points = data_.count();
+    const double floor = 1e-4 * data_.force_squared / std::max(points, 1.0);
+    return (data_.per_point * squares + 2.0 * floor) / (std::max(points - 4.0, 0.0) + 2.0);
+  }
+
+  // J of a point as if σ² were this.
+  double value(const CurveState& state, double variance) const noexcept {
+    return state.sums.squares + penalty(state.at, variance);
+  }
+
+  double penalty(const CurvePoint& z, double variance) const noexcept {
+    const ProjectionSettings& s = model_.settings;
+    double sum = 0.0;
+    if (!model_.exponent_fixed) sum += squared(away(z[2], s.prior_exponent, exponent_deviation()));
+    sum += squared(away(ratio(z), s.prior_dissipation, s.prior_dissipation_deviation));
+    if (s.offset) sum += z[3] * z[3] * offset_weight(variance) / variance;
+    return sum * variance / data_.per_point;
+  }
+
+  // ½ ∂J/∂z, and what the priors add to JᵀJ and to the curvature that Newton's method takes off.
+  struct Slope {
+    Vector<5> gradient;
+    Matrix<5> information;
+    Matrix<5> curvature;
+  };
+
+  Slope slope(const CurveState& state) const noexcept {
+    const ProjectionSettings& s = model_.settings;
+    const CurvePoint& z = state.at;
+    const double weight = state.variance / data_.per_point;
+    Slope r{{}, state.sums.information, state.sums.curvature};
+    for (std::size_t i = 0; i < 5; ++i) r.gradient[i] = -state.sums.gradient[i];
+    if (!model_.exponent_fixed) {
+      const double by_n = weight / squared(exponent_deviation());
+      r.gradient[2] += by_n * (z[2] - s.prior_exponent);
+      r.information[2][2] += by_n;
+    }
+    const double by_b = weight / squared(s.prior_dissipation_deviation);
+    const double k = stiff(z[0]), b = z[1] / k, off = b - s.prior_dissipation;
+    const Vector<2> u{-b / k, 1.0 / k};
+    for (std::size_t i = 0; i < 2; ++i) {
+      r.gradient[i] += by_b * off * u[i];
+      for (std::size_t j = 0; j < 2; ++j) r.information[i][j] += by_b * u[i] * u[j];
+    }
+    r.curvature[0][0] -= by_b * off * 2.0 * b / (k * k);
+    r.curvature[0][1] += by_b * off / (k * k);
+    r.curvature[1][0] += by_b * off / (k * k);
+    if (s.offset) {
+      const double by_offset = offset_weight(state.variance) / data_.per_point;
+      r.gradient[3] += by_offset * z[3];
+      r.information[3][3] += by_offset;
+    }
+    return r;
+  }
+
+  // ρ_F = σ²/s_F² (ProjectionProblem::offset_weight).
+  double offset_weight(double variance) const noexcept {
+    const double deviation = model_.settings.offset_deviation;
+    if (deviation > 0.0) return variance / (deviation * deviation);
+    return std::min(variance, 1.0 / (20.0 * 20.0));
+  }
+
+  static double ratio(const CurvePoint& z) noexcept { return z[1] / stiff(z[0]); }
+
+ private:
+  // A stiffness that is not there does not divide.
+  static double stiff(double k) noexcept {
+    constexpr double least = 1e-30;
+    return k < 0.0 ? std::min(k, -least) : std::max(k, least);
+  }
+
+  double exponent_deviation() const noexcept { return model_.settings.prior_exponent_deviation; }
+  static double squared(double value) noexcept { return value * value; }
+  static double away(double value, double mean, double deviation) noexcept {
+    return (value - mean) / deviation;
+  }
+
+  const CurveModel& model_;
+  const CurveData& data_;
+};
+
+}  // namespace palpate::detail

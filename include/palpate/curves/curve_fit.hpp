@@ -1,0 +1,481 @@
+// The Hunt–Crossley law of a whole curve: the minimum of its stated cost (curve_cost.hpp) over the
+// samples that variable projection chooses, with the error bars that it would give.
+//
+//   std::vector<double> memory(palpate::curve_memory(samples));
+//   const palpate::CurveFit fit = palpate::fit_curve(arrays, settings, memory.data());
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "palpate/curves/curve_bars.hpp"
+#include "palpate/curves/curve_cost.hpp"
+#include "palpate/curves/curve_kernels.hpp"
+#include "palpate/curves/curve_minimum.hpp"
+#include "palpate/curves/curve_selection.hpp"
+#include "palpate/curves/curve_starts.hpp"
+#include "palpate/projection/priors.hpp"
+#include "palpate/sample.hpp"
+
+namespace palpate {
+
+// In SI, for all curves alike; a unit of the scale that is 0 is chosen from the curve.
+struct CurveSettings {
+  double noise = 0.0;  // standard deviation of the force; 0: from the residual
+  double lowest_exponent = ProjectionSettings{}.lowest_exponent;
+  double highest_exponent = ProjectionSettings{}.highest_exponent;
+  bool exponent_fixed = false;  // at lowest_exponent, which is highest_exponent then
+  bool offset = true;
+  double offset_deviation = 0.0;   // as ProjectionSettings has it
+  double surface_deviation = 0.0;  // the same
+  bool find_surface = false;
+  double lowest_surface = 0.0;  // both 0: a fifth of the unit of penetration each way
+  double highest_surface = 0.0;
+  Scale scale{0.0, 0.0, 0.0};
+};
+
+enum class CurveStatus : std::uint8_t { fitted, no_contact, unsettled };
+
+// What a sample was to a fit.
+enum class CurveRole : std::uint8_t { absent, free, firm, light, left_out };
+
+struct CurveFit {
+  Vector<5> parameters{};  // K, B, n, F₀, d, SI
+  Matrix<5> covariance{};
+  double noise = 0.0;  // standard deviation of the force, N
+  double cost = 0.0;   // J, N²
+  std::uint64_t taken = 0;
+  std::uint8_t flags = 0;
+  CurveStatus status = CurveStatus::no_contact;
+  // By which the cost may be written down: its units, the prior of F₀, N (a deviation of 0: none),
+  // and σ² of the priors, N².
+  Scale scale{1.0, 1.0, 1.0};
+  double offset_mean = 0.0;
+  double offset_deviation = 0.0;
+  double prior_variance = 0.0;
+};
+
+// Doubles of memory that a fit of so many samples works in.
+constexpr std::size_t curve_memory(std::size_t samples) noexcept {
+  return detail::CurveMemory::size(samples);
+}
+
+namespace detail {
+
+inline void take_logarithms(const CurveModel& model, const CurveSamples& samples) noexcept {
+  model.kernels->logarithms(samples.x, samples.log, CurveSamples::padded(samples.count));
+}
+
+// The lowest of the minima that the coarse search leads to.
+inline CurveMinimum global_minimum(const CurveModel& model, const CurveData& data) noexcept {
+  constexpr double coarse_tolerance = 1e-4, tolerance = 1e-8;
+  constexpr int coarse_passes = 12, most_passes = 40;
+  const bool known = !model.finds_surface();
+  const CurveMeans means(data, known ? CurveMeans::most : CurveMeans::most / 2);
+  if (known) take_logarithms(model, means.samples());
+  const CurveCost coarse(model, means.data()), cost(model, data);
+  const CurveStarts starts =
+      known ? known_surface_starts(means, coarse) : unknown_surface_starts(means, coarse);
+  std::array<CurveMinimum, CurveStarts::most> found;
+  double lowest = std::numeric_limits<double>::infinity(), variance = 0.0;
+  for (std::size_t i = 0; i < starts.count; ++i) {
+    found[i] = CurveDescent(coarse).from(starts.starts[i], coarse_passes, coarse_tolerance);
+    if (found[i].cost < lowest) {
+      lowest = found[i].cost;
+      variance = found[i].state.variance;
+    }
+  }
+  // Means bend the cost: what is within so many σ² of the lowest may be the lowest of all.
+  const double margin = (known ? 60.0 : 12.0) * variance / means.data().per_point;
+  const CurveDescent descent(cost);
+  CurveMinimum best{};
+  bool any = false;
+  for (std::size_t i = 0; i < starts.count; ++i) {
+    if (!(found[i].cost <= lowest + margin)) continue;
+    bool again = false;  // another start has come here too
+    for (std::size_t j = 0; j < i; ++j) {
+      again = again || (std::abs(found[i].at[2] - found[j].at[2]) < 1e-4 &&
+                        std::abs(found[i].at[4] - found[j].at[4]) < 1e-5 &&
+                        found[j].cost <= lowest + margin);
+    }
+    if (again) continue;
+    const CurveMinimum here = descent.from(found[i].at, most_passes, tolerance);
+    if (!any || here.cost < best.cost) {
+      best = here;
+    } else {
+      best.latest = false;
+    }
+    any = true;
+  }
+  return best;
+}
+
+// For n near 1 and below every sample that the surface passes makes a kink, and J has many minima:
+// looked for along the direction in which the surface is known worst.
+inline CurveMinimum polished(const CurveModel& model, const CurveData& data,
+                             CurveMinimum best) noexcept {
+  constexpr double steps[] = {0.3, 0.7, 1.2, 1.8, 2.5};
+  constexpr double tolerance = 1e-8;
+  const CurveCost cost(model, data);
+  const CurveDescent descent(cost);
+  for (int round = 0; round < 2; ++round) {
+    const CurvePoint centre = best.at;
+    const CurveCost::Slope slope = cost.slope(best.state);
+    const CurveStep along =
+        solve_open(slope.information, slope.information, {0.0, 0.0, 0.0, 0.0, 1.0}, model.open(),
+                   1e-12);
+    if (!(along.by[4] > 0.0)) return best;
+    const double deviation = std::sqrt(best.state.variance / along.by[4]);
+    bool better = false;
+    for (const double step : steps) {
+      for (const double side : {-1.0, 1.0}) {
+        CurvePoint start = centre;
+        for (std::size_t i = 0; i < 5; ++i) start[i] += side * step * deviation * along.by[i];
+        const CurveMinimum here = descent.from(descent.bounded(start), 40, tolerance);
+        if (here.cost < best.cost) {
+          better = better || here.cost < best.cost - 1e-6 * best.state.variance;
+          best = here;
+        } else {
+          best.latest = false;
+        }
+      }
+    }
+    if (!better) break;
+  }
+  return best;
+}
+
+class CurveFitter {
+ public:
+  CurveFitter(const CurveArrays& curve, const CurveSettings& settings, double* memory,
+              const lanes::CurveKernels& kernels) noexcept
+      : curve_(curve),
+        settings_(settings),
+        memory_(memory, curve.count),
+        units_(scale_of(curve, settings)),
+        selection_(memory_) {
+    model_.kernels = &kernels;
+    ProjectionSettings& s = model_.settings;
+    s.noise = settings.noise / units_.force;
+    s.lowest_exponent = settings.lowest_exponent;
+    s.highest_exponent = settings.highest_exponent;
+    s.offset = settings.offset;
+    s.offset_deviation = settings.offset_deviation / units_.force;
+    s.surface_deviation = settings.surface_deviation / units_.penetration;
+    model_.exponent_fixed = settings.exponent_fixed;
+    if (settings.find_surface) {
+      model_.lowest_surface = settings.lowest_surface / units_.penetration;
+      model_.highest_surface = settings.highest_surface / units_.penetration;
+      if (settings.lowest_surface == settings.highest_surface) {
+        model_.lowest_surface = -0.2;
+        model_.highest_surface = 0.2;
+      }
+    }
+  }
+
+  CurveFit operator()(std::uint8_t* roles) noexcept {
+    choose();
+    CurveFit fit;
+    fit.scale = units_;
+    if (firm_.count > 0) answer(fit);
+    if (roles) tell(roles, fit);
+    return fit;
+  }
+
+ private:
+  // As ContactSolver has them, and with what reason.
+  static constexpr double suspect_offset = 3.0, largest_offset = 5.0, largest_excess = 3.0;
+  static constexpr double fewest_usable = 0.9;
+
+  static Scale scale_of(const CurveArrays& curve, const CurveSettings& settings) noexcept {
+    return settings.scale.penetration > 0.0 ? settings.scale : suggested_scale(curve);
+  }
+
+  void choose() noexcept {
+    const double largest = std::pow(1e29, 1.0 / model_.settings.highest_exponent);
+    if (model_.finds_surface()) {
+      selection_.take_all(curve_, units_, model_.lowest_surface - 0.1, largest);
+    } else {
+      selection_.choose(curve_, units_, largest);
+      choose_offset_prior();
+    }
+    // Firm samples and, from the next whole block on, light ones share the columns.
+    const std::size_t firm = selection_.count(Role::sure), start = CurveSamples::padded(firm);
+    for (CurveSamples* part : {&firm_, &light_}) {
+      const std::size_t from = part == &light_ ? start : 0;
+      *part = {memory_.column(6) + from,  memory_.column(7) + from, memory_.column(8) + from,
+               memory_.column(9) + from, memory_.column(10) + from, 0};
+    }
+    firm_index_ = memory_.column(11);
+    light_index_ = memory_.column(11) + start;
+    selection_.copy(Role::sure, prior_mean_, firm_, firm_index_);
+    if (model_.finds_surface()) return;
+    selection_.copy(Role::light, prior_mean_, light_, light_index_);
+    take_logarithms(model_, firm_);
+    take_logarithms(model_, light_);
+  }
+
+  // The tighter of what a tare and free air say; free air where it contradicts the tare.
+  void choose_offset_prior() noexcept {
+    ProjectionSettings& s = model_.settings;
+    const FreeAir& air = selection_.air();
+    const double declared = s.offset_deviation;
+    of_air_ = !(declared > 0.0);
+    if (s.offset && air.known()) {
+      const OffsetPrior said = air.prior(selection_.least_step());
+      tare_refuted_ = declared > 0.0 && std::abs(said.mean) >
+                                            suspect_offset * std::hypot(declared, said.deviation);
+      if (!(declared > 0.0) || tare_refuted_ || !(declared < said.deviation)) {
+        prior_mean_ = said.mean;
+        s.offset_deviation = said.deviation;
+        of_air_ = true;
+      }
+    }
+    if (s.offset_deviation > 0.0) {
+      s.offset_deviation = std::hypot(s.offset_deviation, s.surface_deviation);
+    }
+  }
+
+  static CurveData of(const CurveSamples& one) noexcept {
+    return {{one}, 1, force_squared(one)};
+  }
+  static CurveData of(const CurveSamples& one, const CurveSamples& other) noexcept {
+    return {{one, other}, 2, force_squared(one) + force_squared(other)};
+  }
+  static double force_squared(const CurveSamples& samples) noexcept {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < samples.count; ++i) sum += samples.f[i] * samples.f[i];
+    return sum;
+  }
+
+  void answer(CurveFit& fit) noexcept {
+    CurveMinimum best;
+    if (light_.count == 0 && !(model_.settings.offset_deviation > 0.0)) {
+      best = global_minimum(model_, of(firm_));
+    } else if (model_.finds_surface()) {
+      best = global_minimum(model_, of(firm_));
+    } else {
+      best = chosen();
+    }
+    const CurveData data = joined_ ? of(firm_, light_) : of(firm_);
+    constexpr double kinked = 1.3;
+    if (model_.finds_surface() && best.at[2] < kinked) best = polished(model_, data, best);
+    const CurveCost cost(model_, data);
+    if (!best.latest) best.state = cost.at(best.state.at);
+    best.state.at = best.at;
+    finish(fit, best, cost);
+  }
+
+  // The minimum over the samples, and with the prior of the offset, that hold together.
+  CurveMinimum chosen() noexcept {
+    const CurveData firm = of(firm_);
+    if (light_.count > 0) {
+      const CurveData all = of(firm_, light_);
+      const CurveMinimum both = global_minimum(model_, all);
+      joined_ = true;
+      if (evident(both, firm)) return both;
+      joined_ = false;
+    } else {
+      const CurveMinimum alone = global_minimum(model_, firm);
+      if (evident(alone, firm)) return alone;
+    }
+    return decided(firm);
+  }
+
+  // Whether it is plain by Newton's step away from a minimum that neither test below would fail: light
+  // samples have no more than noise left, and the offset is what its prior says.
+  bool evident(const CurveMinimum& found, const CurveData& firm) const noexcept {
+    constexpr double plain_excess = 0.5 * largest_excess, plain_offset = 0.5 * suspect_offset;
+    if (joined_ && pulls(found.at, light_) > 0) return false;
+    CurveState alone = found.state;
+    alone.sums = found.state.part[0];
+    const CurveCost cost(model_, firm);
+    alone.variance = cost.variance(alone.sums.squares);
+    const double count = firm.count(), light = static_cast<double>(light_.count);
+    if (joined_ && count - 4.0 >= 10.0) {
+      const CurveDescent::Gain gain = CurveDescent(cost).gain(alone);
+      if (!gain.sound) return false;
+      const double squares = std::max(alone.sums.squares - gain.gain, 0.0);
+      const double variance = std::max(squares / (count - 4.0), tiny);
+      const double excess =
+          (found.state.sums.squares - squares - light * variance) /
+          (variance * std::sqrt(2.0 * light));
+      if (!(excess < plain_excess)) return false;
+    }
+    if (!(model_.settings.offset && model_.settings.offset_deviation > 0.0)) return true;
+    CurveModel wide = model_;
+    wide.settings.offset_deviation = 0.0;
+    const CurveCost open(wide, firm);
+    const CurveDescent::Gain gain = CurveDescent(open).gain(alone);
+    if (!gain.sound) return false;
+    const double error = std::sqrt(gain.offset_variance);
+    const double away = std::abs(alone.at[3] + gain.by[3]) /
+                        std::hypot(error, model_.settings.offset_deviation);
+    return away < plain_offset;
+  }
+
+  // The same by fits of each, as ContactSolver::solve.
+  CurveMinimum decided(const CurveData& firm) noexcept {
+    CurveMinimum best = global_minimum(model_, firm);
+    ProjectionSettings& s = model_.settings;
+    if (s.offset && s.offset_deviation > 0.0) {
+      CurveModel wide = model_;
+      wide.settings.offset_deviation = 0.0;
+      const CurveMinimum open = global_minimum(wide, firm);
+      const CurveCost cost(wide, firm);
+      const double error = std::sqrt(CurveDescent(cost).gain(open.state).offset_variance);
+      const double away = std::abs(open.at[3]) / std::hypot(error, s.offset_deviation);
+      tare_refuted_ = tare_refuted_ || (!of_air_ && away > suspect_offset);
+      if (away > largest_offset) {
+        s.offset_deviation = 0.0;
+        best = open;
+      } else {
+        best.latest = false;
+      }
+    }
+    if (light_.count == 0) return best;
+    const std::size_t light = light_.count;
+    leave_out_pulling(best.at);
+    const double usable = static_cast<double>(light_.count);
+    if (!(usable >= fewest_usable * static_cast<double>(light)) || light_.count == 0) return best;
+    const CurveMinimum both = global_minimum(model_, of(firm_, light_));
+    const double freedom = firm.count() - 4.0;
+    double excess = 0.0;
+    if (freedom >= 10.0) {
+      const double variance = std::max(best.state.sums.squares / freedom, tiny);
+      excess = (both.state.sums.squares - best.state.sums.squares - usable * variance) /
+               (variance * std::sqrt(2.0 * usable));
+    }
+    joined_ = !(excess > largest_excess);
+    best.latest = false;
+    return joined_ ? both : best;
+  }
+
+  static std::size_t pulls(const CurvePoint& at, const CurveSamples& samples) noexcept {
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < samples.count; ++i) {
+      count += at[0] + at[1] * samples.w[i] < 0.0 ? 1 : 0;
+    }
+    return count;
+  }
+
+  void leave_out_pulling(const CurvePoint& at) noexcept {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < light_.count; ++i) {
+      const bool pulling = at[0] + at[1] * light_.w[i] < 0.0;
+      light_.x[kept] = light_.x[i];
+      light_.w[kept] = light_.w[i];
+      light_.f[kept] = light_.f[i];
+      light_index_[kept] = light_index_[i];
+      kept += pulling ? 0 : 1;
+    }
+    light_.count = kept;
+    light_.pad();
+    take_logarithms(model_, light_);
+  }
+
+  void finish(CurveFit& fit, const CurveMinimum& best, const CurveCost& cost) noexcept {
+    const CurveState& state = best.state;
+    const auto& [k, c, n, offset, surface] = state.at;
+    const double force = units_.force;
+    // The motion and what is left, in the order of time.
+    const std::array<double*, 4> columns{memory_.column(0), memory_.column(1), memory_.column(2),
+                                         memory_.column(3)};
+    double touching = 0.0, depth = 0.0, depth_squared = 0.0;
+    for (std::size_t i = 0; i < CurveSamples::padded(firm_.count); ++i) {
+      const double x = firm_.x[i] - surface;
+      const bool below = x > 1e-290;
+      const double held = below ? x : 0.0, log = std::log(below ? x : 1.0);
+      columns[0][i] = held;
+      columns[1][i] = held * firm_.w[i];
+      columns[2][i] = held * log;
+      columns[3][i] = firm_.residual[i];
+      touching += below ? 1.0 : 0.0;
+      depth += log;
+      depth_squared += log * log;
+    }
+    const double mean = depth / std::max(touching, 1.0);
+    const double spread =
+        std::sqrt(std::max(depth_squared / std::max(touching, 1.0) - mean * mean, 0.0));
+    const CurveErrors errors(cost, state);
+    const CurveBars bars = errors.bars(columns, firm_.count, units_.log_penetration, spread);
+    // K = k F x_r⁻ⁿ, B = (c/V) F x_r⁻ⁿ.
+    const double unit = saturate(force * bounded_exp(-n * units_.log_penetration));
+    fit.parameters = {saturate(k * unit), saturate(c * unit / units_.velocity), n,
+                      (offset + prior_mean_) * force, surface * units_.penetration};
+    fit.covariance = in_si(bars.root, fit.parameters, unit);
+    fit.noise = std::sqrt(bars.noise_variance) * force;
+    fit.cost = best.cost * force * force;
+    fit.taken = static_cast<std::uint64_t>(cost.data().count());
+    fit.flags = bars.flags;
+    if (tare_refuted_) fit.flags |= tare_refuted;
+    fit.status = best.settled ? CurveStatus::fitted : CurveStatus::unsettled;
+    fit.offset_mean = prior_mean_ * force;
+    fit.offset_deviation = model_.settings.offset_deviation * force;
+    fit.prior_variance = state.variance * force * force;
+  }
+
+  // As VariableProjectionMethod::in_si, and squared.
+  Matrix<5> in_si(const Matrix<5>& root, const Vector<5>& law, double unit) const noexcept {
+    const double damping_unit = saturate(unit / units_.velocity);
+    const double by_stiffness = saturate(-law[0] * units_.log_penetration);
+    const double by_damping = saturate(-law[1] * units_.log_penetration);
+    Matrix<5> r{};
+    for (std::size_t j = 0; j < 5; ++j) {
+      r[0][j] = unit * root[0][j] + by_stiffness * root[2][j];
+      r[1][j] = damping_unit * root[1][j] + by_damping * root[2][j];
+      r[2][j] = root[2][j];
+      r[3][j] = units_.force * root[3][j];
+      r[4][j] = units_.penetration * root[4][j];
+    }
+    Matrix<5> joint = squared(r);
+    bound_variances(joint, largest_variance);
+    return joint;
+  }
+
+  void tell(std::uint8_t* roles, const CurveFit& fit) const noexcept {
+    const auto code = [](CurveRole role) noexcept { return static_cast<std::uint8_t>(role); };
+    std::fill_n(roles, curve_.count, code(CurveRole::absent));
+    for (std::size_t i = 0; i < selection_.count(); ++i) {
+      const Role role = selection_.at(i);
+      roles[selection_.index(i)] = code(role == Role::free   ? CurveRole::free
+                                        : role == Role::sure ? CurveRole::firm
+                                                             : CurveRole::left_out);
+    }
+    if (!joined_ || fit.status == CurveStatus::no_contact) return;
+    for (std::size_t i = 0; i < light_.count; ++i) {
+      roles[static_cast<std::size_t>(light_index_[i])] = code(CurveRole::light);
+    }
+  }
+
+  const CurveArrays& curve_;
+  const CurveSettings& settings_;
+  CurveMemory memory_;
+  Units units_;
+  CurveSelection selection_;
+  CurveModel model_;
+  CurveSamples firm_{};
+  CurveSamples light_{};
+  double* firm_index_ = nullptr;
+  double* light_index_ = nullptr;
+  double prior_mean_ = 0.0;
+  bool of_air_ = true;
+  bool tare_refuted_ = false;
+  bool joined_ = false;
+};
+
+}  // namespace detail
+
+// `memory` holds curve_memory(curve.count) doubles; `roles`, where it is given, a number a sample.
+// Kernels of other instruction sets give the same bits.
+inline CurveFit fit_curve(const CurveArrays& curve, const CurveSettings& settings, double* memory,
+                          std::uint8_t* roles = nullptr,
+                          const lanes::CurveKernels& kernels = lanes::curve_kernels) noexcept {
+  return detail::CurveFitter(curve, settings, memory, kernels)(roles);
+}
+
+}  // namespace palpate
