@@ -161,11 +161,9 @@ def test_a_batch_of_names_and_one_of_samples_give_the_same_numbers(tmp_path):
     write_recordings(tmp_path / "all", 2)
     paths = sorted(map(str, (tmp_path / "all").iterdir()))
     named = identify_batch(tasks_table(paths, ["file"] * 2, [None] * 2), Settings())
-    samples = {name: [] for name in ("time", "penetration", "velocity", "force")}
-    for k in range(2):
-        touch = contact(seed=7 + k)
-        for name, values in samples.items():
-            values.append(getattr(touch, name).tolist())
+    channels = ("time", "penetration", "velocity", "force")
+    touches = [palpate.prepare(path) for path in paths]
+    samples = {name: [getattr(touch, name).tolist() for touch in touches] for name in channels}
     held = identify_batch(pa.table({"source": paths, **samples}), Settings())
     for name in ("source", "stiffness", "damping", "exponent", "flags", "error"):
         assert named.column(name).to_pylist() == held.column(name).to_pylist()
@@ -177,7 +175,7 @@ def test_a_batch_is_a_pure_function_of_what_it_names(tmp_path):
     batch = tasks_table([name] * 6, ["zarr"] * 6, range(6))
     whole = identify_batch(batch, Settings())
     again = pa.concat_tables([identify_batch(batch.slice(k, 2), Settings()) for k in (0, 2, 4)])
-    assert whole.equals(again)
+    assert repr(whole.to_pylist()) == repr(again.to_pylist())  # NaN is not NaN
     assert whole.column("index").to_pylist() == list(range(6))
 
 

@@ -144,7 +144,7 @@ def _worked(
     """Yield what comes back, in whatever order; no more is out than the workers need."""
     distributed = needed("distributed", "a fleet")
     left, out = deque(waiting), {}
-    coming = distributed.as_completed()
+    coming = distributed.as_completed(loop=client.loop)
     asked, most = -math.inf, 0
     while left or out:
         if time.monotonic() - asked > _ASK_AGAIN:  # workers may come and go
