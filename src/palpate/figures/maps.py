@@ -105,7 +105,7 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) ->
             label="no number",
         )  # fmt: skip
     if found.units[0] == found.units[1] == "m":
-        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_aspect("equal", adjustable="box")
     axes.grid(False)
     beyond = _beyond(values[known], low, high)
     bar = axes.figure.colorbar(drawn, ax=axes, extend=beyond)

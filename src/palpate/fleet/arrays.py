@@ -167,7 +167,7 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
     columns |= curves.places
     columns |= _numbers(fits)
     columns |= _at_depths(curves, fits)
-    columns["samples"] = np.isfinite(curves.penetration + curves.force).sum(axis=1)
+    columns["samples"] = _samples(curves)
     columns["taken"] = fits.taken
     columns["fit"] = ["whole-curve"] * len(curves)
     columns["flags"] = _flags(fits)
@@ -182,6 +182,17 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
         for k in range(len(curves)):
             columns["findings"][k] = _findings(curves, k, settings)
     return table_of(columns, settings)
+
+
+def _samples(curves: Curves) -> NDArray[np.int64]:
+    """How many samples of each are there."""
+    whole = np.full(len(curves), curves.penetration.shape[1])
+    with np.errstate(invalid="ignore"):  # a sum is not finite where one of its terms is not
+        gaps = ~np.isfinite(curves.penetration.sum(axis=1) + curves.force.sum(axis=1))
+    for k in np.flatnonzero(gaps).tolist():
+        there = np.isfinite(curves.penetration[k]) & np.isfinite(curves.force[k])
+        whole[k] = np.count_nonzero(there)
+    return whole
 
 
 def _resolutions(penetration: Floats) -> Floats:
@@ -204,7 +215,7 @@ def _numbers(fits: CurveFits) -> dict[str, Any]:
 
 
 def _at_depths(curves: Curves, fits: CurveFits) -> dict[str, Floats]:
-    depth = working_depths(curves.penetration - fits.surface[:, None], curves.force, fits)
+    depth = working_depths(curves.penetration, curves.force, fits)
     found: dict[str, Floats] = {"depth": depth}
     laws = LawsAtDepth.of(fits, depth)
     for name in AT_DEPTH:

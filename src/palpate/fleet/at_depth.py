@@ -9,8 +9,8 @@ from palpate.preparation.suggestions import NOISE_FACTOR
 from palpate.validation import Floats
 
 Numbers = tuple[Floats, Floats]
-#: Rows that are sorted together: 128 of 1000 samples stay in a core's own memory.
-_ROWS = 128
+#: Rows that are sorted together: 32 of 1000 samples stay in a core's own memory.
+_ROWS = 32
 
 
 def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Floats:
@@ -22,7 +22,7 @@ def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Float
     Parameters
     ----------
     penetration : numpy.ndarray, shape (k, samples)
-        Below the surface, m.
+        m; counted from the surfaces of the fits here.
     force : numpy.ndarray, shape (k, samples)
         N.
     fits : CurveFits
@@ -31,7 +31,7 @@ def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Float
     found = np.full(len(penetration), np.nan)
     for start in range(0, len(penetration), _ROWS):
         some = slice(start, start + _ROWS)
-        x, f = penetration[some], force[some] - fits.offset[some, None]
+        x, f = penetration[some] - fits.surface[some, None], force[some] - fits.offset[some, None]
         touching = (x > 0.0) & (f > 0.0)
         largest = _percentile(np.where(touching, f, np.inf), touching.sum(axis=1), 0.99)
         limit = np.clip(NOISE_FACTOR * fits.noise[some], 0.01 * largest, 0.10 * largest)
