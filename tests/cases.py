@@ -112,4 +112,5 @@ def knowledge(estimator) -> tuple:
 
 def bits(trace: palpate.Trace) -> tuple[bytes, ...]:
     """A trace, to be compared bit for bit."""
-    return tuple(getattr(trace, name).tobytes() for name in trace.__dataclass_fields__)
+    columns = (getattr(trace, name) for name in trace.__dataclass_fields__)
+    return tuple(None if column is None else column.tobytes() for column in columns)

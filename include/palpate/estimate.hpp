@@ -77,11 +77,18 @@ struct Estimate {
   constexpr bool valid() const noexcept { return validity_margin > 0.0; }
 };
 
-// The part of an estimate that a trace writes down.
+// The part of an estimate that a trace writes down, and what its next prediction needs beside.
 template <class Law>
 struct Snapshot {
   Law law;
   Vector<Law::size> variances;  // of the law's parameters, SI
+  double offset = 0.0;          // N
+  double surface = 0.0;         // m
+
+  // The force that the sensor would show, N.
+  double force(double penetration, double velocity) const noexcept {
+    return law.force(penetration - surface, velocity) + offset;
+  }
 };
 
 }  // namespace palpate

@@ -17,6 +17,9 @@ namespace palpate {
 using KelvinVoigtRLS = RecursiveEstimator<RegressionMethod<KelvinVoigtRegression>>;
 using ExtendedKelvinVoigtRLS = RecursiveEstimator<RegressionMethod<ExtendedKelvinVoigtRegression>>;
 using SingleStageRLS = RecursiveEstimator<RegressionMethod<HuntCrossleyLogRegression>>;
+// For a tip whose shape is known: the exponent is the start's.
+using SingleStageKnownExponentRLS =
+    RecursiveEstimator<RegressionMethod<KnownExponentLogRegression>>;
 using DoubleStageRLS = RecursiveEstimator<DoubleStageMethod>;
 using VariableProjection = RecursiveEstimator<VariableProjectionMethod<detail::ContactSolver>>;
 // Searches for the surface too; it holds forty-one banks of sums, some 90 kB.

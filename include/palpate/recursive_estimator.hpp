@@ -91,6 +91,12 @@ class RecursiveEstimator {
     return outcome.status;
   }
 
+  // update(), where the method's answer by now is known already: it need not be worked out again.
+  template <class Known>
+  Status update_knowing(const Sample& sample, double dt, const Known& known) noexcept {
+    return step<false>(sample, dt, known).status;
+  }
+
   // Contact ends here, as where a recording breaks off or a tool is changed: what was learned is
   // held until contact is made again.
   void leave_contact() noexcept {
@@ -126,6 +132,7 @@ class RecursiveEstimator {
 
   double last_velocity() const noexcept { return velocity_; }
   const Settings& settings() const noexcept { return settings_; }
+  const Units& units() const noexcept { return units_; }
 
   // The recursion inside, for θ and P as they are, in scaled units.
   const M& method() const noexcept { return method_; }
@@ -138,8 +145,8 @@ class RecursiveEstimator {
     double predicted_force;  // N; NaN where none was asked for
   };
 
-  template <bool Predicted>
-  Outcome step(const Sample& sample, double dt) noexcept {
+  template <bool Predicted, class... Known>
+  Outcome step(const Sample& sample, double dt, const Known&... known) noexcept {
     constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
     if (!detail::finite(sample)) return {Status::not_finite, unknown};
     const bool valid_step = dt > 0.0 && std::isfinite(dt);
@@ -158,7 +165,7 @@ class RecursiveEstimator {
       }
     }
     if (valid_step && in_range) [[likely]] {
-      return take<Predicted>(sample, inner, dt);
+      return take<Predicted>(sample, inner, dt, known...);
     }
     const double predicted = Predicted ? predict(sample.penetration, sample.velocity) : unknown;
     if (!valid_step) return {Status::invalid_step, predicted};
@@ -169,8 +176,9 @@ class RecursiveEstimator {
   }
 
   // A sample in contact and in range. Nothing of the loop changes before the method has learned it.
-  template <bool Predicted>
-  Outcome take(const Sample& sample, const Sample& inner, double dt) noexcept {
+  template <bool Predicted, class... Known>
+  Outcome take(const Sample& sample, const Sample& inner, double dt,
+               const Known&... known) noexcept {
     Forgetting forgetting = forgetting_;
     if (gate_.phase() == ContactGate::Phase::contact) {
       forgetting.advance(dt);
@@ -183,7 +191,7 @@ class RecursiveEstimator {
     if constexpr (Predicted && !M::predicts_exactly) {
       predicted = predict(sample.penetration, sample.velocity);
     }
-    const typename M::Row row = method_.prepare(inner);
+    const typename M::Row row = method_.prepare(inner, known...);
     double error = 0.0;
     if ((Predicted && M::predicts_exactly) || Detector::active || settings_.perturbation.active()) {
       const double expected = method_.predict(row) * units_.force;

@@ -8,13 +8,14 @@ constexpr Pair none_forgotten{no_forgetting.initial_factor, no_forgetting.rate};
 
 using DriftFace = AllKinds<DriftTracking>;
 
-void make_drift_tracking(DriftFace* self, double noise, const Pair& exponents, bool offset,
-                         double offset_deviation, const Triple& drift,
+void make_drift_tracking(DriftFace* self, double noise, const Pair& exponents, double exponent,
+                         bool offset, double offset_deviation, const Triple& drift,
                          const std::optional<Detector>& changes,
                          const std::optional<double>& outliers, const Triple& gate,
                          const Triple& scale, double sample_time) {
   new (self) DriftFace();
-  const auto projection = projection_settings(noise, exponents, offset, offset_deviation, scale[2]);
+  const auto projection =
+      projection_settings(noise, exponents, exponent, offset, offset_deviation, scale[2]);
   construct<DriftTracking>(
       *self, {projection, {drift[0], drift[1] * scale[1], drift[2]}},
       {none_forgotten, not_perturbed, changes, outliers, gate, scale, sample_time});
@@ -25,7 +26,7 @@ void make_drift_tracking(DriftFace* self, double noise, const Pair& exponents, b
 void bind_drift_tracking(nb::module_& module) {
   bind_face<DriftFace>(module, "DriftTracking")
       .def("__init__", &make_drift_tracking, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
-           nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg());
+           nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg());
 
   const DriftTracking::Method::Settings drift;
   nb::dict tracking = projection_defaults(drift.projection, DriftTracking::Method::default_scale);

@@ -13,6 +13,8 @@ struct Start {
   Matrix<Law::size> covariance;
 };
 
+constexpr std::make_index_sequence<3> three;
+
 template <class Law, std::size_t... Index>
 Law law_of(const Vector<Law::size>& parameters, std::index_sequence<Index...>) {
   return {parameters[Index]...};
@@ -51,6 +53,66 @@ nb::object initial_variances() {
 }
 
 template <class Estimator>
+void add_defaults(nb::module_& module, const char* name) {
+  using Method = typename Estimator::Method;
+  nb::dict defaults;
+  defaults["initial"] = nb::cast(typename Method::Settings{}.initial.parameters());
+  defaults["initial_covariance"] = initial_variances<Method>();
+  module.attr("defaults")[name] = defaults;
+}
+
+// An estimator whose law has an exponent, which may be known; the start has it then.
+template <class Face, class Make>
+void bind_with_exponent(nb::module_& module, const char* name, Make make) {
+  bind_face<Face>(module, name)
+      .def(
+          "__init__",
+          [make](Face* self, const Vector<3>& initial, const Matrix<3>& initial_covariance,
+                 bool exponent_known, const Pair& forgetting, const Pair& perturbation,
+                 const std::optional<Detector>& changes, const std::optional<double>& outliers,
+                 const Triple& gate, const Triple& scale, double sample_time) {
+            new (self) Face();
+            make(*self, Start<HuntCrossley>{initial, initial_covariance}, exponent_known,
+                 Loop{forgetting, perturbation, changes, outliers, gate, scale, sample_time});
+          },
+          nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(),
+          nb::arg(), nb::arg(), nb::arg());
+}
+
+void bind_single_stage(nb::module_& module) {
+  using Free = SingleStageRLS;
+  using Known = SingleStageKnownExponentRLS;
+  using Face =
+      Handle<Free, WithChangeDetector<Free>, WithOutlierRejection<Free>,
+             WithOutlierRejection<WithChangeDetector<Free>>, Known, WithChangeDetector<Known>,
+             WithOutlierRejection<Known>, WithOutlierRejection<WithChangeDetector<Known>>>;
+  bind_with_exponent<Face>(
+      module, "SingleStageRLS",
+      [](Face& face, const Start<HuntCrossley>& start, bool exponent_known, const Loop& loop) {
+        if (!exponent_known) {
+          construct<Free>(face, method_settings<Free::Method>(start), loop);
+          return;
+        }
+        const auto& p = start.covariance;  // of [ln K, B/K] it is the first two
+        const HuntCrossley initial = law_of<HuntCrossley>(start.parameters, three);
+        construct<Known>(face, {initial, {{{p[0][0], p[0][1]}, {p[1][0], p[1][1]}}}}, loop);
+      });
+  add_defaults<Free>(module, "SingleStageRLS");
+}
+
+void bind_double_stage(nb::module_& module) {
+  using Face = AllKinds<DoubleStageRLS>;
+  bind_with_exponent<Face>(
+      module, "DoubleStageRLS",
+      [](Face& face, const Start<HuntCrossley>& start, bool exponent_known, const Loop& loop) {
+        DoubleStageMethod::Settings settings = method_settings<DoubleStageMethod>(start);
+        settings.exponent_known = exponent_known;
+        construct<DoubleStageRLS>(face, settings, loop);
+      });
+  add_defaults<DoubleStageRLS>(module, "DoubleStageRLS");
+}
+
+template <class Estimator>
 void bind_estimator(nb::module_& module, const char* name) {
   using Method = typename Estimator::Method;
   using Law = typename Method::Law;
@@ -70,10 +132,7 @@ void bind_estimator(nb::module_& module, const char* name) {
           },
           nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(),
           nb::arg(), nb::arg());
-  nb::dict defaults;
-  defaults["initial"] = nb::cast(typename Method::Settings{}.initial.parameters());
-  defaults["initial_covariance"] = initial_variances<Method>();
-  module.attr("defaults")[name] = defaults;
+  add_defaults<Estimator>(module, name);
 }
 
 void bind_shared_defaults(nb::module_& module) {
@@ -104,8 +163,8 @@ void bind_estimators(nb::module_& module) {
   bind_shared_defaults(module);
   bind_estimator<KelvinVoigtRLS>(module, "KelvinVoigtRLS");
   bind_estimator<ExtendedKelvinVoigtRLS>(module, "ExtendedKelvinVoigtRLS");
-  bind_estimator<SingleStageRLS>(module, "SingleStageRLS");
-  bind_estimator<DoubleStageRLS>(module, "DoubleStageRLS");
+  bind_single_stage(module);
+  bind_double_stage(module);
 }
 
 }  // namespace palpate::bindings

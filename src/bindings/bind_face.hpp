@@ -85,13 +85,18 @@ void replay_arrays(Handle& handle, const InputArray& penetration, const InputArr
                    const InputArray& force, const std::optional<InputArray>& time_steps,
                    const OutputArray& parameters, const OutputArray& standard_errors,
                    const OutputArray& predicted_force, const OutputArray& validity_margin,
-                   const StatusArray& status) {
+                   const StatusArray& status, const std::optional<RowArray>& samples) {
   const Signals in{penetration.data(), velocity.data(),
                    force.data(),       time_steps ? time_steps->data() : nullptr,
                    penetration.size(), time_steps && time_steps->size() == 1};
   const TraceColumns out{parameters.data(), standard_errors.data(), predicted_force.data(),
                          validity_margin.data(), status.data()};
-  handle.replay_with([&](auto& estimator) { replay(estimator, in, out); });
+  if (samples) {
+    const TraceRows rows{samples->data(), samples->size()};
+    handle.replay_with([&](auto& estimator) { replay(estimator, in, out, rows); });
+  } else {
+    handle.replay_with([&](auto& estimator) { replay(estimator, in, out); });
+  }
 }
 
 // Binds a method of no arguments that answers from the estimator, or changes it.

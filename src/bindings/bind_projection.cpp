@@ -12,13 +12,14 @@ using ProjectionFace = Handle<Plain, WithChangeDetector<Plain>, WithOutlierRejec
                               WithChangeDetector<Searching>, WithOutlierRejection<Searching>,
                               WithOutlierRejection<WithChangeDetector<Searching>>>;
 
-void make_projection(ProjectionFace* self, double noise, const Pair& exponents, bool offset,
-                     double offset_deviation, const std::optional<Pair>& surfaces,
+void make_projection(ProjectionFace* self, double noise, const Pair& exponents, double exponent,
+                     bool offset, double offset_deviation, const std::optional<Pair>& surfaces,
                      double surface_deviation, const Pair& forgetting,
                      const std::optional<Detector>& changes, const std::optional<double>& outliers,
                      const Triple& gate, const Triple& scale, double sample_time) {
   new (self) ProjectionFace();
-  auto projection = projection_settings(noise, exponents, offset, offset_deviation, scale[2]);
+  auto projection =
+      projection_settings(noise, exponents, exponent, offset, offset_deviation, scale[2]);
   projection.surface_deviation = surface_deviation / scale[0];
   const Loop loop{forgetting, not_perturbed, changes, outliers, gate, scale, sample_time};
   if (surfaces) {
@@ -33,7 +34,7 @@ void make_projection(ProjectionFace* self, double noise, const Pair& exponents, 
 
 void bind_projection(nb::module_& module) {
   bind_face<ProjectionFace>(module, "VariableProjection")
-      .def("__init__", &make_projection, nb::arg(), nb::arg(), nb::arg(), nb::arg(),
+      .def("__init__", &make_projection, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
            nb::arg().none(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(),
            nb::arg(), nb::arg());
 

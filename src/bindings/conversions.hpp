@@ -15,6 +15,7 @@ namespace nb = nanobind;
 using InputArray = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using OutputArray = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
 using StatusArray = nb::ndarray<std::uint8_t, nb::c_contig, nb::device::cpu>;
+using RowArray = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using LabelArray = nb::ndarray<std::int64_t, nb::c_contig, nb::device::cpu>;
 
 inline nb::object copied_array(const double* data, std::initializer_list<std::size_t> shape) {

@@ -5,11 +5,14 @@
 
 namespace palpate::bindings {
 
-inline ProjectionSettings projection_settings(double noise, const Pair& exponents, bool offset,
-                                              double offset_deviation, double force_unit) {
+// `exponent` is 0 where it is looked for, within `exponents`.
+inline ProjectionSettings projection_settings(double noise, const Pair& exponents, double exponent,
+                                              bool offset, double offset_deviation,
+                                              double force_unit) {
   return {.noise = noise / force_unit,
           .lowest_exponent = exponents[0],
           .highest_exponent = exponents[1],
+          .exponent = exponent,
           .offset = offset,
           .offset_deviation = offset_deviation / force_unit};
 }

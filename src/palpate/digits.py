@@ -39,6 +39,23 @@ def with_error(value: float, *errors: float, unit: str = "") -> str:
     return f"{words} {unit}".rstrip()
 
 
+def parameter(value: float, error: float, *, unit: str = "", fixed: bool = False) -> str:
+    """Write a law's parameter as :func:`with_error`; of one that was given, ``1.5 (fixed)``.
+
+    Parameters
+    ----------
+    value, error : float
+        A number and its standard error.
+    unit : str
+        Written behind, if any.
+    fixed : bool
+        Whether it was given, and not identified.
+    """
+    if fixed and math.isfinite(value):
+        return f"{rounded(value, 6)} {unit}".rstrip() + " (fixed)"
+    return with_error(value, error, unit=unit)
+
+
 def interval(value: float, error: float, factor: float = 1.96) -> str:
     """Write value ± factor · error as an interval with the digits of the error: ``2500 to 6000``.
 

@@ -36,7 +36,8 @@ def joint_covariance(contact: Contact, trace: Trace, estimator: ContactEstimator
 
 def _widths(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floats:
     """How much wider a correlated residual makes the method's own standard errors."""
-    law = estimator.estimate().law
+    estimate = estimator.estimate()
+    law = estimate.law
     if estimator.minimises is None:
         return np.ones(len(law.parameters))
     taken = np.flatnonzero(trace.taken)
@@ -49,11 +50,18 @@ def _widths(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floa
         contact.velocity[taken],
         contact.force[taken],
         logarithmic=estimator.minimises == "logarithm",
+        fixed=estimate.fixed,
     )
 
 
 def widening(
-    law: ForceLaw, penetration: Floats, velocity: Floats, force: Floats, *, logarithmic: bool
+    law: ForceLaw,
+    penetration: Floats,
+    velocity: Floats,
+    force: Floats,
+    *,
+    logarithmic: bool,
+    fixed: tuple[str, ...] = (),
 ) -> Floats:
     """Factors ≥ 1 on the standard errors of a law's parameters, shape (p,).
 
@@ -69,9 +77,12 @@ def widening(
         The samples that it took, SI.
     logarithmic : bool
         Whether it minimises the residual of ln F rather than of F.
+    fixed : tuple of str
+        The law's parameters that were not identified; the factors of these are 1.
     """
     none = np.ones(len(law.parameters))
-    slopes = law.parameter_gradient(penetration, velocity)
+    own = np.array([name not in fixed for name in law.names()])
+    slopes = law.parameter_gradient(penetration, velocity)[:, own]
     model = law.force(penetration, velocity)
     if logarithmic:
         usable = (model > 0.0) & (force > 0.0)
@@ -93,4 +104,5 @@ def widening(
     influence: Floats = np.ascontiguousarray(inverse * unit).reshape(-1)
     found: Floats = np.asarray(correlated_variances(scores, residual / noise, influence))
     factors: Floats = np.sqrt(np.maximum(found * noise**2 / white, 1.0))
-    return np.where(np.isfinite(factors), factors, 1.0)
+    none[own] = np.where(np.isfinite(factors), factors, 1.0)
+    return none

@@ -54,6 +54,9 @@ class Estimate:
         Covariance of the law's parameters and, last, the offset.
     flags : tuple of str
         What is not identifiable from this motion, and what motion would help.
+    fixed : tuple of str
+        Names of the law's parameters that were given, such as a known exponent; the others were
+        identified with them, and the standard errors of these are 0.
     valid : bool
         Condition 10, |v| < 0.1 K/B, at the last sample taken. Always true for laws without a
         logarithm.
@@ -71,11 +74,14 @@ class Estimate:
         Samples left out as outliers.
     """
 
-    __slots__ = ("_law_type", "_value")
+    __slots__ = ("_fixed", "_law_type", "_value")
 
-    def __init__(self, value: EstimateValue, law_type: type[ForceLaw]) -> None:
+    def __init__(
+        self, value: EstimateValue, law_type: type[ForceLaw], fixed: tuple[str, ...] = ()
+    ) -> None:
         self._value = value
         self._law_type = law_type
+        self._fixed = fixed
 
     @classmethod
     def from_law(
@@ -86,6 +92,7 @@ class Estimate:
         status: Status,
         samples: int,
         validity_margin: float = 1.0,
+        fixed: tuple[str, ...] = (),
     ) -> "Estimate":
         """Return the estimate of a method of one's own.
 
@@ -101,6 +108,8 @@ class Estimate:
             Samples taken.
         validity_margin : float
             Condition 10, where it concerns the law.
+        fixed : tuple of str
+            The law's parameters that were given.
 
         Raises
         ------
@@ -112,7 +121,7 @@ class Estimate:
             value = EstimateValue(law.parameters, matrix, status, samples, validity_margin)
         except ValueError as error:
             raise InvalidParameterError(f"{type(law).__name__}: {error}") from None
-        return cls(value, type(law))
+        return cls(value, type(law), fixed)
 
     @property
     def law(self) -> Any:  # of the estimator's law_type
@@ -186,6 +195,11 @@ class Estimate:
         """What is not identifiable from this motion, and what motion would help."""
         bits = self._value.flags
         return tuple(words for bit, words in ADVICE.items() if bits & bit)
+
+    @property
+    def fixed(self) -> tuple[str, ...]:
+        """The law's parameters that were given, and not identified."""
+        return self._fixed
 
     @property
     def valid(self) -> bool:

@@ -1,14 +1,12 @@
 """What a reader should know before trusting the numbers of an identification."""
 
-import math
-
 import numpy as np
 
 from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis.left_out import count_of_outliers
 from palpate.estimators import ContactEstimator
-from palpate.metrics import prediction_rmse_percent, violated_fraction
+from palpate.metrics import has_prediction_error, violated_fraction
 from palpate.refusals import not_finite
 from palpate.trace import Trace
 
@@ -23,7 +21,7 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
         flags.append("negative damping: this law gives energy back, which no passive material does")
     if estimator.needs_condition_10 and violated > 0.0:
         flags.append(f"condition 10 violated in {violated:.1%} of the contact")
-    if math.isnan(prediction_rmse_percent(trace, contact.force, contact.time_steps)):
+    if not has_prediction_error(trace, contact.force, contact.time_steps):
         flags.append("less than 0.2 s of contact: no prediction error")
     if estimate.guarded:
         flags.append(f"covariance guard acted on {estimate.guarded} samples")

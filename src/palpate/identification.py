@@ -50,7 +50,7 @@ from palpate.replaying import choices, estimator_of, replayed
 from palpate.results.presentation import Presented
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.tips import Tip
-from palpate.trace import Trace
+from palpate.trace import Trace, Traced, checked_trace
 from palpate.validation import Floats, number_in, positive
 
 _LOGGER = logging.getLogger(__name__)
@@ -69,7 +69,7 @@ class Identification(Presented):
     estimator : ContactEstimator
         As it stood after the last sample; it can go on.
     trace : Trace
-        Every sample, on the contact's clock.
+        Every sample, on the contact's clock; thinned where :func:`palpate.identify` was asked so.
     flags : tuple of str
         What a reader should know before trusting the numbers.
     data : Data, optional
@@ -86,6 +86,8 @@ class Identification(Presented):
         The settings that were left open, and chosen from the data.
     wanted : Wanted
         The impact and the tip that derived numbers are for, by :meth:`wanting`.
+    traced : "full", False or float
+        How much of a trace was asked for; of its stretches and places too.
     """
 
     contact: Contact
@@ -99,9 +101,16 @@ class Identification(Presented):
     place: Place | None = field(default=None, repr=False)
     chosen: tuple[str, ...] = ()
     wanted: Wanted = field(default_factory=Wanted)
+    traced: Traced = "full"
 
     @classmethod
-    def of(cls, data: Data, estimator: ContactEstimator | str | None = None) -> "Identification":
+    def of(
+        cls,
+        data: Data,
+        estimator: ContactEstimator | str | None = None,
+        *,
+        trace: Traced = "full",
+    ) -> "Identification":
         """Identify a contact that is prepared; :func:`palpate.identify` says the rest.
 
         Parameters
@@ -110,22 +119,35 @@ class Identification(Presented):
             The contact with the checks of its channels.
         estimator : ContactEstimator or str, optional
             Method and settings; variable projection unless given.
+        trace : "full", False or float
+            Whether the estimate is written down after every sample, never, or every so many s.
         """
-        contact, given = data.contact, estimator_of(estimator)
+        contact, given, traced = data.contact, estimator_of(estimator), checked_trace(trace)
         chosen = choices(contact, given)
         fresh = given.replace(**chosen)
         known = ", ".join(f"{name}={value}" for name, value in chosen.items() if value is not None)
         _LOGGER.info("%s: chosen from the data: %s", fresh.method, known or "nothing")
-        trace = replayed(contact, fresh)
-        flags = tuple(flags_of(contact, trace, fresh))
-        taken = np.count_nonzero(trace.taken)
+        written = replayed(contact, fresh, traced)
+        flags = tuple(flags_of(contact, written, fresh))
+        taken = np.count_nonzero(written.taken)
         _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
-        result = cls(contact, fresh, trace, flags, data, chosen=tuple(chosen))
-        if not (trace.taken & ~(contact.force <= 0.0)).any():
+        result = cls(contact, fresh, written, flags, data, chosen=tuple(chosen), traced=traced)
+        if not (written.taken & ~(contact.force <= 0.0)).any():
             raise RecordingError(why_nothing(data, result.gate))
         if fresh.settings.get("surface") == "estimate":
-            check_approach(contact, trace, result.estimate.surface)
+            check_approach(contact, written, result.estimate.surface)
         return result
+
+    @cached_property
+    def full_trace(self) -> Trace:
+        """The estimate after every sample: :attr:`trace`, or where that is thinned one more replay.
+
+        Figures, and metrics that need it, ask for it; the replay is made when that is first done,
+        and comes to the same numbers.
+        """
+        if self.trace.full:
+            return self.trace
+        return replayed(self.contact, self.estimator.replace())
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -274,7 +296,7 @@ class Identification(Presented):
         found = []
         for place, contact in watch(list(at_places(self.contact))):
             with suppress(RecordingError):
-                part = Identification.of(Data(contact), self._fresh())
+                part = Identification.of(Data(contact), self._fresh(), trace=self.traced)
                 found.append(replace(part, place=place, wanted=self.wanted))
         return replace(self, stretches=tuple(found))
 
@@ -287,7 +309,7 @@ class Identification(Presented):
         smear = window_samples(self.contact.sample_time) * self.contact.sample_time
         with suppress(RecordingError):
             part = self.contact.window(episode.start + smear, episode.stop - smear)
-            found = Identification.of(Data(part), self.estimator.replace())
+            found = Identification.of(Data(part), self.estimator.replace(), trace=self.traced)
             there = self.diagnosis.working_depth
             return replace(found.at_depth(there.depth), wanted=self.wanted)
         return None
@@ -298,7 +320,7 @@ class Identification(Presented):
         if settings.get("change_detector", self) is not None:
             return self.trace
         watched = self.estimator.replace(change_detector=ChangeDetector())
-        return replayed(self.contact, watched)
+        return replayed(self.contact, watched, self.traced)
 
     @property
     def method(self) -> str:
@@ -316,8 +338,16 @@ class Identification(Presented):
         return self.estimate.law
 
     @property
+    def fixed(self) -> tuple[str, ...]:
+        """The law's parameters that were given, such as a known exponent, and not identified."""
+        return self.estimate.fixed
+
+    @property
     def standard_errors(self) -> Floats:
-        """Standard errors of the law's parameters, SI: square roots of the variances."""
+        """Standard errors of the law's parameters, SI: square roots of the variances.
+
+        0 of a parameter that is :attr:`fixed`.
+        """
         errors: Floats = np.sqrt(np.diag(self.covariance))
         return errors
 
@@ -353,7 +383,8 @@ class Identification(Presented):
     @property
     def prediction_rmse_percent(self) -> float:
         """RMSE% of the a-priori force after 0.2 s of contact."""
-        return prediction_rmse_percent(self.trace, self.contact.force, self.contact.time_steps)
+        trace = self.trace if self.trace.predicts_everywhere else self.full_trace
+        return prediction_rmse_percent(trace, self.contact.force, self.contact.time_steps)
 
     @property
     def fit_rmse_percent(self) -> float:
@@ -385,7 +416,9 @@ class Identification(Presented):
     @property
     def violated_fraction(self) -> float:
         """Fraction of contact without condition 10; NaN for laws that it does not concern."""
-        return violated_fraction(self.trace) if self.law.has_condition_10 else math.nan
+        if not self.law.has_condition_10:
+            return math.nan
+        return violated_fraction(self.trace if self.trace.predicts_everywhere else self.full_trace)
 
     @property
     def changes(self) -> Floats:

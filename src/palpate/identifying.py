@@ -10,10 +10,14 @@ from palpate.identification import Identification
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate
 from palpate.settings import ContactGate
+from palpate.trace import Traced, checked_trace
 
 
 def identify(
-    source: "Contact | Recorded", estimator: ContactEstimator | str | None = None
+    source: "Contact | Recorded",
+    estimator: ContactEstimator | str | None = None,
+    *,
+    trace: Traced = "full",
 ) -> Identification:
     """Identify the contact model of a whole contact.
 
@@ -30,6 +34,12 @@ def identify(
         variable projection chooses its samples itself, and knows what a tare left of the offset by
         the contact's ``tare_deviation``. Outliers are left out by :class:`OutlierRejection` unless
         ``outlier_rejection`` is False.
+    trace : "full", False or float
+        What :attr:`Identification.trace` holds of the estimates along the way: one after every
+        sample, none, or one every so many seconds, in [1e-9, 1e9]. An estimate of variable
+        projection costs several samples, so without them a long recording goes several times as
+        quickly. Which samples were taken, the result and its diagnosis are the same bits; what
+        needs every estimate, as a figure does, replays the contact when it is asked for.
 
     Raises
     ------
@@ -38,10 +48,11 @@ def identify(
         search for the surface has no free approach: fewer than 20 samples lie above the surface
         that it found.
     InvalidParameterError
-        The source is none of these, or there is no such estimator.
+        The source is none of these, there is no such estimator, or ``trace`` is none of these.
     """
+    traced = checked_trace(trace)  # before a recording is read
     contact = source if isinstance(source, Contact) else prepare(source)
-    return Identification.of(Data(contact), estimator)
+    return Identification.of(Data(contact), estimator, trace=traced)
 
 
 def diagnose(
@@ -61,7 +72,7 @@ def diagnose(
     depth : float, optional
         The working depth, m; the median penetration of the samples taken unless given.
     """
-    result = identify(source, estimator)
+    result = identify(source, estimator, trace=False)
     return (result if depth is None else result.at_depth(depth)).diagnosis
 
 
@@ -70,6 +81,8 @@ def compare(
     *,
     gate: ContactGate | None = None,
     outlier_rejection: Rejection = None,
+    exponent: float | None = None,
+    trace: Traced = "full",
     watch: Callable[[Sequence[str]], Iterable[str]] = iter,
 ) -> dict[str, Identification]:
     """Identify a contact with every method.
@@ -83,6 +96,11 @@ def compare(
         same for all but variable projection, which chooses its samples itself.
     outlier_rejection : OutlierRejection or False, optional
         How outliers are left out; False takes them all.
+    exponent : float, optional
+        Where the shape of the tip tells it, such as 1.5 for a sphere: kept by every method whose
+        law has one.
+    trace : "full", False or float
+        As for :func:`identify`.
     watch : callable
         Goes through the methods' names, such as with a progress bar.
 
@@ -91,6 +109,7 @@ def compare(
     dict
         An :class:`Identification` for each name in ``ESTIMATORS``.
     """
+    traced = checked_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)
     chosen = choose_gate(contact) if gate is None else gate
     data = Data(contact)  # checked once for all methods
@@ -98,10 +117,10 @@ def compare(
     for name in watch(list(ESTIMATORS)):
         kind = ESTIMATORS[name]
         estimator = kind()
-        shared: dict[str, object] = {"outlier_rejection": outlier_rejection}
+        shared: dict[str, object] = {"outlier_rejection": outlier_rejection, "exponent": exponent}
         if gate is not None or not kind.chooses_samples:
             shared["gate"] = chosen
         own = {setting: value for setting, value in shared.items() if setting in estimator.settings}
         estimator = estimator.replace(**own)
-        results[name] = Identification.of(data, estimator)
+        results[name] = Identification.of(data, estimator, trace=traced)
     return results

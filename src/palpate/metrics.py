@@ -1,7 +1,7 @@
 """Figures of merit, as the paper takes them."""
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from palpate.trace import Trace
 from palpate.validation import Floats, signals
@@ -21,15 +21,32 @@ def rmse_percent(measured: "ArrayLike", predicted: "ArrayLike") -> float:
 def prediction_rmse_percent(trace: Trace, force: Floats, time_steps: Floats) -> float:
     """RMSE% of the a-priori force over the samples taken after the first 0.2 s of contact.
 
-    NaN where there was less contact than that.
+    NaN where there was less contact than that, or a thinned trace does not know each prediction.
     """
-    taken = trace.taken
-    elapsed = np.cumsum(np.where(taken, time_steps, 0.0))
-    late = taken & (elapsed > START_UP)
+    late = _late(trace, time_steps)
     return rmse_percent(force[late], trace.predicted_force[late])
 
 
-def violated_fraction(trace: Trace) -> float:
-    """Share of the samples taken at which condition 10 did not hold; NaN without samples."""
+def has_prediction_error(trace: Trace, force: Floats, time_steps: Floats) -> bool:
+    """Whether there is enough contact, and force, for :func:`prediction_rmse_percent`."""
+    late = force[_late(trace, time_steps)]
+    return float(np.dot(late, late)) > 0.0
+
+
+def _late(trace: Trace, time_steps: Floats) -> NDArray[np.bool_]:
+    """The samples taken after the first 0.2 s of contact."""
     taken = trace.taken
-    return float(np.mean(~trace.validity[taken])) if taken.any() else float("nan")
+    elapsed = np.cumsum(np.where(taken, time_steps, 0.0))
+    late: NDArray[np.bool_] = taken & (elapsed > START_UP)
+    return late
+
+
+def violated_fraction(trace: Trace) -> float:
+    """Share of the samples taken at which condition 10 did not hold.
+
+    NaN without samples, or where a thinned trace does not know it of each.
+    """
+    margin = trace.validity_margin[trace.taken]
+    if not margin.size or np.isnan(margin).any():
+        return float("nan")
+    return float(np.mean(~(margin > 0.0)))

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
 from palpate.estimate import Estimate
@@ -19,7 +21,7 @@ from palpate.preparation.resolution import suggest_surface_deviation
 from palpate.preparation.suggestions import choose_gate, suggest_scale
 from palpate.settings import OutlierRejection
 from palpate.stages import timed
-from palpate.trace import Trace
+from palpate.trace import Trace, Traced, thinned
 from palpate.validation import shown
 
 _LOGGER = logging.getLogger(__name__)
@@ -68,29 +70,33 @@ def estimator_of(given: ContactEstimator | str | None) -> ContactEstimator:
 
 def with_surface_off(contact: Contact, estimator: ContactEstimator, deviation: float) -> Estimate:
     """What an estimator makes of a contact whose surface lies deeper, by a deviation in m."""
-    replayed(replace(contact, penetration=contact.penetration - deviation), estimator)
+    replayed(replace(contact, penetration=contact.penetration - deviation), estimator, trace=False)
     return estimator.estimate()
 
 
 @timed("replay")
-def replayed(contact: Contact, estimator: ContactEstimator) -> Trace:
+def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced = "full") -> Trace:
     """Replay a contact, a segment at a time; the estimator has then learned all of it.
 
-    The trace has the contact's clock.
+    The trace has the contact's clock, thinned where that is asked for: then by the segment.
     """
     _LOGGER.debug("settings: %s", _in_words(estimator))
     steps = contact.time_steps
-    traces = []
+    traces, clocks = [], []
     for part in contact.segments():
         estimator.leave_contact()
-        traces.append(
-            estimator.replay(
-                contact.penetration[part], contact.velocity[part], contact.force[part], steps[part]
-            )
-        )
-    size = len(estimator.law_type.symbols)
-    trace = traces[0] if len(traces) == 1 else Trace.joined(traces, size)
-    return replace(trace, time=contact.time)
+        channels = contact.penetration[part], contact.velocity[part], contact.force[part]
+        time = contact.time[part]
+        at = thinned(trace, time)
+        if at is None:
+            traces.append(estimator.replay(*channels, steps[part]))
+        else:
+            traces.append(estimator.replay(*channels, steps[part], at=at))
+        clocks.append(time if at is None else time[at])
+    if len(traces) == 1:
+        return replace(traces[0], time=clocks[0])
+    whole = Trace.joined(traces, len(estimator.law_type.symbols))
+    return replace(whole, time=np.concatenate([contact.time[:0], *clocks]))
 
 
 def _in_words(estimator: ContactEstimator) -> str:

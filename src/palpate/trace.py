@@ -2,31 +2,44 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate._core import Status
+from palpate.errors import InvalidParameterError
+from palpate.validation import Floats, number_in, shown
+
+#: How much of a trace is asked for: the estimate after every sample, never, or every so many s.
+Traced: TypeAlias = Literal[False, "full"] | float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
     """Every sample of a replay: what was predicted, what was done with it, what was known after.
 
+    A full trace has the estimate after each of k samples, a thinned one after m of them, down to
+    none; what was done with a sample is known of each.
+
     Attributes
     ----------
-    parameters : numpy.ndarray, shape (k, p)
-        The law's parameters after each sample, SI, in the law's order.
-    standard_errors : numpy.ndarray, shape (k, p)
+    parameters : numpy.ndarray, shape (m, p)
+        The law's parameters, SI, in the law's order.
+    standard_errors : numpy.ndarray, shape (m, p)
         Their standard errors.
     predicted_force : numpy.ndarray, shape (k,)
-        N, a priori: from the estimate before the sample. NaN where a sample is not finite.
+        N, a priori: from the estimate before the sample. NaN where a sample is not finite, and
+        between the estimates of a thinned trace by a method to which it costs one of them.
     validity_margin : numpy.ndarray, shape (k,)
-        Condition 10 as 1 − |v B/K| / 0.1, with the estimates in place of the truth.
+        Condition 10 as 1 − |v B/K| / 0.1, with the estimates in place of the truth. NaN between the
+        estimates of a thinned trace where the predicted force is.
     status : numpy.ndarray of uint8, shape (k,)
         A :class:`Status` each.
-    time : numpy.ndarray, shape (k,)
-        s, of :func:`palpate.identify`; empty where a replay was given no clock.
+    time : numpy.ndarray, shape (m,)
+        Of the estimates, s, by :func:`palpate.identify`; empty where a replay was given no clock.
+    samples : numpy.ndarray of int, shape (m,), optional
+        The samples after which the estimates were known. None: a full trace, after every one.
     """
 
     parameters: NDArray[np.float64]
@@ -35,21 +48,24 @@ class Trace:
     validity_margin: NDArray[np.float64]
     status: NDArray[np.uint8]
     time: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    samples: NDArray[np.int64] | None = None
 
     @classmethod
-    def empty(cls, samples: int, size: int) -> "Trace":
-        """Room for ``samples`` samples of a law with ``size`` parameters."""
+    def empty(cls, samples: int, size: int, at: NDArray[np.int64] | None = None) -> "Trace":
+        """Room for ``samples`` samples of a law with ``size`` parameters, estimates ``at`` some."""
         # One block: the fewer new pages, the faster a replay.
-        block = np.empty(samples * (2 * size + 2))
+        rows = samples if at is None else len(at)
+        block = np.empty(2 * rows * size + 2 * samples)
         parameters, errors, predicted, margin = np.split(
-            block, np.cumsum([samples * size, samples * size, samples])
+            block, np.cumsum([rows * size, rows * size, samples])
         )
         return cls(
-            parameters.reshape(samples, size),
-            errors.reshape(samples, size),
+            parameters.reshape(rows, size),
+            errors.reshape(rows, size),
             predicted,
             margin,
             np.empty(samples, dtype=np.uint8),
+            samples=at,
         )
 
     @classmethod
@@ -57,26 +73,74 @@ class Trace:
         """Return traces one behind the other, as one."""
         if not traces:
             return cls.empty(0, size)
-        return cls(
-            *(
-                np.concatenate([getattr(trace, name) for trace in traces])
-                for name in cls.__dataclass_fields__
+        parts = {
+            name: np.concatenate([getattr(trace, name) for trace in traces])
+            for name in cls.__dataclass_fields__
+            if name != "samples"
+        }
+        if not all(trace.full for trace in traces):
+            before = np.cumsum([0, *map(len, traces)]).tolist()
+            parts["samples"] = np.concatenate(
+                [trace.after + first for trace, first in zip(traces, before, strict=False)]
             )
-        )
+        return cls(**parts)
 
     def __len__(self) -> int:
         return len(self.status)
 
     def __getitem__(self, window: slice) -> "Trace":
-        """Part of the trace, sharing its memory."""
+        """Part of the trace, sharing its memory where it is full."""
+        rows, samples = self._rows(window)
         return Trace(
-            self.parameters[window],
-            self.standard_errors[window],
+            self.parameters[rows],
+            self.standard_errors[rows],
             self.predicted_force[window],
             self.validity_margin[window],
             self.status[window],
-            self.time[window],
+            self.time[rows] if len(self.time) else self.time,
+            samples,
         )
+
+    def _rows(self, window: slice) -> tuple[Any, NDArray[np.int64] | None]:
+        """Which estimates are in a part of the samples, and after which of that part's samples."""
+        if self.samples is None:
+            return window, None
+        place = np.full(len(self), -1, dtype=np.int64)
+        kept = place[window]
+        kept[:] = np.arange(len(kept))  # a view
+        there = place[self.samples]
+        rows = np.flatnonzero(there >= 0)
+        rows = rows[np.argsort(there[rows])]
+        return rows, there[rows]
+
+    @property
+    def full(self) -> bool:
+        """Whether the estimate is there after every sample."""
+        return self.samples is None
+
+    @property
+    def after(self) -> NDArray[np.int64]:
+        """The samples after which the estimates were known; shape (m,)."""
+        return np.arange(len(self)) if self.samples is None else self.samples
+
+    def everywhere(self, values: Floats) -> Floats:
+        """Numbers of the estimates in a row for each sample, NaN where there is no estimate.
+
+        Parameters
+        ----------
+        values : numpy.ndarray, shape (m,) or (m, p)
+            Such as :attr:`parameters`.
+        """
+        if self.samples is None:
+            return values
+        spread = np.full((len(self), *values.shape[1:]), np.nan)
+        spread[self.samples] = values
+        return spread
+
+    @property
+    def predicts_everywhere(self) -> bool:
+        """Whether the a-priori force of every sample that was taken is known."""
+        return self.full or not np.isnan(self.predicted_force[self.taken]).any()
 
     @property
     def validity(self) -> NDArray[np.bool_]:
@@ -96,3 +160,37 @@ class Trace:
         """Which samples were left out as outliers; shape (k,)."""
         rejected: NDArray[np.bool_] = self.status == Status.REJECTED
         return rejected
+
+
+def checked_trace(trace: Any) -> Traced:
+    """How much of a trace was asked for.
+
+    Raises
+    ------
+    InvalidParameterError
+        It is none of False, "full" and a time in [1e-9, 1e9] s.
+    """
+    if trace is False:
+        return False
+    if isinstance(trace, str) and trace == "full":
+        return "full"
+    if trace is True or isinstance(trace, str):
+        raise InvalidParameterError(
+            f"trace must be 'full', False or a time between estimates, s, not {shown(trace)}"
+        )
+    return number_in("trace", trace, 1e-9, 1e9)
+
+
+def thinned(trace: Traced, time: Floats) -> NDArray[np.int64] | None:
+    """After which samples of a segment a trace has the estimate; None: after each.
+
+    The first sample of each interval of ``trace`` seconds, and the last sample.
+    """
+    if trace == "full":
+        return None
+    if trace is False or not len(time):
+        return np.empty(0, dtype=np.int64)
+    interval = np.floor((time - time[0]) / float(trace))
+    first = np.flatnonzero(np.diff(interval, prepend=-1.0) > 0.0)
+    after = np.union1d(first, [len(time) - 1]).astype(np.int64)
+    return None if len(after) == len(time) else after

@@ -32,6 +32,8 @@ class DoubleStageMethod {
     // Of [K, B], in scaled units. In SI φ² is near 1e-4: a smaller one would hold K at the start.
     Matrix<2> stage_one_covariance = diagonal<2>({1e8, 1e8});
     double stage_two_covariance = 1e3;  // of n
+    // The start's is the truth, such as of a tip whose shape is known: no stage 2.
+    bool exponent_known = false;
 
     bool operator==(const Settings&) const = default;
   };
@@ -80,6 +82,7 @@ class DoubleStageMethod {
         stage_one_.update(row.regressor, row.force, forgetting_factor, perturbation);
     if (!taken(status)) return status;
 
+    if (settings_.exponent_known) return status;
     const Vector<2>& stiffness = stage_one_.parameters();
     const double rate = stiffness[0] + stiffness[1] * row.velocity;
     if (!(rate > 0.0)) return status;
@@ -113,15 +116,16 @@ class DoubleStageMethod {
   // but for the unit of K, which depends on n.
   Fit<Law> fit(const Units& u) const noexcept {
     const Law now = law(u);
-    return {now, detail::congruence(jacobian(now, u),
-                                    of_stages(stage_one_.scaled_root(), stage_two_.scaled_root()))};
+    return {now,
+            detail::congruence(jacobian(now, u), of_stages(stage_one_.scaled_root(),
+                                                           of_exponent(stage_two_.scaled_root())))};
   }
 
   Snapshot<Law> snapshot(const Units& u) const noexcept {
     const Law now = law(u);
     return {now, detail::congruent_diagonal(
-                     jacobian(now, u),
-                     of_stages(stage_one_.scaled_covariance(), stage_two_.scaled_covariance()))};
+                     jacobian(now, u), of_stages(stage_one_.scaled_covariance(),
+                                                 of_exponent(stage_two_.scaled_covariance())))};
   }
 
  private:
@@ -141,6 +145,10 @@ class DoubleStageMethod {
              {0.0, 0.0, 1.0}}};
   }
 
+  Matrix<1> of_exponent(const Matrix<1>& two) const noexcept {
+    return settings_.exponent_known ? Matrix<1>{} : two;
+  }
+
   static Matrix<3> of_stages(const Matrix<2>& one, const Matrix<1>& two) noexcept {
     return {{{one[0][0], one[0][1], 0.0}, {one[1][0], one[1][1], 0.0}, {0.0, 0.0, two[0][0]}}};
   }
@@ -152,6 +160,11 @@ class DoubleStageMethod {
 
 constexpr const char* validate(const DoubleStageMethod::Settings& settings) noexcept {
   if (const char* fault = detail::validate_initial(settings.initial)) return fault;
+  if (settings.exponent_known) {
+    if (const char* fault = detail::validate_known_exponent(settings.initial.exponent)) {
+      return fault;
+    }
+  }
   if (const char* fault = detail::validate_covariance(settings.stage_one_covariance)) return fault;
   return detail::validate_covariance(Matrix<1>{{{settings.stage_two_covariance}}});
 }

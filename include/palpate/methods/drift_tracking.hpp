@@ -38,7 +38,7 @@ class DriftTrackingMethod {
   static constexpr Scale default_scale = Start::default_scale;
   static constexpr bool forgets = false;
   static constexpr bool perturbs = false;
-  static constexpr bool predicts_exactly = true;
+  static constexpr bool predicts_exactly = false;  // until it tracks
   static constexpr double largest_input = Start::largest_input;
 
   DriftTrackingMethod(const Settings& settings, const Units& units) noexcept
@@ -92,7 +92,7 @@ class DriftTrackingMethod {
       return fit;
     }
     const Law law = tracked_law(units);
-    Matrix<4> joint = detail::congruence(jacobian(law, units), detail::cholesky(covariance_));
+    Matrix<4> joint = detail::congruence(jacobian(law, units), detail::cholesky(known()));
     detail::bound_variances(joint, detail::largest_variance);
     Fit<Law> fit{.law = law,
                  .covariance = {},
@@ -110,7 +110,7 @@ class DriftTrackingMethod {
   Snapshot<Law> snapshot(const Units& units) const noexcept {
     if (!tracking_) return start_.snapshot(units);
     const Law law = tracked_law(units);
-    const Vector<4> variances = detail::congruent_diagonal(jacobian(law, units), covariance_);
+    const Vector<4> variances = detail::congruent_diagonal(jacobian(law, units), known());
     return {law,
             {detail::bounded_variance(variances[0]), detail::bounded_variance(variances[1]),
              detail::bounded_variance(variances[2])}};
@@ -124,6 +124,15 @@ class DriftTrackingMethod {
   // Of the exponent: an eighth of a step from spring to sphere to cone, where the filter's first
   // order is good.
   static constexpr double largest_exponent_error = 0.05;
+
+  bool exponent_known() const noexcept { return settings_.projection.exponent > 0.0; }
+
+  // The covariance as it is printed: a known exponent has no error.
+  Matrix<4> known() const noexcept {
+    Matrix<4> result = covariance_;
+    if (exponent_known()) result[2][2] = 0.0;
+    return result;
+  }
 
   void track_if_known() noexcept {
     if (++learned_ % samples_between_looks != 0 || learned_ < fewest_samples) return;
@@ -146,8 +155,9 @@ class DriftTrackingMethod {
     for (auto& row : covariance_) {
       for (double& entry : row) entry *= 100.0;
     }
-    // Without an offset its entry of the state stays empty: 1e-30 is no variance, and definite.
+    // Of what is not estimated the entry of the state stays: 1e-30 is no variance, and definite.
     if (!settings_.projection.offset) covariance_[3][3] = 1e-30;
+    if (exponent_known()) covariance_[2][2] = 1e-30;
     if (!detail::is_positive_definite(covariance_)) return;
     const Vector<4> state{
         std::log(fit.law.stiffness) + fit.law.exponent * units_.log_penetration - units_.log_force,
@@ -188,7 +198,7 @@ class DriftTrackingMethod {
     const double depth = std::log(s.penetration);
     const double elastic = detail::bounded_exp(state_[0] + state_[2] * depth);
     const double whole = elastic * (1.0 + state_[1] * s.velocity);
-    const Vector<4> slope{whole, elastic * s.velocity, whole * depth,
+    const Vector<4> slope{whole, elastic * s.velocity, exponent_known() ? 0.0 : whole * depth,
                           settings_.projection.offset ? 1.0 : 0.0};
     const Vector<4> g = detail::multiply(predicted, slope);
     const double innovation = detail::dot(slope, g) + noise_variance_;
@@ -245,6 +255,9 @@ constexpr const char* validate(const DriftTrackingMethod::Settings& settings) no
   if (const char* fault = validate(settings.projection)) return fault;
   for (const double drift : settings.drift) {
     if (!(drift >= 0.0 && drift <= 1e60)) return "method.drift must be in [0, 1e60] 1/√s";
+  }
+  if (settings.projection.exponent > 0.0 && settings.drift[2] > 0.0) {
+    return "method.drift of the exponent must be 0 where the exponent is known";
   }
   return nullptr;
 }

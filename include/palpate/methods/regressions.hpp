@@ -141,6 +141,44 @@ struct HuntCrossleyLogRegression {
   }
 };
 
+// The same where the exponent is known: y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
+struct KnownExponentLogRegression {
+  using Law = HuntCrossley;
+  static constexpr std::size_t order = 2;
+  static constexpr Law initial{0.1, 0.0, 1.5};  // of which n is the known one; a sphere's
+  static constexpr Vector<order> initial_variances{1e3, 1e3};
+
+  struct Row : RegressionRow<order> {
+    double power;  // n ln x
+  };
+
+  explicit KnownExponentLogRegression(const Law& start) noexcept : exponent(start.exponent) {}
+
+  Row row(const Sample& s) const noexcept {
+    const double power = exponent * std::log(s.penetration);
+    return {{{1.0, s.velocity}, std::log(s.force) - power}, power};
+  }
+  static double predict(const Vector<order>& theta, const Row& row) noexcept {
+    return detail::bounded_exp(theta[0] + row.power) * (1.0 + theta[1] * row.regressor[1]);
+  }
+  static Vector<order> coefficients(const Law& law, const Units& u) noexcept {
+    const Vector<3> all = HuntCrossleyLogRegression::coefficients(law, u);
+    return {all[0], all[1]};
+  }
+  Law law(const Vector<order>& theta, const Units& u) const noexcept {
+    return HuntCrossleyLogRegression::law({theta[0], theta[1], exponent}, u);
+  }
+  // Of the law by (ln K, B/K, n), of which the last has no error.
+  static Matrix<3> jacobian(const Law& law, const Units& u) noexcept {
+    return HuntCrossleyLogRegression::jacobian(law, u);
+  }
+  static Vector<3> variances(const Matrix<3>& p, const Law& law, const Units& u) noexcept {
+    return HuntCrossleyLogRegression::variances(p, law, u);
+  }
+
+  double exponent;
+};
+
 namespace detail {
 
 template <std::size_t Size>
@@ -164,6 +202,12 @@ constexpr const char* validate_covariance(const Matrix<Size>& p) noexcept {
   }
   if (!is_positive_definite(p)) return "method.initial_covariance must be positive definite";
   return nullptr;
+}
+
+// What is known of an exponent that is not to be identified.
+constexpr const char* validate_known_exponent(double exponent) noexcept {
+  const bool sound = exponent >= 0.1 && exponent <= 10.0;
+  return sound ? nullptr : "method: a known exponent must be in [0.1, 10]";
 }
 
 template <class Law>

@@ -66,6 +66,12 @@ class VariableProjectionMethod {
     return {sample, last_solution_.force(sample)};
   }
 
+  // The same, where solution() is known for the samples up to now.
+  Row prepare(const Sample& sample, const detail::ProjectionSolution& known) noexcept {
+    refresh(kept_.kept() ? nullptr : &known);
+    return {sample, last_solution_.force(sample)};
+  }
+
   double predict(const Row& row) const noexcept { return row.predicted; }
 
   Status learn(const Row& row, double, double forgetting_factor, double) noexcept {
@@ -131,11 +137,15 @@ class VariableProjectionMethod {
     return fit(now, now.root, units);
   }
 
-  Snapshot<Law> snapshot(const Units& units) const noexcept {
-    const Solution now = solve();
+  Snapshot<Law> snapshot(const Units& units) const noexcept { return snapshot(solve(), units); }
+
+  // The answer that all of these are of, in scaled units.
+  detail::ProjectionSolution solution() const noexcept { return solve(); }
+
+  Snapshot<Law> snapshot(const detail::ProjectionSolution& now, const Units& units) const noexcept {
     const Law law = this->law(now, units);
     const Matrix<5> root = in_si(widened(now), law, units);
-    Snapshot<Law> snapshot{law, {}};
+    Snapshot<Law> snapshot{law, {}, now.offset * units.force, now.surface * units.penetration};
     for (std::size_t i = 0; i < order; ++i) {
       snapshot.variances[i] = detail::bounded_variance(detail::dot(root[i], root[i]));
     }
@@ -195,10 +205,11 @@ class VariableProjectionMethod {
   }
 
   // Renews the solution that errors are measured against, and solving starts from, where it is due.
-  void refresh() noexcept {
+  // `known` is what a search would find, if that is known.
+  void refresh(const Solution* known = nullptr) noexcept {
     if (!due()) return;
     samples_since_widening_ += samples_since_solve_;
-    last_solution_ = kept_.solve(solver_);
+    last_solution_ = known ? *known : kept_.solve(solver_);
     samples_since_solve_ = 0;
     // A tenth of the samples more moves an error bar by a twentieth.
     if (static_cast<double>(samples_since_widening_) > 0.1 * solver_.weight()) widen();

@@ -23,8 +23,7 @@ namespace palpate::detail {
 // Sums that forget when they are next needed.
 class Bank {
  public:
-  explicit Bank(const ProjectionSettings& settings) noexcept
-      : sums_(settings.lowest_exponent, settings.highest_exponent) {}
+  explicit Bank(const ProjectionSettings& settings) noexcept : sums_(empty_sums(settings)) {}
 
   void forget(double factor) noexcept { factor_ *= factor; }
 

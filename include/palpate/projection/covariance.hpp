@@ -44,9 +44,14 @@ inline InverseRoot<4> covariance_root(const ProjectionProblem& problem,
   m[0][1] = m[1][0] = m[0][1] - weight * prior;
   m[1][1] += weight;
   m[2][2] += exponent_weight;
-  if (!problem.settings.offset) {
-    for (std::size_t i = 0; i < 3; ++i) m[i][3] = m[3][i] = 0.0;
-  }
+  // What is known, or not there, is apart from the rest.
+  const auto part = [&](std::size_t known) noexcept {
+    for (std::size_t i = 0; i < 4; ++i) {
+      if (i != known) m[i][known] = m[known][i] = 0.0;
+    }
+  };
+  if (!problem.settings.offset) part(3);
+  if (problem.exponent_known()) part(2);
   constexpr double unknown_stiffness = 1e-12;  // k ~ N(0, 1e6²): nothing is known of it
   Vector<4> priors{unknown_stiffness * variance, weight, exponent_weight,
                    problem.offset_weight(variance)};
@@ -65,6 +70,7 @@ inline InverseRoot<4> covariance_root(const ProjectionProblem& problem,
     for (double& entry : inverse.root[i]) entry = saturate(entry * (unit[i] * deviation));
   }
   if (!problem.settings.offset) inverse.root[3] = {};
+  if (problem.exponent_known()) inverse.root[2] = {};
   return inverse;
 }
 

@@ -34,6 +34,8 @@ class KeptExponent {
     if (identifiable_) give(solver);
   }
 
+  bool kept() const noexcept { return kept_; }
+
   // The solution with the old exponent, or without it once the samples reject it.
   template <class Solver>
   ProjectionSolution solve(Solver& solver) noexcept {

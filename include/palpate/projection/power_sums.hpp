@@ -1,5 +1,6 @@
-// The sufficient statistics of F = k ξⁿ + c ξⁿ w + F₀ over a grid of exponents n: all that variable
-// projection keeps of the past. Accumulating is multiplications and additions in straight lines.
+// The sufficient statistics of F = k ξⁿ + c ξⁿ w + F₀ over a grid of exponents n, or at the one
+// that is known: all that variable projection keeps of the past. Accumulating is multiplications
+// and additions in straight lines.
 #pragma once
 
 #include <algorithm>
@@ -30,6 +31,7 @@ class PowerSums {
     Vector<3> second;  // of p², p²w and p²w² only
   };
 
+  // Of one exponent, in the first node, where both ends are the same.
   constexpr PowerSums(double lowest, double highest) noexcept
       : lowest_(lowest), step_((highest - lowest) / static_cast<double>(nodes - 1)) {}
 
@@ -39,6 +41,7 @@ class PowerSums {
   constexpr double lowest() const noexcept { return lowest_; }
   constexpr double highest() const noexcept { return exponent(nodes - 1); }
   constexpr double step() const noexcept { return step_; }
+  constexpr bool one_exponent() const noexcept { return step_ == 0.0; }
 
   constexpr double weight() const noexcept { return weight_; }                // Σ 1
   constexpr double force() const noexcept { return force_; }                  // Σ F
@@ -95,6 +98,10 @@ class PowerSums {
       *sum = faded(*sum * factor);
     }
     for (auto& column : sums_) {
+      if (one_exponent()) {
+        column.front() = faded(column.front() * factor);
+        continue;
+      }
       for (double& sum : column) sum *= factor;
       // From node to node a column grows or shrinks, so that an end of it fades first. Looking at
       // two numbers of 34 costs 8 ns a sample of 420; looking at each cost 33.
@@ -105,23 +112,45 @@ class PowerSums {
 
   void clear() noexcept { *this = PowerSums(lowest_, highest()); }
 
-  // Interpolates the sums, never a function of them, between the ten nodes around an exponent.
+  // Interpolates the sums, never a function of them, between the ten nodes around an exponent. Of
+  // one exponent there are no derivatives: they are zero.
   Local at(double n) const noexcept {
+    if (one_exponent()) {
+      Local local{};
+      for (std::size_t power = 0; power < power_count; ++power) {
+        local.value[power] = sums_[power].front();
+      }
+      return local;
+    }
+    const auto [first, t] = place(n);
+    const LagrangeWeights weights = lagrange_weights(t);
+    const double rate = growth_rate(first);
+    if (rate == 0.0) return interpolated(first, weights, weights);
+    return interpolated(first, rescaled(weights, t, rate), rescaled(weights, t, 2.0 * rate));
+  }
+
+  // The first of the ten nodes around an exponent, and how many steps it is behind that.
+  struct Place {
+    std::size_t first;
+    double t;
+  };
+
+  Place place(double n) const noexcept {
     const double position = (n - lowest_) / step_;
     const double centred = std::floor(position) - 4.0;
     const std::size_t first =
         centred <= 0.0 ? 0 : std::min(static_cast<std::size_t>(centred), nodes - lagrange_points);
-    const double t = position - static_cast<double>(first);
-    const LagrangeWeights weights = lagrange_weights(t);
-    // From node to node Σ p² grows by the square of what Σ p does. Where that is much, as where the
-    // unit is many times the depth, a polynomial would follow it badly.
+    return {first, position - static_cast<double>(first)};
+  }
+
+  // From node to node Σ p² grows by e to twice this and Σ p by e to this. Where that is much, as
+  // where the unit is many times the depth, a polynomial would follow it badly; 0 where it is not.
+  double growth_rate(std::size_t first) const noexcept {
     const double growth = sums_[pp][first + 5] / sums_[pp][first + 4];
     const bool even =
         growth > 0.9 && growth < 1.1;  // 2.4 times in nine steps: interpolated to 1e-9
     const bool known = growth > 1e-60 && growth < 1e60;  // its fifth power is finite
-    if (even || !known) return interpolated(first, weights, weights);
-    const double rate = 0.5 * std::log(growth);
-    return interpolated(first, rescaled(weights, t, rate), rescaled(weights, t, 2.0 * rate));
+    return even || !known ? 0.0 : 0.5 * std::log(growth);
   }
 
  private:
@@ -167,8 +196,26 @@ class PowerSums {
     force_ += times(s.force);
     force_squared_ += times(s.force * s.force);
     if (!(s.penetration > 0.0)) return;
-    // ξ^(n₀ + jh) as products of two exponentials, in four chains so that they overlap.
     const double depth = std::log(s.penetration);
+    touching_ += times(1.0);
+    depth_ += times(depth);
+    depth_squared_ += times(depth * depth);
+    const double w = s.velocity, f = s.force, ww = w * w, wf = w * f;
+    const auto add_node = [&](std::size_t j, double power) noexcept {
+      const double once = times(power), square = times(power * power);
+      sums_[pp][j] += square;
+      sums_[ppw][j] += square * w;
+      sums_[ppww][j] += square * ww;
+      sums_[p1][j] += once;
+      sums_[pw][j] += once * w;
+      sums_[pf][j] += once * f;
+      sums_[pwf][j] += once * wf;
+    };
+    if (one_exponent()) {
+      add_node(0, std::exp(lowest_ * depth));
+      return;
+    }
+    // ξ^(n₀ + jh) as products of two exponentials, in four chains so that they overlap.
     std::array<double, nodes + 2> powers;
     const double ratio = std::exp(step_ * depth);
     powers[0] = std::exp(lowest_ * depth);
@@ -177,20 +224,7 @@ class PowerSums {
     powers[3] = powers[2] * ratio;
     const double fourth = (ratio * ratio) * (ratio * ratio);
     for (std::size_t j = 4; j < powers.size(); ++j) powers[j] = powers[j - 4] * fourth;
-    touching_ += times(1.0);
-    depth_ += times(depth);
-    depth_squared_ += times(depth * depth);
-    const double w = s.velocity, f = s.force, ww = w * w, wf = w * f;
-    for (std::size_t j = 0; j < nodes; ++j) {
-      const double once = times(powers[j]), square = times(powers[j] * powers[j]);
-      sums_[pp][j] += square;
-      sums_[ppw][j] += square * w;
-      sums_[ppww][j] += square * ww;
-      sums_[p1][j] += once;
-      sums_[pw][j] += once * w;
-      sums_[pf][j] += once * f;
-      sums_[pwf][j] += once * wf;
-    }
+    for (std::size_t j = 0; j < nodes; ++j) add_node(j, powers[j]);
   }
 
   double lowest_;

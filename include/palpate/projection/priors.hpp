@@ -16,6 +16,7 @@ struct ProjectionSettings {
   // Below a third a law is nearly a step; 3.6 ends 33 steps of 0.1, well beyond the cone's 2.
   double lowest_exponent = 0.3;
   double highest_exponent = 3.6;
+  double exponent = 0.0;  // where it is known, as of a tip whose shape is; 0: it is looked for
   bool offset = true;
   double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²), as a tare leaves; 0: none was made
   // Of the surface, in scaled units. A surface that is off looks like an offset, of the force's
@@ -43,6 +44,9 @@ constexpr const char* validate(const ProjectionSettings& s) noexcept {
   if (!(s.lowest_exponent >= 0.1 && s.highest_exponent <= 10.0)) {
     return "method.lowest_exponent and highest_exponent must be in [0.1, 10]";
   }
+  if (s.exponent != 0.0 && !(s.exponent >= 0.1 && s.exponent <= 10.0)) {
+    return "method.exponent must be in [0.1, 10], or 0 where it is not known";
+  }
   // Within a step of 0.15 the sums are interpolated to 1e-7; below 0.006 their differences drown.
   const double width = s.highest_exponent - s.lowest_exponent;
   if (!(width >= 0.2 && width <= 5.0)) {
@@ -65,6 +69,12 @@ namespace detail {
 // A quotient's denominator never is zero with this added, and no sum of squares feels it.
 inline constexpr double tiny = 1e-300;
 
+// Room for the samples: over the grid of exponents, or of the known one alone.
+inline PowerSums empty_sums(const ProjectionSettings& settings) noexcept {
+  if (settings.exponent > 0.0) return {settings.exponent, settings.exponent};
+  return {settings.lowest_exponent, settings.highest_exponent};
+}
+
 // An old answer, with these deviations, in place of the weak priors of exponent and dissipation.
 inline void centre_priors(ProjectionSettings& settings, const ProjectionSolution& old,
                           double exponent_deviation, double dissipation_deviation) noexcept {
@@ -83,6 +93,8 @@ inline double offset_deviation(const ProjectionSolution& old) noexcept {
 struct ProjectionProblem {
   const PowerSums& sums;
   const ProjectionSettings& settings;
+
+  bool exponent_known() const noexcept { return settings.exponent > 0.0; }
 
   // ρ_F = σ²/s_F² in samples. Without a tare the offset may be as large as the forces are, one
   // unit; where the unit is small beside the residual, 20 σ.
@@ -107,8 +119,9 @@ struct ProjectionProblem {
     return variance / (settings.prior_exponent_deviation * settings.prior_exponent_deviation);
   }
 
-  // What the prior adds to J at an exponent.
+  // What the prior adds to J at an exponent that is looked for.
   double exponent_penalty(double n, double variance) const noexcept {
+    if (exponent_known()) return 0.0;
     const double away = (n - settings.prior_exponent) / settings.prior_exponent_deviation;
     return variance * away * away;
   }

@@ -25,6 +25,7 @@ class ProjectionFit {
 
   // The global minimum over the whole range of exponents.
   ProjectionSolution solve() const noexcept {
+    if (problem().exponent_known()) return answer_at_known();
     const Valleys valleys = search_grid(problem());
     const SearchStart& first = valleys.start[0];
     const ProjectionPoint point = refine(problem(), first);
@@ -40,6 +41,7 @@ class ProjectionFit {
   ProjectionSolution solve_near(const ProjectionSolution& earlier) const noexcept {
     const double variance = earlier.prior_variance;
     const SearchStart start{earlier.n, variance, problem().offset_fraction(variance)};
+    if (problem().exponent_known()) return answer(point_at_known(start), start);
     return answer(refine(problem(), start), start);
   }
 
@@ -53,13 +55,35 @@ class ProjectionFit {
       return std::clamp(prior / (data + tiny), 0.0, largest_parameter);
     };
     return {0.0, fraction(problem().damping_weight(s.k, variance), samples[1][1]),
-            fraction(problem().exponent_weight(variance), samples[2][2]),
+            problem().exponent_known()
+                ? largest_parameter
+                : fraction(problem().exponent_weight(variance), samples[2][2]),
             settings_.offset ? fraction(problem().offset_weight(variance), sums_.weight())
                              : largest_parameter};
   }
 
  private:
   ProjectionProblem problem() const noexcept { return {sums_, settings_}; }
+
+  // Where the exponent is known what is left is linear, and there is nothing to search.
+  ProjectionSolution answer_at_known() const noexcept {
+    const double noise = settings_.noise;
+    const double fraction = problem().offset_fraction(noise * noise);
+    const LinearSolution plain =
+        solve_linear(problem(), sums_.at(settings_.exponent).value, 0.0, fraction);
+    SearchStart start{settings_.exponent, problem().prior_variance(plain.cost), 0.0};
+    start.offset_fraction = problem().offset_fraction(start.variance);
+    return answer(point_at_known(start), start);
+  }
+
+  ProjectionPoint point_at_known(const SearchStart& start) const noexcept {
+    ProjectionPoint point{settings_.exponent, sums_.at(settings_.exponent), {}};
+    const auto solve = [&](double damping_weight) noexcept {
+      return solve_linear(problem(), point.sums.value, damping_weight, start.offset_fraction);
+    };
+    point.linear = solve(problem().damping_weight(solve(0.0).k, start.variance));
+    return point;
+  }
 
   // J with the priors.
   double cost(const ProjectionPoint& point, const SearchStart& start) const noexcept {
@@ -85,14 +109,15 @@ class ProjectionFit {
     }
     r.damping_identifiable = !inverse.guarded[1];
     r.exponent_identifiable =
-        !inverse.guarded[2] && !inverse.guarded[3] && sums_.depth_spread() > smallest_spread;
+        problem().exponent_known() ||
+        (!inverse.guarded[2] && !inverse.guarded[3] && sums_.depth_spread() > smallest_spread);
     return r;
   }
 
   // From the residual, once ten degrees of freedom tell it to a quarter or so (1/√20).
   double noise_variance(const ProjectionPoint& point, const SearchStart& start) const noexcept {
     constexpr double fewest_degrees = 10.0;
-    const double fitted = settings_.offset ? 4.0 : 3.0;
+    const double fitted = (settings_.offset ? 4.0 : 3.0) - (problem().exponent_known() ? 1.0 : 0.0);
     const double freedom = sums_.weight() - fitted;
     if (settings_.noise != 0.0 || freedom < fewest_degrees) return start.variance;
     // Below rounding of Σ F², some ε, there is no residual; a part of it keeps error bars above

@@ -18,7 +18,7 @@ class ProjectionSolver {
   using Settings = ProjectionSettings;
 
   explicit ProjectionSolver(const Settings& settings) noexcept
-      : settings_(settings), sums_(settings.lowest_exponent, settings.highest_exponent) {}
+      : settings_(settings), sums_(empty_sums(settings)) {}
 
   // Samples count where the gate finds contact, and the law needs a depth and a push.
   static ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {

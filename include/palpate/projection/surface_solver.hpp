@@ -143,7 +143,9 @@ class SurfaceSolver {
       moved[0] = r.k * log_slope;
       moved[1] = r.c * log_slope + r.k * ratio_slope;
     }
-    take(r.n, moved[2], through([](const ProjectionSolution& p) noexcept { return p.n; }));
+    if (!(settings_.projection.exponent > 0.0)) {
+      take(r.n, moved[2], through([](const ProjectionSolution& p) noexcept { return p.n; }));
+    }
     take(r.offset, moved[3],
          through([](const ProjectionSolution& p) noexcept { return p.offset; }));
     r.n = std::clamp(r.n, bank_[0].lowest_exponent(), bank_[0].highest_exponent());

@@ -45,6 +45,7 @@ def compare(
         contact,
         gate=reading.gate(contact),
         outlier_rejection=None if reading.reject_outliers else False,
+        exponent=reading.exponent,
     )
     if depth is not None:
         results = {name: result.at_depth(depth) for name, result in results.items()}

@@ -38,7 +38,7 @@ def diagnose(
     reading, judging = reading or Reading(), judging or Judging()
     depth, kind = judging.depth, estimator_named(method)
     contact = reading.contact(files, method)
-    result = run(contact, kind(**reading.settings(contact, kind)))
+    result = run(contact, kind(**reading.settings(contact, kind)), trace=False)
     result = result if depth is None else result.at_depth(depth)
     if as_json:
         print_json(described(files, [result]))

@@ -105,5 +105,6 @@ def _compared(contact: "Contact", reading: Reading) -> "dict[str, Identification
         contact,
         gate=reading.gate(contact),
         outlier_rejection=None if reading.reject_outliers else False,
+        exponent=reading.exponent,
         watch=partial(counted, words="comparing with every method"),
     )

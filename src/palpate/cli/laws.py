@@ -7,7 +7,7 @@ from rich.console import Console
 
 from palpate.cli.layout import Column, print_table, say
 from palpate.cli.truths import beside_truth, stated_truth
-from palpate.digits import with_error
+from palpate.digits import parameter, with_error
 from palpate.identification import Identification
 
 
@@ -29,8 +29,13 @@ def print_law(result: Identification, console: Console) -> None:
 def parameters(result: Identification) -> list[str]:
     """Return a line for each parameter: ``K = 2002.0 ± 1.9 N/mⁿ``."""
     law = result.law
-    named = zip(law.symbols, law.parameters, result.standard_errors, law.units, strict=True)
-    return [f"{name} = {with_error(value, error, unit=unit)}" for name, value, error, unit in named]
+    named = zip(
+        law.names(), law.symbols, law.parameters, result.standard_errors, law.units, strict=True
+    )
+    return [
+        f"{symbol} = {parameter(value, error, unit=unit, fixed=name in result.fixed)}"
+        for name, symbol, value, error, unit in named
+    ]
 
 
 def _truths(result: Identification) -> list[str]:

@@ -89,6 +89,8 @@ class Reading:
     "Leave lost positions, spikes and the end of the sensor's range out."
     surface: Annotated[SurfaceWord | Depth | None, _SIGNED] = None
     "Where the material begins: a penetration such as 0.7mm, threshold, baseline, fit, or estimate."
+    exponent: Annotated[float | None, _PREPARED] = None
+    "Exponent of the law where the shape of the tip tells it, such as 1.5 under a sphere; kept."
     normal: Annotated[Axis | Direction | None, _SIGNED] = None
     "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers; else it is found."
     force_frame: Annotated[Literal["tool", "base"] | None, _PREPARED] = None
@@ -206,7 +208,19 @@ class Reading:
             settings["outlier_rejection"] = False
         if self.surface == "estimate":
             settings["surface"] = "estimate"
+        if self.exponent is not None:
+            settings["exponent"] = self._exponent_for(kind)
         return settings
+
+    def _exponent_for(self, kind: "type[ContactEstimator]") -> float | None:
+        """The exponent that was given, for a method whose law has one."""
+        from palpate.errors import InvalidParameterError
+
+        if "exponent" not in kind().settings:
+            raise InvalidParameterError(
+                f"--exponent is for a method that can keep one; the law of {kind.method} has none"
+            )
+        return self.exponent
 
     def gate(self, contact: "Contact") -> "ContactGate | None":
         """Return the gate asked for, the rest of it chosen from the data; None where none is."""

@@ -70,6 +70,7 @@ def changes(fit: Fit) -> Changes | None:
         return None
     law = fit.solution.law
     starts = (law.parameters[2], *EXPONENTS) if isinstance(law, HuntCrossley) else (math.nan,)
+    starts = starts[:1] if fit.fixed else starts
     cuts = [_best_cut(fit, float(n)) for n in starts]
     found = None
     energy, duration = fit.solution.energy, float(fit.time[-1] - fit.time[0])
@@ -173,7 +174,7 @@ def _fitted(fit: Fit, borders: list[int], exponent: float) -> Cut:
         offset = float(solved[-1]) if fit.with_offset else 0.0
         return Cut(borders, n, offset, own, float(left @ left))
 
-    if math.isnan(exponent):
+    if math.isnan(exponent) or fit.fixed:
         return cut(exponent)
     low, high = max(exponent - 0.4, 0.3), exponent + 0.4
     golden = (math.sqrt(5.0) - 1.0) / 2.0

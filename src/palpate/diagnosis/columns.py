@@ -69,6 +69,18 @@ def _other_growth(fit: Fit, shape: Shape) -> Floats:
     return shape.slope * shape.v if grows else np.zeros_like(shape.v)
 
 
+def _other_shape(fit: Fit, shape: Shape) -> Floats:
+    """∂²F/∂n², or where the exponent is fixed ∂F/∂n: xⁿ is the tip's as far as that is known."""
+    logarithm = np.log(np.maximum(shape.x, 1e-12))
+    return shape.spring * (logarithm if fit.fixed else logarithm**2)
+
+
+def _shape(fit: Fit, found: Beside) -> str:
+    if fit.fixed:
+        return "the force does not grow with depth as by the exponent that was given"
+    return "the force grows with depth in another way than the law's"
+
+
 def _acceleration(fit: Fit, _: Shape) -> Floats:
     """dv/dt, m/s²; times the mass that moves beyond the sensor it is a force."""
     data = fit.data
@@ -140,8 +152,8 @@ COLUMNS: dict[str, Column] = {
         "--method variable-projection, which has F = K xⁿ + B xⁿ v",
     ),
     "shape": Column(
-        lambda fit, s: s.spring * np.log(np.maximum(s.x, 1e-12)) ** 2,
-        lambda fit, found: "the force grows with depth in another way than the law's",
+        _other_shape,
+        _shape,
         "identify a smaller range of depths, with --min-penetration",
     ),
     "square speed": Column(

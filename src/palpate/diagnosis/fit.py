@@ -88,6 +88,8 @@ class Fit:
     ) -> None:
         self.data, self.estimate = data, estimate
         self.with_offset = estimate.offset_standard_error > 0.0
+        names = estimate.law.names()
+        self.fixed = [k for k, name in enumerate(names) if name in estimate.fixed]
         self.penetration = data.penetration - estimate.surface
         self.inside: NDArray[np.bool_] = trace.taken[data.known] & (self.penetration > 0.0)
         self.rejected: NDArray[np.bool_] = trace.rejected[data.known]  # left out as outliers
@@ -149,6 +151,7 @@ class Fit:
         motion = moved or Motion(self.x, self.v, self.band, self.force)
         x = np.maximum(motion.x, 1e-12)
         gradient = motion.band.mean(law.parameter_gradient(x, motion.v))
+        gradient[:, self.fixed] = 0.0  # what was given no least squares moves
         if self.with_offset:
             gradient = np.column_stack([gradient, np.ones(len(gradient))])
         model = motion.band.mean(law.force(x, motion.v))

@@ -45,7 +45,10 @@ def surface(fit: Fit) -> list[Cause]:
     samples = _samples(fit)
     given = np.array([*law.parameters, fit.solution.offset, 0.0])
     after = min(
-        (placed(samples, np.array([*given[:4], start])) for start in STARTS),
+        (
+            placed(samples, np.array([*given[:4], start]), exponent_fixed=bool(fit.fixed))
+            for start in STARTS
+        ),
         key=lambda placed: placed.energy,
     )
     depth = after.parameters[4]

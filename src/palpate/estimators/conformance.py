@@ -33,6 +33,7 @@ _OTHER: dict[str, Any] = {
     "perturbation": SelfPerturbation(),
     "noise": 0.05,
     "surface": "estimate",
+    "exponent": 1.5,
 }
 
 
@@ -41,6 +42,7 @@ CHECKS: dict[str, Callable[[Kind, dict[str, Any]], None]] = {
     promise.__name__.replace("_", " "): promise
     for promise in (
         promises.replay_is_update,
+        promises.thinned_replay_learns_the_same,
         promises.own_steps_are_the_sample_time,
         promises.refused_samples_change_nothing,
         promises.any_floats_leave_it_sound,

@@ -4,14 +4,14 @@ import copy
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimate import Estimate
 from palpate.force_laws import ForceLaw
 from palpate.trace import Trace
-from palpate.validation import Floats, signal, signals
+from palpate.validation import Floats, shown, signal, signals
 
 
 class ContactEstimator:
@@ -50,6 +50,8 @@ class ContactEstimator:
             velocity: "ArrayLike",
             force: "ArrayLike",
             dt: "ArrayLike | None" = None,
+            *,
+            at: "ArrayLike | None" = None,
         ) -> Trace:
             """Take arrays sample by sample, as ``update`` would, and write everything down."""
 
@@ -69,6 +71,11 @@ class ContactEstimator:
     def settings(self) -> dict[str, Any]:
         """The constructor's arguments."""
         return dict(self._settings)
+
+    @property
+    def fixed(self) -> tuple[str, ...]:
+        """The law's parameters that its settings give, and that are not identified."""
+        return ("exponent",) if self._settings.get("exponent") is not None else ()
 
     def replace(self, **changes: Any) -> Self:
         """Return a fresh estimator with these settings changed, which has learned nothing."""
@@ -106,7 +113,7 @@ class CompiledEstimator(ContactEstimator):
 
     def estimate(self) -> Estimate:
         """Return what is known now."""
-        return Estimate(self._estimate(), self.law_type)
+        return Estimate(self._estimate(), self.law_type, self.fixed)
 
     def replay(
         self,
@@ -114,6 +121,8 @@ class CompiledEstimator(ContactEstimator):
         velocity: "ArrayLike",
         force: "ArrayLike",
         dt: "ArrayLike | None" = None,
+        *,
+        at: "ArrayLike | None" = None,
     ) -> Trace:
         """Take arrays sample by sample, as ``update`` would, and write everything down.
 
@@ -125,15 +134,19 @@ class CompiledEstimator(ContactEstimator):
             m, m/s and N.
         dt : float or array_like, shape (k,), optional
             Time since the previous sample, s; ``sample_time`` unless given.
+        at : array_like of int, shape (m,), optional
+            The samples after which the estimate is written down, rising from 0 on; after every one
+            unless given. The fewer, the quicker, where an estimate costs more than a sample.
 
         Raises
         ------
         InvalidParameterError
-            Arrays of different length, of the wrong type or not one-dimensional.
+            Arrays of different length, of the wrong type or not one-dimensional; or ``at`` names
+            what is no sample, or not in their order.
         """
         x, v, f = signals(penetration=penetration, velocity=velocity, force=force)
         steps = None if dt is None else _time_steps(dt, x.size)
-        trace = Trace.empty(x.size, len(self.law_type.symbols))
+        trace = Trace.empty(x.size, len(self.law_type.symbols), _rows(at, x.size))
         self._replay(
             x,
             v,
@@ -144,6 +157,7 @@ class CompiledEstimator(ContactEstimator):
             trace.predicted_force,
             trace.validity_margin,
             trace.status,
+            trace.samples,
         )
         return trace
 
@@ -160,6 +174,8 @@ class PythonEstimator(ContactEstimator):
         velocity: "ArrayLike",
         force: "ArrayLike",
         dt: "ArrayLike | None" = None,
+        *,
+        at: "ArrayLike | None" = None,
     ) -> Trace:
         """Take arrays sample by sample by ``update``, and write everything down.
 
@@ -169,16 +185,21 @@ class PythonEstimator(ContactEstimator):
         steps: list[float | None] = [None] * x.size
         if dt is not None:
             steps = np.broadcast_to(_time_steps(dt, x.size), x.shape).tolist()
-        trace = Trace.empty(x.size, len(self.law_type.symbols))
+        trace = Trace.empty(x.size, len(self.law_type.symbols), _rows(at, x.size))
+        places = {sample: row for row, sample in enumerate(trace.after.tolist())}
         rows = zip(x.tolist(), v.tolist(), f.tolist(), steps, strict=True)
         for k, (depth, speed, push, step) in enumerate(rows):
             finite = np.isfinite((depth, speed, push)).all()
             trace.predicted_force[k] = self.predict(depth, speed) if finite else np.nan
             trace.status[k] = self.update(depth, speed, push, step)
-            estimate = self.estimate()
-            trace.parameters[k] = estimate.parameters
-            trace.standard_errors[k] = estimate.standard_errors
-            trace.validity_margin[k] = estimate.validity_margin
+            row = places.get(k)
+            estimate = None
+            if row is not None or self.needs_condition_10:
+                estimate = self.estimate()
+            trace.validity_margin[k] = np.nan if estimate is None else estimate.validity_margin
+            if row is not None and estimate is not None:
+                trace.parameters[row] = estimate.parameters
+                trace.standard_errors[row] = estimate.standard_errors
         return trace
 
     def _state(self) -> Any:
@@ -198,6 +219,20 @@ def _time_steps(dt: "ArrayLike", samples: int) -> Floats:
             f"arrays must have the same length: penetration has {samples}, dt has {steps.size}"
         )
     return steps
+
+
+def _rows(at: "ArrayLike | None", samples: int) -> NDArray[np.int64] | None:
+    """The samples after which a trace has the estimate; None: after each."""
+    if at is None:
+        return None
+    given = signal("at", at)
+    rows = given.astype(np.int64) if np.isfinite(given).all() else np.array([-1])
+    sound = (rows >= 0).all() and (rows < samples).all() and (np.diff(rows) > 0).all()
+    if not sound or not np.array_equal(rows, given):
+        raise InvalidParameterError(
+            f"at must be samples in their order, whole numbers in [0, {samples}), not {shown(at)}"
+        )
+    return rows
 
 
 Estimator = TypeVar("Estimator", bound=ContactEstimator)

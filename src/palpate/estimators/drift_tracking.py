@@ -3,6 +3,7 @@
 from typing import Any
 
 from palpate import _core
+from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import CompiledEstimator
 from palpate.estimators.loop_settings import Rejection, loop_settings
 from palpate.estimators.registry import register
@@ -33,8 +34,8 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
     dissipation_drift : float
         The same of b = B/K, s/m per √s, ≥ 0.
     exponent_drift : float
-        The same of n, 1/√s, ≥ 0.
-    noise, offset, offset_deviation, exponent_range
+        The same of n, 1/√s, ≥ 0; 0 where the exponent is known.
+    noise, offset, offset_deviation, exponent_range, exponent
         As in :class:`VariableProjection`; but an offset is not estimated unless asked for, since
         beside a drifting stiffness few motions make it identifiable.
     change_detector, outlier_rejection, gate, sample_time, scale
@@ -60,6 +61,7 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
         offset: bool = _DEFAULTS["offset"],
         offset_deviation: float | None = None,
         exponent_range: tuple[float, float] = _DEFAULTS["exponent_range"],
+        exponent: float | None = None,
         change_detector: ChangeDetector | None = None,
         outlier_rejection: Rejection = None,
         gate: ContactGate | None = None,
@@ -74,6 +76,7 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
             "offset": offset,
             "offset_deviation": offset_deviation,
             "exponent_range": exponent_range,
+            "exponent": exponent,
             "change_detector": change_detector,
             "outlier_rejection": outlier_rejection,
             "gate": gate,
@@ -85,8 +88,12 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
             number_in("dissipation_drift", dissipation_drift, 0.0, 1e6),
             number_in("exponent_drift", exponent_drift, 0.0, 100.0),
         )
+        if exponent is not None and drift[2] > 0.0:
+            raise InvalidParameterError(
+                f"exponent_drift must be 0 where the exponent is known, not {exponent_drift!r}"
+            )
         super().__init__(
-            *projection_settings(noise, exponent_range, offset, offset_deviation),
+            *projection_settings(noise, exponent_range, exponent, offset, offset_deviation),
             drift,
             *loop_settings(
                 change_detector,

@@ -35,3 +35,8 @@ def loop_settings(
         (scale or default_scale)._plain(),
         number_in("sample_time", sample_time, 0.0, 1e6, open_low=True),
     )
+
+
+def known_exponent(exponent: float | None) -> float | None:
+    """Check an exponent that is not to be identified; None where it is."""
+    return None if exponent is None else number_in("exponent", exponent, 0.1, 10.0)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import CompiledEstimator
-from palpate.estimators.loop_settings import Rejection, loop_settings
+from palpate.estimators.loop_settings import Rejection, known_exponent, loop_settings
 from palpate.estimators.registry import register
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
 from palpate.settings import (
@@ -76,24 +76,39 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
         sample_time: float = SAMPLE_TIME,
         scale: Scale | None = None,
     ) -> None:
-        settings: dict[str, Any] = {
-            "initial": self.default_initial if initial is None else initial,
-            "initial_covariance": (
-                self.default_covariance if initial_covariance is None else initial_covariance
-            ),
-            "forgetting": FadingForgetting() if forgetting is None else forgetting,
-            "perturbation": perturbation,
-            "change_detector": change_detector,
-            "outlier_rejection": outlier_rejection,
-            "gate": gate,
-            "sample_time": sample_time,
-            "scale": scale,
+        self._begin(
+            {
+                "initial": initial,
+                "initial_covariance": initial_covariance,
+                "forgetting": forgetting,
+                "perturbation": perturbation,
+                "change_detector": change_detector,
+                "outlier_rejection": outlier_rejection,
+                "gate": gate,
+                "sample_time": sample_time,
+                "scale": scale,
+            }
+        )
+
+    def _begin(self, settings: dict[str, Any]) -> None:
+        """Keep the settings, with what was left to the method, and make the recursion."""
+        usual = {
+            "initial": self.default_initial,
+            "initial_covariance": self.default_covariance,
+            "forgetting": FadingForgetting(),
         }
-        self._settings = settings  # type: ignore[misc]  # a slot of each subclass: two bases with slots would clash
+        self._settings = {  # type: ignore[misc]  # a slot of each subclass: two bases with slots would clash
+            name: usual.get(name) if value is None else value for name, value in settings.items()
+        }
         super().__init__(*self._plain_settings())
 
     def _plain_settings(self) -> tuple[Any, ...]:
         """The settings, checked, as the compiled constructor takes them."""
+        start, covariance, loop = self._checked()
+        return start, covariance, *loop
+
+    def _checked(self) -> tuple[list[float], list[list[float]], tuple[Any, ...]]:
+        """The start, its covariance, and what the loop is set by."""
         given = self._settings
         instance("initial", given["initial"], self.law_type)
         for name, value in given["initial"].as_dict().items():
@@ -103,9 +118,7 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
         covariance = covariance_matrix(
             "initial_covariance", given["initial_covariance"], len(self.law_type.symbols)
         )
-        return (
-            given["initial"].parameters.tolist(),
-            covariance.tolist(),
+        loop = (
             given["forgetting"]._plain(),
             (given["perturbation"] or SelfPerturbation(gain=0.0, sensitivity=0.0))._plain(),
             *loop_settings(
@@ -117,10 +130,70 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
                 default_scale=Scale(),
             ),
         )
+        return given["initial"].parameters.tolist(), covariance.tolist(), loop
+
+
+class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):
+    """Settings of those that identify the Hunt–Crossley law: the exponent may be known.
+
+    Parameters
+    ----------
+    exponent : float, optional
+        n, in [0.1, 10], where the shape of the tip tells it, as 1.5 for a sphere: it is kept, with
+        an error of zero, and so are neither the exponent of ``initial`` nor its variance looked at.
+        None: it is identified.
+    initial, initial_covariance, forgetting, perturbation, change_detector, outlier_rejection
+        As in :class:`RecursiveLeastSquaresEstimator`.
+    gate, sample_time, scale
+        As there.
+
+    Raises
+    ------
+    InvalidParameterError
+        A setting is outside its range.
+    """
+
+    __slots__ = ()
+
+    def __init__(
+        self,
+        *,
+        exponent: float | None = None,
+        initial: ForceLaw | None = None,
+        initial_covariance: "ArrayLike | None" = None,
+        forgetting: Forgetting | None = None,
+        perturbation: SelfPerturbation | None = None,
+        change_detector: ChangeDetector | None = None,
+        outlier_rejection: Rejection = None,
+        gate: ContactGate | None = None,
+        sample_time: float = SAMPLE_TIME,
+        scale: Scale | None = None,
+    ) -> None:
+        self._begin(
+            {
+                "exponent": exponent,
+                "initial": initial,
+                "initial_covariance": initial_covariance,
+                "forgetting": forgetting,
+                "perturbation": perturbation,
+                "change_detector": change_detector,
+                "outlier_rejection": outlier_rejection,
+                "gate": gate,
+                "sample_time": sample_time,
+                "scale": scale,
+            }
+        )
+
+    def _plain_settings(self) -> tuple[Any, ...]:
+        start, covariance, loop = self._checked()
+        exponent = known_exponent(self._settings["exponent"])
+        if exponent is not None:
+            start[2] = exponent
+        return start, covariance, exponent is not None, *loop
 
 
 @register
-class SingleStageRLS(RecursiveLeastSquaresEstimator, _core.SingleStageRLS):
+class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
     """The paper's method: the Hunt–Crossley law, linear in one logarithm.
 
     y = ln F, φ = [1, v, ln x], θ = [ln K, B/K, n]   (eqs. 9, 12, 13)
@@ -128,8 +201,10 @@ class SingleStageRLS(RecursiveLeastSquaresEstimator, _core.SingleStageRLS):
     Valid while |v| < 0.1 K/B (eq. 10), which every estimate reports; beyond it K and B are biased
     low. Low-force samples weigh as much as high-force ones, so gate above the noise.
 
-    Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is a
-    :class:`HuntCrossley` of positive stiffness, ``initial_covariance`` that of θ, 1e3 unless given.
+    Where the exponent is known, y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
+
+    Settings are those of :class:`HuntCrossleyRLS`; ``initial`` is a :class:`HuntCrossley` of
+    positive stiffness, ``initial_covariance`` that of θ, 1e3 unless given.
     """
 
     __slots__ = ("_settings",)
@@ -151,7 +226,7 @@ class SingleStageRLS(RecursiveLeastSquaresEstimator, _core.SingleStageRLS):
 
 
 @register
-class DoubleStageRLS(RecursiveLeastSquaresEstimator, _core.DoubleStageRLS):
+class DoubleStageRLS(HuntCrossleyRLS, _core.DoubleStageRLS):
     """The double-stage method of Diolaiti, Melchiorri & Stramigioli (2005).
 
     Stage 1: y = F, φ = [x^n̂, x^n̂ v] → K̂, B̂ (eq. 3).
@@ -160,9 +235,12 @@ class DoubleStageRLS(RecursiveLeastSquaresEstimator, _core.DoubleStageRLS):
     Kept as it is for comparison: from most starts it freezes where K and n trade against each
     other, and only starts within about 10 % of the truth converge.
 
-    Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is a
-    :class:`HuntCrossley`, ``initial_covariance`` that of [K, B] and n, (1e8, 1e8, 1e3) unless
-    given, with no covariance between the stages.
+    Where the exponent is known there is stage 1 alone, with the truth for n̂: a linear least squares
+    that does not freeze.
+
+    Settings are those of :class:`HuntCrossleyRLS`; ``initial`` is a :class:`HuntCrossley`,
+    ``initial_covariance`` that of [K, B] and n, (1e8, 1e8, 1e3) unless given, with no covariance
+    between the stages.
     """
 
     __slots__ = ("_settings",)

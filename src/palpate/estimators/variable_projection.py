@@ -5,7 +5,7 @@ from typing import Any, Literal
 from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import CompiledEstimator
-from palpate.estimators.loop_settings import Rejection, loop_settings
+from palpate.estimators.loop_settings import Rejection, known_exponent, loop_settings
 from palpate.estimators.registry import register
 from palpate.force_laws import HuntCrossley
 from palpate.settings import (
@@ -55,6 +55,9 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         deviations is flagged; a prior that it contradicts by five is dropped.
     exponent_range : tuple of float
         Where the exponent is looked for: (lowest, highest), within [0.1, 10], 0.2 to 5 apart.
+    exponent : float, optional
+        n, in [0.1, 10], where the shape of the tip tells it, as 1.5 for a sphere: it is kept, with
+        an error of zero, and ``exponent_range`` does not count. None: it is looked for.
     surface : "estimate", optional
         Search for the position of the surface too, within ``surface_range``, from samples that
         include the free approach; the gate then does not apply. None: the penetration is measured
@@ -100,6 +103,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         offset: bool = _DEFAULTS["offset"],
         offset_deviation: float | None = None,
         exponent_range: tuple[float, float] = _DEFAULTS["exponent_range"],
+        exponent: float | None = None,
         surface: Literal["estimate"] | None = None,
         surface_range: tuple[float, float] | None = None,
         surface_deviation: float | None = None,
@@ -116,6 +120,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
             "offset": offset,
             "offset_deviation": offset_deviation,
             "exponent_range": exponent_range,
+            "exponent": exponent,
             "surface": surface,
             "surface_range": surface_range,
             "surface_deviation": surface_deviation,
@@ -127,7 +132,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
             change_detector, outlier_rejection, gate, scale, sample_time, default_scale=PROBING
         )
         super().__init__(
-            *projection_settings(noise, exponent_range, offset, offset_deviation),
+            *projection_settings(noise, exponent_range, exponent, offset, offset_deviation),
             _checked_surfaces(surface, surface_range, scale or PROBING),
             _positive("surface_deviation", surface_deviation),
             (forgetting or ConstantForgetting())._plain(),
@@ -138,14 +143,16 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
 def projection_settings(
     noise: float | None,
     exponent_range: tuple[float, float],
+    exponent: float | None,
     offset: bool,
     offset_deviation: float | None,
-) -> tuple[float, tuple[float, float], bool, float]:
+) -> tuple[float, tuple[float, float], float, bool, float]:
     """Check what the projection is set by, as the compiled constructors take it; 0 is not given."""
     instance("offset", offset, bool)
     return (
         _positive("noise", noise),
         _checked_range(exponent_range),
+        known_exponent(exponent) or 0.0,
         offset,
         _positive("offset_deviation", offset_deviation),
     )

@@ -57,7 +57,7 @@ def course_of(result: Identification, depth: float) -> Course:
         for edge in edges:
             piece = slice(start, int(edge))
             channels = contact.penetration, contact.velocity, contact.force, steps
-            estimator.replay(*(channel[piece] for channel in channels))
+            estimator.replay(*(channel[piece] for channel in channels), at=())
             if edge - 1 in stops:
                 rows.append([edge - 1, *_known(estimator.estimate(), depth)])
             start = int(edge)

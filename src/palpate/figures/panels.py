@@ -31,7 +31,7 @@ def draw_force(axes: "Axes", result: Identification, look: Look) -> None:
     axes.plot(
         time[good], measured, color=theme.measured, linewidth=look.points(2.4), label="measured"
     )
-    inside = np.where(result.trace.taken, result.trace.predicted_force, np.nan)
+    inside = np.where(result.trace.taken, result.full_trace.predicted_force, np.nan)
     axes.plot(
         time[keep],
         unit.factor * broken(inside, contact, keep),
@@ -115,7 +115,7 @@ def _ends(values: Floats) -> tuple[float, ...]:
 def _error_reach(result: Identification) -> float:
     """How large a prediction error is but for the first of each start, N."""
     taken = result.trace.taken
-    error = np.abs(result.contact.force - result.trace.predicted_force)[taken]
+    error = np.abs(result.contact.force - result.full_trace.predicted_force)[taken]
     known = error[np.isfinite(error)]
     # The first error of each start is as large as the force; the scale shows what comes after.
     reach = 1.3 * float(np.percentile(known, 99.0)) if known.size else 0.0
@@ -131,7 +131,8 @@ def draw_error(axes: "Axes", result: Identification, look: Look) -> None:
     limit = _error_reach(result)
     unit = scale_of(limit, "N")
     with np.errstate(over="ignore", invalid="ignore"):  # of absurd samples
-        error = np.where(result.trace.taken, contact.force - result.trace.predicted_force, np.nan)
+        missed = contact.force - result.full_trace.predicted_force
+        error = np.where(result.trace.taken, missed, np.nan)
         values = unit.factor * np.clip(broken(error, contact, keep), -9.0 * limit, 9.0 * limit)
     axes.plot(time[keep], values, color=look.theme.lines[0], linewidth=look.points(0.8))
     axes.set_ylim(-unit.factor * limit, unit.factor * limit)
@@ -144,7 +145,7 @@ def draw_error(axes: "Axes", result: Identification, look: Look) -> None:
 
 def draw_condition(axes: "Axes", result: Identification, look: Look) -> None:
     """The speed beside what condition 10 allows by the estimates of the moment."""
-    contact, trace = result.contact, result.trace
+    contact, trace = result.contact, result.full_trace
     time, label = clock(contact)
     keep = shown(contact)[::2]  # neither line is as quick as the noise
     speed = np.where(trace.taken, np.abs(contact.velocity), np.nan)

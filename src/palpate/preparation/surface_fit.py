@@ -47,7 +47,7 @@ def _model(samples: Samples, parameters: Floats) -> tuple[Floats, Floats]:
     return force + offset, gradient
 
 
-def placed(samples: Samples, start: Floats) -> Placed:
+def placed(samples: Samples, start: Floats, *, exponent_fixed: bool = False) -> Placed:
     """Levenberg–Marquardt on (k, c, n, F₀, d), from a start.
 
     Parameters
@@ -56,9 +56,12 @@ def placed(samples: Samples, start: Floats) -> Placed:
         Contact and free approach, without units.
     start : numpy.ndarray, shape (5,)
         N, N, 1, N, and depths.
+    exponent_fixed : bool
+        Whether n stays what it is in the start.
     """
     parameters, damping = start.copy(), 1e-4
     model, gradient = _model(samples, parameters)
+    gradient[:, 2] *= not exponent_fixed
     residual = samples.force - model
     for _ in range(STEPS):
         size = np.linalg.norm(gradient, axis=0)
@@ -69,6 +72,7 @@ def placed(samples: Samples, start: Floats) -> Placed:
         trial[2] = np.clip(trial[2], *EXPONENTS)
         trial[4] = np.clip(trial[4], -3.0, 0.9)
         model, new_gradient = _model(samples, trial)
+        new_gradient[:, 2] *= not exponent_fixed
         new = samples.force - model
         if float(new @ new) < float(residual @ residual):
             ended = float(residual @ residual - new @ new) < 1e-7 * float(new @ new)

@@ -121,7 +121,11 @@ def elastic_modulus_from(
     inside = depth[depth > 0.0]
     low, high = np.percentile(inside, (10.0, 90.0)).tolist() if inside.size else (math.nan,) * 2
     with _absurd_numbers():
-        return elastic_modulus_of(result.law, result.diagnosis, (low, high), tip, ratio)
+        found = elastic_modulus_of(result.law, result.diagnosis, (low, high), tip, ratio)
+    if found.refused or not result.fixed:
+        return found
+    given = "the exponent was given: that the tip is of this shape is not checked by it"
+    return replace(found, remarks=(*found.remarks, given))
 
 
 def _absurd_numbers() -> np.errstate:

@@ -3,7 +3,7 @@
 from html import escape
 from pathlib import Path
 
-from palpate.digits import with_error
+from palpate.digits import parameter
 from palpate.identification import Identification
 from palpate.reports.html import SIGNS
 from palpate.results.summary import both, depth_in_words
@@ -40,8 +40,13 @@ def _depths(result: Identification) -> str:
 
 def _law(result: Identification) -> str:
     law = result.law
-    parts = zip(law.symbols, law.parameters, result.standard_errors, law.units, strict=True)
-    rows = [[symbol, with_error(value, error), unit] for symbol, value, error, unit in parts]
+    parts = zip(
+        law.names(), law.symbols, law.parameters, result.standard_errors, law.units, strict=True
+    )
+    rows = [
+        [symbol, parameter(value, error, fixed=name in result.fixed), unit]
+        for name, symbol, value, error, unit in parts
+    ]
     return _table([law.kind, "± standard error", "unit"], rows)
 
 

@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from palpate.diagnosis import Quantity, WorkingDepth
-from palpate.digits import interval, rounded, with_error
+from palpate.digits import interval, parameter, rounded
 from palpate.identification import Identification
 from palpate.ranking import rank
 from palpate.recordings.truth import truth_of
@@ -72,8 +72,10 @@ def _law(result: Identification) -> Iterator[str]:
     rows = []
     names = zip(law.names(), law.symbols, law.parameters, errors, law.units, strict=True)
     for name, symbol, value, error, unit in names:
-        row = [f"{symbol}, {name.replace('_', ' ')}", with_error(value, error)]
-        row += [interval(value, error), unit]
+        fixed = name in result.fixed
+        words = parameter(value, error, fixed=fixed)
+        row = [f"{symbol}, {name.replace('_', ' ')}", words]
+        row += ["–" if fixed else interval(value, error), unit]
         if known and truth is not None:
             true = getattr(truth, name)
             row += [rounded(true, 5), _apart(value - true, error)]
@@ -95,6 +97,8 @@ def _apart(difference: float, error: float) -> str:
 
 def _correlations(result: Identification) -> Iterator[str]:
     matrix, symbols = result.correlations, result.law.symbols
+    own = [k for k, name in enumerate(result.law.names()) if name not in result.fixed]
+    matrix, symbols = matrix[np.ix_(own, own)], tuple(symbols[k] for k in own)
     if not np.isfinite(matrix).all():
         return
     rows = [
@@ -180,9 +184,14 @@ def comparison(compared: Mapping[str, Identification]) -> Iterator[str]:
         other = compared[name]
         there, law = other.diagnosis.working_depth, other.law
         words = "<br>".join(
-            escape(f"{symbol} = {with_error(value, error, unit=unit)}")
-            for symbol, value, error, unit in zip(
-                law.symbols, law.parameters, other.standard_errors, law.units, strict=True
+            escape(f"{symbol} = {parameter(value, error, unit=unit, fixed=each in other.fixed)}")
+            for each, symbol, value, error, unit in zip(
+                law.names(),
+                law.symbols,
+                law.parameters,
+                other.standard_errors,
+                law.units,
+                strict=True,
             )
         )
         rows.append(

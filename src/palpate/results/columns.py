@@ -47,7 +47,7 @@ def trace_columns(result: "Identification") -> TraceColumns:
 
     ``time``, ``penetration``, ``velocity``, ``force``, ``segment``, ``predicted_force`` (a priori),
     ``fitted_force`` (by the final law), ``status`` and ``validity_margin`` (condition 10), then
-    each parameter of the law and its ``…_standard_error``, SI.
+    each parameter of the law and its ``…_standard_error``, SI; NaN where a thinned trace has none.
     """
     contact, trace, law = result.contact, result.trace, result.law
     columns: dict[str, NDArray[Any]] = {name: getattr(contact, name) for name in _CONTACT}
@@ -64,7 +64,7 @@ def trace_columns(result: "Identification") -> TraceColumns:
             (name, trace.parameters),
             (f"{name}_standard_error", trace.standard_errors),
         ):
-            columns[column] = values[:, k]
+            columns[column] = trace.everywhere(values[:, k])
             units |= {column: unit} if unit else {}
     return TraceColumns(columns, units)
 
@@ -90,13 +90,17 @@ def contact_and_trace(recording: Recording, law: type[ForceLaw]) -> tuple[Contac
     known = {str(name): value for value, name in enumerate(_names())}
     if not set(texts.tolist()) <= set(known):
         raise RecordingError(f"{recording.source}: column 'status' names what is no status")
+    parameters = np.column_stack([recording.numbers(name) for name in names])
+    errors = np.column_stack([recording.numbers(f"{name}_standard_error") for name in names])
+    after = np.flatnonzero(np.isfinite(parameters).all(axis=1))  # as every estimate is
     trace = Trace(
-        np.column_stack([recording.numbers(name) for name in names]),
-        np.column_stack([recording.numbers(f"{name}_standard_error") for name in names]),
+        parameters[after],
+        errors[after],
         recording.numbers("predicted_force"),
         recording.numbers("validity_margin"),
         np.array([known[text] for text in texts.tolist()], dtype=np.uint8),
-        time,
+        time[after],
+        None if len(after) == len(time) else after,
     )
     if len(trace) != len(time):
         raise RecordingError(f"{recording.source}: there is no column 'status'")

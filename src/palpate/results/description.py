@@ -78,6 +78,7 @@ def of_one(result: "Identification") -> dict[str, Any]:
         "episodes": _episodes(result),
         "law": {"kind": law.kind, **law.as_dict()},
         "standard_errors": dict(zip(law.as_dict(), result.standard_errors.tolist(), strict=True)),
+        **({"fixed": list(result.fixed)} if result.fixed else {}),
         "correlations": _correlations(result.correlations),
         **beside,
         **derived(result),

@@ -23,6 +23,8 @@ def to_pandas(result: "Identification") -> "pandas.DataFrame":
     table = trace_columns(result)
     frame = pandas.DataFrame(table.columns).set_index("time")
     frame.attrs["units"] = table.units
+    if result.fixed:
+        frame.attrs["fixed"] = list(result.fixed)
     return frame
 
 
@@ -39,8 +41,9 @@ def to_xarray(result: "Identification") -> "xarray.Dataset":
         for name, values in table.columns.items()
         if name not in own and name != "time"
     }
-    variables["parameters"] = (("time", "parameter"), trace.parameters)
-    variables["standard_errors"] = (("time", "parameter"), trace.standard_errors)
+    variables["parameters"] = (("time", "parameter"), trace.everywhere(trace.parameters))
+    errors = trace.everywhere(trace.standard_errors)
+    variables["standard_errors"] = (("time", "parameter"), errors)
     variables["covariance"] = (("parameter", "other_parameter"), result.covariance)
     names = np.array(law.names())
     return xarray.Dataset(
@@ -51,5 +54,10 @@ def to_xarray(result: "Identification") -> "xarray.Dataset":
             "other_parameter": names,
             "unit": ("parameter", list(law.units)),
         },
-        attrs={"law": law.kind, "method": result.method, "source": result.contact.source},
+        attrs={
+            "law": law.kind,
+            "method": result.method,
+            "source": result.contact.source,
+            **({"fixed": list(result.fixed)} if result.fixed else {}),
+        },
     )

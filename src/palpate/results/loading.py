@@ -46,7 +46,9 @@ class SavedResult:
     contact : Contact
         What was identified; :func:`palpate.identify` takes it again.
     trace : Trace
-        Every sample.
+        Every sample; thinned as it was saved.
+    fixed : tuple of str
+        The law's parameters that were given, and not identified.
     description : dict
         The whole of ``result.json``; ``docs/results.md`` says what is in it.
     """
@@ -61,6 +63,7 @@ class SavedResult:
     working_depths: tuple[WorkingDepth, ...]
     contact: Contact = field(repr=False)
     trace: Trace = field(repr=False)
+    fixed: tuple[str, ...]
     description: Mapping[str, Any] = field(repr=False)
 
 
@@ -98,6 +101,7 @@ def load_result(path: str | Path) -> SavedResult:
             working_depths=tuple(_working_depth(each) for each in found["working_depths"]),
             contact=_as_it_was(contact, whole),
             trace=trace,
+            fixed=tuple(map(str, found.get("fixed", ()))),
             description=whole,
         )
     except RecordingError:

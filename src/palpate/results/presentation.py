@@ -46,8 +46,8 @@ class Presented:
 
         ``penetration``, ``velocity``, ``force``, ``segment``, ``predicted_force`` (a priori),
         ``fitted_force`` (by the final law), ``status``, ``validity_margin``, and each parameter
-        with the ``…_standard_error`` of that moment, SI; units are in ``attrs["units"]``. Needs
-        pandas, of the extra ``notebook``.
+        with the ``…_standard_error`` of that moment, SI; units are in ``attrs["units"]``. NaN
+        where a thinned trace has no estimate. Needs pandas, of the extra ``notebook``.
 
         Raises
         ------

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.diagnosis import Quantity
-from palpate.digits import interval, rounded, with_error
+from palpate.digits import interval, parameter, rounded, with_error
 from palpate.results.following import following
 
 if TYPE_CHECKING:
@@ -82,10 +82,12 @@ def _depths(result: "Identification") -> list[str]:
 def _law(result: "Identification") -> list[str]:
     law, errors, matrix = result.law, result.standard_errors, result.correlations
     rows = [(law.kind, "estimate", "95 % interval", "unit", *law.symbols)]
-    parts = zip(law.symbols, law.parameters, errors, law.units, matrix, strict=True)
-    for symbol, value, error, unit, row in parts:
+    parts = zip(law.names(), law.symbols, law.parameters, errors, law.units, matrix, strict=True)
+    for name, symbol, value, error, unit, row in parts:
         correlations = (f"{each:+.3f}" if math.isfinite(each) else "–" for each in row)
-        rows.append((symbol, with_error(value, error), interval(value, error), unit, *correlations))
+        fixed = name in result.fixed
+        words = parameter(value, error, fixed=fixed)
+        rows.append((symbol, words, "–" if fixed else interval(value, error), unit, *correlations))
     return [*_aligned(rows), "(the last columns are correlations)"]
 
 

@@ -1,0 +1,224 @@
+"""An exponent that the shape of the tip tells is kept, by every method whose law has one."""
+
+import json
+
+import numpy as np
+import pytest
+from cases import exciting, tapping
+
+import palpate
+from palpate import (
+    ESTIMATORS,
+    ChangeDetector,
+    ConstantForgetting,
+    Contact,
+    HuntCrossley,
+    InvalidParameterError,
+    OutlierRejection,
+    Scale,
+    compare,
+    identify,
+)
+
+KEEPERS = {name: kind for name, kind in ESTIMATORS.items() if "exponent" in kind().settings}
+SPHERE = HuntCrossley(30e3, 20e3, 1.5)
+
+
+def contact_of(law=SPHERE, *, seconds=2.0, noise=0.05, seed=3, tap=False, **more) -> Contact:
+    make = tapping if tap else exciting
+    return Contact(**vars(make(law, seconds=seconds, noise=noise, seed=seed)), **more)
+
+
+@pytest.fixture(params=KEEPERS.values(), ids=KEEPERS)
+def keeper(request):
+    return request.param
+
+
+def test_every_method_whose_law_has_an_exponent_can_keep_it():
+    with_exponent = {n for n, kind in ESTIMATORS.items() if "exponent" in kind.law_type.names()}
+    assert set(KEEPERS) == with_exponent
+
+
+def least_squares(contact, exponent, *, offset, logarithm=False):
+    """K and B by the normal equations."""
+    inside = (contact.penetration > 0.0) & (contact.force > 0.0)
+    x, v, force = (each[inside] for each in (contact.penetration, contact.velocity, contact.force))
+    if logarithm:
+        columns = np.column_stack([np.ones_like(x), v])
+        found = np.linalg.lstsq(columns, np.log(force) - exponent * np.log(x), rcond=None)[0]
+        return np.exp(found[0]), found[1] * np.exp(found[0])
+    power = x**exponent
+    columns = np.column_stack([power, power * v, *([np.ones_like(x)] if offset else [])])
+    return np.linalg.lstsq(columns, force, rcond=None)[0][:2]
+
+
+def test_the_answer_is_the_least_squares_of_the_rest(keeper):
+    settings = {"exponent": 1.5, "scale": Scale(10e-3, 20e-3, 30.0)}
+    if "forgetting" in keeper().settings:
+        settings["forgetting"] = ConstantForgetting()
+    if "initial_covariance" in keeper().settings:  # so that the start weighs nothing
+        settings["initial_covariance"] = 1e8
+    contact = contact_of(noise=0.1)
+    estimator = keeper(**settings)
+    estimator.replay(contact.penetration, contact.velocity, contact.force)
+    now = estimator.estimate()
+    offset, logarithm = now.offset_standard_error > 0.0, keeper.minimises == "logarithm"
+    wanted = least_squares(contact, 1.5, offset=offset, logarithm=logarithm)
+    assert now.law.exponent == 1.5
+    errors = now.standard_errors[:2]
+    if keeper is palpate.DriftTracking:  # it lets K drift, and knows that
+        assert np.all(np.abs(now.parameters[:2] - SPHERE.parameters[:2]) < 4.0 * errors)
+    else:  # weak priors move it by a hundredth of an error
+        assert np.all(np.abs(now.parameters[:2] - wanted) < 0.01 * errors)
+
+
+def test_the_exponent_has_no_error_and_no_flag_and_the_rest_is_known_better(keeper):
+    contact = contact_of()
+    free, kept = identify(contact, keeper()), identify(contact, keeper(exponent=1.5))
+    assert kept.fixed == ("exponent",)
+    assert free.fixed == ()
+    assert kept.law.exponent == 1.5
+    assert kept.standard_errors[2] == 0.0
+    assert not kept.covariance[2].any()
+    assert not any("exponent" in flag for flag in kept.flags)
+    # K and n of a free exponent depend on each other by far the most.
+    assert kept.standard_errors[0] < 0.3 * free.standard_errors[0]
+    assert np.isnan(kept.correlations[2]).all()
+    assert np.isfinite(kept.correlations[:2, :2]).all()
+    assert not kept.trace.standard_errors[:, 2].any()
+    assert (kept.trace.parameters[kept.trace.taken, 2] == 1.5).all()
+
+
+@pytest.mark.slow
+def test_error_bars_of_the_rest_hold_the_truth(keeper):
+    away = []
+    for seed in range(60):
+        result = identify(contact_of(seed=seed, noise=0.2), keeper(exponent=1.5), trace=False)
+        away.append(
+            (result.law.parameters[:2] - SPHERE.parameters[:2]) / result.standard_errors[:2]
+        )
+    covered = np.mean(np.abs(away) < 1.96)
+    # Of 120, by binomial scatter four deviations (0.08) below 0.95; drift's bars are wide by design.
+    assert covered > 0.87
+
+
+def test_the_surface_is_searched_for_beside_it():
+    contact = contact_of(tap=True, noise=0.005)
+    shifted = Contact(
+        contact.time,
+        penetration=contact.penetration + 4e-4,
+        velocity=contact.velocity,
+        force=contact.force,
+    )
+    settings = {"surface": "estimate", "exponent": 1.5}
+    result = identify(shifted, palpate.VariableProjection(**settings))
+    estimate = result.estimate
+    assert estimate.law.exponent == 1.5
+    assert estimate.standard_errors[2] == 0.0
+    assert abs(estimate.surface - 4e-4) < 5.0 * estimate.surface_standard_error
+    free = identify(shifted, palpate.VariableProjection(surface="estimate")).estimate
+    assert estimate.surface_standard_error < free.surface_standard_error
+
+
+def test_it_stays_through_changes_outliers_and_forgetting(keeper):
+    soft, hard = contact_of(), contact_of(HuntCrossley(90e3, 50e3, 1.5), seed=4)
+    force = np.where(soft.time < 1.0, soft.force, hard.force)
+    force[300:302] += 30.0
+    settings = {"change_detector": ChangeDetector(), "outlier_rejection": OutlierRejection()}
+    if keeper is not palpate.DriftTracking:
+        settings["forgetting"] = ConstantForgetting(0.999)
+    estimator = keeper(exponent=1.5, **settings)
+    trace = estimator.replay(soft.penetration, soft.velocity, force)
+    now = estimator.estimate()
+    assert now.restarts == 1
+    assert now.rejected >= 2
+    assert (trace.parameters[:, 2] == 1.5).all()
+    assert now.standard_errors[2] == 0.0
+    assert now.law.stiffness == pytest.approx(90e3, rel=0.05)
+
+
+def test_a_wrong_exponent_is_a_finding_and_not_a_silent_lie():
+    contact = contact_of(noise=0.02)
+    result = identify(contact, palpate.VariableProjection(exponent=2.0), trace=False)
+    finding = result.diagnosis.findings[0]
+    assert result.diagnosis.verdict.overall != "trust"
+    assert finding.check == "shape"
+    assert "exponent that was given" in finding.sentence
+    there = identify(contact, palpate.VariableProjection(exponent=1.5), trace=False)
+    assert there.diagnosis.verdict.stiffness == "trust"
+
+
+def test_a_change_of_the_material_is_found_with_it():
+    law = HuntCrossley(90e3, 50e3, 1.5)
+    soft, hard = contact_of(seconds=8.0), contact_of(law, seconds=8.0, seed=4)
+    force = np.where(soft.time < 4.0, soft.force, hard.force)
+    contact = Contact(soft.time, penetration=soft.penetration, velocity=soft.velocity, force=force)
+    parts = identify(contact, palpate.VariableProjection(exponent=1.5)).by_stretch().stretches
+    assert [round(part.law.stiffness, -4) for part in parts] == [30e3, 90e3]
+    assert all(part.law.exponent == 1.5 and part.fixed for part in parts)
+
+
+def test_it_is_said_to_be_fixed_wherever_it_is_shown(tmp_path):
+    from palpate.figures import draw
+
+    result = identify(contact_of(), palpate.VariableProjection(exponent=1.5))
+    assert "1.5 (fixed)" in result.summary()
+    assert "1.5 (fixed)" in result._repr_html_()
+    titles = [axes.get_title(loc) for axes in draw(result).axes for loc in ("left", "center")]
+    assert any("1.5\N{NO-BREAK SPACE}(fixed)" in title for title in titles)
+    assert result.to_pandas().attrs["fixed"] == ["exponent"]
+    assert result.to_xarray().attrs["fixed"] == ["exponent"]
+    result.save(tmp_path)
+    assert "1.5 (fixed)" in (tmp_path / "report.html").read_text()
+    found = palpate.load_result(tmp_path)
+    assert found.fixed == ("exponent",)
+    assert found.standard_errors[2] == 0.0
+
+
+def test_the_command_line_keeps_it(run, tmp_path):
+    file = tmp_path / "sphere.csv"
+    contact = contact_of()
+    columns = (contact.time, contact.penetration, contact.velocity, contact.force)
+    header = "time_s,penetration_m,velocity_m_s,force_N"
+    np.savetxt(file, np.column_stack(columns), delimiter=",", header=header, comments="")
+
+    status, out, _ = run("identify", file, "--exponent", "1.5")
+    assert status == 0
+    assert "n = 1.5 (fixed)" in out
+    status, out, _ = run("identify", file, "--exponent", "1.5", "--json")
+    [found] = json.loads(out)["results"]
+    assert found["fixed"] == ["exponent"]
+    assert found["standard_errors"]["exponent"] == 0.0
+    _, out, _ = run("compare", file, "--exponent", "1.5", "--json")
+    results = json.loads(out)["results"]
+    assert {r["method"] for r in results if r.get("fixed")} == set(KEEPERS)
+    status, _, err = run("identify", file, "--exponent", "1.5", "--method", "kelvin-voigt")
+    assert status == 2
+    assert err.count("\n") == 1
+    assert "kelvin-voigt has none" in err
+    status, _, err = run("identify", file, "--exponent", "99")
+    assert status == 2
+    assert "exponent must be in [0.1, 10]" in err
+
+
+def test_every_other_method_is_compared_as_it_is():
+    results = compare(contact_of(), exponent=1.5, trace=False)
+    assert {name for name, result in results.items() if result.fixed} == set(KEEPERS)
+
+
+@pytest.mark.parametrize("value", [0.0, 0.05, 11.0, np.nan, "cone", [1.5]])
+def test_what_is_no_exponent_is_refused_by_name(keeper, value):
+    with pytest.raises(InvalidParameterError, match=r"^exponent must "):
+        keeper(exponent=value)
+
+
+def test_an_exponent_that_is_known_does_not_drift():
+    with pytest.raises(InvalidParameterError, match=r"^exponent_drift must be 0 "):
+        palpate.DriftTracking(exponent=1.5, exponent_drift=0.01)
+
+
+def test_the_modulus_of_a_tip_says_that_its_shape_was_not_checked():
+    result = identify(contact_of(), palpate.VariableProjection(exponent=1.5), trace=False)
+    modulus = result.elastic_modulus(palpate.Sphere(radius=0.1))
+    assert modulus.refused is None
+    assert any("the exponent was given" in remark for remark in modulus.remarks)

@@ -1,0 +1,150 @@
+"""An estimate along the way only where it is asked for; all else is as with a full trace."""
+
+import numpy as np
+import pytest
+from cases import MATERIALS, exciting, knowledge, tapping
+
+import palpate
+from palpate import ESTIMATORS, Contact, InvalidParameterError, Trace, compare, diagnose, identify
+from palpate.figures import draw
+
+
+def contact_of(signals, **more) -> Contact:
+    return Contact(**vars(signals), **more)
+
+
+# Contact is lost and made again, and some samples are bad.
+SIGNALS = tapping(MATERIALS["ball"], noise=0.02, seed=1)
+SIGNALS.force[700:703] += 5.0
+SIGNALS.force[900] = np.nan
+CONTACT = contact_of(SIGNALS)
+
+
+@pytest.fixture(params=ESTIMATORS.values(), ids=ESTIMATORS)
+def method(request):
+    return request.param
+
+
+def same(one, other) -> bool:
+    return np.array_equal(one, other, equal_nan=True)
+
+
+@pytest.mark.parametrize("trace", [False, 0.1])
+def test_the_result_the_flags_and_the_diagnosis_are_those_of_a_full_trace(method, trace):
+    full, thinned = identify(CONTACT, method()), identify(CONTACT, method(), trace=trace)
+    assert knowledge(thinned.estimator) == knowledge(full.estimator)
+    assert same(thinned.trace.status, full.trace.status)
+    assert thinned.flags == full.flags
+    assert same(thinned.covariance, full.covariance)
+    assert thinned.diagnosis.as_dict() == full.diagnosis.as_dict()
+    for name in ("prediction_rmse_percent", "fit_rmse_percent", "violated_fraction"):
+        assert same(getattr(thinned, name), getattr(full, name)), name
+    assert thinned.as_dict() == full.as_dict()
+
+
+def test_a_thinned_trace_has_its_own_clock_and_the_estimates_of_then(method):
+    full, thinned = identify(CONTACT, method()).trace, identify(CONTACT, method(), trace=0.1).trace
+    after = thinned.after
+    assert len(thinned) == len(CONTACT)
+    assert not thinned.full
+    assert same(thinned.time, CONTACT.time[after])
+    assert after[0] == 0
+    assert after[-1] == len(CONTACT) - 1
+    assert np.diff(thinned.time)[:-1] == pytest.approx(0.1, abs=1.1e-3)  # a sample, at 1 kHz
+    errors = full.standard_errors[after]
+    # Answers of a trace are worked out abreast, to a thousandth of a standard error.
+    assert np.all(np.abs(thinned.parameters - full.parameters[after]) <= 1e-3 * errors)
+    assert thinned.standard_errors == pytest.approx(errors, rel=1e-3)
+    assert same(thinned.everywhere(thinned.parameters)[after], thinned.parameters)
+    assert np.isnan(thinned.everywhere(thinned.parameters)[1]).all()
+
+
+def test_a_window_of_a_thinned_trace_keeps_its_estimates_in_their_places():
+    trace = identify(CONTACT, trace=0.1).trace
+    for window in (slice(95, 505), slice(505, 95, -1), slice(1, 2), slice(None, None, 50)):
+        part = trace[window]
+        chosen = np.arange(len(trace))[window]
+        assert set(chosen[part.after]) == set(chosen) & set(trace.after)
+        assert same(part.status, trace.status[window])
+        assert same(part.everywhere(part.time), trace.everywhere(trace.time)[window])
+
+
+def test_segments_are_thinned_each_by_itself_and_joined():
+    segment = np.where(CONTACT.time < 0.95, 0, 1)
+    contact = contact_of(SIGNALS, segment=segment)
+    trace = identify(contact, trace=0.5).trace
+    times = [0.0, 0.5, 0.949, 0.95, 1.45, 1.95, 1.999]
+    assert trace.time == pytest.approx(times, abs=1.1e-3)  # a sample
+    parts = [Trace.empty(3, 3), trace]
+    assert (Trace.joined(parts, 3).after == np.concatenate([[0, 1, 2], trace.after + 3])).all()
+
+
+def test_intervals_below_a_sample_are_a_full_trace():
+    assert identify(CONTACT, trace=1e-4).trace.full
+
+
+@pytest.mark.parametrize("trace", [True, "half", 0.0, -1.0, np.nan, None, [1.0], 1e10])
+def test_what_is_no_trace_is_refused_in_a_line(trace):
+    with pytest.raises(InvalidParameterError, match=r"^trace must [^\n]*$"):
+        identify(CONTACT, trace=trace)
+    with pytest.raises(InvalidParameterError, match=r"^trace must "):
+        compare(CONTACT, trace=trace)
+
+
+@pytest.mark.parametrize("at", [[1, 0], [0, 0], [-1], [10_000], [0.5], [np.nan], "last", [[1]]])
+def test_what_are_no_samples_is_refused_in_a_line(method, at):
+    with pytest.raises(InvalidParameterError, match=r"^at must [^\n]*$"):
+        method().replay(*SIGNALS.arrays, at=at)
+
+
+def test_figures_frames_and_stretches_are_there_without_a_trace(method):
+    whole = identify(CONTACT, method())
+    result = identify(CONTACT, method(), trace=False)
+    lines = [
+        [same(a.get_xydata(), b.get_xydata()) for a, b in zip(x.lines, y.lines, strict=True)]
+        for x, y in zip(draw(result).axes, draw(whole).axes, strict=True)
+    ]
+    assert all(map(all, lines))
+    frame = result.to_pandas()
+    assert frame["stiffness"].isna().all() if "stiffness" in frame else True
+    assert same(frame["fitted_force"], whole.to_pandas()["fitted_force"])
+    parameters = result.to_xarray()["parameters"]
+    assert parameters.shape[0] == len(CONTACT)
+    assert parameters.isnull().all()
+    assert repr(result) == repr(whole)
+    assert result.summary() == whole.summary()
+    assert result.by_stretch().noticed is not None
+
+
+@pytest.mark.parametrize("trace", [False, 0.2])
+@pytest.mark.parametrize("table", ["trace.parquet", "trace.csv"])
+def test_a_thinned_trace_is_saved_and_read_back(trace, table, tmp_path, monkeypatch):
+    from palpate.reports import saving
+
+    monkeypatch.setattr(saving, "has_parquet", lambda: table == "trace.parquet")
+    result = identify(CONTACT, trace=trace)
+    result.save(tmp_path)
+    found = palpate.load_result(tmp_path / "result.json").trace
+    assert (tmp_path / table).exists()
+    for name in found.__dataclass_fields__:
+        assert same(getattr(found, name), getattr(result.trace, name)), name
+
+
+def test_every_method_is_compared_without_traces():
+    results = compare(CONTACT, trace=False)
+    assert all(not len(result.trace.parameters) for result in results.values())
+
+
+def test_a_diagnosis_writes_no_estimates_down(monkeypatch):
+    written = []
+    replay = palpate.VariableProjection.replay
+
+    def watched(self, *arrays, at=None):
+        written.append(at)
+        return replay(self, *arrays, at=at)
+
+    monkeypatch.setattr(palpate.VariableProjection, "replay", watched)
+    signals = exciting(MATERIALS["ball"], noise=0.02)
+    diagnose(contact_of(signals, surface_deviation=1e-5))
+    assert written
+    assert all(at is not None and not len(at) for at in written)
