@@ -30,7 +30,9 @@ def curves(first: int, count: int) -> tuple[NDArray[np.float64], ...]:
     below = np.maximum(penetration - surface, 0.0)
     force = stiffness * below**exponent * (1.0 + dissipation * velocity)
     offset = random.normal(0.0, 0.01, (count, 1))
-    noise = np.exp(random.uniform(*np.log(NOISE), (count, 1))) * force.max(axis=1, keepdims=True)
+    noise = np.exp(random.uniform(np.log(NOISE[0]), np.log(NOISE[1]), (count, 1))) * force.max(
+        axis=1, keepdims=True
+    )
     return penetration, velocity, force + offset + noise * random.normal(size=force.shape)
 
 

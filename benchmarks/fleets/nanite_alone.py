@@ -8,13 +8,15 @@ import json
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import nanite
 import numpy as np
 
 
 def main() -> None:
-    folder, found = Path(sys.argv[1]), []
+    folder = Path(sys.argv[1])
+    found: list[dict[str, Any]] = []
     for path in sys.argv[2:]:
         for curve in nanite.IndentationGroup(path):
             curve.apply_preprocessing(["compute_tip_position", "correct_tip_offset"])

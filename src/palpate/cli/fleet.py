@@ -113,6 +113,8 @@ def _settings(
         estimator["outlier_rejection"] = False
     if reading.surface == "estimate":
         estimator["surface"] = "estimate"
+    if reading.exponent is not None:
+        estimator["exponent"] = reading.exponent
     return Settings(
         method=method,
         estimator=estimator,

@@ -110,11 +110,13 @@ def _histogram(
         if high <= low:
             low, high = low - 0.5 * abs(low) - 1e-12, high + 0.5 * abs(high) + 1e-12
             low = max(low, 1e-12) if logarithmic else low
-        edges = np.geomspace(low, high, _BINS + 1) if logarithmic else None
+        spaced = np.geomspace if logarithmic else np.linspace
+        edges = spaced(low, high, _BINS + 1).tolist()
         inside = known[(known >= low) & (known <= high)]
-        axes.hist(inside, _BINS if edges is None else edges, color=look.theme.lines[0], linewidth=0)
+        axes.hist(inside, edges, color=look.theme.lines[0], linewidth=0)
         if logarithmic:
             axes.set_xscale("log")
+            axes.xaxis.set_minor_formatter("")
         beyond = known.size - inside.size
         if beyond and title:
             title = f"{title} ({beyond} beyond)"

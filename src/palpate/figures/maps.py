@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.figures.look import Look, look_of
 from palpate.figures.scales import Scale, largest, scale_of
@@ -13,8 +14,10 @@ from palpate.validation import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
+Indices = NDArray[np.intp]
 # Cells are drawn where the places fill a grid at least so far.
 _FILLED = 0.6
 # Percentiles that the colours span: one wild place leaves the others their differences.
@@ -90,7 +93,7 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) ->
         columns, rows, i, j = grid
         cells = np.full((len(rows), len(columns)), np.nan)
         cells[j, i] = values
-        drawn = axes.pcolormesh(
+        drawn: ScalarMappable = axes.pcolormesh(
             _edges(columns), _edges(rows), cells, cmap=colours, vmin=low, vmax=high
         )
     else:
@@ -142,7 +145,7 @@ def _beyond(values: Floats, low: float, high: float) -> str:
     )
 
 
-def _grid(x: Floats, y: Floats) -> "tuple[Floats, Floats, np.ndarray, np.ndarray] | None":  # type: ignore[type-arg]
+def _grid(x: Floats, y: Floats) -> tuple[Floats, Floats, Indices, Indices] | None:
     """Columns and rows of a grid that the places fill, and the cell of each; None of no grid."""
     columns, rows = _levels(x), _levels(y)
     cells = len(columns) * len(rows)
@@ -165,4 +168,5 @@ def _levels(values: Floats) -> Floats:
 
 def _edges(levels: Floats) -> Floats:
     middle = 0.5 * (levels[1:] + levels[:-1])
-    return np.r_[2.0 * levels[0] - middle[0], middle, 2.0 * levels[-1] - middle[-1]]
+    ends = [2.0 * levels[:1] - middle[:1], middle, 2.0 * levels[-1:] - middle[-1:]]
+    return np.concatenate(ends)

@@ -154,7 +154,7 @@ def _curves(
     clock: Floats
     if sample_time is not None:
         step = number_in("sample_time", sample_time, 0.0, 1e6, open_low=True)
-        clock = np.arange(x.shape[1]) * step
+        clock = step * np.arange(float(x.shape[1]))
     else:
         clock = real_array("time", time)  # type: ignore[arg-type]
         if clock.shape not in (x.shape, x.shape[1:]):

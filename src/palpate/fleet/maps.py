@@ -67,7 +67,8 @@ class Map:
         if self.depth is not None:
             return f"at {depth_in_words(self.depth)}"
         low, high = map(depth_in_words, self.depths)
-        return f"at the working depth of each contact, {low} to {high}"
+        span = low if low == high else f"{low} to {high}"
+        return f"at the working depth of each contact, {span}"
 
     @property
     def summary(self) -> str:
@@ -83,8 +84,12 @@ class Map:
             f"{known.size} places {low} to {high} {self.unit}".rstrip()
         )
         left = self.rows - len(self.value)
-        words += f"; {self.failures} places have no number" if self.failures else ""
-        return words + (f"; {left} rows have no place" if left else "")
+        if self.failures:
+            have = "place has" if self.failures == 1 else "places have"
+            words += f"; {self.failures} {have} no number"
+        if left:
+            words += f"; {left} {'row has' if left == 1 else 'rows have'} no place"
+        return words
 
 
 def map_of(
@@ -126,8 +131,8 @@ def map_of(
     there = np.isfinite(places).all(axis=1)
     fields = [results.schema.field(name) for name in axes]
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
-    known = depths[there & np.isfinite(depths)]
-    span = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
+    deep = depths[there & np.isfinite(depths)]
+    span = (float(deep.min()), float(deep.max())) if deep.size else (np.nan, np.nan)
     return Map(
         of,
         "" if of == "exponent" else AT_DEPTH[of],

@@ -51,7 +51,7 @@ def row_of(contact: Contact, settings: Settings) -> Row:
         It cannot be identified.
     """
     data = Data(contact)
-    result = Identification.of(data, settings.estimator_for(contact))
+    result = Identification.of(data, settings.estimator_for(contact), trace=False)
     estimate, law = result.estimate, result.law
     row: Row = {"fit": "recursion", "samples": len(contact)}
     row |= _parameters(law, result.covariance)

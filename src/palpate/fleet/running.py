@@ -143,7 +143,8 @@ def _worked(
 ) -> Iterator[tuple[Batch, Any]]:
     """Yield what comes back, in whatever order; no more is out than the workers need."""
     distributed = needed("distributed", "a fleet")
-    left, out = deque(waiting), {}
+    left = deque(waiting)
+    out: dict[str, Batch] = {}
     coming = distributed.as_completed(loop=client.loop)
     asked, most = -math.inf, 0
     while left or out:

@@ -184,7 +184,8 @@ def _even_clock(group: Any, samples: int, name: str) -> Floats:
             f"{name}: when its samples were taken is not said; give the group an array time, or an "
             f"attribute {_CLOCK}, s"
         )
-    return np.arange(samples) * float(step)
+    clock: Floats = float(step) * np.arange(float(samples))
+    return clock
 
 
 def _line(error: Exception) -> str:
