@@ -63,14 +63,14 @@ def read_by_rosbags(path: Path, store: object) -> int:
     reader = McapReader(path)
     try:
         reader.open()
-        return sum(
+        count = sum(
             store.deserialize_cdr(data, connection.msgtype) is not None  # type: ignore[attr-defined]
             for connection, _, data in reader.messages(reader.connections, None, None)
         )
-    except Exception:  # whatever damage makes it say
+    except Exception:  # whatever damage makes it say; it has closed the file then
         return 0
-    finally:
-        reader.close()
+    reader.close()
+    return count
 
 
 def measure(count: int, damaged: int, folder: Path | None = None) -> Section:

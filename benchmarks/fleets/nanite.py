@@ -32,10 +32,11 @@ def measure(python: str, most: int = 10_000) -> Section:
     if not files:
         return Section(title, [], ["skipped: there are no force maps in PALPATE_DATA"])
     with tempfile.TemporaryDirectory() as scratch:
-        command = [python, str(_ALONE), scratch, *map(str, files)]
+        # -P: else this module, beside the program, would be the nanite that it imports.
+        command = [python, "-P", str(_ALONE), scratch, *map(str, files)]
         done = subprocess.run(
             command, capture_output=True, text=True, check=False,
-            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            env={"PATH": os.environ["PATH"], "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
         )  # fmt: skip
         if done.returncode:
             words = (done.stderr.strip().splitlines() or ["it ended"])[-1]

@@ -24,6 +24,8 @@ from palpate.validation import Floats
 if TYPE_CHECKING:
     import pyarrow as pa
 
+#: A source, and which of its contacts; None where it is one.
+Named = tuple[str, int | None]
 _SAMPLES = ("time", "penetration", "velocity", "force", "segment")
 
 
@@ -78,18 +80,10 @@ def timed_batch(
             "a batch must have the columns source, kind and index, or time, penetration and force, "
             f"not {', '.join(sorted(names))}"
         )
-    parts, seconds = [], []
-    for source, kind, indices in _runs(batch):
-        begun = time.perf_counter()
-        table, took = _identified(source, kind, indices, settings, threads)
-        if took is None:
-            spent = time.perf_counter() - begun
-            took = np.full(table.num_rows, spent / max(table.num_rows, 1))
-        parts.append(table)
-        seconds.append(took)
-    if not parts:
+    found = [_identified(kind, rows, settings, threads) for kind, rows in _runs(batch)]
+    if not found:
         return table_of_rows([], settings), np.empty(0)
-    return pa.concat_tables(parts), np.concatenate(seconds)
+    return pa.concat_tables([table for table, _ in found]), np.concatenate([s for _, s in found])
 
 
 def lost(batch: "pa.Table", settings: Settings, reason: str) -> "pa.Table":
@@ -111,38 +105,47 @@ def _check_version(settings: Settings) -> None:
         )
 
 
-def _runs(batch: "pa.Table") -> "Iterator[tuple[str, str, list[int | None]]]":
-    """Rows next to each other that are of one source."""
-    columns = (batch.column(name).to_pylist() for name in ("source", "kind", "index"))
+def _runs(batch: "pa.Table | pa.RecordBatch") -> Iterator[tuple[str, list[Named]]]:
+    """Rows next to each other that are read together: of one array or map, or any files."""
+    columns = (batch.column(name).to_pylist() for name in ("kind", "source", "index"))
     rows = zip(*columns, strict=True)
-    for (source, kind), group in itertools.groupby(rows, key=lambda row: row[:2]):
-        yield source, kind, [row[2] for row in group]
+    for (kind, _), group in itertools.groupby(
+        rows, key=lambda row: (row[0], None if row[0] == "file" else row[1])
+    ):
+        yield kind, [(source, index) for _, source, index in group]
 
 
 def _identified(
-    source: str, kind: str, indices: "list[int | None]", settings: Settings, threads: int
-) -> "tuple[pa.Table, Floats | None]":
-    if kind == "zarr":
-        numbers = [index or 0 for index in indices]
-        return _of_array(source, numbers, settings, threads), None
+    kind: str, named: list[Named], settings: Settings, threads: int
+) -> "tuple[pa.Table, Floats]":
     if kind == "map":
-        return _of_map(source, indices, settings)
+        return _of_map(named[0][0], [index for _, index in named], settings)
+    if kind == "zarr":
+        return _of_array(named[0][0], [index or 0 for _, index in named], settings, threads)
     rows: list[Row] = []
-    for index in indices:
-        rows += _of_file(source, index, settings)
-    return table_of_rows(rows, settings), None
+    seconds: list[float] = []
+    for source, index in named:
+        begun = time.perf_counter()
+        new = _of_file(source, index, settings)
+        rows += new
+        seconds += [(time.perf_counter() - begun) / len(new)] * len(new)
+    return table_of_rows(rows, settings), np.array(seconds)
 
 
-def _of_array(source: str, numbers: Sequence[int], settings: Settings, threads: int) -> "pa.Table":
+def _of_array(
+    source: str, numbers: Sequence[int], settings: Settings, threads: int
+) -> "tuple[pa.Table, Floats]":
     first, count = min(numbers), max(numbers) - min(numbers) + 1
+    begun = time.perf_counter()
     try:
-        curves = curves_of(source, first, count)
-        table = identify_curves(curves, settings, threads=threads)
+        table = identify_curves(curves_of(source, first, count), settings, threads=threads)
+        wanted = [number - first for number in numbers]
+        table = table if wanted == list(range(count)) else table.take(wanted)
     except Exception as error:
         rows = [{"source": source, "index": each, **failure(error)} for each in numbers]
-        return table_of_rows(rows, settings)
-    wanted = [number - first for number in numbers]
-    return table if wanted == list(range(count)) else table.take(wanted)
+        table = table_of_rows(rows, settings)
+    spent = time.perf_counter() - begun
+    return table, np.full(table.num_rows, spent / max(table.num_rows, 1))
 
 
 def _of_map(
