@@ -83,3 +83,20 @@ def test_spark_maps_the_same_function_over_its_batches():
     finally:
         spark.stop()
     assert in_order(found) == in_order(expected.to_pylist())
+
+
+def test_objects_of_a_server_give_the_rows_that_the_disk_gives(tmp_path):
+    pytest.importorskip("moto.server", reason="moto, the server, is not installed")
+    pytest.importorskip("s3fs", reason="s3fs, the client, is not installed")
+    pytest.importorskip("mcap", reason="mcap, which writes the recordings, is not installed")
+    from benchmarks.fleets import objects
+
+    found = objects.measure(20, 50, tmp_path)
+    assert found.rows[0].value == 0
+
+
+def test_the_benchmark_of_fleets_runs(tmp_path):
+    from benchmarks.fleets import arrays
+
+    found = arrays.measure(200, tmp_path)
+    assert all(row.value >= 0.0 for row in found.rows)

@@ -176,7 +176,7 @@ def test_options_of_one_recording_are_refused(run, recordings, tmp_path):
 def many(tmp_path_factory):
     """An array of which the recursion, with a full diagnosis, takes some seconds."""
     folder = tmp_path_factory.mktemp("many")
-    write_recordings(folder / "all", 200)
+    write_recordings(folder / "all", 160)
     return folder / "all"
 
 
