@@ -23,7 +23,7 @@ EXAMPLES = sorted(ROOT.glob("examples/*.py"))
 FENCED = re.compile(r"^(?P<above>[^\n]*)\n```(?P<language>\w+)\n(?P<text>.*?)^```$", re.M | re.S)
 NOT_RUN = re.compile(r"<!-- not run: .+ -->")
 COMMAND = re.compile(
-    r"(?:^|/)palpate ((?:identify|diagnose|compare|info|design|lab) [^#&\n]+)", re.M
+    r"(?:^|/)palpate ((?:identify|diagnose|compare|info|fleet|map|design|lab) [^#&\n]+)", re.M
 )
 
 

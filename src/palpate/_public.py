@@ -5,6 +5,7 @@ from palpate.contact import Contact
 from palpate.curves import CurveFits, fit_curves
 from palpate.diagnosis import Diagnosis, Finding, Verdict, WorkingDepth
 from palpate.errors import (
+    FleetError,
     InvalidParameterError,
     MissingChannelError,
     MissingExtraError,
@@ -24,6 +25,7 @@ from palpate.estimators import (
     SingleStageRLS,
     VariableProjection,
 )
+from palpate.fleet.many import identify_many
 from palpate.force_laws import (
     FORCE_LAWS,
     ExtendedKelvinVoigt,
@@ -77,6 +79,7 @@ __all__ = [
     "FadingForgetting",
     "Finding",
     "FlatPunch",
+    "FleetError",
     "ForceLaw",
     "HuntCrossley",
     "Identification",
@@ -114,6 +117,7 @@ __all__ = [
     "dissipation_for",
     "fit_curves",
     "identify",
+    "identify_many",
     "load_result",
     "open_recording",
     "prepare",

@@ -314,7 +314,7 @@ def _checked_projection(
     exponent_range: tuple[float, float],
     offset: bool,
 ) -> tuple[tuple[float, float], bool, float]:
-    level, exponents, _, _ = projection_settings(noise, exponent_range, offset, None)
+    level, exponents, *_ = projection_settings(noise, exponent_range, None, offset, None)
     if exponent is not None:
         fixed = number_in("exponent", exponent, 0.1, 10.0)
         exponents = fixed, fixed

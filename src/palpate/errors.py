@@ -13,6 +13,10 @@ class RecordingError(PalpateError, ValueError):
     """A recording cannot be used: the message names the file, the column and the row."""
 
 
+class FleetError(PalpateError, RuntimeError):
+    """A fleet cannot run: its scheduler, its workers or its folder of results; what to do."""
+
+
 class MissingChannelError(RecordingError):
     """A recording has no channel of the name that was looked for.
 

@@ -21,7 +21,9 @@ from palpate.cli.session import ANY_COMMANDS, Hints, in_a_session, session_of, s
 from palpate.errors import PalpateError
 
 #: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
-COMMANDS = ("identify", "diagnose", "compare", "info", "design", "lab", "live", "paper")
+COMMANDS = (
+    "identify", "diagnose", "compare", "info", "fleet", "map", "design", "lab", "live", "paper",
+)  # fmt: skip
 
 
 def application(hints: Hints | None = None) -> App:

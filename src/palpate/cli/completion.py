@@ -78,6 +78,7 @@ def _values() -> Iterable[tuple[str, str, Iterable[str]]]:
     from palpate.paper import EXPERIMENTS
 
     yield "identify", "method", ESTIMATORS
+    yield "fleet", "method", ESTIMATORS
     yield "diagnose", "method", ESTIMATORS
     yield "live", "method", ESTIMATORS
     yield "live", "source", [f"lab:{name}" for name in MATERIALS]

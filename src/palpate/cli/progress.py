@@ -1,6 +1,7 @@
 """A bar for what takes a while, on standard error, where a person looks at it."""
 
 import sys
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -46,3 +47,44 @@ def bar(words: str) -> Iterator["Callable[[float], None]"]:
     with Progress(*columns, console=Terminal(stderr=True), transient=True) as shown:
         task = shown.add_task(words, total=1.0)
         yield lambda fraction: shown.update(task, completed=fraction)
+
+
+@contextmanager
+def rated(words: str) -> Iterator["Callable[[int, int], None]"]:
+    """Show how many of how many are done, how many a second, and the time left.
+
+    Nothing where standard error is no terminal.
+    """
+    if sys.stderr is None or not sys.stderr.isatty():
+        yield lambda done, total: None
+        return
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    from palpate.cli.printing import Terminal
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Terminal(stderr=True), transient=True) as shown:
+        task = shown.add_task(words, total=None, rate="")
+        first: list[tuple[float, int]] = []
+
+        def advance(done: int, total: int) -> None:
+            now = time.monotonic()
+            if not first:  # what was there already took no time
+                first.append((now, done))
+            begun, before = first[0]
+            rate = f"{(done - before) / (now - begun):.3g}/s" if done > before else ""
+            shown.update(task, completed=done, total=total, rate=rate)
+
+        yield advance

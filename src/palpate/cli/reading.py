@@ -126,7 +126,7 @@ class Reading:
 
         try:
             recording = opened(file, self._channels, strict=self.strict, curve=self.curve)
-            return prepare(recording, **self._preparation)
+            return prepare(recording, **self.preparation)
         except MissingChannelError as error:
             hint = "name others with --time, --penetration or --position, --force, --velocity"
             raise RecordingError(f"{error} ({hint}; palpate info FILE shows them)") from None
@@ -141,7 +141,7 @@ class Reading:
         return [*named, *(name for name in more if name and name.startswith("/"))]
 
     @property
-    def _preparation(self) -> dict[str, Any]:
+    def preparation(self) -> dict[str, Any]:
         """What :func:`palpate.prepare` is to do."""
         from palpate.cli.quantities import quantity, span, units_of
         from palpate.preparation import Columns

@@ -22,6 +22,8 @@ Weight = NewType("Weight", str)
 Direction = NewType("Direction", str)
 Width = NewType("Width", str)
 Folder = NewType("Folder", Path)
+SourceName = NewType("SourceName", str)
+Address = NewType("Address", str)
 Address = NewType("Address", str)
 Method = NewType("Method", str)
 

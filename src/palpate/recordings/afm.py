@@ -3,7 +3,8 @@
 import logging
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,7 @@ def read(path: Path, request: Request) -> Recording:
     """
     source = printable(path)
     size = regular_size(path)
-    try:
+    with _explained(source):
         if path.name.lower().endswith(_JPK):
             return _read_jpk(path, size, source, request)
         curves = load_data(path, callback=request.report)
@@ -76,6 +77,56 @@ def read(path: Path, request: Request) -> Recording:
         if len(chosen) * 8 > most_unpacked(size):
             raise ValueError(f"it claims {len(chosen)} samples")
         return _recording(chosen.columns, chosen.__getitem__, chosen.metadata, source, request)
+
+
+def count_curves(path: Path) -> int:
+    """Return how many force curves a map of JPK holds.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read.
+    """
+    source = printable(path)
+    with _opened(path, regular_size(path), source) as reader, _explained(source):
+        return len(reader)
+
+
+def read_curves(path: Path, numbers: Sequence[int]) -> Iterator[Recording | RecordingError]:
+    """Read several force curves of a map of JPK, which is opened once.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    numbers : sequence of int
+        Which, from 0.
+
+    Yields
+    ------
+    Recording or RecordingError
+        One a number; why not, where it cannot be read.
+
+    Raises
+    ------
+    RecordingError
+        Nothing of the file can be read.
+    """
+    source, size = printable(path), regular_size(path)
+    with _opened(path, size, source) as reader:
+        for number in numbers:
+            try:
+                with _explained(source):
+                    yield _curve(reader, size, source, Request(curve=number))
+            except RecordingError as error:
+                yield error
+
+
+@contextmanager
+def _explained(source: str) -> Iterator[None]:
+    """Say what a fault of the reader means."""
+    try:
+        yield
     except RecordingError:
         raise
     except errors.MissingMetaDataError as error:
@@ -96,22 +147,35 @@ _JPK = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 
 def _read_jpk(path: Path, size: int, source: str, request: Request) -> Recording:
     """Read one curve of a file of JPK, and of the others no more than their names."""
-    with zipfile.ZipFile(path) as archive:
-        claimed = max((member.file_size for member in archive.infolist()), default=0)
-    if claimed > most_unpacked(size):
-        raise ValueError(f"a part of it claims {in_words(claimed)}")
-    reader = JPKReader(path)
+    with _opened(path, size, source) as reader:
+        return _curve(reader, size, source, request)
+
+
+@contextmanager
+def _opened(path: Path, size: int, source: str) -> Iterator[JPKReader]:
+    """Open a file of JPK."""
+    with _explained(source):
+        with zipfile.ZipFile(path) as archive:
+            claimed = max((member.file_size for member in archive.infolist()), default=0)
+        if claimed > most_unpacked(size):
+            raise ValueError(f"a part of it claims {in_words(claimed)}")
+        reader = JPKReader(path)
     try:
-        number = _chosen(len(reader), source, request)
-        metadata = reader.get_metadata(index=number)
-        if metadata["point count"] * 8 > most_unpacked(size):
-            raise ValueError(f"it claims {metadata['point count']} samples")
-        columns = [name for name in known_columns if name not in ("index", "tip position")]
-        column = lambda name: reader.get_data(column=name, index=number)  # noqa: E731
-        return _recording(columns, column, metadata, source, request)
+        yield reader
     finally:
         if archive := ArchiveCache.open_archives.pop(path, None):  # it may be written anew
             archive.close()
+
+
+def _curve(reader: JPKReader, size: int, source: str, request: Request) -> Recording:
+    """Read one curve of an open file."""
+    number = _chosen(len(reader), source, request)
+    metadata = reader.get_metadata(index=number)
+    if metadata["point count"] * 8 > most_unpacked(size):
+        raise ValueError(f"it claims {metadata['point count']} samples")
+    columns = [name for name in known_columns if name not in ("index", "tip position")]
+    column = lambda name: reader.get_data(column=name, index=number)  # noqa: E731
+    return _recording(columns, column, metadata, source, request)
 
 
 def _chosen(count: int, source: str, request: Request) -> int:

@@ -1,0 +1,1 @@
+"""What :mod:`benchmarks.fleet` measures, a module each."""

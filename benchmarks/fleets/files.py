@@ -1,0 +1,103 @@
+"""Small recordings of messages, some of them damaged, beside reading them by rosbags alone."""
+
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.reading import BEGIN, STEP, stamped, write_mcap
+from benchmarks.report import Limit, Row, Section
+from palpate.fleet.results import read_results
+from palpate.fleet.running import run_fleet
+from palpate.fleet.settings import Settings
+
+SECONDS = 1.0
+_FILES = 200  # that are made; the others are copies of them, which reading cannot tell
+
+
+def recording(seed: int) -> list[tuple[bool, int, bytes]]:
+    """A robot that presses a material once a second for a while, at 1 kHz: wrenches and poses."""
+    random = np.random.default_rng(seed)
+    time_ = np.arange(int(SECONDS * 1000)) * 1e-3
+    depth = 4e-3 * np.sin(2 * np.pi * 3.0 * time_) - 1e-3
+    velocity = 4e-3 * 6 * np.pi * np.cos(2 * np.pi * 3.0 * time_)
+    below = np.maximum(depth, 0.0)
+    force = 4000.0 * random.uniform(0.5, 2.0) * below**1.3 * (1.0 + 3.0 * velocity)
+    force += random.normal(0.0, 0.002, force.size)
+    depth += random.normal(0.0, 1e-6, depth.size)
+    found = []
+    for k in range(time_.size):
+        at = BEGIN + k * STEP
+        wrench = np.array([0.0, 0.0, force[k], 0.0, 0.0, 0.0])
+        pose = np.array([0.1, 0.2, -depth[k], 0.0, 0.0, 0.0, 1.0])
+        found.append((True, at, stamped(at, is_wrench=True) + wrench.tobytes()))
+        found.append((False, at + 300_000, stamped(at, is_wrench=False) + pose.tobytes()))
+    return found
+
+
+def write_files(folder: Path, count: int, damaged: int) -> list[Path]:
+    """Write so many files, of which some, evenly among them, are cut or overwritten."""
+    folder.mkdir()
+    made = []
+    for seed in range(min(count, _FILES)):
+        path = folder / f"touch-{seed:05d}.mcap"
+        write_mcap(path, recording(seed), compressed=True, chunks=True)
+        made.append(path.read_bytes())
+    paths = []
+    spoilt = set(np.linspace(0, count - 1, damaged).astype(int).tolist())
+    for k in range(count):
+        path = folder / f"touch-{k:05d}.mcap"
+        content = made[k % len(made)]
+        if k in spoilt:  # zeros, or the first bytes alone: nothing of them can be read
+            content = bytes(len(content)) if k % 2 else content[:40]
+        path.write_bytes(content)
+        paths.append(path)
+    return paths
+
+
+def read_by_rosbags(path: Path, store: object) -> int:
+    """Read and decode all messages by rosbags; 0 of a file that it cannot read."""
+    from rosbags.rosbag2.storage_mcap import McapReader
+
+    reader = McapReader(path)
+    try:
+        reader.open()
+        count = sum(
+            store.deserialize_cdr(data, connection.msgtype) is not None  # type: ignore[attr-defined]
+            for connection, _, data in reader.messages(reader.connections, None, None)
+        )
+    except Exception:  # whatever damage makes it say; it has closed the file then
+        return 0
+    reader.close()
+    return count
+
+
+def measure(count: int, damaged: int, folder: Path | None = None) -> Section:
+    """Identify all of them with one worker, and read them by rosbags in this one process."""
+    from rosbags.typesys import Stores, get_typestore
+
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        path = Path(scratch)
+        paths = write_files(path / "touches", count, damaged)
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        begun = time.perf_counter()
+        for each in paths:
+            read_by_rosbags(each, store)
+        alone = time.perf_counter() - begun
+        found = run_fleet(
+            [path / "touches"], path / "results", Settings(diagnosis="none"), workers=1
+        )
+        table = read_results(path / "results")
+    reasons = [error for error in table.column("error").to_pylist() if error]
+    sources = table.column("source").to_pylist()
+    rows = [
+        Row(f"rows of {count} files", len(set(sources)), "", limit=Limit(count, at_least=True)),
+        Row(f"rows with a reason, of {damaged} damaged", len(reasons), "",
+            limit=Limit(damaged) if len(reasons) >= damaged else Limit(damaged, at_least=True)),
+        Row("identified, one worker", count / found.seconds, "files/s",
+            alone / found.seconds, "rosbags, reading and decoding alone",
+            Limit(0.8, at_least=True)),
+        Row("read and decoded by rosbags, one process", count / alone, "files/s"),
+    ]  # fmt: skip
+    return Section("Small recordings of messages", rows, [f"{SECONDS:g} s of wrench and pose each"])

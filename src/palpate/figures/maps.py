@@ -1,0 +1,172 @@
+"""A map: what was found over where it was found, with its error beside it."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.figures.look import Look, look_of
+from palpate.figures.scales import Scale, largest, scale_of
+from palpate.figures.sheet import head, set_titles
+from palpate.figures.style import style
+from palpate.fleet.maps import Map
+from palpate.validation import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+
+Indices = NDArray[np.intp]
+# Cells are drawn where the places fill a grid at least so far.
+_FILLED = 0.6
+# Percentiles that the colours span: one wild place leaves the others their differences.
+_SPAN = (2.0, 98.0)
+
+
+def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "Figure":
+    """Draw values over place, and beside them their standard errors.
+
+    Parameters
+    ----------
+    found : Map
+        By :func:`palpate.fleet.maps.map_of`.
+    dark : bool
+        For a dark background.
+    width : float, optional
+        Of the figure as it is printed, m, in [0.06, 0.4]; a page of 11 inches unless given.
+
+    Raises
+    ------
+    InvalidParameterError
+        The width is out of its range.
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    look = look_of(dark=dark, width=width)
+    with style(look.theme, look.sheet) as new_figure:
+        narrow = look.sheet.narrow
+        line = len(found.axes) == 1
+        height = (4.2 if line else 4.8) if not narrow else (7.5 if line else 9.5)
+        figure = new_figure(figsize=look.sheet.size(height), layout="constrained")
+        panels = list(figure.subplots(2, 1) if narrow else figure.subplots(1, 2))
+        unit = scale_of(largest(found.value), found.unit)
+        for axes, what in zip(panels, ("value", "error"), strict=True):
+            (_draw_line if line else _draw_plane)(axes, found, what, unit, look)
+        set_titles(figure, look.sheet, [found.summary], lines=6)
+    return figure
+
+
+def _titled(found: Map, what: str, unit: Scale) -> str:
+    name = found.quantity if what == "value" else "its standard error"
+    return unit.label(name)
+
+
+def _draw_line(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) -> None:
+    """Over one coordinate: values with their errors, and the errors by themselves."""
+    along = scale_of(largest(found.places[:, 0]), found.units[0])
+    x = along.factor * found.places[:, 0]
+    colour = look.theme.lines[0]
+    y = unit.factor * getattr(found, what)
+    size = look.points(4.0)
+    if what == "value":
+        bars = np.where(np.isfinite(found.error), unit.factor * found.error, 0.0)
+        axes.errorbar(x, y, bars, fmt="o", color=colour, markersize=size, linewidth=size / 4.0)
+    else:
+        axes.plot(x, y, "o", color=colour, markersize=size)
+        axes.set_ylim(bottom=0.0)
+    axes.set(xlabel=along.label(found.axes[0]), ylabel=_titled(found, what, unit))
+    head(axes, f"{found.quantity}" if what == "value" else "Its standard error")
+
+
+def _draw_plane(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) -> None:
+    """Over two coordinates: cells of a grid, or a dot a place."""
+    places = found.places - _origin(found)
+    along = scale_of(largest(places), found.units[0])
+    x, y = (along.factor * places).T
+    values = unit.factor * getattr(found, what)
+    known = np.isfinite(values)
+    low, high = _span(values[known], zero=what == "error")
+    colours = "viridis" if what == "value" else "cividis"
+    grid = _grid(x, y)
+    if grid is not None and (~known).sum() < len(known):
+        columns, rows, i, j = grid
+        cells = np.full((len(rows), len(columns)), np.nan)
+        cells[j, i] = values
+        drawn: ScalarMappable = axes.pcolormesh(
+            _edges(columns), _edges(rows), cells, cmap=colours, vmin=low, vmax=high
+        )
+    else:
+        drawn = axes.scatter(
+            x[known], y[known], c=values[known], cmap=colours, vmin=low, vmax=high,
+            s=look.points(60.0) * min(1.0, 200.0 / max(len(x), 1)) + look.points(8.0),
+            edgecolors=look.theme.ink, linewidths=0.4,
+        )  # fmt: skip
+    if not known.all():
+        axes.plot(
+            x[~known], y[~known], "x", color=look.theme.lines[1], markersize=look.points(5.0),
+            label="no number",
+        )  # fmt: skip
+    if found.units[0] == found.units[1] == "m":
+        axes.set_aspect("equal", adjustable="box")
+    axes.grid(False)
+    beyond = _beyond(values[known], low, high)
+    bar = axes.figure.colorbar(drawn, ax=axes, extend=beyond)
+    bar.set_label(_titled(found, what, unit))
+    names = [f"{name} [{along.unit}]" if along.unit else name for name in found.axes]
+    axes.set(xlabel=names[0], ylabel=names[1])
+    title = found.quantity if what == "value" else "its standard error"
+    head(axes, title.capitalize())
+
+
+def _origin(found: Map) -> Floats:
+    """Where coordinates are counted from: a stage's own zero may be a metre away."""
+    low, high = found.places.min(axis=0), found.places.max(axis=0)
+    far = np.abs(found.places).max(axis=0) > 20.0 * np.maximum(high - low, 1e-12)
+    origin: Floats = np.where(far & (np.array(found.units) == "m"), low, 0.0)
+    return origin
+
+
+def _span(values: Floats, *, zero: bool) -> tuple[float, float]:
+    if not values.size:
+        return 0.0, 1.0
+    low, high = np.percentile(values, _SPAN).tolist()
+    if high <= low:
+        low, high = float(values.min()), float(values.max())
+    if high <= low:
+        low, high = low - 0.5 * abs(low) - 1e-30, high + 0.5 * abs(high) + 1e-30
+    return (0.0 if zero else low), high
+
+
+def _beyond(values: Floats, low: float, high: float) -> str:
+    under, over = bool((values < low).any()), bool((values > high).any())
+    return {(True, True): "both", (True, False): "min", (False, True): "max"}.get(
+        (under, over), "neither"
+    )
+
+
+def _grid(x: Floats, y: Floats) -> tuple[Floats, Floats, Indices, Indices] | None:
+    """Columns and rows of a grid that the places fill, and the cell of each; None of no grid."""
+    columns, rows = _levels(x), _levels(y)
+    cells = len(columns) * len(rows)
+    if len(columns) < 2 or len(rows) < 2 or len(x) < _FILLED * cells:
+        return None
+    i = np.abs(x[:, None] - columns).argmin(axis=1)
+    j = np.abs(y[:, None] - rows).argmin(axis=1)
+    if len({*zip(i.tolist(), j.tolist(), strict=True)}) < len(x):  # repeats would hide each other
+        return None
+    return columns, rows, i, j
+
+
+def _levels(values: Floats) -> Floats:
+    """The distinct coordinates; those within a thousandth of the whole are one."""
+    order = np.sort(values)
+    apart = 1e-3 * max(float(order[-1] - order[0]), 1e-300)
+    groups = np.split(order, np.flatnonzero(np.diff(order) > apart) + 1)
+    return np.array([group.mean() for group in groups])
+
+
+def _edges(levels: Floats) -> Floats:
+    middle = 0.5 * (levels[1:] + levels[:-1])
+    ends = [2.0 * levels[:1] - middle[:1], middle, 2.0 * levels[-1:] - middle[-1:]]
+    return np.concatenate(ends)

@@ -1,0 +1,276 @@
+"""Contacts of equal length as arrays: through the whole-curve fit, a block of rows at a time."""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.contact import Contact
+from palpate.curves import STATUS_WORDS, CurveFits, fit_curves
+from palpate.diagnosis import Data
+from palpate.digits import rounded
+from palpate.errors import RecordingError
+from palpate.estimate import ADVICE
+from palpate.fleet.at_depth import LawsAtDepth, working_depths
+from palpate.fleet.columns import AT_DEPTH, empty_columns, table_of, table_of_rows
+from palpate.fleet.rows import failure, in_words, row_of
+from palpate.fleet.settings import Settings
+from palpate.preparation import prepare
+from palpate.preparation.resolution import resolution_of
+from palpate.preparation.suggestions import choose_gate
+from palpate.preparation.velocity import velocity_of
+from palpate.refusals import FEWEST_ABOVE, nothing_taken
+from palpate.validation import Floats
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+#: Settings of variable projection that the whole-curve fit has too.
+_SHARED = (
+    "surface", "surface_range", "exponent", "exponent_range", "offset", "offset_deviation",
+    "surface_deviation", "noise", "scale",
+)  # fmt: skip
+_ADVICE = {bits: [words for bit, words in ADVICE.items() if bits & bit] for bits in range(256)}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curves:
+    """Contacts of equal length, one row each; NaN marks a sample that is not there.
+
+    Attributes
+    ----------
+    time : numpy.ndarray, shape (samples,) or (k, samples)
+        s.
+    penetration, force : numpy.ndarray, shape (k, samples)
+        m and N.
+    velocity : numpy.ndarray, shape (k, samples), optional
+        m/s; worked out from the penetration where it is not given.
+    source : str
+        Where they are from.
+    index : numpy.ndarray of int64, shape (k,)
+        Which contact of the source each is.
+    places : dict
+        ``x``, ``y`` and ``z`` of each, m, where they are known.
+    """
+
+    time: Floats
+    penetration: Floats
+    force: Floats
+    velocity: Floats | None = None
+    source: str = ""
+    index: NDArray[np.int64] | None = None
+    places: dict[str, Floats] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.penetration)
+
+    def clock(self, row: int) -> Floats:
+        """The times of a row, s."""
+        clock: Floats = self.time[row] if self.time.ndim == 2 else self.time
+        return clock
+
+    def known(self) -> "Curves":
+        """The same, with a velocity for each row."""
+        if self.velocity is not None:
+            return self
+        rows = [velocity_of(self.clock(k), x) for k, x in enumerate(self.penetration)]
+        velocity = np.array(rows).reshape(self.penetration.shape)
+        return Curves(
+            self.time, self.penetration, self.force, velocity, self.source, self.index, self.places
+        )
+
+    def contact(self, row: int, settings: Settings) -> Contact:
+        """One of them as a contact, prepared as the settings say.
+
+        Raises
+        ------
+        PalpateError
+            It cannot be.
+        """
+        x, f, t = self.penetration[row], self.force[row], self.clock(row)
+        there = np.isfinite(x) & np.isfinite(f) & np.isfinite(t)
+        velocity = None if self.velocity is None else self.velocity[row][there]
+        return prepare(
+            time=t[there],
+            penetration=x[there],
+            force=f[there],
+            velocity=velocity,
+            source=self.source,
+            **settings.preparation,
+        )
+
+
+def fits_whole_curves(settings: Settings) -> bool:
+    """Whether the whole-curve fit answers what these settings ask."""
+    plain = set(settings.preparation) <= {"surface"}
+    gated = settings.minimum_penetration is not None or settings.minimum_force is not None
+    return (
+        settings.method == "variable-projection"
+        and settings.diagnosis != "full"
+        and plain
+        and settings.preparation.get("surface") in (None, "estimate")
+        and not gated
+        and set(settings.estimator) <= {*_SHARED, "outlier_rejection"}
+    )
+
+
+def identify_curves(curves: Curves, settings: Settings, *, threads: int = 1) -> "pa.Table":
+    """Identify each of the curves: a table with a row for each, in their order.
+
+    By the whole-curve fit where the settings allow that, else one by one by the recursion.
+
+    Parameters
+    ----------
+    curves : Curves
+        The contacts.
+    settings : Settings
+        How they are identified.
+    threads : int
+        That share the rows.
+    """
+    whole = fits_whole_curves(settings)
+    table = _together(curves, settings, threads) if whole else _one_by_one(curves, settings)
+    return table
+
+
+def _one_by_one(curves: Curves, settings: Settings) -> "pa.Table":
+    rows = []
+    for k in range(len(curves)):
+        row: dict[str, Any] = _named(curves, k)
+        try:
+            row |= {**row_of(curves.contact(k, settings), settings), "prepared": None}
+        except Exception as error:
+            row |= failure(error)
+        rows.append(row)
+    return table_of_rows(rows, settings)
+
+
+def _named(curves: Curves, row: int) -> dict[str, Any]:
+    index = None if curves.index is None else int(curves.index[row])
+    places = {axis: float(values[row]) for axis, values in curves.places.items()}
+    return {"source": curves.source, "index": index, **places}
+
+
+def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
+    curves = curves.known()
+    velocity = curves.velocity
+    assert velocity is not None
+    chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
+    if not settings.searches_surface and "surface_deviation" not in chosen:
+        chosen["surface_deviation"] = _resolutions(curves.penetration)
+    fits = fit_curves(curves.penetration, velocity, curves.force, threads=threads, **chosen)
+    columns = empty_columns(settings, len(curves))
+    columns["source"] = [curves.source] * len(curves)
+    if curves.index is not None:
+        columns["index"] = curves.index
+    columns |= curves.places
+    columns |= _numbers(fits)
+    columns |= _at_depths(curves, fits)
+    columns["samples"] = _samples(curves)
+    columns["taken"] = fits.taken
+    columns["fit"] = ["whole-curve"] * len(curves)
+    columns["flags"] = _flags(fits)
+    errors = _errors(curves, fits, settings)
+    for k, error in errors.items():
+        for name, values in columns.items():
+            if isinstance(values, np.ndarray) and values.dtype == np.float64 and name not in "xyz":
+                values[k] = np.nan
+        columns["flags"][k] = columns["fit"][k] = columns["covariance"][k] = None
+        columns["error"][k], columns["error_kind"][k] = str(error), type(error).__name__
+    if settings.diagnosis == "input":
+        for k in range(len(curves)):
+            columns["findings"][k] = _findings(curves, k, settings)
+    return table_of(columns, settings)
+
+
+def _samples(curves: Curves) -> NDArray[np.int64]:
+    """How many samples of each are there."""
+    whole = np.full(len(curves), curves.penetration.shape[1])
+    with np.errstate(invalid="ignore"):  # a sum is not finite where one of its terms is not
+        gaps = ~np.isfinite(curves.penetration.sum(axis=1) + curves.force.sum(axis=1))
+    for k in np.flatnonzero(gaps).tolist():
+        there = np.isfinite(curves.penetration[k]) & np.isfinite(curves.force[k])
+        whole[k] = np.count_nonzero(there)
+    return whole
+
+
+def _resolutions(penetration: Floats) -> Floats:
+    """How well the surface of each is known, m; 0 where that is exactly, as far as can be seen."""
+    return np.array([resolution_of(row) or 0.0 for row in penetration])
+
+
+def _numbers(fits: CurveFits) -> dict[str, Any]:
+    errors = fits.standard_errors
+    found: dict[str, Any] = {"residual": fits.noise}
+    for k, name in enumerate(("stiffness", "damping", "exponent")):
+        found[name] = getattr(fits, name).copy()
+        found[f"{name}_standard_error"] = errors[:, k].copy()
+    for k, name in ((3, "offset"), (4, "surface")):
+        estimated = errors[:, k] > 0.0
+        found[name] = np.where(estimated, getattr(fits, name), np.nan)
+        found[f"{name}_standard_error"] = np.where(estimated, errors[:, k], np.nan)
+    found["covariance"] = list(fits.covariance[:, :3, :3].reshape(-1, 9))
+    return found
+
+
+def _at_depths(curves: Curves, fits: CurveFits) -> dict[str, Floats]:
+    depth = working_depths(curves.penetration, curves.force, fits)
+    found: dict[str, Floats] = {"depth": depth}
+    laws = LawsAtDepth.of(fits, depth)
+    for name in AT_DEPTH:
+        value, error = getattr(laws, name)
+        found[f"{name}_at_depth"], found[f"{name}_at_depth_standard_error"] = value, error
+    return found
+
+
+def _flags(fits: CurveFits) -> list[Any]:
+    few = fits.taken < 30  # ten samples a parameter
+    negative = fits.damping < 0.0
+    unsettled = fits.status == STATUS_WORDS.index("did not settle")
+    flags: list[Any] = [_ADVICE[bits] for bits in fits.flags.tolist()]
+    for k in np.flatnonzero(few | negative | unsettled).tolist():
+        more = [f"only {fits.taken[k]} samples in contact"] if few[k] else []
+        if negative[k]:
+            words = "negative damping: this law gives energy back, which no passive material does"
+            more.append(words)
+        if unsettled[k]:
+            more.append("the search for the least squares did not settle: others may fit better")
+        flags[k] = [*flags[k], *more]
+    return flags
+
+
+def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, RecordingError]:
+    """Why some have no numbers: as :func:`palpate.identify` says it."""
+    found = {}
+    where = f"{curves.source}: " if curves.source else ""
+    for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
+        found[k] = RecordingError(_why_nothing(curves, k))
+    if settings.searches_surface:
+        above = (curves.penetration < fits.surface[:, None]).sum(axis=1)
+        for k in np.flatnonzero(above < FEWEST_ABOVE).tolist():
+            found.setdefault(
+                k,
+                RecordingError(
+                    f"{where}the search for the surface needs the free approach: {above[k]} of "
+                    f"{curves.penetration.shape[1]} samples lie above the best surface, "
+                    f"{rounded(fits.surface[k], 3)} m, and at least {FEWEST_ABOVE} have to; record "
+                    "from before the touch, or give the penetration from a known surface"
+                ),
+            )
+    return found
+
+
+def _why_nothing(curves: Curves, row: int) -> str:
+    try:
+        contact = curves.contact(row, Settings())
+    except Exception as error:
+        return str(error)
+    return nothing_taken(contact, choose_gate(contact))
+
+
+def _findings(curves: Curves, row: int, settings: Settings) -> list[str]:
+    try:
+        return [in_words(each) for each in Data(curves.contact(row, settings)).findings]
+    except Exception as error:
+        return [f"do-not-trust: file: {error}"]

@@ -1,0 +1,145 @@
+"""Where a fleet runs: processes of this machine, or the workers of a scheduler."""
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import palpate
+from palpate.errors import FleetError
+from palpate.fleet.extras import cores, needed
+
+#: s that a scheduler has to answer.
+PATIENCE = 10.0
+LOOPBACK = "127.0.0.1"
+_DASHBOARD = f"{LOOPBACK}:8787"
+#: One thread a worker: arithmetic that starts threads of its own would only wait for them.
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+@contextmanager
+def client_of(
+    *, workers: int | None = None, scheduler: str | None = None, dashboard: bool = False
+) -> Iterator[Any]:
+    """A client of a scheduler that was named, or of processes that are gone afterwards.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Processes on this machine; one a core unless given.
+    scheduler : str, optional
+        Address of a scheduler of Dask, such as ``tcp://10.0.0.7:8786``, in place of processes here.
+    dashboard : bool
+        Let the scheduler here show its page, on this machine alone.
+
+    Raises
+    ------
+    FleetError
+        There is no such scheduler, it has no workers, or one of them has another palpate.
+    MissingExtraError
+        Dask is not installed.
+    """
+    distributed = needed("distributed", "a fleet")
+    if scheduler is not None:
+        with _named(distributed, scheduler) as client:
+            _check_workers(client, scheduler)
+            yield client
+        return
+    with _local(distributed, workers or cores(), dashboard=dashboard) as client:
+        yield client
+
+
+@contextmanager
+def _named(distributed: Any, scheduler: str) -> Iterator[Any]:
+    try:
+        client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError, TypeError, TimeoutError) as error:
+        words = " ".join(str(error).split()) or type(error).__name__
+        raise FleetError(
+            f"{scheduler}: no scheduler of Dask answers ({words}); start one by dask scheduler, or "
+            "leave --scheduler out to use the cores of this machine"
+        ) from None
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+@contextmanager
+def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
+    dask = needed("dask", "a fleet")
+    address = _DASHBOARD if dashboard else f"{LOOPBACK}:0"
+    # A worker that is stopped from outside is no reason to give its work up at the fourth time:
+    # what kills workers is found by giving it to one alone.
+    settings = {
+        "distributed.scheduler.dashboard.tasks.task-stream-length": 100,
+        "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
+        "distributed.admin.log-format": "%(message)s",
+        "distributed.scheduler.worker-saturation": 2.0,
+    }
+    quiet = os.environ.get("PALPATE_DASK_LOGS") is None
+    with dask.config.set(settings):
+        with _ignoring_interrupts():
+            cluster = distributed.LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host=LOOPBACK,
+                dashboard_address=address,
+                worker_dashboard_address=None,
+                silence_logs=60 if quiet else 30,
+                scheduler_kwargs={"dashboard": dashboard},
+            )
+        try:
+            with distributed.Client(cluster, set_as_default=False) as client:
+                yield client
+        finally:
+            with suppress(TimeoutError):
+                cluster.close(timeout=PATIENCE)
+
+
+@contextmanager
+def _ignoring_interrupts() -> Iterator[None]:
+    """Start processes that ignore Ctrl-C, which a terminal sends to them too."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _check_workers(client: Any, scheduler: str) -> None:
+    """Refuse workers that would fail, or answer differently, by the first of them."""
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        raise FleetError(
+            f"{scheduler}: the scheduler has no workers; start some by dask worker {scheduler}"
+        ) from None
+
+    def version() -> str:  # within, so that it is sent as it is: a worker may lack palpate
+        try:
+            import pyarrow  # noqa: F401 - whether it can be imported is the question
+
+            import palpate
+        except ImportError as error:
+            return f"no {error.name}"
+        return palpate.__version__
+
+    try:
+        found = client.run(version)
+    except Exception as error:
+        words = " ".join(str(error).split()) or type(error).__name__
+        raise FleetError(f"{scheduler}: its workers cannot be asked: {words}") from None
+    for worker, answer in sorted(found.items()):
+        if answer != palpate.__version__:
+            has = answer if answer.startswith("no ") else f"palpate {answer}"
+            raise FleetError(
+                f"{scheduler}: the worker {worker} has {has}, and palpate {palpate.__version__} "
+                "asks; install one version, with the extra fleet, everywhere"
+            )

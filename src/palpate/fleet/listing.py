@@ -1,0 +1,167 @@
+"""From what a person names to the sources there are: files, globs, folders, arrays, objects."""
+
+import glob
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from palpate.errors import MissingExtraError, RecordingError
+from palpate.fleet.extras import needed
+from palpate.fleet.stored import described_array, is_array
+from palpate.fleet.tasks import Source
+from palpate.recordings.formats import FORCE_CURVES, FORMATS
+from palpate.recordings.recording import printable
+
+#: Endings of files that hold several force curves.
+_MAPS = (".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
+_ENDINGS = tuple(ending for each in FORMATS for ending in each.suffixes)
+_BAG = "metadata.yaml"
+
+
+def sources_of(
+    names: Sequence[str | os.PathLike[str]], leave_out: Path | None = None
+) -> list[Source]:
+    """List what there is to identify, in an order that depends on the names alone.
+
+    Parameters
+    ----------
+    names : sequence of str or path-like
+        Files, patterns with ``*``, folders, which are gone through, Zarr arrays, and addresses such
+        as ``s3://bucket/folder``.
+    leave_out : Path, optional
+        A folder that is not gone into, such as that of the results.
+
+    Raises
+    ------
+    RecordingError
+        There is nothing of a name, or an array is none of contacts.
+    MissingExtraError
+        What reads the storage is not installed.
+    """
+    found: dict[str, Source] = {}
+    for name in names:
+        here = len(found)
+        text = os.fspath(name)
+        kind = _remote if "://" in text else _local
+        for source in kind(text, leave_out):
+            found.setdefault(source.name, source)
+        if len(found) == here and not any(_within(text, each) for each in found):
+            raise RecordingError(
+                f"{text}: there is no recording here; recordings end in {', '.join(_ENDINGS)}"
+            )
+    return list(found.values())
+
+
+def _within(text: str, name: str) -> bool:
+    """Whether a source that is listed already is what a name stands for."""
+    return name.startswith(text) or bool(glob.has_magic(text))
+
+
+def _local(text: str, leave_out: Path | None) -> Iterator[Source]:
+    path = Path(text)
+    if glob.has_magic(text) and not path.exists():
+        for each in sorted(glob.glob(text, recursive=True)):  # noqa: PTH207 - ** of absolute paths
+            yield from _at(Path(each), leave_out)
+        return
+    if not path.exists():
+        raise RecordingError(f"{printable(path)}: there is no such file or folder")
+    yield from _at(path, leave_out, named=True)
+
+
+def _at(path: Path, leave_out: Path | None, *, named: bool = False) -> Iterator[Source]:
+    """What a path holds; a file that was named is one whatever its name ends with."""
+    if path.is_dir():
+        if is_array(str(path)):
+            yield described_array(str(path))
+        elif (path / _BAG).is_file():  # a bag of ROS 2 is a folder
+            yield Source(printable(path), "file", stamp=_stamp(path / _BAG))
+        elif leave_out is None or not _same(path, leave_out):
+            for each in sorted(path.iterdir()):
+                if not each.name.startswith((".", "_")):
+                    yield from _at(each, leave_out)
+    elif path.name.lower().endswith(".zarr.zip"):
+        yield described_array(str(path))
+    elif named or path.name.lower().endswith(_ENDINGS):
+        yield _file(str(path), path)
+
+
+def _file(name: str, path: Path) -> Source:
+    stamp = _stamp(path)
+    if path.name.lower().endswith(_MAPS):
+        return Source(name, "map", _curves_in(path), stamp=stamp)
+    return Source(name, "file", stamp=stamp)
+
+
+def _curves_in(path: Path) -> int | None:
+    """How many curves a map holds; None where it cannot be read, which its row will say."""
+    try:
+        from palpate.recordings.afm import count_curves
+    except ModuleNotFoundError as error:
+        raise MissingExtraError(
+            f"{FORCE_CURVES.name} files are read with the package {error.name}, which is not "
+            f"installed: pip install 'palpate[{FORCE_CURVES.extra}]'"
+        ) from None
+    try:
+        return count_curves(path)
+    except RecordingError:
+        return None
+
+
+def _stamp(path: Path) -> str:
+    status = path.stat()
+    return f"{status.st_size} {status.st_mtime_ns}"
+
+
+def _same(one: Path, other: Path) -> bool:
+    return os.path.realpath(one) == os.path.realpath(other)
+
+
+def _remote(text: str, leave_out: Path | None) -> Iterator[Source]:
+    """What is at an address; the results are on disk, and never within."""
+    if is_array(text):
+        yield described_array(text)
+        return
+    fsspec = needed("fsspec", "object storage")
+    try:
+        files, root = fsspec.core.url_to_fs(text)
+        protocol = text.partition("://")[0]
+        entries = _entries(files, root)
+    except ImportError as error:
+        raise MissingExtraError(f"{text}: {error}; it goes beside 'palpate[fleet]'") from None
+    except Exception as error:
+        raise RecordingError(f"{text}: cannot be listed: {_line(error)}") from None
+    arrays = _arrays_among(entries)
+    for name in sorted(arrays):
+        yield described_array(f"{protocol}://{name}")
+    for name, about in entries:
+        if any(name.startswith(f"{array}/") for array in arrays):
+            continue
+        if name == root.rstrip("/") or name.lower().endswith(_ENDINGS):
+            stamp = f"{about.get('size')} {about.get('ETag') or about.get('mtime') or ''}"
+            yield Source(f"{protocol}://{name}", "file", stamp=stamp)
+
+
+def _entries(files: Any, root: str) -> list[tuple[str, dict[str, Any]]]:
+    if glob.has_magic(root):
+        found: dict[str, dict[str, Any]] = files.glob(root, detail=True)
+    else:
+        found = files.find(root, detail=True)
+    return sorted(
+        (name, about) for name, about in found.items() if about.get("type") != "directory"
+    )
+
+
+def _arrays_among(entries: Iterable[tuple[str, dict[str, Any]]]) -> set[str]:
+    """Folders of objects that are groups of Zarr, and in no other such."""
+    marks = (".zgroup", "zarr.json")
+    found = {name.rpartition("/")[0] for name, _ in entries if name.endswith(marks)}
+    return {
+        name
+        for name in found
+        if not any(name.startswith(f"{other}/") for other in found if other != name)
+    }
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

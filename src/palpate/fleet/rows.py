@@ -1,0 +1,152 @@
+"""A contact, and what was identified of it, as a row of the table."""
+
+import json
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from palpate.contact import Contact
+from palpate.diagnosis import Data, Finding
+from palpate.fleet.columns import AT_DEPTH
+from palpate.fleet.settings import Settings
+from palpate.force_laws import ForceLaw
+from palpate.identification import Identification
+from palpate.preparation.places import at_places
+from palpate.preparation.prepared import Place
+from palpate.validation import Floats
+
+Row = dict[str, Any]
+
+
+def rows_of(contact: Contact, settings: Settings) -> Iterator[Row]:
+    """Identify a contact: a row, or one for each place of a probe that travels.
+
+    Raises
+    ------
+    PalpateError
+        It cannot be identified, and is of one place; a place that cannot is a row with its reason.
+    """
+    prepared = contact.prepared
+    if prepared is None or not prepared.places:
+        yield row_of(contact, settings)
+        return
+    for part, (place, there) in enumerate(at_places(contact)):
+        row: Row = {"part": part, **_where(place)}
+        try:
+            row |= row_of(there, settings)
+        except Exception as error:
+            row |= failure(error)
+        yield row
+
+
+def row_of(contact: Contact, settings: Settings) -> Row:
+    """Identify a contact of one place by the recursion.
+
+    Raises
+    ------
+    PalpateError
+        It cannot be identified.
+    """
+    data = Data(contact)
+    result = Identification.of(data, settings.estimator_for(contact), trace=False)
+    estimate, law = result.estimate, result.law
+    row: Row = {"fit": "recursion", "samples": len(contact)}
+    row |= _parameters(law, result.covariance)
+    if estimate.offset_standard_error > 0.0:
+        row |= {"offset": estimate.offset, "offset_standard_error": estimate.offset_standard_error}
+    if estimate.surface_standard_error > 0.0:
+        row["surface"] = estimate.surface
+        row["surface_standard_error"] = estimate.surface_standard_error
+    left = contact.force[result.trace.taken] - result.fitted_force[result.trace.taken]
+    row["residual"] = float(np.sqrt(np.mean(left**2))) if left.size else math.nan
+    row["taken"] = int(np.count_nonzero(result.trace.taken))
+    row["flags"] = list(result.flags)
+    row["prepared"] = json.dumps(dict(contact.provenance), ensure_ascii=False)
+    if settings.diagnosis == "full":
+        return row | _diagnosed(result)
+    if settings.diagnosis == "input":
+        row["findings"] = [in_words(finding) for finding in data.findings]
+    depths = result._depths  # of the diagnosis, which is not asked for here
+    return row | (at_depth(law, result.covariance, depths[0]) if depths else {})
+
+
+def failure(error: BaseException) -> Row:
+    """Return what a row says of a contact that could not be identified."""
+    words = " ".join(str(error).split()) or type(error).__name__
+    return {"error": words, "error_kind": type(error).__name__}
+
+
+def in_words(finding: Finding) -> str:
+    """Return a finding in a line: severity, check, sentence."""
+    return f"{finding.severity}: {finding.check}: {finding.sentence}"
+
+
+def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:
+    """Force, stiffness and damping at a depth, with errors by the delta method: √(gᵀ C g)."""
+    row: Row = {"depth": depth}
+    values = _at_depth(law, depth)
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    # By differences over a hundredth of an error, in which a law is as good as linear.
+    steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
+    gradients = np.empty((len(steps), len(values)))
+    with np.errstate(all="ignore"):
+        for k, step in enumerate(steps.tolist()):
+            up, down = law.parameters, law.parameters
+            up[k], down[k] = up[k] + step, down[k] - step
+            high, low = _at_depth(type(law)(*up), depth), _at_depth(type(law)(*down), depth)
+            gradients[k] = (high - low) / (2.0 * step)
+        variances = np.einsum("iq,ij,jq->q", gradients, covariance, gradients)
+        found = np.where(variances >= 0.0, np.sqrt(np.maximum(variances, 0.0)), np.nan)
+    for name, value, error in zip(AT_DEPTH, values.tolist(), found.tolist(), strict=True):
+        row |= {f"{name}_at_depth": value, f"{name}_at_depth_standard_error": error}
+    return row
+
+
+def place_in_notes(notes: "dict[str, str]") -> Row:
+    """Where an instrument says that a curve was taken: its stage's position, m."""
+    row: Row = {}
+    for axis in "xy":
+        with suppress(ValueError, IndexError, KeyError):
+            number, *unit = notes[f"position {axis}"].split()
+            if unit == ["m"]:
+                row[axis] = float(number)
+    return row
+
+
+def _where(place: Place) -> Row:
+    return dict(zip("xyz", place.position.tolist(), strict=True))
+
+
+def _parameters(law: ForceLaw, covariance: Floats) -> Row:
+    row: Row = {"covariance": covariance.reshape(-1).tolist()}
+    with np.errstate(invalid="ignore"):
+        errors = np.sqrt(np.diag(covariance))
+    parts = zip(law.names(), law.parameters.tolist(), errors.tolist(), strict=True)
+    for name, value, error in parts:
+        row |= {name: value, f"{name}_standard_error": error}
+    return row
+
+
+def _at_depth(law: ForceLaw, depth: float) -> Floats:
+    return np.array([law.force(depth, 0.0), law.stiffness_at(depth), law.damping_at(depth)])
+
+
+def _diagnosed(result: Identification) -> Row:
+    found = result.diagnosis
+    there, marks = found.working_depth, found.verdict
+    row: Row = {
+        "depth": there.depth,
+        "findings": [in_words(finding) for finding in found.findings],
+        "verdict": marks.overall,
+        "verdict_stiffness": marks.stiffness,
+        "verdict_damping": marks.damping,
+    }
+    for name in AT_DEPTH:
+        quantity = getattr(there, name)
+        row[f"{name}_at_depth"] = quantity.value
+        row[f"{name}_at_depth_standard_error"] = quantity.standard_error
+        row[f"{name}_at_depth_systematic"] = quantity.systematic
+    return row

@@ -1,0 +1,192 @@
+"""Contacts that are stored as arrays, curves × samples, by Zarr; and files in object storage."""
+
+import math
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from palpate.errors import RecordingError
+from palpate.fleet.arrays import Curves
+from palpate.fleet.extras import needed
+from palpate.fleet.tasks import Source
+from palpate.recordings.units import UNITS, plain_unit
+from palpate.validation import Floats
+from palpate.writing import temporary_file
+
+_ENDINGS = (".zarr", ".zarr.zip")
+_MARKS = ("zarr.json", ".zgroup", ".zarray")
+_CHANNELS = {
+    "penetration": "penetration",
+    "force": "force",
+    "velocity": "velocity",
+    "time": "time",
+    "x": "penetration",
+    "y": "penetration",
+    "z": "penetration",
+}
+_CLOCK = "sample_time"
+_PIECE = 1 << 20  # bytes of an object that are fetched at once
+
+
+def is_array(name: str) -> bool:
+    """Whether a name is that of arrays by Zarr: by its ending, or by what is in the folder."""
+    if name.rstrip("/").lower().endswith(_ENDINGS):
+        return True
+    return "://" not in name and any(os.path.isfile(f"{name}/{mark}") for mark in _MARKS)  # noqa: PTH113 - of text
+
+
+def described_array(name: str) -> Source:
+    """Return what a group of arrays holds.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be opened, or is no ``penetration`` and ``force`` of curves × samples.
+    """
+    group = _opened(name)
+    shape, chunks = _shape(group, name)
+    stamp = f"{shape} {chunks} {sorted(group.array_keys())} {group.attrs.get(_CLOCK)}"
+    return Source(name, "zarr", shape[0], shape[1], chunks[0], stamp)
+
+
+def curves_of(name: str, first: int, count: int) -> Curves:
+    """Read some of the contacts of a group of arrays, in SI.
+
+    Parameters
+    ----------
+    name : str
+        Of the group. It holds ``penetration`` and ``force``, curves × samples; ``velocity``, where
+        it was measured; ``time``, for all curves or for each, or an attribute ``sample_time``, s;
+        and ``x``, ``y`` and ``z``, one a curve. An attribute ``units`` of an array names its unit;
+        SI unless given.
+    first, count : int
+        Which.
+
+    Raises
+    ------
+    RecordingError
+        They cannot be read.
+    """
+    group = _opened(name)
+    (_, samples), _ = _shape(group, name)
+    rows = slice(first, first + count)
+    try:
+        found = {
+            channel: _in_si(group[channel], kind, rows, name)
+            for channel, kind in _CHANNELS.items()
+            if channel in group
+        }
+    except RecordingError:
+        raise
+    except Exception as error:
+        raise RecordingError(f"{name}: cannot be read: {_line(error)}") from None
+    time = found.get("time")
+    if time is None:
+        time = _even_clock(group, samples, name)
+    if time.shape[-1] != samples:
+        raise RecordingError(f"{name}: time has {time.shape[-1]} samples, force {samples}")
+    return Curves(
+        time,
+        found["penetration"],
+        found["force"],
+        found.get("velocity"),
+        source=name,
+        index=np.arange(first, first + len(found["force"]), dtype=np.int64),
+        places={axis: found[axis] for axis in "xyz" if axis in found},
+    )
+
+
+def read_gently() -> None:
+    """Let arrays be decoded by the thread that reads them: each worker has a core of its own."""
+    zarr = needed("zarr", "an array of contacts")
+    zarr.config.set({"threading.max_workers": 1, "async.concurrency": 4})
+
+
+@contextmanager
+def on_this_machine(name: str) -> Iterator[Path]:
+    """A source as a file here: itself, or a copy of an object, which is gone afterwards.
+
+    Raises
+    ------
+    RecordingError
+        The object cannot be fetched.
+    """
+    if "://" not in name:
+        yield Path(name)
+        return
+    fsspec = needed("fsspec", "object storage")
+    with temporary_file(PurePosixPath(name).name, _fetched(fsspec, name)) as path:
+        yield path
+
+
+def _fetched(fsspec: Any, name: str) -> Iterator[bytes]:
+    try:
+        with fsspec.open(name, "rb").open() as file:
+            while piece := file.read(_PIECE):
+                yield piece
+    except Exception as error:
+        raise RecordingError(f"{name}: cannot be fetched: {_line(error)}") from None
+
+
+def _opened(name: str) -> Any:
+    zarr = needed("zarr", "an array of contacts")
+    try:
+        return zarr.open_group(name, mode="r")
+    except Exception as error:
+        raise RecordingError(
+            f"{name}: is no group of arrays by Zarr that can be opened: {_line(error)}"
+        ) from None
+
+
+def _shape(group: Any, name: str) -> tuple[tuple[int, int], tuple[int, int]]:
+    known = set(group.array_keys())
+    for channel in ("penetration", "force"):
+        if channel not in known:
+            raise RecordingError(
+                f"{name}: has no array {channel!r}; penetration and force are needed, curves × "
+                f"samples, and there are {', '.join(sorted(known)) or 'none at all'}"
+            )
+    shape = tuple(group["force"].shape)
+    if len(shape) != 2 or tuple(group["penetration"].shape) != shape:
+        raise RecordingError(
+            f"{name}: penetration and force must be of one shape, curves × samples, not "
+            f"{tuple(group['penetration'].shape)} and {shape}"
+        )
+    for channel in ("velocity", "x", "y", "z"):
+        wanted = shape if channel == "velocity" else shape[:1]
+        if channel in known and tuple(group[channel].shape) != wanted:
+            raise RecordingError(
+                f"{name}: {channel} must be of the shape {wanted}, not {group[channel].shape}"
+            )
+    return (shape[0], shape[1]), tuple(group["force"].chunks)
+
+
+def _in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
+    attributes: Mapping[str, Any] = array.attrs
+    unit = attributes.get("units", attributes.get("unit"))
+    known = UNITS[kind]
+    word = next(iter(known)) if unit is None else plain_unit(str(unit))
+    if word not in known:
+        raise RecordingError(f"{name}: {array.basename} is in {word}, not in {', '.join(known)}")
+    taken = array[:] if kind == "time" and array.ndim == 1 else array[rows]
+    values: Floats = np.asarray(taken, dtype=np.float64)
+    return values if known[word] == 1.0 else values * known[word]
+
+
+def _even_clock(group: Any, samples: int, name: str) -> Floats:
+    step = group.attrs.get(_CLOCK)
+    if not isinstance(step, int | float) or not 0.0 < step < math.inf:
+        raise RecordingError(
+            f"{name}: when its samples were taken is not said; give the group an array time, or an "
+            f"attribute {_CLOCK}, s"
+        )
+    clock: Floats = float(step) * np.arange(float(samples))
+    return clock
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

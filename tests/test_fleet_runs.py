@@ -1,0 +1,332 @@
+"""A fleet on Dask: folders, schedulers, interruptions, and what is refused."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from fleets import write_recordings, write_zarr
+
+from palpate import FleetError, RecordingError
+from palpate.fleet import clusters
+from palpate.fleet.batch import timed_batch
+from palpate.fleet.listing import sources_of
+from palpate.fleet.results import Results, read_results, read_seconds
+from palpate.fleet.settings import Settings
+from palpate.fleet.tasks import batches
+
+pytest.importorskip("distributed")
+pytest.importorskip("zarr")
+# Dask closes what it opened a moment after it says so.
+pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Three recordings, one that is damaged, an array, and what is no recording."""
+    folder = tmp_path_factory.mktemp("fleet")
+    write_recordings(folder / "all", 3)
+    (folder / "all" / "bad.csv").write_text("time_s,penetration_m\n1,2\n")
+    (folder / "all" / "notes.md").write_text("of the day")
+    write_zarr(folder / "all" / "array.zarr", 5)
+    return folder / "all"
+
+
+def test_a_folder_of_all_kinds_becomes_a_row_each(run, recordings, tmp_path):
+    results = tmp_path / "results"
+    status, out, err = run("fleet", recordings, "-o", results, "--workers", 1, "--report")
+    assert (status, err) == (0, "")
+    assert "9 contacts in" in out
+    assert "1 of the rows failed" in out
+    table = read_results(results)
+    names = [os.path.basename(name) for name in table.column("source").to_pylist()]  # noqa: PTH119
+    assert names == ["array.zarr"] * 5 + ["bad.csv"] + [f"touch-{k:03d}.csv" for k in range(3)]
+    errors = table.column("error").to_pylist()
+    assert [error is None for error in errors] == [True] * 5 + [False] + [True] * 3
+    assert read_seconds(results).num_rows == table.num_rows
+    page = (results / "report.html").read_text()
+    assert "bad.csv" in page
+    assert "no column" in page
+
+    before = {path: path.stat().st_mtime_ns for path in results.glob("part-*")}
+    status, out, err = run("fleet", recordings, "-o", results, "--json")  # starts no worker
+    assert (status, err) == (0, "")
+    assert json.loads(out)["reused"] == 9
+    assert {path: path.stat().st_mtime_ns for path in results.glob("part-*")} == before
+
+    status, _, err = run("fleet", recordings, "-o", results, "--method", "single-stage")
+    assert status == 2
+    assert 'run with method "variable-projection", and this asks "single-stage"' in err
+    assert err.count("\n") == 1
+
+
+def begun(recordings, folder, **settings):
+    sources = sources_of([recordings])
+    return Results.begin(folder, Settings(**settings), sources, batches(sources))
+
+
+def finished(results, most=None):
+    for batch in results.waiting()[:most]:
+        results.write(batch, *timed_batch(batch.table(), results.settings))
+
+
+def test_a_folder_that_was_begun_goes_on_and_comes_to_the_same(recordings, tmp_path):
+    finished(begun(recordings, tmp_path / "at-once"))
+    half = begun(recordings, tmp_path / "in-two")
+    finished(half, 1)
+    with pytest.raises(FleetError, match="1 of 2 batches are missing"):
+        read_results(tmp_path / "in-two")
+    again = begun(recordings, tmp_path / "in-two")
+    assert len(again.waiting()) == 1
+    finished(again)
+    for path in (tmp_path / "at-once").glob("part-*"):
+        assert path.read_bytes() == (tmp_path / "in-two" / path.name).read_bytes()
+
+
+def test_a_folder_of_something_else_is_refused_in_a_line(recordings, tmp_path):
+    begun(recordings, tmp_path / "other", diagnosis="none")
+    with pytest.raises(FleetError, match='diagnosis "none", and this asks "input"'):
+        begun(recordings, tmp_path / "other")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("dear")
+    with pytest.raises(FleetError, match=r"holds thesis\.tex, which is of no run"):
+        begun(recordings, tmp_path / "mine")
+    (tmp_path / "other" / "_fleet.json").write_text("{")
+    with pytest.raises(FleetError, match="cannot be read"):
+        begun(recordings, tmp_path / "other")
+
+
+def test_recordings_that_changed_meanwhile_are_refused(tmp_path):
+    write_recordings(tmp_path / "all", 2)
+    begun(tmp_path / "all", tmp_path / "results")
+    with (tmp_path / "all" / "touch-000.csv").open("a") as file:
+        file.write("# one more line\n")
+    with pytest.raises(FleetError, match="other sources, or of these before they were changed"):
+        begun(tmp_path / "all", tmp_path / "results")
+
+
+def test_sources_are_listed_in_order_without_the_results(recordings, tmp_path):
+    names = [source.name for source in sources_of([recordings])]
+    assert names == sorted(names)
+    assert len(names) == 5
+    assert len(sources_of([f"{recordings}/touch-*.csv", recordings / "touch-001.csv"])) == 3
+    write_recordings(tmp_path / "all", 1)
+    finished(begun(tmp_path / "all", tmp_path / "all" / "results"))
+    assert len(sources_of([tmp_path / "all"], leave_out=tmp_path / "all" / "results")) == 1
+
+
+@pytest.mark.parametrize("name", ["absent", "*.mcap", "empty"])
+def test_a_name_of_nothing_is_refused(name, tmp_path):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RecordingError, match=r"no recording here|no such file"):
+        sources_of([tmp_path / name])
+
+
+def test_an_array_that_is_none_of_contacts_is_refused(tmp_path):
+    import zarr
+
+    group = zarr.open_group(str(tmp_path / "a.zarr"), mode="w")
+    group.create_array("force", data=np.ones((2, 3)))
+    with pytest.raises(RecordingError, match="has no array 'penetration'"):
+        sources_of([tmp_path / "a.zarr"])
+
+
+def test_arrays_in_other_units_are_identified_in_si(tmp_path):
+    import zarr
+
+    x, v, f = write_zarr(tmp_path / "si.zarr", 2)
+    group = zarr.open_group(str(tmp_path / "mm.zarr"), mode="w")
+    group.create_array("time", data=np.arange(x.shape[1]) * 1.0).attrs["units"] = "ms"
+    for name, values, unit in (
+        ("penetration", x, "mm"),
+        ("velocity", v, "mm/s"),
+        ("force", f, "mN"),
+    ):
+        group.create_array(name, data=1e3 * values).attrs["units"] = unit
+    finished(begun(tmp_path / "si.zarr", tmp_path / "one"))
+    finished(begun(tmp_path / "mm.zarr", tmp_path / "other"))
+    one, other = (read_results(tmp_path / name) for name in ("one", "other"))
+    for name in ("stiffness", "damping", "exponent"):
+        np.testing.assert_allclose(one[name], other[name], rtol=1e-6)  # 1e-3 is no binary number
+
+
+def test_a_scheduler_that_is_not_there_is_said_in_a_line(run, recordings, tmp_path, monkeypatch):
+    monkeypatch.setattr(clusters, "PATIENCE", 0.5)
+    arguments = ("--scheduler", "tcp://127.0.0.1:9")
+    status, _, err = run("fleet", recordings, "-o", tmp_path / "results", *arguments)
+    assert status == 2
+    assert err.startswith("palpate: tcp://127.0.0.1:9: no scheduler of Dask answers")
+    assert err.count("\n") == 1
+
+
+def test_options_of_one_recording_are_refused(run, recordings, tmp_path):
+    status, _, err = run("fleet", recordings, "-o", tmp_path / "results", "--curve", 1)
+    assert status == 2
+    assert "--curve is of one recording" in err
+
+
+# What follows runs palpate as a person does, in processes that end in many ways.
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    """An array of which the recursion, with a full diagnosis, takes some seconds."""
+    folder = tmp_path_factory.mktemp("many")
+    write_recordings(folder / "all", 160)
+    return folder / "all"
+
+
+def started(many, results, *arguments):
+    command = [sys.executable, "-m", "palpate", "fleet", str(many), "-o", str(results)]
+    command += ["--diagnosis", "full", "--workers", "2", *arguments]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+
+
+def parts(results):
+    return sorted(results.glob("part-*.parquet"))
+
+
+def wait_for_parts(results, count, process):
+    while len(parts(results)) < count:
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.02)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(many, tmp_path_factory):
+    results = tmp_path_factory.mktemp("results") / "calm"
+    assert started(many, results).wait() == 0
+    return {path.name: path.read_bytes() for path in parts(results)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_a_run_that_is_ended_keeps_what_is_done_and_goes_on(how, many, undisturbed, tmp_path):
+    results = tmp_path / "results"
+    process = started(many, results)
+    wait_for_parts(results, 2, process)
+    process.send_signal(how)
+    _, err = process.communicate(timeout=60)
+    if how == signal.SIGINT:
+        assert process.returncode == 130
+        assert "the same command goes on" in err
+        assert "Traceback" not in err
+    kept = {path.name: path.read_bytes() for path in parts(results)}
+    assert 2 <= len(kept) < len(undisturbed)
+    assert started(many, results).wait() == 0
+    assert {path.name: path.read_bytes() for path in parts(results)} == undisturbed
+    assert not [path for path in results.iterdir() if path.name.startswith(".palpate-")]
+
+
+@pytest.mark.slow
+def test_workers_that_are_killed_lose_no_row(many, undisturbed, tmp_path):
+    from benchmarks.fleets.processes import descendants
+
+    results = tmp_path / "results"
+    process = started(many, results)
+    for count in (1, 2, 3):
+        wait_for_parts(results, count, process)
+        spawned = [
+            each
+            for each in descendants(process.pid)
+            if b"spawn_main" in open(f"/proc/{each}/cmdline", "rb").read()  # noqa: PTH123, SIM115
+        ]
+        os.kill(spawned[0], signal.SIGKILL)
+    assert process.wait() == 0
+    assert {path.name: path.read_bytes() for path in parts(results)} == undisturbed
+
+
+@pytest.mark.slow
+def test_a_recording_that_ends_its_worker_is_a_row_with_its_reason(tmp_path):
+    """As one does that makes a library crash; here the reader of text ends its process."""
+    write_recordings(tmp_path / "all", 3)
+    program = f"""
+import os, sys
+from pathlib import Path
+if __name__ == "__main__":
+    from palpate.fleet.running import run_fleet
+    run_fleet([{str(tmp_path / "all")!r}], Path({str(tmp_path / "results")!r}), workers=1)
+"""
+    ending = """
+import os, palpate.recordings.csv as reader
+read = reader.read
+def ended(path, request):
+    if path.name == "touch-001.csv":
+        os._exit(9)
+    return read(path, request)
+reader.read = ended
+"""
+    (tmp_path / "sitecustomize.py").write_text(ending)
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    subprocess.run(
+        [sys.executable, "-c", program], check=True, env={**os.environ, "PYTHONPATH": path}
+    )
+    errors = read_results(tmp_path / "results").column("error").to_pylist()
+    assert [error is None for error in errors] == [True, False, True]
+    assert "ended without a word" in errors[1]
+
+
+@pytest.fixture
+def scheduler(tmp_path):
+    """A scheduler of one's own, on loopback, without workers."""
+    about = tmp_path / "scheduler.json"
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1"]
+    command += ["--port", "0", "--no-dashboard", "--scheduler-file", str(about)]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    while not about.exists() or not about.read_text().strip():
+        assert process.poll() is None
+        time.sleep(0.05)
+    yield json.loads(about.read_text())["address"]
+    process.terminate()
+    process.wait()
+
+
+@pytest.mark.slow
+def test_workers_of_ones_own_take_the_work_and_others_are_refused(
+    scheduler, many, undisturbed, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(clusters, "PATIENCE", 2.0)
+    with pytest.raises(FleetError, match="has no workers"), clusters.client_of(scheduler=scheduler):
+        pass
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", scheduler, "--no-dashboard"]
+    worker = subprocess.Popen([*command, "--nthreads", "1"], stderr=subprocess.DEVNULL)
+    try:
+        process = started(many, tmp_path / "results", "--scheduler", scheduler)
+        _, err = process.communicate(timeout=120)
+        assert process.returncode == 0, err
+        found = {path.name: path.read_bytes() for path in parts(tmp_path / "results")}
+        assert found == undisturbed
+        monkeypatch.setattr("palpate.__version__", "9.9", raising=False)
+        with (
+            pytest.raises(FleetError, match=r"has palpate \d.*, and palpate 9\.9 asks"),
+            clusters.client_of(scheduler=scheduler),
+        ):
+            pass
+    finally:
+        worker.terminate()
+        worker.wait()
+
+
+@pytest.mark.slow
+def test_nothing_listens_beyond_this_machine(many, tmp_path):
+    process = started(many, tmp_path / "results")
+    try:
+        wait_for_parts(tmp_path / "results", 1, process)
+        listed = subprocess.run(["ss", "-ltnp"], capture_output=True, text=True, check=False)
+        if listed.returncode:
+            pytest.skip("ss, which lists what listens, is not here")
+        from benchmarks.fleets.processes import descendants
+
+        own = {process.pid, *descendants(process.pid)}
+        lines = [
+            line for line in listed.stdout.splitlines() if any(f"pid={p}," in line for p in own)
+        ]
+        assert lines
+        assert all(line.split()[3].startswith("127.0.0.1:") for line in lines), lines
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
