@@ -30,7 +30,8 @@ const lanes::Kernels* kernels_named(std::string_view name) {
 void bind_lanes(nb::module_& module) {
   module.def("instruction_sets", &available_instruction_sets,
              "Names of what contacts in lanes can be computed with here, the quickest last; "
-             "'scalar' is one contact at a time.");
+             "'scalar' is one contact at a time.",
+             nb::sig("def instruction_sets() -> list[str]"));
 }
 
 }  // namespace palpate::bindings

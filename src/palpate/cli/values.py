@@ -24,7 +24,6 @@ Width = NewType("Width", str)
 Folder = NewType("Folder", Path)
 SourceName = NewType("SourceName", str)
 Address = NewType("Address", str)
-Address = NewType("Address", str)
 Method = NewType("Method", str)
 
 SurfaceWord: TypeAlias = Literal["threshold", "baseline", "fit", "estimate"]
