@@ -24,7 +24,8 @@ inline double widened_quantile(double freedom) noexcept {
   return 1.0 + r * (1.210365 + r * (1.440077 + r * 1.304029));
 }
 
-// Of which fit the residuals are: of earlier samples alone, as a-priori errors are, or of these too.
+// Of which fit the residuals are: of earlier samples alone, as a-priori errors are, or of these
+// too.
 enum class ResidualOf : std::uint8_t { earlier_samples, the_fit };
 
 // d_k/σ² ≥ 1 of each level and, last, of what has no partner.

@@ -108,8 +108,8 @@ void fit_curves(const Curves& penetration, const Curves& velocity, const Curves&
         settings.offset_deviation = offsets.data()[row];
         settings.surface_deviation = surfaces.data()[row];
         write(fit_curve({penetration.data() + at, velocity.data() + at, force.data() + at, samples},
-                        settings, memory.data() + worker * size,
-                        to.roles ? to.roles + at : nullptr, kernels),
+                        settings, memory.data() + worker * size, to.roles ? to.roles + at : nullptr,
+                        kernels),
               row, to);
       }
     }

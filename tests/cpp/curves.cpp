@@ -1,4 +1,5 @@
-// Whole curves: the law of clean data, the choice of samples, any floats, and no byte of memory more.
+// Whole curves: the law of clean data, the choice of samples, any floats, and no byte of memory
+// more.
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -109,8 +110,8 @@ TEST("the choice of samples is that of variable projection") {
     }
     const detail::ProjectionSolution answer = solver.solve();
     CHECK_NEAR(answer.prior_mean, selection.air().mean(), 1e-12);
-    const std::size_t chosen = selection.count(detail::Role::sure) +
-                               selection.count(detail::Role::light);
+    const std::size_t chosen =
+        selection.count(detail::Role::sure) + selection.count(detail::Role::light);
     CHECK_NEAR(solver.weight(), static_cast<double>(chosen), 1e-9);
   }
 }

@@ -1,5 +1,5 @@
-// Error bars of a curve's fit: those of variable projection (covariance.hpp, error_widening.hpp), from
-// the final residuals.
+// Error bars of a curve's fit: those of variable projection (covariance.hpp, error_widening.hpp),
+// from the final residuals.
 #pragma once
 
 #include <algorithm>
@@ -16,9 +16,9 @@
 
 namespace palpate::detail {
 
-// Slopes and residuals by how quickly they change, of a whole contact at once; `columns` are (ξ, ξw,
-// ξ ln ξ, r) in the order of time, and are overwritten. The slope of F₀, one, is the same at all
-// speeds but the slowest.
+// Slopes and residuals by how quickly they change, of a whole contact at once; `columns` are (ξ,
+// ξw, ξ ln ξ, r) in the order of time, and are overwritten. The slope of F₀, one, is the same at
+// all speeds but the slowest.
 inline HaarLevels<4> haar_levels(const std::array<double*, 4>& columns,
                                  std::size_t samples) noexcept {
   HaarLevels<4> levels;

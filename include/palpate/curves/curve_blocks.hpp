@@ -1,5 +1,5 @@
-// What the vector kernels of whole curves take and give: plain memory, the same for every instruction
-// set.
+// What the vector kernels of whole curves take and give: plain memory, the same for every
+// instruction set.
 #pragma once
 
 #include <cstddef>
@@ -10,8 +10,8 @@ namespace palpate::lanes {
 inline constexpr std::size_t curve_block = 64;
 
 struct CurveColumns {
-  const double* x;    // penetration …
-  const double* w;    // … velocity and force, scaled
+  const double* x;  // penetration …
+  const double* w;  // … velocity and force, scaled
   const double* f;
   const double* log;  // ln x, where the surface is known
   double* residual;   // of the latest pass
@@ -26,17 +26,39 @@ struct CurveLaw {
 // The kinds of sum that a pass over samples gives. With r the residual, l = ln(x − d), and N and D
 // the slopes of f by n and by d:
 enum CurveSum : std::size_t {
-  rr, r1, rp, rpw, rn,            // Σ r², r, rp, rpw, rN
-  sum_p, sum_pw, sum_n,           // Σ p, pw, N
-  p_p, p_pw, pw_pw, p_n, pw_n, n_n,
-  rlp, rlpw, rln,                 // Σ r l p …
+  rr,
+  r1,
+  rp,
+  rpw,
+  rn,  // Σ r², r, rp, rpw, rN
+  sum_p,
+  sum_pw,
+  sum_n,  // Σ p, pw, N
+  p_p,
+  p_pw,
+  pw_pw,
+  p_n,
+  pw_n,
+  n_n,
+  rlp,
+  rlpw,
+  rln,  // Σ r l p …
   known_sums,
-  p_d = known_sums, pw_d, n_d, d_d, sum_d, rd,
-  rip, ripw, rld, rid,            // Σ r p/(x − d), r p w/(x − d), r l D, r D/(x − d)
+  p_d = known_sums,
+  pw_d,
+  n_d,
+  d_d,
+  sum_d,
+  rd,
+  rip,
+  ripw,
+  rld,
+  rid,  // Σ r p/(x − d), r p w/(x − d), r l D, r D/(x − d)
   unknown_sums
 };
 
-// The kinds over means at one exponent: of p², p²w, p²w², p, pw, pF, pwF, and the same with ln(x − d).
+// The kinds over means at one exponent: of p², p²w, p²w², p, pw, pF, pwF, and the same with ln(x −
+// d).
 inline constexpr std::size_t power_sums = 7;
 
 // Means at one surface, and their powers at the exponents of a grid, one after the other.

@@ -152,9 +152,8 @@ inline CurveMinimum polished(const CurveModel& model, const CurveData& data,
   for (int round = 0; round < 2; ++round) {
     const CurvePoint centre = best.at;
     const CurveCost::Slope slope = cost.slope(best.state);
-    const CurveStep along =
-        solve_open(slope.information, slope.information, {0.0, 0.0, 0.0, 0.0, 1.0}, model.open(),
-                   1e-12);
+    const CurveStep along = solve_open(slope.information, slope.information,
+                                       {0.0, 0.0, 0.0, 0.0, 1.0}, model.open(), 1e-12);
     if (!(along.by[4] > 0.0)) return best;
     const double deviation = std::sqrt(best.state.variance / along.by[4]);
     bool better = false;
@@ -235,7 +234,7 @@ class CurveFitter {
     const std::size_t firm = selection_.count(Role::sure), start = CurveSamples::padded(firm);
     for (CurveSamples* part : {&firm_, &light_}) {
       const std::size_t from = part == &light_ ? start : 0;
-      *part = {memory_.column(6) + from,  memory_.column(7) + from, memory_.column(8) + from,
+      *part = {memory_.column(6) + from, memory_.column(7) + from,  memory_.column(8) + from,
                memory_.column(9) + from, memory_.column(10) + from, 0};
     }
     firm_index_ = memory_.column(11);
@@ -255,8 +254,8 @@ class CurveFitter {
     of_air_ = !(declared > 0.0);
     if (s.offset && air.known()) {
       const OffsetPrior said = air.prior(selection_.least_step());
-      tare_refuted_ = declared > 0.0 && std::abs(said.mean) >
-                                            suspect_offset * std::hypot(declared, said.deviation);
+      tare_refuted_ = declared > 0.0 &&
+                      std::abs(said.mean) > suspect_offset * std::hypot(declared, said.deviation);
       if (!(declared > 0.0) || tare_refuted_ || !(declared < said.deviation)) {
         prior_mean_ = said.mean;
         s.offset_deviation = said.deviation;
@@ -268,9 +267,7 @@ class CurveFitter {
     }
   }
 
-  static CurveData of(const CurveSamples& one) noexcept {
-    return {{one}, 1, force_squared(one)};
-  }
+  static CurveData of(const CurveSamples& one) noexcept { return {{one}, 1, force_squared(one)}; }
   static CurveData of(const CurveSamples& one, const CurveSamples& other) noexcept {
     return {{one, other}, 2, force_squared(one) + force_squared(other)};
   }
@@ -319,8 +316,8 @@ class CurveFitter {
     return decided(firm);
   }
 
-  // Whether it is plain by Newton's step away from a minimum that neither test below would fail: light
-  // samples have no more than noise left, and the offset is what its prior says.
+  // Whether it is plain by Newton's step away from a minimum that neither test below would fail:
+  // light samples have no more than noise left, and the offset is what its prior says.
   bool evident(const CurveMinimum& found, const CurveData& firm) const noexcept {
     constexpr double plain_excess = 0.5 * largest_excess, plain_offset = 0.5 * suspect_offset;
     if (joined_ && pulls(found.at, light_) > 0) return false;
@@ -334,9 +331,8 @@ class CurveFitter {
       if (!gain.sound) return false;
       const double squares = std::max(alone.sums.squares - gain.gain, 0.0);
       const double variance = std::max(squares / (count - 4.0), tiny);
-      const double excess =
-          (found.state.sums.squares - squares - light * variance) /
-          (variance * std::sqrt(2.0 * light));
+      const double excess = (found.state.sums.squares - squares - light * variance) /
+                            (variance * std::sqrt(2.0 * light));
       if (!(excess < plain_excess)) return false;
     }
     if (!(model_.settings.offset && model_.settings.offset_deviation > 0.0)) return true;
@@ -346,8 +342,8 @@ class CurveFitter {
     const CurveDescent::Gain gain = CurveDescent(open).gain(alone);
     if (!gain.sound) return false;
     const double error = std::sqrt(gain.offset_variance);
-    const double away = std::abs(alone.at[3] + gain.by[3]) /
-                        std::hypot(error, model_.settings.offset_deviation);
+    const double away =
+        std::abs(alone.at[3] + gain.by[3]) / std::hypot(error, model_.settings.offset_deviation);
     return away < plain_offset;
   }
 
@@ -417,11 +413,14 @@ class CurveFitter {
     // The motion and what is left, in the order of time.
     const std::array<double*, 4> columns{memory_.column(0), memory_.column(1), memory_.column(2),
                                          memory_.column(3)};
+    const std::size_t padded = CurveSamples::padded(firm_.count);
+    for (std::size_t i = 0; i < padded; ++i) columns[0][i] = firm_.x[i] - surface;
+    model_.kernels->logarithms(columns[0], columns[2], padded);
     double touching = 0.0, depth = 0.0, depth_squared = 0.0;
-    for (std::size_t i = 0; i < CurveSamples::padded(firm_.count); ++i) {
-      const double x = firm_.x[i] - surface;
-      const bool below = x > 1e-290;
-      const double held = below ? x : 0.0, log = std::log(below ? x : 1.0);
+    for (std::size_t i = 0; i < padded; ++i) {
+      const double x = columns[0][i], all = columns[2][i];
+      const bool below = x > lanes::shallowest;
+      const double held = below ? x : 0.0, log = below ? all : 0.0;
       columns[0][i] = held;
       columns[1][i] = held * firm_.w[i];
       columns[2][i] = held * log;

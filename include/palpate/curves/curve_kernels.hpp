@@ -1,9 +1,9 @@
-// Passes over the samples of a curve in vector lanes: residuals of f = p (k + c w) + F₀, p = (x − d)ⁿ
-// below the surface and 0 above it, and the sums that Newton's method needs.
+// Passes over the samples of a curve in vector lanes: residuals of f = p (k + c w) + F₀, p = (x −
+// d)ⁿ below the surface and 0 above it, and the sums that Newton's method needs.
 //
-// Residuals and not sums of products make the cost: Σ F² less a sum as large has no digits left where
-// noise is a millionth. Eight running sums of each kind are added up at the end: the same bits whether
-// a processor takes two, four or eight at once.
+// Residuals and not sums of products make the cost: Σ F² less a sum as large has no digits left
+// where noise is a millionth. Eight running sums of each kind are added up at the end: the same
+// bits whether a processor takes two, four or eight at once.
 #pragma once
 
 #include <cstddef>
@@ -17,8 +17,8 @@ namespace palpate::lanes {
 inline namespace PALPATE_LANES_SET {
 
 inline constexpr std::size_t sum_lanes = 8;
-using Wide = Pack<sum_lanes>;           // all of them
-using Narrow = Pack<register_lanes>;    // those of a register
+using Wide = Pack<sum_lanes>;                 // all of them
+using Narrow = Pack<register_lanes>;          // those of a register
 inline constexpr double shallowest = 1e-290;  // of a depth that has a logarithm and an inverse
 
 template <std::size_t Count>
@@ -256,7 +256,7 @@ void powers(const CurveColumns& means, const CurvePowers& at, double* sums) noex
   if constexpr (Slopes) sloped.give(sums + power_sums);
 }
 
-inline constexpr CurveKernels curve_kernels{&pass<false>, &pass<true>,     &logarithms,
+inline constexpr CurveKernels curve_kernels{&pass<false>, &pass<true>,    &logarithms,
                                             &place,       &powers<false>, &powers<true>};
 
 }  // namespace PALPATE_LANES_SET

@@ -26,9 +26,9 @@ struct CurveMinimum {
 
 // When a descent is not worth its end: it leads to a minimum that is known, or to none below it.
 struct CurveAbandon {
-  CurvePoint at{};     // the known minimum …
-  double cost = 0.0;   // … and J there
-  double near = 0.0;   // of its surface; 0: no descent is abandoned
+  CurvePoint at{};    // the known minimum …
+  double cost = 0.0;  // … and J there
+  double near = 0.0;  // of its surface; 0: no descent is abandoned
 };
 
 // x of A x = b for the open coordinates, and whether A is positive definite; scaled to a unit
@@ -212,7 +212,8 @@ class CurveDescent {
       const CurveStep step = solve_open(hessian, slope.information, down, free, 0.0);
       // Near a saddle it is hardly positive definite, and its step goes far for next to nothing.
       const double gain = dot(down, step.by);
-      planned.newton = step.sound && dot(step.by, multiply(slope.information, step.by)) < 10.0 * gain;
+      planned.newton =
+          step.sound && dot(step.by, multiply(slope.information, step.by)) < 10.0 * gain;
       planned.by = step.by;
     }
     if (!planned.newton) {

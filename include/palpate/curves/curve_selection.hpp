@@ -1,6 +1,6 @@
-// Which samples of a whole curve are firm contact, light contact or free air, and what free air says
-// of the offset: the choice of variable projection (contact_samples.hpp), a sample at a time with the
-// noise and the offset known by then, but without its sums.
+// Which samples of a whole curve are firm contact, light contact or free air, and what free air
+// says of the offset: the choice of variable projection (contact_samples.hpp), a sample at a time
+// with the noise and the offset known by then, but without its sums.
 #pragma once
 
 #include <algorithm>
@@ -36,8 +36,7 @@ class CurveMemory {
     return columns * stride(samples);
   }
 
-  CurveMemory(double* from, std::size_t samples) noexcept
-      : from_(from), stride_(stride(samples)) {}
+  CurveMemory(double* from, std::size_t samples) noexcept : from_(from), stride_(stride(samples)) {}
 
   double* column(std::size_t i) const noexcept { return from_ + i * stride_; }
 
@@ -82,7 +81,8 @@ class CurveSelection {
   void choose(const CurveArrays& curve, const Units& units, double largest_depth) noexcept {
     constexpr std::size_t side = ContactSamples::side;
     force_[0] = 0.0;
-    std::array<Known, 2 * side> recent{};
+    const std::size_t end = last_ones(curve, units, largest_depth, side);
+    std::array<Known, side> recent{};
     for (std::size_t i = 0; i < curve.count; ++i) {
       const Sample given{curve.penetration[i], curve.velocity[i], curve.force[i]};
       const Sample s = scaled(given, units);
@@ -90,9 +90,10 @@ class CurveSelection {
       const bool below = given.penetration > 0.0;
       push(s, below ? Role::light : Role::free, i);
       if (!below) air_.add(s.penetration, s.force, 1.0);
-      const Known now{noise_.step(), air_.mean()};
-      recent[(count_ - 1) % side] = now;
-      if (count_ > side) settle(count_ - 1 - side, count_ - 1, now);
+      if (i >= end) recent[(count_ - 1) % side] = {noise_.step(), air_.mean()};
+      if (count_ > side && at(count_ - 1 - side) != Role::free) {
+        settle(count_ - 1 - side, count_ - 1, {noise_.step(), air_.mean()});
+      }
     }
     // The last ones never had all their neighbours: what was known of each at its own time counts.
     for (std::size_t i = count_ - std::min(count_, side); i < count_; ++i) {
@@ -104,8 +105,7 @@ class CurveSelection {
   void take_all(const CurveArrays& curve, const Units& units, double from,
                 double largest_depth) noexcept {
     for (std::size_t i = 0; i < curve.count; ++i) {
-      const Sample s =
-          scaled({curve.penetration[i], curve.velocity[i], curve.force[i]}, units);
+      const Sample s = scaled({curve.penetration[i], curve.velocity[i], curve.force[i]}, units);
       if (!usable(s, largest_depth) || !(s.penetration > from)) continue;
       push(s, Role::sure, i);
     }
@@ -165,6 +165,18 @@ class CurveSelection {
     double pace_ = 0.0;
     std::array<double, 2> move_{};
   };
+
+  // From where on there are no more than so many usable samples.
+  static std::size_t last_ones(const CurveArrays& curve, const Units& units, double largest_depth,
+                               std::size_t count) noexcept {
+    std::size_t i = curve.count;
+    while (i > 0 && count > 0) {
+      --i;
+      const Sample s = scaled({curve.penetration[i], curve.velocity[i], curve.force[i]}, units);
+      if (usable(s, largest_depth)) --count;
+    }
+    return i;
+  }
 
   static bool usable(const Sample& s, double largest_depth) noexcept {
     return s.penetration < largest_depth && within(s, 1e8);  // NaN is not

@@ -1,5 +1,5 @@
-// Where the minima of a curve's cost are, roughly: over means of consecutive samples, with k, c and F₀
-// projected out.
+// Where the minima of a curve's cost are, roughly: over means of consecutive samples, with k, c and
+// F₀ projected out.
 //
 // With the surface known a minimum lies where dJ/dn changes its sign from node to node: nodes 0.28
 // apart do not see a valley of width 0.003 by their values, and a one-way approach has several. By
@@ -214,9 +214,9 @@ inline CurveStarts known_surface_starts(const CurveMeans& means, const CurveCost
   const double force_squared = means.data().force_squared;
   const double variance = cost.variance(std::max(force_squared + lowest, 0.0));
   const double fraction = grid.offset_fraction(cost, variance);
-  const double slope_of_prior = 1.0 / (means.data().per_point *
-                                       model.settings.prior_exponent_deviation *
-                                       model.settings.prior_exponent_deviation);
+  const double slope_of_prior =
+      1.0 / (means.data().per_point * model.settings.prior_exponent_deviation *
+             model.settings.prior_exponent_deviation);
   CurveStarts found;
   const auto solved = [&](const CurveNode::Sums& s, double k) noexcept {
     return CurveNode(s, grid.total(), fraction, grid.damping_weight(k, variance), prior);
@@ -233,8 +233,8 @@ inline CurveStarts known_surface_starts(const CurveMeans& means, const CurveCost
   const std::size_t last = grid.nodes() - 1;
   for (std::size_t j = 0; j <= last; ++j) {
     const CurveNode node = solved(sums[j], stiffness[j]);
-    slope[j] = node.half_slope + variance * slope_of_prior *
-                                     (grid.exponent(j) - model.settings.prior_exponent);
+    slope[j] = node.half_slope +
+               variance * slope_of_prior * (grid.exponent(j) - model.settings.prior_exponent);
     const bool at_end = (j == 0 && slope[j] > 0.0) || (j == last && slope[j] < 0.0);
     if (at_end) add(grid.exponent(j), node);
   }
@@ -283,8 +283,7 @@ inline CurveStarts unknown_surface_starts(const CurveMeans& means, const CurveCo
   if (model.settings.offset_deviation > 0.0) solve(variance);
   for (std::size_t i = 0; i < surfaces; ++i) {
     for (std::size_t j = 0; j < nodes; ++j) {
-      costs[i][j] +=
-          means.data().force_squared + grid.exponent_penalty(grid.exponent(j), variance);
+      costs[i][j] += means.data().force_squared + grid.exponent_penalty(grid.exponent(j), variance);
     }
   }
   CurveStarts found;

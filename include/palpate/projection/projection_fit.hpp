@@ -85,8 +85,8 @@ class ProjectionFit {
     return point;
   }
 
-  // With priors that weigh by the residual at the minimum. The lowest node, by which they weighed in
-  // the search, lies (0.05/SE(n))² σ² above it where noise is small: a prior of the offset that
+  // With priors that weigh by the residual at the minimum. The lowest node, by which they weighed
+  // in the search, lies (0.05/SE(n))² σ² above it where noise is small: a prior of the offset that
   // counted five times over moved the answer by a standard error.
   ProjectionSolution weighed_anew(const ProjectionPoint& point,
                                   const SearchStart& start) const noexcept {
