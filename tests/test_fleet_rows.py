@@ -1,6 +1,8 @@
 """Many contacts to a table: a row for each, whatever it is."""
 
 import json
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -209,3 +211,30 @@ def test_batches_hold_every_contact_once_and_keep_chunks_whole():
     assert batches(sources) == cut
     changed = [*sources[:-1], Source("m.jpk-force-map", "map", 65, stamp="later")]
     assert digest_of(changed) != digest_of(sources)
+
+
+def force_maps():
+    beside = Path(__file__).parents[2] / "shared" / "data"
+    folder = Path(os.environ.get("PALPATE_DATA", beside)) / "afm_maps"
+    return sorted(folder.glob("*.jpk-force-map"))
+
+
+@pytest.mark.skipif(not force_maps(), reason="no force maps in PALPATE_DATA")
+def test_curves_of_a_force_map_are_rows_with_their_places():
+    pytest.importorskip("afmformats")
+    surface = {"surface": "estimate"}
+    settings = Settings(
+        diagnosis="none", estimator={**surface, "exponent": 1.5}, preparation=surface
+    )
+    name = str(force_maps()[0])
+    batch = tasks_table([name] * 4, ["map"] * 4, [2, 0, 1, 9])
+    rows = identify_batch(batch, settings).to_pylist()
+    assert [row["index"] for row in rows] == [2, 0, 1, 9]
+    assert [row["error"] is None for row in rows] == [True, True, True, False]
+    assert "there is no curve 9" in rows[3]["error"]
+    for row in rows[:3]:
+        assert row["fit"] == "whole-curve"
+        assert row["exponent"] == 1.5
+        assert row["surface_standard_error"] > 0.0
+        assert abs(row["x"]) < 2e-3  # the stage's travel
+    assert identify_batch(batch.slice(1, 1), settings).to_pylist()[0]["x"] == rows[1]["x"]

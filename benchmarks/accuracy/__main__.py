@@ -68,6 +68,7 @@ def accuracy(
     seeds: int = 200,
     only: list[str] | None = None,
     workers: int | None = None,
+    scheduler: str | None = None,
     markdown: Path | None = None,
     json: Path | None = None,
 ) -> None:
@@ -81,6 +82,8 @@ def accuracy(
         Parts to run, by name; all unless given.
     workers
         Worker processes; one a core unless given.
+    scheduler
+        Address of a scheduler of Dask, whose workers were started in a checkout.
     markdown
         Write a page for each part into this folder too.
     json
@@ -96,7 +99,7 @@ def accuracy(
     if json is not None:
         check_writable(json)
     console, groups, facts = report.console(), list[Group](), report.circumstances(seeds)
-    with Campaign(seeds, workers) as campaign:
+    with Campaign(seeds, workers, scheduler) as campaign:
         for name in chosen:
             found = PARTS[name].run(campaign)
             for group in found:

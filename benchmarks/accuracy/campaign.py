@@ -1,22 +1,23 @@
-"""Many seeds on every core, with a progress bar that can be interrupted."""
+"""Many seeds on every core, or on a cluster, with a progress bar that can be interrupted."""
 
-import os
-import signal
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from concurrent.futures import Future, as_completed
+from contextlib import ExitStack
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from palpate.fleet.clusters import client_of
+from palpate.fleet.extras import cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
 class Campaign:
-    """Runs functions of a seed in worker processes.
+    """Runs functions of a seed on the workers that a fleet has: Dask's.
 
     Parameters
     ----------
@@ -24,14 +25,18 @@ class Campaign:
         How many seeds a row uses, unless it says otherwise.
     workers : int, optional
         Processes; the cores unless given.
+    scheduler : str, optional
+        Address of a scheduler of one's own, whose workers can import the benchmarks.
     """
 
-    def __init__(self, seeds: int, workers: int | None = None) -> None:
+    def __init__(
+        self, seeds: int, workers: int | None = None, scheduler: str | None = None
+    ) -> None:
         self.seeds = seeds
-        self._workers = workers or os.cpu_count() or 1
-        self._pool = ProcessPoolExecutor(
-            self._workers, mp_context=get_context("spawn"), initializer=_leave_interrupts
-        )
+        self._workers = workers or cores()
+        self._scheduler = scheduler
+        self._stack = ExitStack()
+        self._pool: Any = None
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -41,6 +46,8 @@ class Campaign:
         )
 
     def __enter__(self) -> Self:
+        client = client_of(workers=self._workers, scheduler=self._scheduler)
+        self._pool = self._stack.enter_context(client).get_executor(pure=False)
         self._progress.start()
         return self
 
@@ -51,11 +58,8 @@ class Campaign:
         at: TracebackType | None,
     ) -> None:
         self._progress.stop()
-        self._pool.shutdown(wait=kind is None, cancel_futures=True)
-        if kind is not None:
-            # Workers ignore an interrupt so that it is reported once; nothing waits for theirs.
-            for process in list((self._pool._processes or {}).values()):
-                process.terminate()
+        self._pool.shutdown(wait=kind is None)
+        self._stack.close()
 
     def map(
         self, label: str, function: Callable[[Item], Result], items: Sequence[Item]
@@ -77,7 +81,3 @@ class Campaign:
 
 def _each(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
     return [function(item) for item in items]
-
-
-def _leave_interrupts() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -50,11 +50,17 @@ def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "
         height = (4.2 if line else 4.8) if not narrow else (7.5 if line else 9.5)
         figure = new_figure(figsize=look.sheet.size(height), layout="constrained")
         panels = list(figure.subplots(2, 1) if narrow else figure.subplots(1, 2))
-        unit = scale_of(largest(found.value), found.unit)
         for axes, what in zip(panels, ("value", "error"), strict=True):
+            unit = scale_of(_usual(getattr(found, what)), found.unit)
             (_draw_line if line else _draw_plane)(axes, found, what, unit, look)
         set_titles(figure, look.sheet, [found.summary], lines=6)
     return figure
+
+
+def _usual(values: Floats) -> float:
+    """The size that a unit is chosen for: one wild value does not."""
+    known = np.abs(values[np.isfinite(values)])
+    return float(np.percentile(known, _SPAN[1])) if known.size else 0.0
 
 
 def _titled(found: Map, what: str, unit: Scale) -> str:
@@ -76,7 +82,7 @@ def _draw_line(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) -> 
         axes.plot(x, y, "o", color=colour, markersize=size)
         axes.set_ylim(bottom=0.0)
     axes.set(xlabel=along.label(found.axes[0]), ylabel=_titled(found, what, unit))
-    head(axes, f"{found.quantity}" if what == "value" else "Its standard error")
+    head(axes, found.quantity.capitalize() if what == "value" else "Its standard error")
 
 
 def _draw_plane(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) -> None:

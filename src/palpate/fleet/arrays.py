@@ -1,5 +1,6 @@
 """Contacts of equal length as arrays: through the whole-curve fit, a block of rows at a time."""
 
+import json
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -113,6 +114,43 @@ def fits_whole_curves(settings: Settings) -> bool:
         and not gated
         and set(settings.estimator) <= {*_SHARED, "outlier_rejection"}
     )
+
+
+def searches_whole_curves(settings: Settings) -> bool:
+    """Whether a force curve is searched for its surface by the whole-curve fit.
+
+    The recursion answers the same after every sample, and takes a thousand times as long.
+    """
+    own = Settings(method=settings.method, estimator=settings.estimator, diagnosis="none")
+    gated = settings.minimum_penetration is not None or settings.minimum_force is not None
+    full = settings.diagnosis == "full"
+    return settings.searches_surface and fits_whole_curves(own) and not (gated or full)
+
+
+def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
+    """Search one contact for its surface by the whole-curve fit, wherever it may be within.
+
+    Raises
+    ------
+    RecordingError
+        The probe never touches, or there is no free approach.
+    """
+    span = float(contact.penetration.min()), float(contact.penetration.max())
+    chosen = {"surface_range": span, "offset_deviation": contact.tare_deviation}
+    own = Settings(
+        method=settings.method, estimator={**chosen, **settings.estimator}, diagnosis="none"
+    )
+    samples = (contact.penetration, contact.force, contact.velocity)
+    curve = Curves(contact.time, *(each[None] for each in samples), contact.source)
+    [row] = _together(curve, own, 1).to_pylist()
+    if row["error"] is not None:
+        raise RecordingError(row["error"])
+    if settings.diagnosis == "input":
+        row["findings"] = [in_words(each) for each in Data(contact).findings]
+    left_to_others = ("source", "index", "part", "x", "y", "z", "version", "settings", "method")
+    for name in left_to_others:
+        del row[name]
+    return {**row, "prepared": json.dumps(dict(contact.provenance), ensure_ascii=False)}
 
 
 def identify_curves(curves: Curves, settings: Settings, *, threads: int = 1) -> "pa.Table":

@@ -10,7 +10,7 @@ import numpy as np
 import palpate
 from palpate.contact import Contact
 from palpate.errors import FleetError, InvalidParameterError, PalpateError, RecordingError
-from palpate.fleet.arrays import identify_curves
+from palpate.fleet.arrays import identify_curves, row_of_curve, searches_whole_curves
 from palpate.fleet.columns import table_of_rows
 from palpate.fleet.extras import needed
 from palpate.fleet.rows import Row, failure, place_in_notes, rows_of
@@ -162,7 +162,7 @@ def _of_map(
             begun = time.perf_counter()
             for index, read in zip(indices, read_curves(path, numbers), strict=True):
                 named: Row = {"source": source, "index": index}
-                new = _of_recording(read, named, settings)
+                new = _of_recording(read, named, settings, curve=True)
                 rows += new
                 spent, begun = time.perf_counter() - begun, time.perf_counter()
                 seconds += [spent / len(new)] * len(new)
@@ -189,7 +189,7 @@ def _of_file(source: str, index: int | None, settings: Settings) -> list[Row]:
 
 
 def _of_recording(
-    recording: "Recording | BaseException", named: Row, settings: Settings
+    recording: "Recording | BaseException", named: Row, settings: Settings, *, curve: bool = False
 ) -> list[Row]:
     """Prepare and identify: a row, or one for each place; or why not."""
     if isinstance(recording, BaseException):
@@ -197,7 +197,10 @@ def _of_recording(
     named = {**named, **place_in_notes(dict(recording.notes))}
     try:
         contact: Contact = prepare(recording, **settings.preparation)
-        rows = [{**named, **row} for row in rows_of(contact, settings)]
+        if curve and searches_whole_curves(settings):
+            rows = [{**named, **row_of_curve(contact, settings)}]
+        else:
+            rows = [{**named, **row} for row in rows_of(contact, settings)]
     except Exception as error:
         return [{**named, **failure(error)}]
     if not rows:

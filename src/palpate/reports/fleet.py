@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 MOST = 20
 # Fewer contacts make no distribution.
 _FEWEST = 5
+# Of the longest side: along what is shorter there is no map, but the waviness of a surface.
+_FLAT = 0.05
 _OWN = """
 .wide td { overflow-wrap: anywhere; }
 td.number { white-space: nowrap; }
@@ -140,14 +142,15 @@ def _distributions(table: "pa.Table") -> Iterator[str]:
 
 
 def _map(table: "pa.Table") -> Iterator[str]:
-    """Over the two coordinates that vary most, where there are two."""
+    """Over the first two coordinates that vary, where there are two."""
     spans = {}
     for axis in "xyz":
         values = survey.numbers(table, axis)
         known = values[np.isfinite(values)]
         spans[axis] = float(np.ptp(known)) if known.size else 0.0
-    varying = sorted(sorted(spans, key=lambda axis: -spans[axis])[:2])
-    if min(spans[axis] for axis in varying) <= 0.0:
+    wide = [axis for axis in "xyz" if spans[axis] > _FLAT * max(spans.values())]
+    varying = wide[:2]
+    if len(varying) < 2:
         return
     found = map_of(table, varying)
     words = f"{found.summary[0].upper()}{found.summary[1:]}."
