@@ -475,7 +475,7 @@ class OnlinePreparation:
 
     def _restore(self, arg: bytes, /) -> None: ...
 
-def instruction_sets() -> list:
+def instruction_sets() -> list[str]:
     """
     Names of what contacts in lanes can be computed with here, the quickest last; 'scalar' is one contact at a time.
     """
