@@ -1,8 +1,10 @@
 // Variable projection, the search for the surface, and the filter for drift.
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <type_traits>
+#include <vector>
 
 #include "check.hpp"
 #include "estimators.hpp"
@@ -224,4 +226,71 @@ TEST("arbitrary samples leave what stands on variable projection sound") {
   fuzz(VariableProjectionWithSurface({.method = {}, .scale = probing}), 2, 2000);
   fuzz(DriftTracking({.method = {.projection = {}, .drift = {0.02, 0.0, 0.0}}, .scale = probing}),
        3, 20000);
+}
+
+TEST(
+    "a whole trace teaches as update does, and agrees with it to a hundredth of a standard error") {
+  using Estimator = WithOutlierRejection<WithChangeDetector<VariableProjection>>;
+  constexpr std::size_t count = 6000;
+  for (const bool wild : {false, true}) {
+    RandomNumbers random(5);
+    std::vector<double> x, v, f, parameters(3 * count), errors(3 * count), predicted(count),
+        margins(count);
+    std::vector<std::uint8_t> status(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      const HuntCrossley law = k < 3000 ? HuntCrossley{1e5, 2e5, 2.0} : HuntCrossley{3e5, 3e5, 2.0};
+      Sample s = probed(law, 1e-3 * static_cast<double>(k));
+      s.force += random.between(-0.05, 0.05);
+      if (k % 700 > 600) s = {-1e-3, 0.0, random.between(-0.05, 0.05)};
+      if (wild && k % 50 == 0) s = {random.any(), random.any(), random.any()};
+      x.push_back(s.penetration);
+      v.push_back(s.velocity);
+      f.push_back(s.force);
+    }
+    Estimator replayed({.method = {}, .scale = probing}), updated = replayed;
+    replay(replayed, {x.data(), v.data(), f.data(), nullptr, count},
+           {parameters.data(), errors.data(), predicted.data(), margins.data(), status.data()});
+    for (std::size_t k = 0; k < count; ++k) {
+      double expected = 0.0;
+      const Status done = updated.update({x[k], v[k], f[k]}, 1e-3, expected);
+      CHECK(status[k] == static_cast<std::uint8_t>(done));
+      const auto now = updated.snapshot();
+      const Vector<3> known = now.law.parameters();
+      for (std::size_t i = 0; i < 3; ++i) {
+        const double error = std::sqrt(now.variances[i]);
+        CHECK(std::abs(parameters[3 * k + i] - known[i]) <= 1e-2 * error);
+        CHECK(std::abs(errors[3 * k + i] - error) <= 1e-2 * error);
+      }
+      const double missed = std::abs(predicted[k] - expected);
+      CHECK(!(missed > 1e-3 * (1.0 + std::abs(expected))));
+    }
+    const auto one = replayed.estimate(), other = updated.estimate();
+    CHECK(one.parameters == other.parameters && one.covariance == other.covariance);
+    CHECK(one.samples == other.samples && one.restarts == other.restarts);
+  }
+}
+
+TEST("a known exponent is kept, without an error, by every method whose law has one") {
+  const auto keeps = [](auto estimator) {
+    RandomNumbers random(7);
+    for (int k = 0; k < 3000; ++k) {
+      Sample s = probed(HuntCrossley{3e4, 2e4, 1.5}, 1e-3 * k);
+      s.force += random.between(-0.05, 0.05);
+      update(estimator, s);
+    }
+    const auto now = estimator.estimate();
+    CHECK(now.parameters[2] == 1.5 && now.covariance[2][2] == 0.0);
+    CHECK((now.flags & exponent_not_identifiable) == 0);
+    CHECK(close(now.parameters[0], 3e4, 0.01));
+  };
+  const ProjectionSettings projection{.exponent = 1.5};
+  keeps(VariableProjection({.method = projection, .scale = probing}));
+  keeps(DriftTracking({.method = {.projection = projection}, .scale = probing}));
+  const HuntCrossley start{0.1, 0.0, 1.5};
+  keeps(SingleStageKnownExponentRLS({.method = {.initial = start}, .scale = probing}));
+  keeps(DoubleStageRLS({.method = {.initial = start, .exponent_known = true}, .scale = probing}));
+  CHECK(validate(ProjectionSettings{.exponent = 11.0}) != nullptr);
+  CHECK(validate(DriftTrackingMethod::Settings{projection, {0.02, 0.0, 0.1}}) != nullptr);
+  CHECK(validate(DoubleStageMethod::Settings{.initial = {0.1, 0.0, 0.0}, .exponent_known = true}) !=
+        nullptr);
 }

@@ -232,7 +232,7 @@ class ReplayAbreast {
       most = std::max(most, std::abs(block_.step[lane]));
       in_variances = std::max(in_variances, block_.moved[lane]);
     }
-    return most < largest_first_step && in_variances < 0.1 * 0.1;
+    return most < largest_first_step && in_variances < largest_step * largest_step;
   }
 
   // Lanes that no sample fills do as another does.
