@@ -21,6 +21,11 @@
 #define PALPATE_LANES_LAMBDA
 #endif
 
+// PALPATE_LANES_PLAIN: plain loops as for compilers without vectors of their own, for a comparison.
+#if defined(__GNUC__) && !defined(PALPATE_LANES_PLAIN)
+#define PALPATE_LANES_VECTORS 1
+#endif
+
 namespace palpate::lanes {
 
 // In order: each has what those before it have.

@@ -1,316 +1,23 @@
-// Doubles side by side: Pack<8> is one register of AVX-512, two of AVX2, four of SSE2 or NEON, and
-// an array where the compiler knows no vectors. Arithmetic is that of each lane alone, so a lane's
-// bits are the same in all of them, if the compiler contracts nothing (-ffp-contract=off).
+// Doubles side by side: Pack<8> is one register of AVX-512, two of AVX2, four of SSE2 or NEON.
+// Arithmetic is that of each lane alone, so a lane's bits are the same in all of them, if the
+// compiler contracts nothing (-ffp-contract=off).
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
-#include <utility>
 
 #include "palpate/lanes/instruction_set.hpp"
-
-#if defined(__SSE2__)
-#include <immintrin.h>
-#endif
+#include "palpate/lanes/registers.hpp"
 
 namespace palpate::lanes {
 inline namespace PALPATE_LANES_SET {
 
-#if defined(__GNUC__)
-
-// Doubles in a register.
-#if defined(__AVX512F__) && defined(__AVX512DQ__) && defined(__AVX512VL__) && defined(__AVX512BW__)
-inline constexpr int register_lanes = 8;
-#elif defined(__AVX2__)
-inline constexpr int register_lanes = 4;
-#else
-inline constexpr int register_lanes = 2;
-#endif
-
-typedef double RegisterDoubles __attribute__((vector_size(8 * register_lanes)));
-typedef std::uint64_t RegisterBits __attribute__((vector_size(8 * register_lanes)));
-typedef double UnalignedDoubles
-    __attribute__((vector_size(8 * register_lanes), aligned(8), may_alias));
-
-#else  // plain loops, which such a compiler may or may not turn into vectors
-
-inline constexpr int register_lanes = 4;
-
-template <class Number>
-struct Array {
-  Number lane[register_lanes];
-
-  friend Array operator+(Array a, const Array& b) noexcept {
-    for (int i = 0; i < register_lanes; ++i) a.lane[i] += b.lane[i];
-    return a;
-  }
-  friend Array operator-(Array a, const Array& b) noexcept {
-    for (int i = 0; i < register_lanes; ++i) a.lane[i] -= b.lane[i];
-    return a;
-  }
-  friend Array operator*(Array a, const Array& b) noexcept {
-    for (int i = 0; i < register_lanes; ++i) a.lane[i] *= b.lane[i];
-    return a;
-  }
-  friend Array operator/(Array a, const Array& b) noexcept {
-    for (int i = 0; i < register_lanes; ++i) a.lane[i] /= b.lane[i];
-    return a;
-  }
-  friend Array operator&(Array a, const Array& b) noexcept {
-    for (int i = 0; i < register_lanes; ++i) a.lane[i] &= b.lane[i];
-    return a;
-  }
-  friend Array operator|(Array a, const Array& b) noexcept {
-    for (int i = 0; i < register_lanes; ++i) a.lane[i] |= b.lane[i];
-    return a;
-  }
-  friend Array operator~(Array a) noexcept {
-    for (int i = 0; i < register_lanes; ++i) a.lane[i] = ~a.lane[i];
-    return a;
-  }
-  friend Array operator<<(Array a, int by) noexcept {
-    for (int i = 0; i < register_lanes; ++i) a.lane[i] <<= by;
-    return a;
-  }
-  friend Array operator>>(Array a, int by) noexcept {
-    for (int i = 0; i < register_lanes; ++i) a.lane[i] >>= by;
-    return a;
-  }
-  Number& operator[](int i) noexcept { return lane[i]; }
-  Number operator[](int i) const noexcept { return lane[i]; }
-};
-
-using RegisterDoubles = Array<double>;
-using RegisterBits = Array<std::uint64_t>;
-
-#endif
-
-// What comparisons give: all bits of a lane, or none; with AVX-512 a bit a lane.
-#if defined(__GNUC__) && defined(__AVX512F__) && defined(__AVX512DQ__) && defined(__AVX512VL__) && \
-    defined(__AVX512BW__)
-#define PALPATE_LANES_BIT_MASKS 1
-using RegisterMask = unsigned char;
-#else
-using RegisterMask = RegisterBits;
-#endif
-
-template <int I>
-struct Index {
-  static constexpr int value = I;
-};
-
-template <class Act, int... I>
-PALPATE_LANES_INLINE void each_of(std::integer_sequence<int, I...>, const Act& act) noexcept {
-  (act(Index<I>{}), ...);
-}
-
-// Calls act(Index<0>{}) … act(Index<Count − 1>{}): a loop that is none any more before the compiler
-// decides what stays in registers.
-template <int Count, class Act>
-PALPATE_LANES_INLINE void each(const Act& act) noexcept {
-  each_of(std::make_integer_sequence<int, Count>{}, act);
-}
-
-namespace register_of {
-
-PALPATE_LANES_INLINE RegisterDoubles all(double value) noexcept {
-  RegisterDoubles result{};
-  for (int i = 0; i < register_lanes; ++i) result[i] = value;
+// A pack whose part i is act(Index<i>{}).
+template <class Result, class Act>
+PALPATE_LANES_INLINE Result in_parts(const Act& act) noexcept {
+  Result result;
+  each<Result::parts>([&](auto i) PALPATE_LANES_LAMBDA { result.part[i.value] = act(i); });
   return result;
 }
-
-PALPATE_LANES_INLINE RegisterBits all_bits(std::uint64_t value) noexcept {
-  RegisterBits result{};
-  for (int i = 0; i < register_lanes; ++i) result[i] = value;
-  return result;
-}
-
-PALPATE_LANES_INLINE RegisterDoubles load(const double* from) noexcept {
-#if defined(__GNUC__)
-  return *reinterpret_cast<const UnalignedDoubles*>(from);
-#else
-  RegisterDoubles result{};
-  for (int i = 0; i < register_lanes; ++i) result[i] = from[i];
-  return result;
-#endif
-}
-
-PALPATE_LANES_INLINE void store(double* to, const RegisterDoubles& values) noexcept {
-#if defined(__GNUC__)
-  *reinterpret_cast<UnalignedDoubles*>(to) = values;
-#else
-  for (int i = 0; i < register_lanes; ++i) to[i] = values[i];
-#endif
-}
-
-// Asks for what lies there to be in the cache soon; nothing has to lie there.
-PALPATE_LANES_INLINE void fetch([[maybe_unused]] const double* from) noexcept {
-#if defined(__GNUC__)
-  __builtin_prefetch(from);
-#endif
-}
-
-PALPATE_LANES_INLINE RegisterBits bits(const RegisterDoubles& values) noexcept {
-#if defined(__GNUC__)
-  return reinterpret_cast<RegisterBits>(values);
-#else
-  RegisterBits result{};
-  for (int i = 0; i < register_lanes; ++i) result[i] = std::bit_cast<std::uint64_t>(values[i]);
-  return result;
-#endif
-}
-
-PALPATE_LANES_INLINE RegisterDoubles doubles(const RegisterBits& values) noexcept {
-#if defined(__GNUC__)
-  return reinterpret_cast<RegisterDoubles>(values);
-#else
-  RegisterDoubles result{};
-  for (int i = 0; i < register_lanes; ++i) result[i] = std::bit_cast<double>(values[i]);
-  return result;
-#endif
-}
-
-PALPATE_LANES_INLINE RegisterMask less(const RegisterDoubles& a,
-                                       const RegisterDoubles& b) noexcept {
-#if defined(PALPATE_LANES_BIT_MASKS)
-  return _mm512_cmp_pd_mask(a, b, _CMP_LT_OQ);
-#elif defined(__GNUC__)
-  return reinterpret_cast<RegisterMask>(a < b);
-#else
-  RegisterMask result{};
-  for (int i = 0; i < register_lanes; ++i) result[i] = a[i] < b[i] ? ~std::uint64_t{0} : 0;
-  return result;
-#endif
-}
-
-PALPATE_LANES_INLINE RegisterMask less_equal(const RegisterDoubles& a,
-                                             const RegisterDoubles& b) noexcept {
-#if defined(PALPATE_LANES_BIT_MASKS)
-  return _mm512_cmp_pd_mask(a, b, _CMP_LE_OQ);
-#elif defined(__GNUC__)
-  return reinterpret_cast<RegisterMask>(a <= b);
-#else
-  RegisterMask result{};
-  for (int i = 0; i < register_lanes; ++i) result[i] = a[i] <= b[i] ? ~std::uint64_t{0} : 0;
-  return result;
-#endif
-}
-
-PALPATE_LANES_INLINE RegisterMask both(const RegisterMask& a, const RegisterMask& b) noexcept {
-  return static_cast<RegisterMask>(a & b);
-}
-
-PALPATE_LANES_INLINE RegisterMask either(const RegisterMask& a, const RegisterMask& b) noexcept {
-  return static_cast<RegisterMask>(a | b);
-}
-
-PALPATE_LANES_INLINE RegisterDoubles select(const RegisterMask& mask, const RegisterDoubles& yes,
-                                            const RegisterDoubles& no) noexcept {
-#if defined(PALPATE_LANES_BIT_MASKS)
-  return _mm512_mask_blend_pd(mask, no, yes);
-#elif defined(__AVX2__) && defined(__GNUC__)
-  return _mm256_blendv_pd(no, yes, reinterpret_cast<__m256d>(mask));
-#else
-  return doubles((mask & bits(yes)) | (~mask & bits(no)));
-#endif
-}
-
-// A bit a lane, the first lane's lowest.
-PALPATE_LANES_INLINE unsigned bits_of(const RegisterMask& mask) noexcept {
-#if defined(PALPATE_LANES_BIT_MASKS)
-  return mask;
-#elif defined(__AVX2__) && defined(__GNUC__)
-  return static_cast<unsigned>(_mm256_movemask_pd(reinterpret_cast<__m256d>(mask)));
-#elif defined(__SSE2__) && defined(__GNUC__)
-  return static_cast<unsigned>(_mm_movemask_pd(reinterpret_cast<__m128d>(mask)));
-#else
-  unsigned result = 0;
-  for (int i = 0; i < register_lanes; ++i) result |= static_cast<unsigned>(mask[i] & 1U) << i;
-  return result;
-#endif
-}
-
-#if !defined(PALPATE_LANES_BIT_MASKS)
-// The mask of each set of lanes: looked up, as there is no instruction for it.
-struct MaskTable {
-  alignas(32) std::uint64_t mask[1 << register_lanes][register_lanes]{};
-
-  constexpr MaskTable() noexcept {
-    for (unsigned lanes = 0; lanes < 1U << register_lanes; ++lanes) {
-      for (unsigned i = 0; i < register_lanes; ++i) {
-        mask[lanes][i] = (lanes >> i) & 1U ? ~std::uint64_t{0} : 0;
-      }
-    }
-  }
-};
-inline constexpr MaskTable mask_table;
-#endif
-
-PALPATE_LANES_INLINE RegisterMask mask_of(unsigned lanes) noexcept {
-#if defined(PALPATE_LANES_BIT_MASKS)
-  return static_cast<RegisterMask>(lanes);
-#elif defined(__GNUC__)
-  const auto* found = mask_table.mask[lanes & ((1U << register_lanes) - 1U)];
-  return bits(load(reinterpret_cast<const double*>(found)));
-#else
-  RegisterMask result{};
-  for (int i = 0; i < register_lanes; ++i) {
-    result[i] = (lanes >> i) & 1U ? ~std::uint64_t{0} : std::uint64_t{0};
-  }
-  return result;
-#endif
-}
-
-// Exchanges rows and columns of register_lanes × register_lanes doubles.
-PALPATE_LANES_INLINE void transpose(RegisterDoubles (&rows)[register_lanes]) noexcept {
-#if defined(PALPATE_LANES_BIT_MASKS)
-  each<4>([&](auto pair) PALPATE_LANES_LAMBDA {
-    constexpr int i = 2 * decltype(pair)::value;
-    const RegisterDoubles a = rows[i], b = rows[i + 1];
-    rows[i] = __builtin_shufflevector(a, b, 0, 8, 2, 10, 4, 12, 6, 14);
-    rows[i + 1] = __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15);
-  });
-  each<4>([&](auto pair) PALPATE_LANES_LAMBDA {
-    constexpr int i = decltype(pair)::value + decltype(pair)::value / 2 * 2;  // 0, 1, 4, 5
-    const RegisterDoubles a = rows[i], b = rows[i + 2];
-    rows[i] = __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13);
-    rows[i + 2] = __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15);
-  });
-  each<4>([&](auto pair) PALPATE_LANES_LAMBDA {
-    constexpr int i = decltype(pair)::value;
-    const RegisterDoubles a = rows[i], b = rows[i + 4];
-    rows[i] = __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11);
-    rows[i + 4] = __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15);
-  });
-#elif defined(__AVX2__) && defined(__GNUC__)
-  each<2>([&](auto pair) PALPATE_LANES_LAMBDA {
-    constexpr int i = 2 * decltype(pair)::value;
-    const RegisterDoubles a = rows[i], b = rows[i + 1];
-    rows[i] = _mm256_unpacklo_pd(a, b);
-    rows[i + 1] = _mm256_unpackhi_pd(a, b);
-  });
-  each<2>([&](auto pair) PALPATE_LANES_LAMBDA {
-    constexpr int i = decltype(pair)::value;
-    const RegisterDoubles a = rows[i], b = rows[i + 2];
-    rows[i] = _mm256_permute2f128_pd(a, b, 0x20);
-    rows[i + 2] = _mm256_permute2f128_pd(a, b, 0x31);
-  });
-#elif defined(__SSE2__) && defined(__GNUC__)
-  const RegisterDoubles a = rows[0], b = rows[1];
-  rows[0] = _mm_unpacklo_pd(a, b);
-  rows[1] = _mm_unpackhi_pd(a, b);
-#else
-  for (int i = 0; i < register_lanes; ++i) {
-    for (int j = 0; j < i; ++j) {
-      const double upper = rows[j][i];
-      rows[j][i] = rows[i][j];
-      rows[i][j] = upper;
-    }
-  }
-#endif
-}
-
-}  // namespace register_of
 
 template <int Lanes>
 struct Mask {
@@ -319,39 +26,29 @@ struct Mask {
   RegisterMask part[parts];
 
   PALPATE_LANES_INLINE static Mask of_bits(unsigned lanes) noexcept {
-    Mask result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = register_of::mask_of(lanes >> (i * register_lanes));
+    return in_parts<Mask>([&](auto i) PALPATE_LANES_LAMBDA {
+      return register_of::mask_of(lanes >> (i.value * register_lanes));
     });
-    return result;
   }
 
   // A bit a lane, the first lane's lowest.
   PALPATE_LANES_INLINE unsigned bits() const noexcept {
     unsigned result = 0;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result |= register_of::bits_of(part[i]) << (i * register_lanes);
+    each<parts>([&](auto i) PALPATE_LANES_LAMBDA {
+      result |= register_of::bits_of(part[i.value]) << (i.value * register_lanes);
     });
     return result;
   }
 
   PALPATE_LANES_INLINE friend Mask operator&(const Mask& a, const Mask& b) noexcept {
-    Mask result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = register_of::both(a.part[i], b.part[i]);
+    return in_parts<Mask>([&](auto i) PALPATE_LANES_LAMBDA {
+      return register_of::both(a.part[i.value], b.part[i.value]);
     });
-    return result;
   }
   PALPATE_LANES_INLINE friend Mask operator|(const Mask& a, const Mask& b) noexcept {
-    Mask result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = register_of::either(a.part[i], b.part[i]);
+    return in_parts<Mask>([&](auto i) PALPATE_LANES_LAMBDA {
+      return register_of::either(a.part[i.value], b.part[i.value]);
     });
-    return result;
   }
 };
 
@@ -362,61 +59,30 @@ struct Bits {
   RegisterBits part[parts];
 
   PALPATE_LANES_INLINE static Bits all(std::uint64_t value) noexcept {
-    Bits result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = register_of::all_bits(value);
-    });
-    return result;
+    return in_parts<Bits>([&](auto) PALPATE_LANES_LAMBDA { return register_of::all_bits(value); });
   }
 
   PALPATE_LANES_INLINE friend Bits operator+(const Bits& a, const Bits& b) noexcept {
-    Bits result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = a.part[i] + b.part[i];
-    });
-    return result;
+    return in_parts<Bits>([&](auto i)
+                              PALPATE_LANES_LAMBDA { return a.part[i.value] + b.part[i.value]; });
   }
   PALPATE_LANES_INLINE friend Bits operator-(const Bits& a, const Bits& b) noexcept {
-    Bits result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = a.part[i] - b.part[i];
-    });
-    return result;
+    return in_parts<Bits>([&](auto i)
+                              PALPATE_LANES_LAMBDA { return a.part[i.value] - b.part[i.value]; });
   }
   PALPATE_LANES_INLINE friend Bits operator&(const Bits& a, const Bits& b) noexcept {
-    Bits result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = a.part[i] & b.part[i];
-    });
-    return result;
+    return in_parts<Bits>([&](auto i)
+                              PALPATE_LANES_LAMBDA { return a.part[i.value] & b.part[i.value]; });
   }
   PALPATE_LANES_INLINE friend Bits operator|(const Bits& a, const Bits& b) noexcept {
-    Bits result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = a.part[i] | b.part[i];
-    });
-    return result;
+    return in_parts<Bits>([&](auto i)
+                              PALPATE_LANES_LAMBDA { return a.part[i.value] | b.part[i.value]; });
   }
   PALPATE_LANES_INLINE friend Bits operator<<(const Bits& a, int by) noexcept {
-    Bits result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = a.part[i] << by;
-    });
-    return result;
+    return in_parts<Bits>([&](auto i) PALPATE_LANES_LAMBDA { return a.part[i.value] << by; });
   }
   PALPATE_LANES_INLINE friend Bits operator>>(const Bits& a, int by) noexcept {
-    Bits result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = a.part[i] >> by;
-    });
-    return result;
+    return in_parts<Bits>([&](auto i) PALPATE_LANES_LAMBDA { return a.part[i.value] >> by; });
   }
 };
 
@@ -428,75 +94,44 @@ struct Pack {
   RegisterDoubles part[parts];
 
   PALPATE_LANES_INLINE static Pack all(double value) noexcept {
-    Pack result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = register_of::all(value);
-    });
-    return result;
+    return in_parts<Pack>([&](auto) PALPATE_LANES_LAMBDA { return register_of::all(value); });
   }
   PALPATE_LANES_INLINE static Pack load(const double* from) noexcept {
-    Pack result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = register_of::load(from + i * register_lanes);
+    return in_parts<Pack>([&](auto i) PALPATE_LANES_LAMBDA {
+      return register_of::load(from + i.value * register_lanes);
     });
-    return result;
   }
   PALPATE_LANES_INLINE void store(double* to) const noexcept {
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      register_of::store(to + i * register_lanes, part[i]);
+    each<parts>([&](auto i) PALPATE_LANES_LAMBDA {
+      register_of::store(to + i.value * register_lanes, part[i.value]);
     });
   }
 
   PALPATE_LANES_INLINE friend Pack operator+(const Pack& a, const Pack& b) noexcept {
-    Pack result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = a.part[i] + b.part[i];
-    });
-    return result;
+    return in_parts<Pack>([&](auto i)
+                              PALPATE_LANES_LAMBDA { return a.part[i.value] + b.part[i.value]; });
   }
   PALPATE_LANES_INLINE friend Pack operator-(const Pack& a, const Pack& b) noexcept {
-    Pack result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = a.part[i] - b.part[i];
-    });
-    return result;
+    return in_parts<Pack>([&](auto i)
+                              PALPATE_LANES_LAMBDA { return a.part[i.value] - b.part[i.value]; });
   }
   PALPATE_LANES_INLINE friend Pack operator*(const Pack& a, const Pack& b) noexcept {
-    Pack result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = a.part[i] * b.part[i];
-    });
-    return result;
+    return in_parts<Pack>([&](auto i)
+                              PALPATE_LANES_LAMBDA { return a.part[i.value] * b.part[i.value]; });
   }
   PALPATE_LANES_INLINE friend Pack operator/(const Pack& a, const Pack& b) noexcept {
-    Pack result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = a.part[i] / b.part[i];
-    });
-    return result;
+    return in_parts<Pack>([&](auto i)
+                              PALPATE_LANES_LAMBDA { return a.part[i.value] / b.part[i.value]; });
   }
   PALPATE_LANES_INLINE friend Mask<Lanes> operator<(const Pack& a, const Pack& b) noexcept {
-    Mask<Lanes> result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = register_of::less(a.part[i], b.part[i]);
+    return in_parts<Mask<Lanes>>([&](auto i) PALPATE_LANES_LAMBDA {
+      return register_of::less(a.part[i.value], b.part[i.value]);
     });
-    return result;
   }
   PALPATE_LANES_INLINE friend Mask<Lanes> operator<=(const Pack& a, const Pack& b) noexcept {
-    Mask<Lanes> result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = register_of::less_equal(a.part[i], b.part[i]);
+    return in_parts<Mask<Lanes>>([&](auto i) PALPATE_LANES_LAMBDA {
+      return register_of::less_equal(a.part[i.value], b.part[i.value]);
     });
-    return result;
   }
   PALPATE_LANES_INLINE friend Mask<Lanes> operator>(const Pack& a, const Pack& b) noexcept {
     return b < a;
@@ -507,29 +142,18 @@ struct Pack {
 
   PALPATE_LANES_INLINE friend Pack select(const Mask<Lanes>& mask, const Pack& yes,
                                           const Pack& no) noexcept {
-    Pack result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = register_of::select(mask.part[i], yes.part[i], no.part[i]);
+    return in_parts<Pack>([&](auto i) PALPATE_LANES_LAMBDA {
+      return register_of::select(mask.part[i.value], yes.part[i.value], no.part[i.value]);
     });
-    return result;
   }
 
   PALPATE_LANES_INLINE friend Bits<Lanes> bits_of(const Pack& values) noexcept {
-    Bits<Lanes> result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = register_of::bits(values.part[i]);
-    });
-    return result;
+    return in_parts<Bits<Lanes>>(
+        [&](auto i) PALPATE_LANES_LAMBDA { return register_of::bits(values.part[i.value]); });
   }
   PALPATE_LANES_INLINE static Pack of_bits(const Bits<Lanes>& bits) noexcept {
-    Pack result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
-      result.part[i] = register_of::doubles(bits.part[i]);
-    });
-    return result;
+    return in_parts<Pack>(
+        [&](auto i) PALPATE_LANES_LAMBDA { return register_of::doubles(bits.part[i.value]); });
   }
 
   PALPATE_LANES_INLINE friend Pack abs(const Pack& values) noexcept {
@@ -537,17 +161,17 @@ struct Pack {
   }
   // Where either is NaN, the second: a test for NaN has to stand elsewhere.
   PALPATE_LANES_INLINE friend Pack lesser(const Pack& a, const Pack& b) noexcept {
-#if defined(__SSE2__) && defined(__GNUC__)
+#if defined(__SSE2__) && defined(PALPATE_LANES_VECTORS)
     Pack result;
-    each<parts>([&](auto index) PALPATE_LANES_LAMBDA {
-      constexpr int i = decltype(index)::value;
+    each<parts>([&](auto i) PALPATE_LANES_LAMBDA {
 #if defined(PALPATE_LANES_BIT_MASKS)
       // Under a full mask: the plain one of GCC 12 warns of its own undefined operand.
-      result.part[i] = _mm512_mask_min_pd(a.part[i], 0xff, a.part[i], b.part[i]);
+      result.part[i.value] =
+          _mm512_mask_min_pd(a.part[i.value], 0xff, a.part[i.value], b.part[i.value]);
 #elif defined(__AVX2__)
-      result.part[i] = _mm256_min_pd(a.part[i], b.part[i]);
+      result.part[i.value] = _mm256_min_pd(a.part[i.value], b.part[i.value]);
 #else
-      result.part[i] = _mm_min_pd(a.part[i], b.part[i]);
+      result.part[i.value] = _mm_min_pd(a.part[i.value], b.part[i.value]);
 #endif
     });
     return result;
