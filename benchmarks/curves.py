@@ -143,8 +143,8 @@ def rolled(curves: Curves) -> Curves:
     """The same approach–retract curves with all free air before their contact."""
     quarter = curves.force.shape[1] // 4
     signals = (curves.penetration, curves.velocity, curves.force)
-    shifted = (np.roll(values, quarter, axis=1) for values in signals)
-    return Curves(*shifted, curves.truth, curves.noise)
+    x, v, f = (np.roll(values, quarter, axis=1) for values in signals)
+    return Curves(x, v, f, curves.truth, curves.noise)
 
 
 def _fit(curves: Curves, settings: dict[str, Any]) -> CurveFits:
