@@ -154,7 +154,7 @@ def test_of_hundreds_of_curves_the_recursion_lies_as_near() -> None:
 def test_error_bars_hold_the_truth(surface: bool) -> None:
     curves = random_curves(approach_and_retract, 300, surface=surface, seed=21)
     fits = fitted(curves, **(UNKNOWN if surface else {}))
-    # Below n = 1 or so a kink may keep a descent from settling; what it ends with counts all the same.
+    # About n = 1 a kink may keep a descent from settling; what it ends with counts all the same.
     assert np.count_nonzero(fits.status) <= (6 if surface else 0)
     # Where noise is 3 % of the peak some exponents are known to no better than 0.2.
     assert np.count_nonzero(fits.flags) <= (6 if surface else 0)
