@@ -29,6 +29,10 @@ Progress = Callable[[int, int], None]
 # Batches a worker has or waits with: with one more than it works on it never waits for the next.
 _AHEAD = 3
 _ASK_AGAIN = 5.0  # s
+_PARTS = 16
+_ENDED = (
+    "the workers that identified it ended without a word: a crash, or more memory than there is"
+)
 
 
 @dataclass(slots=True)
@@ -161,12 +165,12 @@ def _worked(
 
 
 def _answer(client: Any, future: Any, batch: Batch, settings: Settings) -> Any:
-    """What a task gave; where it ended its workers, that of each contact alone."""
+    """What a task gave; where it ended its workers, that of its parts."""
     distributed = needed("distributed", "a fleet")
     try:
         return future.result()
     except distributed.KilledWorker:
-        return _one_by_one(client, batch, settings)
+        return _in_parts(client, batch.table(), settings)
     except FleetError:
         raise
     except Exception as error:
@@ -174,23 +178,25 @@ def _answer(client: Any, future: Any, batch: Batch, settings: Settings) -> Any:
         raise FleetError(f"a worker cannot work: {type(error).__name__}: {words}") from None
 
 
-def _one_by_one(client: Any, batch: Batch, settings: Settings) -> Any:
-    """Each contact of a batch by itself: what ends a worker is a row with its reason."""
+def _in_parts(client: Any, table: "pa.Table", settings: Settings) -> Any:
+    """Find the contact that ends workers, in ever smaller parts: it is a row with its reason.
+
+    Four workers have ended over the whole: by it, or by chance, and then the parts are done.
+    """
     distributed = needed("distributed", "a fleet")
     pa = needed("pyarrow", "a table of contacts")
-    whole = batch.table()
+    size = -(-table.num_rows // _PARTS)
+    parts = [table.slice(first, size) for first in range(0, table.num_rows, size)]
     tables: list[Any] = []
     seconds: list[Floats] = []
-    for k in range(whole.num_rows):
-        one = whole.slice(k, 1)
+    for part in parts:  # one after another: each that ends is known to have done it itself
         try:
-            table, took = client.submit(timed_batch, one, settings, pure=False).result()
+            found, took = client.submit(timed_batch, part, settings, pure=False).result()
         except distributed.KilledWorker:
-            reason = (
-                "the workers that identified it ended without a word: a crash, or more memory than "
-                "there is"
-            )
-            table, took = lost(one, settings, reason), np.zeros(1)
-        tables.append(table)
+            if part.num_rows > 1:
+                found, took = _in_parts(client, part, settings)
+            else:
+                found, took = lost(part, settings, _ENDED), np.zeros(1)
+        tables.append(found)
         seconds.append(took)
     return pa.concat_tables(tables), np.concatenate(seconds)
