@@ -1,5 +1,5 @@
 // A whole trace of variable projection: answers after eight samples are worked out abreast, and
-// agree with those of estimate() to a thousandth of a standard error; the recursion itself is the
+// agree with those of estimate() to a hundredth of a standard error; the recursion itself is the
 // same to the last bit. Where a search is due its answer is the trace's. What is not regular, as
 // with forgetting, beside a known exponent, about a change or in the first samples, is worked out
 // sample by sample; so are eight of which one turns out not to be.
