@@ -50,8 +50,8 @@ function(palpate_add_per_instruction_set target)
   endforeach()
 endfunction()
 
-# palpate_add_lanes(TARGET): the kernels of contacts in lanes, which src/lanes/compiled_kernels.hpp
-# declares.
+# palpate_add_lanes(TARGET [FLAG…]): the kernels of contacts in lanes, which
+# src/lanes/compiled_kernels.hpp declares, with these flags too.
 function(palpate_add_lanes target)
   set(flags)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
@@ -59,6 +59,6 @@ function(palpate_add_lanes target)
     set(flags -fschedule-insns -fsched-pressure)
   endif()
   palpate_add_per_instruction_set(${target} ${PROJECT_SOURCE_DIR}/src/lanes/kernels.cpp
-                                  FLAGS ${flags})
+                                  FLAGS ${flags} ${ARGN})
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src/lanes)
 endfunction()
