@@ -140,8 +140,13 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
     own = Settings(
         method=settings.method, estimator={**chosen, **settings.estimator}, diagnosis="none"
     )
-    samples = (contact.penetration, contact.force, contact.velocity)
-    curve = Curves(contact.time, *(each[None] for each in samples), contact.source)
+    curve = Curves(
+        contact.time,
+        contact.penetration[None],
+        contact.force[None],
+        contact.velocity[None],
+        contact.source,
+    )
     [row] = _together(curve, own, 1).to_pylist()
     if row["error"] is not None:
         raise RecordingError(row["error"])
