@@ -14,6 +14,7 @@ from palpate.fleet.extras import cores, needed
 #: s that a scheduler has to answer.
 PATIENCE = 10.0
 LOOPBACK = "127.0.0.1"
+_ASK_AGAIN = 5.0  # s
 _DASHBOARD = f"{LOOPBACK}:8787"
 #: One thread a worker: arithmetic that starts threads of its own would only wait for them.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -77,6 +78,7 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
         "distributed.scheduler.dashboard.tasks.task-stream-length": 100,
         "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
         "distributed.admin.log-format": "%(message)s",
+        "distributed.deploy.lost-worker-timeout": "2 s",
         "distributed.scheduler.worker-saturation": 2.0,
     }
     quiet = os.environ.get("PALPATE_DASK_LOGS") is None
@@ -93,11 +95,37 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
                 scheduler_kwargs={"dashboard": dashboard},
             )
         try:
-            with distributed.Client(cluster, set_as_default=False) as client:
+            with (
+                _kept_at(cluster, workers),
+                distributed.Client(cluster, set_as_default=False) as client,
+            ):
                 yield client
         finally:
             with suppress(TimeoutError):
                 cluster.close(timeout=PATIENCE)
+
+
+@contextmanager
+def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
+    """Ask for the workers again and again: one that ends may not be started anew by its nanny.
+
+    Seen where a worker ended in the moment at which it was given a task; with none left, the rest
+    would wait for ever.
+    """
+    ended = threading.Event()
+
+    def ask() -> None:
+        while not ended.wait(_ASK_AGAIN):
+            with suppress(Exception):
+                cluster.scale(workers)
+
+    thread = threading.Thread(target=ask, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 @contextmanager
