@@ -105,7 +105,7 @@ def test_the_covariance_has_the_standard_errors_and_keeps_the_correlations(ball)
 
 
 def test_the_trace_has_the_clock_of_the_contact(ball):
-    assert ball.trace.time is ball.contact.time
+    assert np.array_equal(ball.trace.time, ball.contact.time)
     assert np.array_equal(ball.trace[10:20].time, ball.contact.time[10:20])
 
 

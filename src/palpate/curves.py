@@ -99,17 +99,17 @@ class CurveFits:
 
 
 def fit_curves(
-    penetration: ArrayLike,
-    velocity: ArrayLike,
-    force: ArrayLike,
+    penetration: "ArrayLike",
+    velocity: "ArrayLike",
+    force: "ArrayLike",
     *,
     surface: Literal["estimate"] | None = None,
     surface_range: tuple[float, float] | None = None,
     exponent: float | None = None,
     exponent_range: tuple[float, float] = _RANGE,
     offset: bool = True,
-    offset_deviation: ArrayLike | None = None,
-    surface_deviation: ArrayLike | None = None,
+    offset_deviation: "ArrayLike | None" = None,
+    surface_deviation: "ArrayLike | None" = None,
     noise: float | None = None,
     scale: Scale | None = None,
     threads: int = 1,
@@ -175,9 +175,9 @@ def fit_curves(
 
 
 def stated_cost(
-    penetration: ArrayLike,
-    velocity: ArrayLike,
-    force: ArrayLike,
+    penetration: "ArrayLike",
+    velocity: "ArrayLike",
+    force: "ArrayLike",
     *,
     exponent: float | None = None,
     offset: bool = True,
@@ -292,7 +292,7 @@ def _fitted(
     return answers
 
 
-def _checked_curves(*given: ArrayLike) -> tuple[Floats, ...]:
+def _checked_curves(*given: "ArrayLike") -> tuple[Floats, ...]:
     arrays = [real_array(name, values) for name, values in zip(_SIGNALS, given, strict=True)]
     shapes = {array.shape for array in arrays}
     if len(shapes) > 1 or arrays[0].ndim not in (1, 2):
@@ -348,7 +348,7 @@ def _checked_scale(scale: Scale | None) -> tuple[float, float, float]:
     return (0.0, 0.0, 0.0) if scale is None else scale._plain()
 
 
-def _of_each(name: str, value: ArrayLike | None, count: int) -> Floats:
+def _of_each(name: str, value: "ArrayLike | None", count: int) -> Floats:
     """Return a deviation for each curve; 0 is none."""
     if value is None:
         return np.zeros(count)

@@ -17,16 +17,30 @@ from palpate.live.sinks.figures import at_depth
 from palpate.live.sources.replay import Replay
 from palpate.live.sources.source import EndOfSourceError
 from palpate.live.states import State
-from palpate.replaying import replayed
+from palpate.trace import Trace
 
 TIMES, POSITIONS, FORCES = measured(2.0)
 PREPARED = "time", "penetration", "velocity", "force"
 
 
 def replay_of(times, positions, forces, estimator=None, preparation=None):
-    """What the same recursion gives offline: the prepared contact and the trace."""
+    """What the same recursion gives offline: the prepared contact, and the trace of it.
+
+    By ``update`` and ``estimate``: a replay works estimates of variable projection out eight
+    abreast, to a hundredth of a standard error.
+    """
     contact = (preparation or OnlinePreparation()).replay(positions, forces, times)
-    return contact, replayed(contact, estimator or default_estimator())
+    estimator = estimator or default_estimator()
+    trace = Trace.empty(len(contact), len(estimator.law_type.symbols))
+    columns = contact.penetration, contact.velocity, contact.force, contact.time_steps
+    samples = list(zip(*(column.tolist() for column in columns), strict=True))
+    for part in contact.segments():
+        estimator.leave_contact()
+        for k in range(len(contact))[part]:
+            trace.predicted_force[k] = estimator.predict(*samples[k][:2])
+            trace.status[k] = estimator.update(*samples[k])
+            trace.parameters[k] = estimator.estimate().parameters
+    return contact, trace
 
 
 def same(rows, contact, trace, *, predicted=True):
