@@ -199,7 +199,7 @@ def wait_for_parts(results, count, process):
 @pytest.fixture(scope="module")
 def undisturbed(many, tmp_path_factory):
     results = tmp_path_factory.mktemp("results") / "calm"
-    assert started(many, results).wait() == 0
+    assert started(many, results).wait(timeout=180) == 0
     return {path.name: path.read_bytes() for path in parts(results)}
 
 
@@ -217,7 +217,7 @@ def test_a_run_that_is_ended_keeps_what_is_done_and_goes_on(how, many, undisturb
         assert "Traceback" not in err
     kept = {path.name: path.read_bytes() for path in parts(results)}
     assert 2 <= len(kept) < len(undisturbed)
-    assert started(many, results).wait() == 0
+    assert started(many, results).wait(timeout=180) == 0
     assert {path.name: path.read_bytes() for path in parts(results)} == undisturbed
     assert not [path for path in results.iterdir() if path.name.startswith(".palpate-")]
 
@@ -236,7 +236,7 @@ def test_workers_that_are_killed_lose_no_row(many, undisturbed, tmp_path):
             if b"spawn_main" in open(f"/proc/{each}/cmdline", "rb").read()  # noqa: PTH123, SIM115
         ]
         os.kill(spawned[0], signal.SIGKILL)
-    assert process.wait() == 0
+    assert process.wait(timeout=180) == 0
     assert {path.name: path.read_bytes() for path in parts(results)} == undisturbed
 
 
@@ -263,7 +263,10 @@ reader.read = ended
     (tmp_path / "sitecustomize.py").write_text(ending)
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
     subprocess.run(
-        [sys.executable, "-c", program], check=True, env={**os.environ, "PYTHONPATH": path}
+        [sys.executable, "-c", program],
+        check=True,
+        timeout=180,
+        env={**os.environ, "PYTHONPATH": path},
     )
     errors = read_results(tmp_path / "results").column("error").to_pylist()
     assert [error is None for error in errors] == [True, False, True]

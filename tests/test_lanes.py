@@ -121,17 +121,19 @@ def test_so_do_rows_with_something_wrong_in_them(kind, settings, name):
 
 
 @pytest.mark.parametrize(
-    "estimator",
+    ("kind", "settings"),
     [
-        SingleStageRLS(perturbation=SelfPerturbation()),
-        SingleStageRLS(change_detector=ChangeDetector()),
-        SingleStageRLS(outlier_rejection=OutlierRejection()),
-        DoubleStageRLS(),
-        VariableProjection(),
+        (SingleStageRLS, {"perturbation": SelfPerturbation()}),
+        (SingleStageRLS, {"change_detector": ChangeDetector()}),
+        (SingleStageRLS, {"outlier_rejection": OutlierRejection()}),
+        (SingleStageRLS, {"exponent": 1.5}),
+        (DoubleStageRLS, {}),
+        (VariableProjection, {}),
     ],
-    ids=lambda estimator: repr(estimator)[:60],
+    ids=lambda given: given.__name__ if isinstance(given, type) else "".join(given),
 )
-def test_what_lanes_do_not_take_goes_one_at_a_time_and_says_so(estimator):
+def test_what_lanes_do_not_take_goes_one_at_a_time_and_says_so(kind, settings):
+    estimator = kind(**settings)
     rows = _rows(12, 300)
     found = replay_lanes(*rows, estimator)
     assert found.instruction_set == "scalar"
