@@ -32,7 +32,7 @@ def wide():
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("columns", [40, 60, 80, 120])
+@pytest.mark.parametrize("columns", [40, 60, pytest.param(80, marks=pytest.mark.slow), 120])
 def test_no_line_is_wider_than_the_terminal_and_no_number_is_lost(
     run, monkeypatch, wide, command, columns
 ):
@@ -50,6 +50,7 @@ def test_no_line_is_wider_than_the_terminal_and_no_number_is_lost(
     assert set(NUMBER.findall(out)) == set(NUMBER.findall(wide[command]))
 
 
+@pytest.mark.slow
 def test_stretches_between_changes_fit_too(run, monkeypatch, tmp_path):
     file = tmp_path / "changed.csv"
     run("lab", "soft-then-hard", "--probe", "ideal", "-o", file)

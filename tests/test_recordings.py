@@ -127,6 +127,7 @@ def test_velocity_is_bounded_by_what_the_probe_can_do(path):
     assert np.max(np.abs(contact.velocity)) < 3.0 * np.max(np.abs(inside))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", files("D_dvrk_trial4_raw*.csv"))
 def test_a_robots_own_recording_goes_end_to_end(path):
     """Poses and forces over a phantom; a window of it was cut and projected by hand by others."""

@@ -164,18 +164,19 @@ def test_a_person_starts_and_stops_recordings(tmp_path):
         (0.1, Command("record", {"path": str(tmp_path / "first.mcap")})),
         (0.7, Command("record", {"on": False})),
         (1.0, Command("record", {"on": True})),
-        (1.3, Command("record", {"path": str(tmp_path / "none" / "second.mcap")})),
+        (1.9, Command("record", {"path": str(tmp_path / "none" / "second.mcap")})),
     ]
     source = paced([*TIMES, *(1.5 + time for time in TIMES)], POSITIONS * 2, FORCES * 2)
     source.sample_time = T
-    run(source, None, [Recorder(folder=tmp_path), Commanding(commands)], seconds=2.2)
+    run(source, None, [Recorder(folder=tmp_path), Commanding(commands)], seconds=2.8)
     files = sorted(path.name for path in tmp_path.iterdir())
     assert files[0] == "first.mcap"
     assert files[1].startswith("palpate-20")
     assert len(files) == 2
     first = palpate.open_recording(tmp_path / "first.mcap", strict=True).numbers("/input.force")
-    # From when it was asked for on, and to when that was seen.
-    assert 590 < len(first) < 1300
+    # 0.6 s, from when it was asked for on, and to when that was seen: the loop looks for requests
+    # every 20 ms, the recorder for what is recorded every 250, and later on a busy machine.
+    assert 500 < len(first) < 1300
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no disk that is always full")
