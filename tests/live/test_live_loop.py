@@ -17,6 +17,7 @@ from palpate.live.sinks.figures import at_depth
 from palpate.live.sources.replay import Replay
 from palpate.live.sources.source import EndOfSourceError
 from palpate.live.states import State
+from palpate.remarks import Remark
 from palpate.trace import Trace
 
 TIMES, POSITIONS, FORCES = measured(2.0)
@@ -349,6 +350,23 @@ def test_a_recording_says_what_it_knows_with_hindsight():
     source = Replay(contact)
     assert ["tare of the recording" in words for words in source.news()] == [True]
     assert source.news() == []
+
+
+def test_a_recording_says_what_its_preparation_said():
+    contact = palpate.Contact(
+        TIMES,
+        penetration=POSITIONS,
+        velocity=[0.0] * len(TIMES),
+        force=FORCES,
+        remarks=[
+            Remark("file", "it ends before its end", "record it again"),
+            Remark("surface", "its place is an assumption"),
+        ],
+    )
+    assert Replay(contact).news() == [
+        "file: it ends before its end (record it again)",
+        "surface: its place is an assumption",
+    ]
 
 
 def test_the_loop_makes_no_cycles_so_that_it_needs_no_collector():

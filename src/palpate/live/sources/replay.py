@@ -82,12 +82,19 @@ class Replay:
 
 
 def _hindsight(contact: Contact) -> list[str]:
-    """What no robot in a loop could know, and the preparation of a whole recording found."""
+    """What no robot in a loop could know, and the preparation of a whole recording said."""
+    said = [
+        f"{remark.step}: {remark.sentence}" + (f" ({remark.remedy})" if remark.remedy else "")
+        for remark in contact.remarks
+    ]
     found = {"tare": contact.tare_deviation, "surface": contact.surface_deviation}
     names = [name for name, deviation in found.items() if deviation is not None]
     if contact.prepared is not None and contact.prepared.normal is not None:
         names.append("contact normal")
     if not names:
-        return []
+        return said
     words = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
-    return [f"{words} of the recording are those of all of it, as palpate identify finds them"]
+    return [
+        f"{words} of the recording are those of all of it, as palpate identify finds them",
+        *said,
+    ]
