@@ -121,7 +121,7 @@ def test_so_do_rows_with_something_wrong_in_them(kind, settings, name):
 
 
 @pytest.mark.parametrize(
-    ("kind", "settings"),
+    "kind, settings",
     [
         (SingleStageRLS, {"perturbation": SelfPerturbation()}),
         (SingleStageRLS, {"change_detector": ChangeDetector()}),
