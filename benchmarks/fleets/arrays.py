@@ -4,6 +4,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from benchmarks.fleets import alone
 from benchmarks.fleets.curves import SAMPLES, write_array
 from benchmarks.fleets.processes import watching
 from benchmarks.report import Limit, Row, Section
@@ -24,6 +25,7 @@ def measure(count: int, folder: Path | None = None) -> Section:
         _timed(path, 2, "warm")  # the file is in memory then
         two, whole, peak = _timed(path, 2, "two")
         one, _, _ = _timed(path, 1, "one")
+    bare = alone.ratio()
     unit = "s"
     limit = Limit(40.0) if count >= _WANTED else None
     idle = 1.0 - two.busy / (2.0 * two.seconds)
@@ -37,6 +39,7 @@ def measure(count: int, folder: Path | None = None) -> Section:
             "one worker", one.seconds, unit, one.seconds / two.seconds, "two workers",
             Limit(1.85, at_least=True) if count >= _WANTED else None,
         ),
+        Row("two processes against one, the fit alone: what this machine allows", bare, "×"),
     ]  # fmt: skip
     notes = ["penetration, velocity and force; surface unknown; diagnosis none; from the first "
              "batch to the last file on disk"]  # fmt: skip
