@@ -101,7 +101,8 @@ bool replay_many(Handle& handle, const InputRows& penetration, const InputRows& 
                  const InputRows& force, const std::optional<InputRows>& gates,
                  const std::optional<InputRows>& scales, const OutputArray& parameters,
                  const OutputArray& covariance, const OutputArray& others,
-                 const StatusArray& status, const CountArray& counts, std::size_t threads,
+                 const StatusArray& status, const CountArray& counts,
+                 const std::optional<CountArray>& violated, std::size_t threads,
                  const char* instruction_set) {
   const lanes::Contacts contacts{penetration.data(),
                                  velocity.data(),
@@ -109,7 +110,8 @@ bool replay_many(Handle& handle, const InputRows& penetration, const InputRows& 
                                  penetration.shape(0),
                                  penetration.shape(1),
                                  gates ? gates->data() : nullptr,
-                                 scales ? scales->data() : nullptr};
+                                 scales ? scales->data() : nullptr,
+                                 violated ? violated->data() : nullptr};
   const EstimateColumns out{parameters.data(), covariance.data(), others.data(), status.data(),
                             counts.data()};
   const lanes::Kernels* kernels = kernels_named(instruction_set);
