@@ -57,10 +57,11 @@ void correlated_variances(const Stack& slopes, const Rows& residual, const UsedR
 }  // namespace
 
 void bind_error_bars(nb::module_& module) {
-  module.def("correlated_variances", &correlated_variances, nb::arg("slopes"), nb::arg("residual"),
-             nb::arg("used"), nb::arg("influence"), nb::arg("result"),
-             "Fills, for contacts as rows, the variances of influence · Σ J e over the samples used, "
-             "where the residual e is correlated: J by rows, influence too.");
+  module.def(
+      "correlated_variances", &correlated_variances, nb::arg("slopes"), nb::arg("residual"),
+      nb::arg("used"), nb::arg("influence"), nb::arg("result"),
+      "Fills, for contacts as rows, the variances of influence · Σ J e over the samples used, "
+      "where the residual e is correlated: J by rows, influence too.");
 }
 
 }  // namespace palpate::bindings

@@ -58,11 +58,12 @@ void bind_lanes(nb::module_& module) {
              "Names of what contacts in lanes can be computed with here, the quickest last; "
              "'scalar' is one contact at a time.",
              nb::sig("def instruction_sets() -> list[str]"));
-  module.def("screen_contacts", &screen_contacts, nb::arg("penetration"), nb::arg("velocity"),
-             nb::arg("force"), nb::arg("gates"), nb::arg("sample_time"), nb::arg("threshold"),
-             nb::arg("touching"), nb::arg("sound"), nb::arg("threads"),
-             "Fills, for contacts as rows, which samples are in contact; and whether a rejection of "
-             "outliers with this threshold would leave none of them out.");
+  module.def(
+      "screen_contacts", &screen_contacts, nb::arg("penetration"), nb::arg("velocity"),
+      nb::arg("force"), nb::arg("gates"), nb::arg("sample_time"), nb::arg("threshold"),
+      nb::arg("touching"), nb::arg("sound"), nb::arg("threads"),
+      "Fills, for contacts as rows, which samples are in contact; and whether a rejection of "
+      "outliers with this threshold would leave none of them out.");
 }
 
 }  // namespace palpate::bindings

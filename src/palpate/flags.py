@@ -19,20 +19,23 @@ def words_of(
     advice: tuple[str, ...],
     *,
     samples: int,
+    taken: int,
     parameters: int,
     damping: float,
     violated: float,
     predicts: bool,
     guarded: int,
+    left_out: int,
 ) -> list[str]:
-    """Return flags of a contact of which no sample was refused or left out.
+    """Return flags of a contact of which no sample was refused.
 
     Parameters
     ----------
     advice : tuple of str
         Those of the estimate.
-    samples, guarded : int
-        Taken; of them touched by the covariance guard.
+    samples, taken, guarded, left_out : int
+        Samples of the estimate; those that were taken at first; those that the covariance guard
+        touched; and those left out as outliers.
     parameters : int
         Of the law.
     damping : float
@@ -53,6 +56,8 @@ def words_of(
         flags.append("less than 0.2 s of contact: no prediction error")
     if guarded:
         flags.append(f"covariance guard acted on {guarded} samples")
+    if left_out:
+        flags.append(count_of_outliers(left_out, left_out + taken))
     return flags
 
 
@@ -63,16 +68,14 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
     flags = words_of(
         estimate.flags,
         samples=estimate.samples,
+        taken=int(np.count_nonzero(trace.taken)),
         parameters=len(law.symbols),
         damping=law.as_dict().get("damping", 0.0),
         violated=violated_fraction(trace) if estimator.needs_condition_10 else 0.0,
         predicts=has_prediction_error(trace, contact.force, contact.time_steps),
         guarded=estimate.guarded,
+        left_out=int(np.count_nonzero(trace.rejected)),
     )
-    left_out = int(np.count_nonzero(trace.rejected))
-    if left_out:
-        contact_samples = left_out + int(np.count_nonzero(trace.taken))
-        flags.append(count_of_outliers(left_out, contact_samples))
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
         count = int(np.count_nonzero(trace.status == refusal))
         if count:

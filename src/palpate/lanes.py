@@ -52,6 +52,8 @@ class LaneEstimates:
     violated : numpy.ndarray of uint64, shape (k,), optional
         Samples taken at which condition 10 did not hold, by the estimate after them; None unless
         they were to be counted.
+    statuses : numpy.ndarray of uint8, shape (k, m), optional
+        A :class:`Status` a sample; None unless they were to be kept.
     instruction_set : str
         What they were computed with; ``"scalar"`` where the lanes do not take the settings and the
         contacts went one at a time.
@@ -72,6 +74,7 @@ class LaneEstimates:
     restarts: NDArray[np.uint64]
     rejected: NDArray[np.uint64]
     violated: NDArray[np.uint64] | None
+    statuses: NDArray[np.uint8] | None
     instruction_set: str
 
     def __len__(self) -> int:
@@ -102,6 +105,7 @@ def replay_lanes(
     gates: "ArrayLike | None" = None,
     scales: "ArrayLike | None" = None,
     count_violated: bool = False,
+    keep_statuses: bool = False,
     threads: int = 1,
     instruction_set: str | None = None,
 ) -> LaneEstimates:
@@ -129,6 +133,8 @@ def replay_lanes(
         Units of the arithmetic a contact in place of the estimator's: m, m/s and N.
     count_violated : bool
         Count the samples at which condition 10 did not hold, of laws that it concerns.
+    keep_statuses : bool
+        Keep what was done with every sample. Lanes do not know: all rows then go one at a time.
     threads : int
         How many share the rows, 1 to 1024.
     instruction_set : str, optional
@@ -150,7 +156,9 @@ def replay_lanes(
     }
     workers = whole_in("threads", threads, 1, 1024)
     chosen = _instruction_set(instruction_set)
-    out = _Columns.empty(count, len(estimator.law_type.symbols), counting=count_violated)
+    out = _Columns.empty(
+        (count, samples), len(estimator.law_type.symbols), count_violated, keep_statuses
+    )
     used = "scalar"
     for part in _parts(count, samples, workers):
         signals = [np.ascontiguousarray(array[part], dtype=np.float64) for array in rows.values()]
@@ -176,16 +184,19 @@ class _Columns:
     status: NDArray[np.uint8]  # and flags
     counts: NDArray[np.uint64]  # samples, guarded, restarts, rejected
     violated: NDArray[np.uint64] | None
+    statuses: NDArray[np.uint8] | None
 
     @classmethod
-    def empty(cls, count: int, size: int, *, counting: bool) -> "_Columns":
+    def empty(cls, shape: tuple[int, int], size: int, violated: bool, statuses: bool) -> "_Columns":
+        count = shape[0]
         return cls(
             np.empty((count, size)),
             np.empty((count, size, size)),
             np.empty((count, 5)),
             np.empty((count, 2), np.uint8),
             np.empty((count, 4), np.uint64),
-            np.zeros(count, np.uint64) if counting else None,
+            np.zeros(count, np.uint64) if violated else None,
+            np.empty(shape, np.uint8) if statuses else None,
         )
 
     def of(self, part: slice) -> list[Any]:
@@ -212,6 +223,7 @@ class _Columns:
             restarts=restarts,
             rejected=rejected,
             violated=self.violated,
+            statuses=self.statuses,
             instruction_set=instruction_set,
         )
 
@@ -290,8 +302,11 @@ def _one_by_one(
         if scales is not None:
             changes["scale"] = Scale(*scales[row].tolist())
         fresh = estimator.replace(**changes)
-        for sample in zip(*(array[row].tolist() for array in signals), strict=True):
+        samples = zip(*(array[row].tolist() for array in signals), strict=True)
+        for k, sample in enumerate(samples):
             status = fresh.update(*sample)
+            if out.statuses is not None:
+                out.statuses[contact, k] = int(status)
             if out.violated is not None and status in _TAKEN and not fresh.estimate().valid:
                 out.violated[contact] += np.uint64(1)
         now = fresh.estimate()

@@ -51,7 +51,7 @@ struct LaneState {
   double guarded_last[block_lanes];
   std::uint64_t guarded[block_lanes];
   double violated[block_lanes];  // samples taken without condition 10, by kernels that count them
-  unsigned contact;  // a bit a lane: in contact
+  unsigned contact;              // a bit a lane: in contact
 };
 
 // Takes one sample of one lane as the scalar recursion does, from the lane's φ and y. True where

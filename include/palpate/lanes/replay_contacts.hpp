@@ -29,6 +29,8 @@ struct Contacts {
   const double* scales = nullptr;
   // Where it is asked for: how many samples of each were taken without condition 10.
   std::uint64_t* violated = nullptr;
+  // Where it is asked for: the status of every sample, by rows. Contacts then go one at a time.
+  std::uint8_t* statuses = nullptr;
 
   template <class Settings>
   Settings settings_of(Settings settings, std::size_t contact) const noexcept {
@@ -209,8 +211,8 @@ void replay_block(const Estimator& fresh, const Contacts& in, std::size_t first,
     Access::fill(estimators[lane], settings, lane);
     Access::begin(estimators[lane], state, lane);
   }
-  kernel_of<Estimator>(kernels, in.violated != nullptr)(signals, settings, state, &Access::step<Estimator, order>,
-                                estimators);
+  kernel_of<Estimator>(kernels, in.violated != nullptr)(
+      signals, settings, state, &Access::step<Estimator, order>, estimators);
   for (int lane = 0; lane < lanes; ++lane) {
     const std::size_t contact = first + static_cast<std::size_t>(lane);
     Access::finish(state, lane, signals.velocity[lane], estimators[lane]);
@@ -233,6 +235,7 @@ void replay_one_by_one(const typename Estimator::Settings& settings, const Conta
     std::uint64_t violated = 0;
     for (std::size_t k = start; k < start + in.samples; ++k) {
       const Status status = estimator.update(in.penetration[k], in.velocity[k], in.force[k]);
+      if (in.statuses) in.statuses[k] = static_cast<std::uint8_t>(status);
       if (in.violated && taken(status) &&
           !(validity_margin(estimator.law(), estimator.last_velocity()) > 0.0)) {
         ++violated;
@@ -249,7 +252,7 @@ template <class Estimator, class Sink>
 void replay_contacts(const typename Estimator::Settings& settings, const Contacts& in,
                      std::size_t first, std::size_t last, const Kernels& kernels, Sink&& sink) {
   if constexpr (has_lanes<Estimator>) {
-    if (in_lanes<Estimator>(settings)) {
+    if (!in.statuses && in_lanes<Estimator>(settings)) {
       const Estimator fresh(settings);
       Estimator estimators[block_lanes];
       for (std::size_t contact = first; contact < last; contact += block_lanes) {

@@ -185,8 +185,7 @@ def _by_recursion(curves: Curves, settings: Settings, threads: int) -> "pa.Table
         found, rows = columns_in_lanes(curves, settings, threads)
         left[rows] = False
         for name, values in found.items():
-            for k, value in zip(rows.tolist(), values, strict=True):
-                columns[name][k] = value
+            _put(columns[name], rows, values)
         if settings.diagnosis == "input":
             for k in rows.tolist():
                 columns["findings"][k] = _findings(curves, k, settings)
@@ -194,6 +193,14 @@ def _by_recursion(curves: Curves, settings: Settings, threads: int) -> "pa.Table
         for name, value in _row(curves, k, settings).items():
             columns[name][k] = value
     return table_of(columns, settings)
+
+
+def _put(column: Any, rows: NDArray[np.int64], values: Any) -> None:
+    if isinstance(column, np.ndarray):
+        column[rows] = values
+        return
+    for k, value in zip(rows.tolist(), values, strict=True):
+        column[k] = value
 
 
 def _row(curves: Curves, row: int, settings: Settings) -> dict[str, Any]:
