@@ -222,7 +222,7 @@ def _with(
         if isinstance(values, np.ndarray):
             changed[field.name] = values.copy()
             changed[field.name][rows] = others
-    return replace(found, **changed), np.isin(own.statuses, _REFUSED).any(axis=1)
+    return replace(found, **changed), np.count_nonzero(np.isin(own.statuses, _REFUSED), axis=1) > 0
 
 
 def _blocks(rows: Rows, samples: int) -> Iterator[Rows]:
