@@ -1,4 +1,4 @@
-"""Contacts of equal length as arrays: through the whole-curve fit, a block of rows at a time."""
+"""Contacts of equal length as arrays: through the whole-curve fit or the recursion in lanes."""
 
 import json
 from dataclasses import dataclass, field
@@ -161,7 +161,8 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
 def identify_curves(curves: Curves, settings: Settings, *, threads: int = 1) -> "pa.Table":
     """Identify each of the curves: a table with a row for each, in their order.
 
-    By the whole-curve fit where the settings allow that, else one by one by the recursion.
+    By the whole-curve fit where the settings allow that, else by the recursion: in lanes what
+    these take, one by one the rest.
 
     Parameters
     ----------
