@@ -307,7 +307,8 @@ TEST("settings that lanes do not take go through the estimator itself, bit for b
 }
 
 TEST("samples without condition 10 are counted in lanes as one at a time") {
-  const ContactRows rows = hostile_rows<HuntCrossley>(24, 400, 11);
+  ContactRows rows = hostile_rows<HuntCrossley>(24, 400, 11);
+  for (double& velocity : rows.velocity) velocity *= 6.0;  // so that it is violated now and then
   SingleStageRLS::Settings settings;
   settings.forgetting = {0.97, 0.0};
   const auto nothing = [](std::size_t, const SingleStageRLS&) {};
