@@ -1,4 +1,4 @@
-"""Contacts of equal length as arrays: through the whole-curve fit, a block of rows at a time."""
+"""Contacts of equal length as arrays: through the whole-curve fit or the recursion in lanes."""
 
 import json
 from dataclasses import dataclass, field
@@ -12,9 +12,10 @@ from palpate.curves import STATUS_WORDS, CurveFits, fit_curves
 from palpate.diagnosis import Data
 from palpate.digits import rounded
 from palpate.errors import RecordingError
-from palpate.estimate import ADVICE
-from palpate.fleet.at_depth import LawsAtDepth, working_depths
-from palpate.fleet.columns import AT_DEPTH, empty_columns, table_of, table_of_rows
+from palpate.flags import ADVICE_OF
+from palpate.fleet.at_depth import AT_DEPTH, LawsAtDepth, working_depths
+from palpate.fleet.columns import empty_columns, table_of
+from palpate.fleet.in_lanes import columns_in_lanes, goes_through_lanes
 from palpate.fleet.rows import failure, in_words, row_of
 from palpate.fleet.settings import Settings
 from palpate.preparation import prepare
@@ -32,7 +33,6 @@ _SHARED = (
     "surface", "surface_range", "exponent", "exponent_range", "offset", "offset_deviation",
     "surface_deviation", "noise", "scale",
 )  # fmt: skip
-_ADVICE = {bits: [words for bit, words in ADVICE.items() if bits & bit] for bits in range(256)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +161,8 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
 def identify_curves(curves: Curves, settings: Settings, *, threads: int = 1) -> "pa.Table":
     """Identify each of the curves: a table with a row for each, in their order.
 
-    By the whole-curve fit where the settings allow that, else one by one by the recursion.
+    By the whole-curve fit where the settings allow that, else by the recursion: in lanes what
+    these take, one by one the rest.
 
     Parameters
     ----------
@@ -172,27 +173,51 @@ def identify_curves(curves: Curves, settings: Settings, *, threads: int = 1) -> 
     threads : int
         That share the rows.
     """
-    whole = fits_whole_curves(settings)
-    table = _together(curves, settings, threads) if whole else _one_by_one(curves, settings)
-    return table
+    if fits_whole_curves(settings):
+        return _together(curves, settings, threads)
+    return _by_recursion(curves, settings, threads)
 
 
-def _one_by_one(curves: Curves, settings: Settings) -> "pa.Table":
-    rows = []
-    for k in range(len(curves)):
-        row: dict[str, Any] = _named(curves, k)
-        try:
-            row |= {**row_of(curves.contact(k, settings), settings), "prepared": None}
-        except Exception as error:
-            row |= failure(error)
-        rows.append(row)
-    return table_of_rows(rows, settings)
+def _by_recursion(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
+    """Through lanes what these can say all of; the others one by one."""
+    columns = _named(curves, settings)
+    left = np.ones(len(curves), dtype=np.bool_)
+    if goes_through_lanes(settings):
+        found, rows = columns_in_lanes(curves, settings, threads)
+        left[rows] = False
+        for name, values in found.items():
+            _put(columns[name], rows, values)
+        if settings.diagnosis == "input":
+            for k in rows.tolist():
+                columns["findings"][k] = _findings(curves, k, settings)
+    for k in np.flatnonzero(left).tolist():
+        for name, value in _row(curves, k, settings).items():
+            columns[name][k] = value
+    return table_of(columns, settings)
 
 
-def _named(curves: Curves, row: int) -> dict[str, Any]:
-    index = None if curves.index is None else int(curves.index[row])
-    places = {axis: float(values[row]) for axis, values in curves.places.items()}
-    return {"source": curves.source, "index": index, **places}
+def _put(column: Any, rows: NDArray[np.int64], values: Any) -> None:
+    if isinstance(column, np.ndarray):
+        column[rows] = values
+        return
+    for k, value in zip(rows.tolist(), values, strict=True):
+        column[k] = value
+
+
+def _row(curves: Curves, row: int, settings: Settings) -> dict[str, Any]:
+    try:
+        return {**row_of(curves.contact(row, settings), settings), "prepared": None}
+    except Exception as error:
+        return failure(error)
+
+
+def _named(curves: Curves, settings: Settings) -> dict[str, Any]:
+    """Columns of which nothing is known but which contacts they are of."""
+    columns = empty_columns(settings, len(curves))
+    columns["source"] = [curves.source] * len(curves)
+    if curves.index is not None:
+        columns["index"] = curves.index
+    return columns | curves.places
 
 
 def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
@@ -203,11 +228,7 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
     if not settings.searches_surface and "surface_deviation" not in chosen:
         chosen["surface_deviation"] = _resolutions(curves.penetration)
     fits = fit_curves(curves.penetration, velocity, curves.force, threads=threads, **chosen)
-    columns = empty_columns(settings, len(curves))
-    columns["source"] = [curves.source] * len(curves)
-    if curves.index is not None:
-        columns["index"] = curves.index
-    columns |= curves.places
+    columns = _named(curves, settings)
     columns |= _numbers(fits)
     columns |= _at_depths(curves, fits)
     columns["samples"] = _samples(curves)
@@ -271,7 +292,7 @@ def _flags(fits: CurveFits) -> list[Any]:
     few = fits.taken < 30  # ten samples a parameter
     negative = fits.damping < 0.0
     unsettled = fits.status == STATUS_WORDS.index("did not settle")
-    flags: list[Any] = [_ADVICE[bits] for bits in fits.flags.tolist()]
+    flags: list[Any] = [ADVICE_OF[bits] for bits in fits.flags.tolist()]
     for k in np.flatnonzero(few | negative | unsettled).tolist():
         more = [f"only {fits.taken[k]} samples in contact"] if few[k] else []
         if negative[k]:

@@ -5,10 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.curves import CurveFits
+from palpate.force_laws import ForceLaw
+from palpate.preparation.gates_of_rows import percentile_of_rows
 from palpate.preparation.suggestions import NOISE_FACTOR
 from palpate.validation import Floats
 
 Numbers = tuple[Floats, Floats]
+#: At the working depth: what it is, and its unit.
+AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 #: Rows that are sorted together: 32 of 1000 samples stay in a core's own memory.
 _ROWS = 32
 
@@ -33,26 +37,11 @@ def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Float
         some = slice(start, start + _ROWS)
         x, f = penetration[some] - fits.surface[some, None], force[some] - fits.offset[some, None]
         touching = (x > 0.0) & (f > 0.0)
-        largest = _percentile(np.where(touching, f, np.inf), touching.sum(axis=1), 0.99)
+        largest = percentile_of_rows(np.where(touching, f, np.inf), touching.sum(axis=1), 0.99)
         limit = np.clip(NOISE_FACTOR * fits.noise[some], 0.01 * largest, 0.10 * largest)
         firm = touching & (f > limit[:, None])
-        found[some] = _percentile(np.where(firm, x, np.inf), firm.sum(axis=1), 0.5)
+        found[some] = percentile_of_rows(np.where(firm, x, np.inf), firm.sum(axis=1), 0.5)
     return found
-
-
-def _percentile(
-    values: Floats, counts: "np.ndarray[tuple[int], np.dtype[np.int64]]", part: float
-) -> Floats:
-    """A percentile of the first so many of each row, once sorted, by linear interpolation."""
-    order = np.sort(values, axis=1)
-    place = part * np.maximum(counts - 1, 0)
-    low = place.astype(np.int64)
-    high = np.minimum(low + 1, np.maximum(counts - 1, 0))
-    rows = np.arange(len(values))
-    left, right = order[rows, low], order[rows, high]
-    with np.errstate(invalid="ignore"):
-        found: Floats = left + (place - low) * (right - left)
-    return np.where(counts > 0, found, np.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,3 +84,48 @@ def _error(gradient: list[Floats], fits: CurveFits) -> Floats:
     variance = np.einsum("ki,kij,kj->k", g, fits.covariance, g)
     found: Floats = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
     return found
+
+
+def numbers_at_depth(
+    law: type[ForceLaw], parameters: Floats, covariance: Floats, depth: Floats
+) -> dict[str, Floats]:
+    """Force, stiffness and damping at a depth, with errors by the delta method: √(gᵀ C g).
+
+    Parameters
+    ----------
+    law : type
+        The force law.
+    parameters, covariance : numpy.ndarray, shape (k, p) and (k, p, p)
+        Of the laws, SI.
+    depth : numpy.ndarray, shape (k,)
+        Of each, m.
+
+    Returns
+    -------
+    dict
+        Columns by name, shape (k,).
+    """
+    size = parameters.shape[1]
+    with np.errstate(all="ignore"):
+        errors = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
+        # By differences over a hundredth of an error, in which a law is as good as linear.
+        steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
+        values = _three(law, parameters, depth)
+        gradients = np.empty((size, *values.shape))
+        for k in range(size):
+            change = np.zeros_like(parameters)
+            change[:, k] = steps[:, k]
+            high, low = (_three(law, parameters + by, depth) for by in (change, -change))
+            gradients[k] = (high - low) / (2.0 * steps[:, k])
+        variances = np.einsum("iqk,kij,jqk->qk", gradients, covariance, gradients)
+        found = np.where(variances >= 0.0, np.sqrt(np.maximum(variances, 0.0)), np.nan)
+    columns = {}
+    for name, value, error in zip(AT_DEPTH, values, found, strict=True):
+        columns[f"{name}_at_depth"], columns[f"{name}_at_depth_standard_error"] = value, error
+    return columns
+
+
+def _three(law: type[ForceLaw], parameters: Floats, depth: Floats) -> Floats:
+    """Force, stiffness and damping, shape (3, k)."""
+    force = law.forces(parameters, depth[:, None], np.zeros((len(depth), 1)))
+    return np.stack([force[:, 0], *law.many_at(parameters, depth)])

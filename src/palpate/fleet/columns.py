@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from palpate.fleet.at_depth import AT_DEPTH
 from palpate.fleet.extras import needed
 from palpate.fleet.settings import Settings
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-#: At the working depth: what it is, and its unit.
-AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 WHOLE, TEXT, TEXTS, NUMBER, NUMBERS = "int64", "string", "texts", "float64", "numbers"
 
 

@@ -40,7 +40,9 @@ def identify_many(
     """Identify many contacts: a table with a row for each.
 
     Contacts of equal length are best given as arrays: the default method then fits all of them at
-    once, by the whole-curve fit of :func:`palpate.curves.fit_curves`, hundreds of times as quick.
+    once, by the whole-curve fit of :func:`palpate.curves.fit_curves`, hundreds of times as quick;
+    recursions that a gate feeds, such as ``"single-stage"``, go through vector lanes, as
+    :func:`palpate.lanes.replay_lanes` has them, where the clock is even.
 
     Parameters
     ----------

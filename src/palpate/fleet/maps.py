@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
-from palpate.fleet.columns import AT_DEPTH
+from palpate.fleet.at_depth import AT_DEPTH
 from palpate.fleet.rows import at_depth
 from palpate.force_laws import FORCE_LAWS
 from palpate.results.summary import depth_in_words

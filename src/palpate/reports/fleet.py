@@ -12,7 +12,7 @@ from palpate.digits import rounded, with_error
 from palpate.figures.fleets import draw_distributions, draw_repeats
 from palpate.figures.maps import draw_map
 from palpate.fleet import survey
-from palpate.fleet.columns import AT_DEPTH
+from palpate.fleet.at_depth import AT_DEPTH
 from palpate.fleet.maps import map_of
 from palpate.fleet.results import REPORT, manifest_of, read_results, read_seconds
 from palpate.reports import html
