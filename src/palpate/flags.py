@@ -6,9 +6,15 @@ from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis.left_out import count_of_outliers
 from palpate.estimators import ContactEstimator
+from palpate.force_laws import HuntCrossley
 from palpate.metrics import has_prediction_error, violated_fraction
 from palpate.refusals import not_finite
 from palpate.trace import Trace
+
+NEGATIVE_STIFFNESS = (
+    "negative stiffness: by this law the force falls as the probe goes deeper; check the signs"
+)
+NEGATIVE_DAMPING = "negative damping: this law gives energy back, which no passive material does"
 
 
 def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> list[str]:
@@ -17,8 +23,10 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
     law, flags = estimate.law, list(estimate.flags)
     if estimate.samples < 10 * len(law.symbols):
         flags.append(f"only {estimate.samples} samples in contact")
+    if isinstance(law, HuntCrossley) and law.stiffness < 0.0:
+        flags.append(NEGATIVE_STIFFNESS)
     if law.as_dict().get("damping", 0.0) < 0.0:
-        flags.append("negative damping: this law gives energy back, which no passive material does")
+        flags.append(NEGATIVE_DAMPING)
     if estimator.needs_condition_10 and violated > 0.0:
         flags.append(f"condition 10 violated in {violated:.1%} of the contact")
     if not has_prediction_error(trace, contact.force, contact.time_steps):

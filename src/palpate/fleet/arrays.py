@@ -8,13 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.curves import STATUS_WORDS, CurveFits, fit_curves
+from palpate.curves import STATUS_WORDS, CurveFits
 from palpate.diagnosis import Data
+from palpate.diagnosis.left_out import count_of_outliers
 from palpate.digits import rounded
 from palpate.errors import RecordingError
 from palpate.estimate import ADVICE
+from palpate.flags import NEGATIVE_DAMPING, NEGATIVE_STIFFNESS
 from palpate.fleet.at_depth import LawsAtDepth, working_depths
 from palpate.fleet.columns import AT_DEPTH, empty_columns, table_of, table_of_rows
+from palpate.fleet.outliers import fitted
 from palpate.fleet.rows import failure, in_words, row_of
 from palpate.fleet.settings import Settings
 from palpate.preparation import prepare
@@ -75,11 +78,31 @@ class Curves:
         """The same, with a velocity for each row."""
         if self.velocity is not None:
             return self
-        rows = [velocity_of(self.clock(k), x) for k, x in enumerate(self.penetration)]
+        with np.errstate(divide="ignore", invalid="ignore"):  # of times that stand still
+            rows = [velocity_of(self.clock(k), x) for k, x in enumerate(self.penetration)]
         velocity = np.array(rows).reshape(self.penetration.shape)
         return Curves(
             self.time, self.penetration, self.force, velocity, self.source, self.index, self.places
         )
+
+    def wrong_clocks(self) -> dict[int, str]:
+        """Which rows have times that do not increase from sample to sample, and where."""
+        there = np.isfinite(self.penetration) & np.isfinite(self.force)
+        clocks = np.atleast_2d(self.time)
+        with np.errstate(invalid="ignore"):
+            even = (np.diff(clocks, axis=1) > 0.0).all(axis=1)
+        found = {}
+        for row in np.flatnonzero(~np.broadcast_to(even, len(self))).tolist():
+            time = self.clock(row)[there[row]]
+            wrong = np.flatnonzero(~(np.diff(time) > 0.0))
+            if wrong.size:
+                k = int(wrong[0])
+                sample = int(np.flatnonzero(there[row])[k + 1])
+                found[row] = (
+                    "time must be finite and increase from sample to sample; sample "
+                    f"{sample} is at {time[k + 1]:.6g} s, after {time[k]:.6g} s"
+                )
+        return found
 
     def contact(self, row: int, settings: Settings) -> Contact:
         """One of them as a contact, prepared as the settings say.
@@ -197,23 +220,22 @@ def _named(curves: Curves, row: int) -> dict[str, Any]:
 
 def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
     curves = curves.known()
-    velocity = curves.velocity
-    assert velocity is not None
     chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
     if not settings.searches_surface and "surface_deviation" not in chosen:
         chosen["surface_deviation"] = _resolutions(curves.penetration)
-    fits = fit_curves(curves.penetration, velocity, curves.force, threads=threads, **chosen)
+    rejects = settings.estimator.get("outlier_rejection") is not False
+    fits, kept, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
     columns = empty_columns(settings, len(curves))
     columns["source"] = [curves.source] * len(curves)
     if curves.index is not None:
         columns["index"] = curves.index
     columns |= curves.places
     columns |= _numbers(fits)
-    columns |= _at_depths(curves, fits)
+    columns |= _at_depths(kept, fits)
     columns["samples"] = _samples(curves)
     columns["taken"] = fits.taken
     columns["fit"] = ["whole-curve"] * len(curves)
-    columns["flags"] = _flags(fits)
+    columns["flags"] = _flags(fits, left_out)
     errors = _errors(curves, fits, settings)
     for k, error in errors.items():
         for name, values in columns.items():
@@ -239,8 +261,8 @@ def _samples(curves: Curves) -> NDArray[np.int64]:
 
 
 def _resolutions(penetration: Floats) -> Floats:
-    """How well the surface of each is known, m; 0 where that is exactly, as far as can be seen."""
-    return np.array([resolution_of(row) or 0.0 for row in penetration])
+    """How well the surface of each is known, m; NaN where nothing says how well."""
+    return np.array([resolution_of(row) or np.nan for row in penetration])
 
 
 def _numbers(fits: CurveFits) -> dict[str, Any]:
@@ -267,28 +289,30 @@ def _at_depths(curves: Curves, fits: CurveFits) -> dict[str, Floats]:
     return found
 
 
-def _flags(fits: CurveFits) -> list[Any]:
+def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
     few = fits.taken < 30  # ten samples a parameter
-    negative = fits.damping < 0.0
+    pulling, giving = fits.stiffness < 0.0, fits.damping < 0.0
     unsettled = fits.status == STATUS_WORDS.index("did not settle")
     flags: list[Any] = [_ADVICE[bits] for bits in fits.flags.tolist()]
-    for k in np.flatnonzero(few | negative | unsettled).tolist():
+    for k in np.flatnonzero(few | pulling | giving | unsettled | (left_out > 0)).tolist():
         more = [f"only {fits.taken[k]} samples in contact"] if few[k] else []
-        if negative[k]:
-            words = "negative damping: this law gives energy back, which no passive material does"
-            more.append(words)
+        more += [NEGATIVE_STIFFNESS] if pulling[k] else []
+        more += [NEGATIVE_DAMPING] if giving[k] else []
         if unsettled[k]:
             more.append("the search for the least squares did not settle: others may fit better")
+        if left_out[k]:
+            count = int(left_out[k])
+            more.append(count_of_outliers(count, count + int(fits.taken[k])))
         flags[k] = [*flags[k], *more]
     return flags
 
 
 def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, RecordingError]:
     """Why some have no numbers: as :func:`palpate.identify` says it."""
-    found = {}
     where = f"{curves.source}: " if curves.source else ""
+    found = {k: RecordingError(f"{where}{words}") for k, words in curves.wrong_clocks().items()}
     for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
-        found[k] = RecordingError(_why_nothing(curves, k))
+        found.setdefault(k, RecordingError(_why_nothing(curves, k)))
     if settings.searches_surface:
         above = (curves.penetration < fits.surface[:, None]).sum(axis=1)
         for k in np.flatnonzero(above < FEWEST_ABOVE).tolist():
