@@ -84,3 +84,15 @@ def test_a_law_that_pulls_is_flagged_by_identify_too():
     result = identify(touch, VariableProjection(surface="estimate"), trace=False)
     assert result.law.stiffness < 0.0
     assert any("negative stiffness" in flag for flag in result.flags)
+
+
+def test_the_checks_see_the_penetration_below_the_surface_that_was_found():
+    """4 mN at 5 mm is a soft material; at 50 mm, most of it through the air, a wrong unit."""
+    x, v, f = curves(1)
+    [row] = identify_many(
+        penetration=x + 0.045, velocity=v, force=1e-3 * f, sample_time=STEP,
+        method=VariableProjection(surface="estimate", surface_range=(0.04, 0.05)),
+        preparation={"surface": "estimate"},
+    ).to_pylist()  # fmt: skip
+    assert row["surface"] == pytest.approx(0.045, abs=1e-4)
+    assert row["findings"] == []

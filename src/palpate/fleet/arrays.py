@@ -1,7 +1,8 @@
 """Contacts of equal length as arrays: through the whole-curve fit, a block of rows at a time."""
 
 import json
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -158,13 +159,16 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
     RecordingError
         The probe never touches, or there is no free approach.
     """
-    span = float(contact.penetration.min()), float(contact.penetration.max())
+    low, high = float(np.nanmin(contact.penetration)), float(np.nanmax(contact.penetration))
+    # A tip that moves 60 µm through the air is pressed in by 0.1 µm: within an 80th of the range
+    # from its end, which alone would be called its edge.
+    span = low, high + (high - low) / 79.0
     chosen = {"surface_range": span, "offset_deviation": contact.tare_deviation}
     own = Settings(
         method=settings.method, estimator={**chosen, **settings.estimator}, diagnosis="none"
     )
     curve = Curves(
-        contact.time,
+        contact.sample_time * np.arange(float(len(contact))),  # times of a segment begin anew
         contact.penetration[None],
         contact.force[None],
         contact.velocity[None],
@@ -174,7 +178,7 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
     if row["error"] is not None:
         raise RecordingError(row["error"])
     if settings.diagnosis == "input":
-        row["findings"] = [in_words(each) for each in Data(contact).findings]
+        row["findings"] = _in_words(contact, row["surface"])
     left_to_others = ("source", "index", "part", "x", "y", "z", "version", "settings", "method")
     for name in left_to_others:
         del row[name]
@@ -245,7 +249,7 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
         columns["error"][k], columns["error_kind"][k] = str(error), type(error).__name__
     if settings.diagnosis == "input":
         for k in range(len(curves)):
-            columns["findings"][k] = _findings(curves, k, settings)
+            columns["findings"][k] = _findings(curves, k, settings, columns["surface"][k])
     return table_of(columns, settings)
 
 
@@ -280,8 +284,8 @@ def _numbers(fits: CurveFits) -> dict[str, Any]:
 
 
 def _at_depths(curves: Curves, fits: CurveFits) -> dict[str, Floats]:
-    depth = working_depths(curves.penetration, curves.force, fits)
-    found: dict[str, Floats] = {"depth": depth}
+    depth, largest = working_depths(curves.penetration, curves.force, fits)
+    found: dict[str, Floats] = {"depth": depth, "largest_depth": largest}
     laws = LawsAtDepth.of(fits, depth)
     for name in AT_DEPTH:
         value, error = getattr(laws, name)
@@ -336,8 +340,16 @@ def _why_nothing(curves: Curves, row: int) -> str:
     return nothing_taken(contact, choose_gate(contact))
 
 
-def _findings(curves: Curves, row: int, settings: Settings) -> list[str]:
+def _findings(curves: Curves, row: int, settings: Settings, surface: float) -> list[str]:
     try:
-        return [in_words(each) for each in Data(curves.contact(row, settings)).findings]
+        contact = curves.contact(row, settings)
     except Exception as error:
         return [f"do-not-trust: file: {error}"]
+    return _in_words(contact, surface)
+
+
+def _in_words(contact: Contact, surface: float) -> list[str]:
+    """What the checks say of the data, the penetration counted from the surface that was found."""
+    if math.isfinite(surface):
+        contact = replace(contact, penetration=contact.penetration - surface)
+    return [in_words(each) for each in Data(contact).findings]
