@@ -227,9 +227,7 @@ def force_maps():
 def test_curves_of_a_force_map_are_rows_with_their_places():
     pytest.importorskip("afmformats")
     surface = {"surface": "estimate"}
-    settings = Settings(
-        diagnosis="none", estimator={**surface, "exponent": 1.5}, preparation=surface
-    )
+    settings = Settings(estimator={**surface, "exponent": 1.5}, preparation=surface)
     name = str(force_maps()[0])
     batch = tasks_table([name] * 4, ["map"] * 4, [2, 0, 1, 9])
     rows = identify_batch(batch, settings).to_pylist()
@@ -241,5 +239,6 @@ def test_curves_of_a_force_map_are_rows_with_their_places():
         assert row["exponent"] == 1.5
         assert row["surface_standard_error"] > 0.0
         assert abs(row["x"]) < 2e-3  # the stage's travel
+        assert row["checked"] == "input"
         assert row["flags"] == []  # the tip went through far more air than into the sample
     assert identify_batch(batch.slice(1, 1), settings).to_pylist()[0]["x"] == rows[1]["x"]

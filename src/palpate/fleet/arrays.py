@@ -36,6 +36,7 @@ _SHARED = (
     "surface", "surface_range", "exponent", "exponent_range", "offset", "offset_deviation",
     "surface_deviation", "noise", "scale",
 )  # fmt: skip
+_NAMES = ("source", "index", "part", "x", "y", "z")
 _ADVICE = {bits: [words for bit, words in ADVICE.items() if bits & bit] for bits in range(256)}
 
 
@@ -179,9 +180,8 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
         raise RecordingError(row["error"])
     if settings.diagnosis == "input":
         row["findings"] = _in_words(contact, row["surface"])
-    left_to_others = ("source", "index", "part", "x", "y", "z", "version", "settings", "method")
-    for name in left_to_others:
-        del row[name]
+    left_to_others = {*_NAMES, "method", "checked", "version", "settings"}
+    row = {name: value for name, value in row.items() if name not in left_to_others}
     return {**row, "prepared": json.dumps(dict(contact.provenance), ensure_ascii=False)}
 
 
