@@ -97,11 +97,12 @@ def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
         [1.0, 2.0, 3.0, 4.0],
         [0.1] * 4,
         x=[0.0, 1.0, 2.0, 2.0],
+        y=[0.0, 1.0, 2.0, 2.0],
         findings=[["do-not-trust: signs: ..."], ["with-care: spikes: ..."], ["note: tare: "], None],
         verdict_stiffness=[None, None, "do-not-trust", "trust"],
         flags=[[], ["damping not identifiable: ..."], [], []],
     )
-    found = map_of(table, ["x"])
+    found = map_of(table, ["x", "y"])
     assert found.mistrusted.tolist() == [True, False, True, False]
     for words in (
         "do-not-trust, signs: 1 of the places",
