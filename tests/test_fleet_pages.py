@@ -36,6 +36,9 @@ def test_repeats_are_of_one_folder_where_no_place_is_known():
     [found] = repeats_of(table, "stiffness")
     assert (found.name, found.count, found.mean) == ("this folder", 3, 11.0)
     assert found.error == pytest.approx(3.0**-0.5)
+    [found] = repeats_of(rows([10.0, 20.0, 30.0, np.nan], [1.0] * 4), "stiffness")
+    assert (found.count, found.total) == (3, 4)
+    assert found.error == pytest.approx(10.0 * 3.0**-0.5)  # their scatter is ten times their errors
     assert repeats_of(rows([10.0, 11.0], [1.0, 1.0], index=[0, 1]), "stiffness") == []
 
 
@@ -185,6 +188,9 @@ def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path):
     assert "<b>.csv" not in page
     assert "Outliers" not in page
     assert "Findings of the diagnosis" not in page
+    assert "not checked" not in page
+    unchecked = written(tmp_path / "n", rows([1.0] * 6, [0.1] * 6, checked=["none"] * 6))
+    assert "Neither the data nor the fits were checked" in fleet_page(unchecked)
     assert read_results(folder).num_rows == 37
 
 
