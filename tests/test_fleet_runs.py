@@ -164,12 +164,15 @@ def test_arrays_in_other_units_are_identified_in_si(tmp_path):
         np.testing.assert_allclose(one[name], other[name], rtol=1e-6)  # 1e-3 is no binary number
 
 
-def test_a_scheduler_that_is_not_there_is_said_in_a_line(run, recordings, tmp_path, monkeypatch):
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "tls://127.0.0.1:9"])
+def test_a_scheduler_that_is_not_there_is_said_in_a_line(
+    address, run, recordings, tmp_path, monkeypatch
+):
     monkeypatch.setattr(clusters, "PATIENCE", 0.5)
-    arguments = ("--scheduler", "tcp://127.0.0.1:9")
+    arguments = ("--scheduler", address)
     status, _, err = run("fleet", recordings, "-o", tmp_path / "results", *arguments)
     assert status == 2
-    assert err.startswith("palpate: tcp://127.0.0.1:9: no scheduler of Dask answers")
+    assert err.startswith(f"palpate: {address}: no scheduler of Dask answers")
     assert err.count("\n") == 1
 
 
