@@ -7,6 +7,7 @@ from palpate.contact import Contact
 from palpate.diagnosis.left_out import count_of_outliers
 from palpate.estimate import ADVICE
 from palpate.estimators import ContactEstimator
+from palpate.force_laws import HuntCrossley
 from palpate.metrics import has_prediction_error, violated_fraction
 from palpate.refusals import not_finite
 from palpate.trace import Trace
@@ -21,6 +22,7 @@ def words_of(
     samples: int,
     taken: int,
     parameters: int,
+    stiffness: float,
     damping: float,
     violated: float,
     predicts: bool,
@@ -38,8 +40,8 @@ def words_of(
         touched; and those left out as outliers.
     parameters : int
         Of the law.
-    damping : float
-        Its damping, or 0.
+    stiffness, damping : float
+        Of the law; 0 where its sign says nothing.
     violated : float
         Fraction of the contact without condition 10; 0 or NaN where that does not matter.
     predicts : bool
@@ -48,8 +50,10 @@ def words_of(
     flags = list(advice)
     if samples < 10 * parameters:
         flags.append(f"only {samples} samples in contact")
+    if stiffness < 0.0:
+        flags.append(NEGATIVE_STIFFNESS)
     if damping < 0.0:
-        flags.append("negative damping: this law gives energy back, which no passive material does")
+        flags.append(NEGATIVE_DAMPING)
     if violated > 0.0:
         flags.append(f"condition 10 violated in {violated:.1%} of the contact")
     if not predicts:
@@ -61,6 +65,12 @@ def words_of(
     return flags
 
 
+NEGATIVE_STIFFNESS = (
+    "negative stiffness: by this law the force falls as the probe goes deeper; check the signs"
+)
+NEGATIVE_DAMPING = "negative damping: this law gives energy back, which no passive material does"
+
+
 def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> list[str]:
     """Return the flags of the last estimate, and those of the contact as a whole."""
     estimate = estimator.estimate()
@@ -70,6 +80,7 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
         samples=estimate.samples,
         taken=int(np.count_nonzero(trace.taken)),
         parameters=len(law.symbols),
+        stiffness=law.stiffness if isinstance(law, HuntCrossley) else 0.0,
         damping=law.as_dict().get("damping", 0.0),
         violated=violated_fraction(trace) if estimator.needs_condition_10 else 0.0,
         predicts=has_prediction_error(trace, contact.force, contact.time_steps),

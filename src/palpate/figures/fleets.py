@@ -26,8 +26,8 @@ def draw_distributions(
 ) -> "Figure":
     """Draw histograms of what was identified, and of how well that is known.
 
-    Stiffness and damping at working depth and the exponent, where the law has one; below each its
-    standard error over its size.
+    Stiffness and damping at working depth and the exponent, where one was identified; below each
+    its standard error over its size.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def draw_distributions(
     look = look_of(dark=dark, width=width)
     shown = [("stiffness at working depth", "stiffness_at_depth", "N/m")]
     shown.append(("damping at working depth", "damping_at_depth", "N·s/m"))
-    if "exponent" in table.schema.names:
+    if "exponent" in table.schema.names and _varies(table, "exponent"):
         shown.append(("exponent", "exponent", ""))
     with style(look.theme, look.sheet) as new_figure:
         count, narrow = len(shown), look.sheet.narrow
@@ -55,7 +55,7 @@ def draw_distributions(
             scale = scale_of(_typical(value), unit)
             _histogram(above, scale.factor * value, scale.label(name), name, look)
             with np.errstate(all="ignore"):
-                relative = np.abs(error / value)
+                relative = np.abs(error / value)[np.isfinite(value)]
             _histogram(below, relative, "standard error / value", "", look, logarithmic=True)
     return figure
 
@@ -96,6 +96,11 @@ def draw_repeats(
     return figure
 
 
+def _varies(table: "pa.Table", name: str) -> bool:
+    """Whether a parameter was identified; one that was given has no error."""
+    return bool((numbers(table, f"{name}_standard_error") > 0.0).any())
+
+
 def _typical(values: Floats) -> float:
     known = np.abs(values[np.isfinite(values)])
     return float(np.percentile(known, 90.0)) if known.size else 0.0
@@ -120,6 +125,9 @@ def _histogram(
         beyond = known.size - inside.size
         if beyond and title:
             title = f"{title} ({beyond} beyond)"
+    missing = values.size - known.size
+    if missing and logarithmic:
+        title = f"{missing} without a known error"
     axes.set(xlabel=label, ylabel="contacts")
     axes.locator_params(axis="y", nbins=5)
     head(axes, title, legend=False)

@@ -1,21 +1,24 @@
 """Contacts of equal length as arrays: through the whole-curve fit or the recursion in lanes."""
 
 import json
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.curves import STATUS_WORDS, CurveFits, fit_curves
+from palpate.curves import STATUS_WORDS, CurveFits
 from palpate.diagnosis import Data
+from palpate.diagnosis.left_out import count_of_outliers
 from palpate.digits import rounded
 from palpate.errors import RecordingError
-from palpate.flags import ADVICE_OF
+from palpate.flags import ADVICE_OF, NEGATIVE_DAMPING, NEGATIVE_STIFFNESS
 from palpate.fleet.at_depth import AT_DEPTH, LawsAtDepth, working_depths
 from palpate.fleet.columns import empty_columns, table_of
 from palpate.fleet.in_lanes import columns_in_lanes, goes_through_lanes
+from palpate.fleet.outliers import fitted
 from palpate.fleet.rows import failure, in_words, row_of
 from palpate.fleet.settings import Settings
 from palpate.preparation import prepare
@@ -33,6 +36,7 @@ _SHARED = (
     "surface", "surface_range", "exponent", "exponent_range", "offset", "offset_deviation",
     "surface_deviation", "noise", "scale",
 )  # fmt: skip
+_NAMES = ("source", "index", "part", "x", "y", "z")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,11 +79,31 @@ class Curves:
         """The same, with a velocity for each row."""
         if self.velocity is not None:
             return self
-        rows = [velocity_of(self.clock(k), x) for k, x in enumerate(self.penetration)]
+        with np.errstate(divide="ignore", invalid="ignore"):  # of times that stand still
+            rows = [velocity_of(self.clock(k), x) for k, x in enumerate(self.penetration)]
         velocity = np.array(rows).reshape(self.penetration.shape)
         return Curves(
             self.time, self.penetration, self.force, velocity, self.source, self.index, self.places
         )
+
+    def wrong_clocks(self) -> dict[int, str]:
+        """Which rows have times that do not increase from sample to sample, and where."""
+        there = np.isfinite(self.penetration) & np.isfinite(self.force)
+        clocks = np.atleast_2d(self.time)
+        with np.errstate(invalid="ignore"):
+            even = (np.diff(clocks, axis=1) > 0.0).all(axis=1)
+        found = {}
+        for row in np.flatnonzero(~np.broadcast_to(even, len(self))).tolist():
+            time = self.clock(row)[there[row]]
+            wrong = np.flatnonzero(~(np.diff(time) > 0.0))
+            if wrong.size:
+                k = int(wrong[0])
+                sample = int(np.flatnonzero(there[row])[k + 1])
+                found[row] = (
+                    "time must be finite and increase from sample to sample; sample "
+                    f"{sample} is at {time[k + 1]:.6g} s, after {time[k]:.6g} s"
+                )
+        return found
 
     def contact(self, row: int, settings: Settings) -> Contact:
         """One of them as a contact, prepared as the settings say.
@@ -135,13 +159,16 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
     RecordingError
         The probe never touches, or there is no free approach.
     """
-    span = float(contact.penetration.min()), float(contact.penetration.max())
+    low, high = float(np.nanmin(contact.penetration)), float(np.nanmax(contact.penetration))
+    # A tip that moves 60 µm through the air is pressed in by 0.1 µm: within an 80th of the range
+    # from its end, which alone would be called its edge.
+    span = low, high + (high - low) / 79.0
     chosen = {"surface_range": span, "offset_deviation": contact.tare_deviation}
     own = Settings(
         method=settings.method, estimator={**chosen, **settings.estimator}, diagnosis="none"
     )
     curve = Curves(
-        contact.time,
+        contact.sample_time * np.arange(float(len(contact))),  # times of a segment begin anew
         contact.penetration[None],
         contact.force[None],
         contact.velocity[None],
@@ -151,10 +178,9 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
     if row["error"] is not None:
         raise RecordingError(row["error"])
     if settings.diagnosis == "input":
-        row["findings"] = [in_words(each) for each in Data(contact).findings]
-    left_to_others = ("source", "index", "part", "x", "y", "z", "version", "settings", "method")
-    for name in left_to_others:
-        del row[name]
+        row["findings"] = _in_words(contact, row["surface"])
+    left_to_others = {*_NAMES, "method", "checked", "version", "settings"}
+    row = {name: value for name, value in row.items() if name not in left_to_others}
     return {**row, "prepared": json.dumps(dict(contact.provenance), ensure_ascii=False)}
 
 
@@ -189,7 +215,7 @@ def _by_recursion(curves: Curves, settings: Settings, threads: int) -> "pa.Table
             _put(columns[name], rows, values)
         if settings.diagnosis == "input":
             for k in rows.tolist():
-                columns["findings"][k] = _findings(curves, k, settings)
+                columns["findings"][k] = _findings(curves, k, settings, math.nan)
     for k in np.flatnonzero(left).tolist():
         for name, value in _row(curves, k, settings).items():
             columns[name][k] = value
@@ -222,19 +248,18 @@ def _named(curves: Curves, settings: Settings) -> dict[str, Any]:
 
 def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
     curves = curves.known()
-    velocity = curves.velocity
-    assert velocity is not None
     chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
     if not settings.searches_surface and "surface_deviation" not in chosen:
         chosen["surface_deviation"] = _resolutions(curves.penetration)
-    fits = fit_curves(curves.penetration, velocity, curves.force, threads=threads, **chosen)
+    rejects = settings.estimator.get("outlier_rejection") is not False
+    fits, kept, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
     columns = _named(curves, settings)
     columns |= _numbers(fits)
-    columns |= _at_depths(curves, fits)
+    columns |= _at_depths(kept, fits)
     columns["samples"] = _samples(curves)
     columns["taken"] = fits.taken
     columns["fit"] = ["whole-curve"] * len(curves)
-    columns["flags"] = _flags(fits)
+    columns["flags"] = _flags(fits, left_out)
     errors = _errors(curves, fits, settings)
     for k, error in errors.items():
         for name, values in columns.items():
@@ -244,7 +269,7 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
         columns["error"][k], columns["error_kind"][k] = str(error), type(error).__name__
     if settings.diagnosis == "input":
         for k in range(len(curves)):
-            columns["findings"][k] = _findings(curves, k, settings)
+            columns["findings"][k] = _findings(curves, k, settings, columns["surface"][k])
     return table_of(columns, settings)
 
 
@@ -260,8 +285,8 @@ def _samples(curves: Curves) -> NDArray[np.int64]:
 
 
 def _resolutions(penetration: Floats) -> Floats:
-    """How well the surface of each is known, m; 0 where that is exactly, as far as can be seen."""
-    return np.array([resolution_of(row) or 0.0 for row in penetration])
+    """How well the surface of each is known, m; NaN where nothing says how well."""
+    return np.array([resolution_of(row) or np.nan for row in penetration])
 
 
 def _numbers(fits: CurveFits) -> dict[str, Any]:
@@ -279,8 +304,8 @@ def _numbers(fits: CurveFits) -> dict[str, Any]:
 
 
 def _at_depths(curves: Curves, fits: CurveFits) -> dict[str, Floats]:
-    depth = working_depths(curves.penetration, curves.force, fits)
-    found: dict[str, Floats] = {"depth": depth}
+    depth, largest = working_depths(curves.penetration, curves.force, fits)
+    found: dict[str, Floats] = {"depth": depth, "largest_depth": largest}
     laws = LawsAtDepth.of(fits, depth)
     for name in AT_DEPTH:
         value, error = getattr(laws, name)
@@ -288,28 +313,30 @@ def _at_depths(curves: Curves, fits: CurveFits) -> dict[str, Floats]:
     return found
 
 
-def _flags(fits: CurveFits) -> list[Any]:
+def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
     few = fits.taken < 30  # ten samples a parameter
-    negative = fits.damping < 0.0
+    pulling, giving = fits.stiffness < 0.0, fits.damping < 0.0
     unsettled = fits.status == STATUS_WORDS.index("did not settle")
     flags: list[Any] = [ADVICE_OF[bits] for bits in fits.flags.tolist()]
-    for k in np.flatnonzero(few | negative | unsettled).tolist():
+    for k in np.flatnonzero(few | pulling | giving | unsettled | (left_out > 0)).tolist():
         more = [f"only {fits.taken[k]} samples in contact"] if few[k] else []
-        if negative[k]:
-            words = "negative damping: this law gives energy back, which no passive material does"
-            more.append(words)
+        more += [NEGATIVE_STIFFNESS] if pulling[k] else []
+        more += [NEGATIVE_DAMPING] if giving[k] else []
         if unsettled[k]:
             more.append("the search for the least squares did not settle: others may fit better")
+        if left_out[k]:
+            count = int(left_out[k])
+            more.append(count_of_outliers(count, count + int(fits.taken[k])))
         flags[k] = [*flags[k], *more]
     return flags
 
 
 def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, RecordingError]:
     """Why some have no numbers: as :func:`palpate.identify` says it."""
-    found = {}
     where = f"{curves.source}: " if curves.source else ""
+    found = {k: RecordingError(f"{where}{words}") for k, words in curves.wrong_clocks().items()}
     for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
-        found[k] = RecordingError(_why_nothing(curves, k))
+        found.setdefault(k, RecordingError(_why_nothing(curves, k)))
     if settings.searches_surface:
         above = (curves.penetration < fits.surface[:, None]).sum(axis=1)
         for k in np.flatnonzero(above < FEWEST_ABOVE).tolist():
@@ -333,8 +360,16 @@ def _why_nothing(curves: Curves, row: int) -> str:
     return nothing_taken(contact, choose_gate(contact))
 
 
-def _findings(curves: Curves, row: int, settings: Settings) -> list[str]:
+def _findings(curves: Curves, row: int, settings: Settings, surface: float) -> list[str]:
     try:
-        return [in_words(each) for each in Data(curves.contact(row, settings)).findings]
+        contact = curves.contact(row, settings)
     except Exception as error:
         return [f"do-not-trust: file: {error}"]
+    return _in_words(contact, surface)
+
+
+def _in_words(contact: Contact, surface: float) -> list[str]:
+    """What the checks say of the data, the penetration counted from the surface that was found."""
+    if math.isfinite(surface):
+        contact = replace(contact, penetration=contact.penetration - surface)
+    return [in_words(each) for each in Data(contact).findings]

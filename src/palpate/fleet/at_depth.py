@@ -17,8 +17,8 @@ AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 _ROWS = 32
 
 
-def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Floats:
-    """Median penetration of each row where force is firm, m; NaN where it never is.
+def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Numbers:
+    """Median and largest penetration of each row where force is firm, m; NaN where it never is.
 
     Firm is beyond ten times the noise, kept between 1 % and 10 % of the largest force, as the gate
     of :func:`palpate.choose_gate` has it.
@@ -32,7 +32,7 @@ def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Float
     fits : CurveFits
         Of these rows.
     """
-    found = np.full(len(penetration), np.nan)
+    found, deepest = np.full(len(penetration), np.nan), np.full(len(penetration), np.nan)
     for start in range(0, len(penetration), _ROWS):
         some = slice(start, start + _ROWS)
         x, f = penetration[some] - fits.surface[some, None], force[some] - fits.offset[some, None]
@@ -41,7 +41,9 @@ def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Float
         limit = np.clip(NOISE_FACTOR * fits.noise[some], 0.01 * largest, 0.10 * largest)
         firm = touching & (f > limit[:, None])
         found[some] = percentile_of_rows(np.where(firm, x, np.inf), firm.sum(axis=1), 0.5)
-    return found
+        largest_firm = np.where(firm, x, -np.inf).max(axis=1, initial=-np.inf)
+        deepest[some] = np.where(largest_firm > 0.0, largest_firm, np.nan)
+    return found, deepest
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,9 +1,11 @@
 """Where a fleet runs: processes of this machine, or the workers of a scheduler."""
 
+import asyncio
 import os
 import signal
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -55,6 +57,7 @@ def client_of(
 @contextmanager
 def _named(distributed: Any, scheduler: str) -> Iterator[Any]:
     try:
+        _check_address(scheduler)
         client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError, TimeoutError) as error:
         words = " ".join(str(error).split()) or type(error).__name__
@@ -66,6 +69,19 @@ def _named(distributed: Any, scheduler: str) -> Iterator[Any]:
         yield client
     finally:
         client.close()
+
+
+def _check_address(scheduler: str) -> None:
+    """Reach a scheduler once: a client that is made of what does not answer ends in a traceback."""
+    comm = needed("distributed.comm", "a fleet")
+    keys = needed("distributed.security", "a fleet").Security().get_connection_args("client")
+
+    async def reach() -> None:
+        found = await comm.connect(scheduler, timeout=PATIENCE, **keys)
+        await found.close()
+
+    with ThreadPoolExecutor(1) as apart:  # from an event loop of the caller's
+        apart.submit(asyncio.run, reach()).result()
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from palpate.error_bars import widenings
 from palpate.estimators import ContactEstimator
 from palpate.flags import ADVICE_OF, words_of
 from palpate.fleet.at_depth import numbers_at_depth
+from palpate.force_laws import HuntCrossley
 from palpate.lanes import LaneEstimates
 from palpate.metrics import START_UP
 from palpate.preparation.gates_of_rows import percentile_of_rows
@@ -125,6 +126,7 @@ class LaneRows:
             columns[f"{name}_standard_error"] = errors[:, k]
         depth = percentile_of_rows(np.where(self.taken, self.x, np.inf), self.counts, 0.5)
         columns["depth"] = depth
+        columns["largest_depth"] = np.where(self.taken, self.x, -np.inf).max(axis=1)
         columns |= numbers_at_depth(self.law, self.parameters, covariance, depth)
         left = np.where(self.taken, self.f - self.model, 0.0)
         columns["residual"] = np.sqrt((left**2).sum(axis=1) / self.counts)
@@ -156,6 +158,8 @@ class LaneRows:
         found, rows = self.found, self.rows
         names = self.law.names()
         damping = self.parameters[:, names.index("damping")]
+        signed = issubclass(self.law, HuntCrossley)
+        stiffness = self.parameters[:, 0] if signed else np.zeros(len(rows))
         violated = np.zeros(len(rows)) if found.violated is None else found.violated[rows]
         return [
             words_of(
@@ -163,15 +167,17 @@ class LaneRows:
                 samples=samples,
                 taken=samples,
                 parameters=len(names),
+                stiffness=k,
                 damping=b,
                 violated=off / samples,
                 predicts=late,
                 guarded=guarded,
                 left_out=left_out,
             )
-            for bits, samples, b, off, late, guarded, left_out in zip(
+            for bits, samples, k, b, off, late, guarded, left_out in zip(
                 found.flags[rows].tolist(),
                 self.counts.tolist(),
+                stiffness.tolist(),
                 damping.tolist(),
                 violated.tolist(),
                 self._has_prediction_error().tolist(),

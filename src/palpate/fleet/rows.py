@@ -63,14 +63,14 @@ def row_of(contact: Contact, settings: Settings) -> Row:
     left = contact.force[result.trace.taken] - result.fitted_force[result.trace.taken]
     row["residual"] = float(np.sqrt(np.mean(left**2))) if left.size else math.nan
     row["taken"] = int(np.count_nonzero(result.trace.taken))
+    row["largest_depth"] = result.largest_depth
     row["flags"] = list(result.flags)
     row["prepared"] = json.dumps(dict(contact.provenance), ensure_ascii=False)
     if settings.diagnosis == "full":
         return row | _diagnosed(result)
     if settings.diagnosis == "input":
         row["findings"] = [in_words(finding) for finding in data.findings]
-    depths = result._depths  # of the diagnosis, which is not asked for here
-    return row | (at_depth(law, result.covariance, depths[0]) if depths else {})
+    return row | (at_depth(law, result.covariance, result.depths[0]) if result.depths else {})
 
 
 def failure(error: BaseException) -> Row:
