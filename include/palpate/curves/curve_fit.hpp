@@ -16,6 +16,7 @@
 #include "palpate/curves/curve_cost.hpp"
 #include "palpate/curves/curve_kernels.hpp"
 #include "palpate/curves/curve_minimum.hpp"
+#include "palpate/curves/curve_polish.hpp"
 #include "palpate/curves/curve_selection.hpp"
 #include "palpate/curves/curve_starts.hpp"
 #include "palpate/projection/priors.hpp"
@@ -141,43 +142,6 @@ inline CurveMinimum global_minimum(const CurveModel& model, const CurveData& dat
   return lowest_minima(model, data).best;
 }
 
-// For n near 1 and below every sample that the surface passes makes a kink, and J has many minima:
-// looked for along the direction in which the surface is known worst.
-inline CurveMinimum polished(const CurveModel& model, const CurveData& data,
-                             CurveMinimum best) noexcept {
-  constexpr double steps[] = {0.3, 0.7, 1.2, 1.8, 2.5};
-  constexpr double tolerance = 1e-8;
-  const CurveCost cost(model, data);
-  const CurveDescent descent(cost);
-  for (int round = 0; round < 2; ++round) {
-    const CurvePoint centre = best.at;
-    const CurveCost::Slope slope = cost.slope(best.state);
-    const CurveStep along = solve_open(slope.information, slope.information,
-                                       {0.0, 0.0, 0.0, 0.0, 1.0}, model.open(), 1e-12);
-    if (!(along.by[4] > 0.0)) return best;
-    const double deviation = std::sqrt(best.state.variance / along.by[4]);
-    // At n = 1 and below descents are slow, from kink to kink.
-    const int passes = centre[2] < 1.0 ? 40 : 25;
-    bool better = false;
-    for (const double step : steps) {
-      for (const double side : {-1.0, 1.0}) {
-        CurvePoint start = centre;
-        for (std::size_t i = 0; i < 5; ++i) start[i] += side * step * deviation * along.by[i];
-        const CurveAbandon abandon{best.at, best.cost, 1e-4 * deviation};
-        const CurveMinimum here = descent.from(descent.bounded(start), passes, tolerance, abandon);
-        if (here.cost < best.cost) {
-          better = better || here.cost < best.cost - 1e-6 * best.state.variance;
-          best = here;
-        } else {
-          best.latest = false;
-        }
-      }
-    }
-    if (!better) break;
-  }
-  return best;
-}
-
 class CurveFitter {
  public:
   CurveFitter(const CurveArrays& curve, const CurveSettings& settings, double* memory,
@@ -296,8 +260,11 @@ class CurveFitter {
     const auto kinks = [&](const CurveMinimum& found) noexcept {
       return found.at[2] < kinked && found.cost <= best.cost + margin * best.state.variance;
     };
-    if (kinks(rival)) rival = polished(model_, data, rival);
-    if (kinks(best)) best = polished(model_, data, best);
+    // The selection has been copied from these.
+    const CurveSamples free{memory_.column(0), memory_.column(1), memory_.column(2),
+                            memory_.column(12), memory_.column(3), 0};
+    if (kinks(rival)) rival = polished(model_, data, rival, free, best.cost + 0.03 * best.state.variance, best.at[2], 0.3);
+    if (kinks(best)) best = polished(model_, data, best, free, best.cost);
     best.latest = false;
     return rival.cost < best.cost ? rival : best;
   }

@@ -29,6 +29,9 @@ struct CurveAbandon {
   CurvePoint at{};    // the known minimum …
   double cost = 0.0;  // … and J there
   double near = 0.0;  // of its surface; 0: no descent is abandoned
+  // The exponent of a valley that is looked through by itself, and how far it reaches.
+  double elsewhere = 0.0;
+  double apart = 0.0;
 };
 
 // x of A x = b for the open coordinates, and whether A is positive definite; scaled to a unit
@@ -92,7 +95,7 @@ class CurveDescent {
   CurveMinimum from(const CurvePoint& start, int most_passes, double tolerance,
                     const CurveAbandon& abandon = {}) const noexcept {
     CurveMinimum found{cost_.at(start), start, 0.0, 1, false, true};
-    double damping = 0.0;
+    double damping = 0.0, fall = 0.0, fall_before = 0.0;
     while (true) {
       const CurveState& here = found.state;
       const CurveCost::Slope slope = cost_.slope(here);
@@ -108,11 +111,15 @@ class CurveDescent {
       }
       found.at = here.at;
       if (found.passes >= most_passes) break;
-      if (abandon.near > 0.0 && step.newton && !step.cut) {
+      if (std::abs(here.at[2] - abandon.elsewhere) < abandon.apart) break;
+      if (abandon.near > 0.0 && !step.cut) {
         const double ahead = here.at[4] + step.by[4];
-        const double below = cost_.value(here, here.variance) - 10.0 * gain;
+        const double above = cost_.value(here, here.variance) - abandon.cost;
         if (std::abs(ahead - abandon.at[4]) < abandon.near) break;
-        if (found.passes >= 8 && here.at[2] > 1.0 && below > abandon.cost) break;
+        // Not even if all that follow were like the best of the last two.
+        const double left = static_cast<double>(most_passes - found.passes);
+        const double hope = std::max(10.0 * gain, left * std::max(fall, fall_before));
+        if (found.passes >= 5 && hope < above) break;
       }
       const CurvePoint target = moved(here.at, step.by);
       const CurvePoint trial = bounded(target);
@@ -134,6 +141,8 @@ class CurveDescent {
         better = cost_.value(there, here.variance) < before;
       }
       if (better) {
+        fall_before = fall;
+        fall = before - cost_.value(there, here.variance);
         found.state = there;
         damping = damping > 1e-3 ? 0.1 * damping : 0.0;
       } else {
