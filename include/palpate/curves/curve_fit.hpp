@@ -71,6 +71,9 @@ inline void take_logarithms(const CurveModel& model, const CurveSamples& samples
   model.kernels->logarithms(samples.x, samples.log, CurveSamples::padded(samples.count));
 }
 
+// Exponents of different valleys.
+inline constexpr double valleys_apart = 0.3;
+
 // The lowest of the minima that the coarse search leads to, and the lowest in a valley of another
 // exponent.
 struct CurveMinima {
@@ -110,7 +113,6 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
   // Means bend the cost: what is within so many σ² of the lowest may be the lowest of all.
   const double margin = (known ? 60.0 : 20.0) * variance / means.data().per_point;
   const CurveDescent descent(cost);
-  constexpr double apart = 0.3;  // exponents of different valleys
   CurveMinimum best{}, rival{};
   best.cost = rival.cost = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < count; ++i) {
@@ -125,7 +127,8 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
     const CurveMinimum here = descent.from(found[i].at, most_passes, tolerance);
     const bool lower = here.cost < best.cost;
     const CurveMinimum other = lower ? best : here;
-    if (std::abs((lower ? here : best).at[2] - other.at[2]) > apart && other.cost < rival.cost) {
+    if (std::abs((lower ? here : best).at[2] - other.at[2]) > valleys_apart &&
+        other.cost < rival.cost) {
       rival = other;
     }
     if (lower) {
@@ -255,16 +258,22 @@ class CurveFitter {
   CurveMinimum with_surface() const noexcept {
     // Above it J is smooth enough; so much may what is below still lie under its first minimum.
     constexpr double kinked = 1.5, margin = 6.0;
+    // By so much the condensed cost of a rival may be too high: 99 in 100 are nearer.
+    constexpr double rough = 0.1;
     const CurveData data = of(firm_);
     auto [best, rival] = lowest_minima(model_, data);
+    const double variance = best.state.variance;
     const auto kinks = [&](const CurveMinimum& found) noexcept {
-      return found.at[2] < kinked && found.cost <= best.cost + margin * best.state.variance;
+      return found.at[2] < kinked && found.cost <= best.cost + margin * variance;
     };
-    // The selection has been copied from these.
-    const CurveSamples free{memory_.column(0), memory_.column(1), memory_.column(2),
-                            memory_.column(12), memory_.column(3), 0};
-    if (kinks(rival)) rival = polished(model_, data, rival, free, best.cost + 0.03 * best.state.variance, best.at[2], 0.3);
-    if (kinks(best)) best = polished(model_, data, best, free, best.cost);
+    // The selection has been copied from these columns, and the errors do not use them yet.
+    const CurveSamples free{memory_.column(0), memory_.column(1),  memory_.column(2),
+                            memory_.column(3), memory_.column(12), 0};
+    const CurvePolish polished(model_, data, free);
+    if (kinks(rival)) {
+      rival = polished(rival, {best.cost + rough * variance, best.at[2], valleys_apart});
+    }
+    if (kinks(best)) best = polished(best, {best.cost});
     best.latest = false;
     return rival.cost < best.cost ? rival : best;
   }

@@ -85,9 +85,12 @@ inline CurveStep solve_open(const Matrix<5>& a, const Matrix<5>& sizes, const Ve
 
 class CurveDescent {
  public:
-  explicit CurveDescent(const CurveCost& cost) noexcept
+  explicit CurveDescent(const CurveCost& cost) noexcept : CurveDescent(cost, cost.model().open()) {}
+
+  // With a coordinate that is not open held where each descent starts.
+  CurveDescent(const CurveCost& cost, const std::array<bool, 5>& open) noexcept
       : cost_(cost),
-        open_(cost.model().open()),
+        open_(open),
         lowest_(cost.model().lowest()),
         highest_(cost.model().highest()) {}
 
