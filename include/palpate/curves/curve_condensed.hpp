@@ -3,7 +3,8 @@
 //
 // A mean stands where the law has the same mean residual at that point, and what means leave of J
 // and of its slope there is added as a linear form: so J and its slope are the whole curve's at the
-// point, and within a few standard errors of it J is so to about a thousandth of σ².
+// point, and within two standard errors of it J is so to a thousandth of σ² mostly, to a tenth in
+// 99 of 100 descents where the surface is known worst.
 #pragma once
 
 #include <algorithm>
@@ -57,6 +58,7 @@ class CondensedCurve {
   const CurveData& data() const noexcept { return data_; }
 
  private:
+  // Samples of a mean. (Of 2000 one-way curves two lost their minimum with 16, and none with 8.)
   static constexpr std::size_t length = 8;
 
   // Samples that stay above the surface, or so far below it that xⁿ hardly bends among them.
@@ -67,7 +69,7 @@ class CondensedCurve {
       low = std::min(low, from.x[i]);
       high = std::max(high, from.x[i]);
     }
-    constexpr double least = 4.0;  // depths in spreads
+    constexpr double least = 4.0;  // of depth, in spreads: (1 + 1/8)ⁿ still bends little
     return high < surface - reach || low - (surface + reach) > least * (high - low);
   }
 

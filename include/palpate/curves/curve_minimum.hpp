@@ -119,7 +119,9 @@ class CurveDescent {
         const double ahead = here.at[4] + step.by[4];
         const double above = cost_.value(here, here.variance) - abandon.cost;
         if (std::abs(ahead - abandon.at[4]) < abandon.near) break;
-        // Not even if all that follow were like the best of the last two.
+        // Not even if all that follow were like the better of the last two, once the first have
+        // come down into the valley; what Newton's step promises of a bent valley may be ten times
+        // too little.
         const double left = static_cast<double>(most_passes - found.passes);
         const double hope = std::max(10.0 * gain, left * std::max(fall, fall_before));
         if (found.passes >= 5 && hope < above) break;
