@@ -30,7 +30,7 @@ void advance(const LaneSignals& in, const LaneSettings& settings, LaneState<Row:
     fill<Row>(block, in, first, count, lanes, settings);
     for (int lane = 0; lane < lanes; lane += group_lanes) {
       LaneGroup<Row, group_lanes, Counting>(settings, state, lane, scalar_step, context)
-          .run(block, first, count);
+          .run(block, in, first, count);
     }
   }
 }

@@ -181,7 +181,8 @@ class LaneGroup {
         scalar_step_(scalar_step),
         context_(context) {}
 
-  PALPATE_LANES_INLINE void run(const SampleBlock& block, std::size_t first, int count) noexcept {
+  PALPATE_LANES_INLINE void run(const SampleBlock& block, const LaneSignals& in, std::size_t first,
+                                int count) noexcept {
     Learned<order, Lanes> now;
     now.load(state_, lane_);
     Doubles departure = Doubles::load(state_.departure + lane_);
@@ -197,6 +198,7 @@ class LaneGroup {
     int whole = 0, last_whole = -1;  // samples that every lane took
 
     for (int k = 0; k < count; ++k) {
+      fetch_next<Lanes>(in, lane_, first, k);
       const unsigned touching = ((block.makes[k] | (block.keeps[k] & contact << lane_)) >> lane_);
       const unsigned learning = touching & (block.in_range[k] >> lane_) & full;
       const unsigned leaving = (block.finite[k] >> lane_) & ~touching;
