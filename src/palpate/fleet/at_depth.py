@@ -3,21 +3,29 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.curves import CurveFits
-from palpate.preparation.suggestions import NOISE_FACTOR
+from palpate.preparation.suggestions import (
+    MOST_UNDECIDED,
+    NOISE_FACTOR,
+    decisive_depth,
+    noise_of,
+)
 from palpate.validation import Floats
 
 Numbers = tuple[Floats, Floats]
 #: Rows that are sorted together: 32 of 1000 samples stay in a core's own memory.
 _ROWS = 32
+# Median of the fourth differences' size, over the deviation of normal noise.
+_OF_DIFFERENCES = 0.6745 * 70.0**0.5
 
 
 def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Numbers:
-    """Median and largest penetration of each row where force is firm, m; NaN where it never is.
+    """Median and largest penetration of each row where contact is firm, m; NaN where it never is.
 
-    Firm is beyond ten times the noise, kept between 1 % and 10 % of the largest force, as the gate
-    of :func:`palpate.choose_gate` has it.
+    Firm is what the gate of :func:`palpate.choose_gate` takes, at whose median
+    :func:`palpate.identify` works: not what the law leaves decides, but the noise.
 
     Parameters
     ----------
@@ -31,15 +39,44 @@ def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Numbe
     found, deepest = np.full(len(penetration), np.nan), np.full(len(penetration), np.nan)
     for start in range(0, len(penetration), _ROWS):
         some = slice(start, start + _ROWS)
-        x, f = penetration[some] - fits.surface[some, None], force[some] - fits.offset[some, None]
-        touching = (x > 0.0) & (f > 0.0)
-        largest = _percentile(np.where(touching, f, np.inf), touching.sum(axis=1), 0.99)
-        limit = np.clip(NOISE_FACTOR * fits.noise[some], 0.01 * largest, 0.10 * largest)
-        firm = touching & (f > limit[:, None])
+        x, f = penetration[some] - fits.surface[some, None], force[some]
+        firm = _firm(x, f)
         found[some] = _percentile(np.where(firm, x, np.inf), firm.sum(axis=1), 0.5)
-        largest_firm = np.where(firm, x, -np.inf).max(axis=1, initial=-np.inf)
-        deepest[some] = np.where(largest_firm > 0.0, largest_firm, np.nan)
+        largest = np.where(firm, x, -np.inf).max(axis=1, initial=-np.inf)
+        deepest[some] = np.where(largest > 0.0, largest, np.nan)
     return found, deepest
+
+
+def _firm(x: Floats, force: Floats) -> NDArray[np.bool_]:
+    """What the gate takes that is chosen from each row, as :func:`palpate.suggest_gate` does."""
+    touching = (x > 0.0) & (force > 0.0)
+    make, noise = _threshold(force, touching)
+    least, _ = _threshold(x, touching)
+    inside = touching & (x > least[:, None])
+    undecided = np.abs(force - make[:, None]) < 3.0 * noise[:, None]
+    light = (inside & undecided).sum(axis=1) > MOST_UNDECIDED * inside.sum(axis=1)
+    firm: NDArray[np.bool_] = inside & (force > make[:, None])
+    for k in np.flatnonzero(light).tolist():
+        depth = decisive_depth(x[k], force[k], touching[k], make[k], least[k])
+        if depth is not None:
+            firm[k] &= x[k] > depth
+    return firm
+
+
+def _threshold(values: Floats, touching: NDArray[np.bool_]) -> Numbers:
+    """Ten times the noise, within 1 % and 10 % of the largest value; and the noise."""
+    largest = _percentile(np.where(touching, values, np.inf), touching.sum(axis=1), 0.99)
+    noise = _noise_of(values)
+    return np.clip(NOISE_FACTOR * noise, 0.01 * largest, 0.10 * largest), noise
+
+
+def _noise_of(values: Floats) -> Floats:
+    """As :func:`palpate.preparation.suggestions.noise_of`, of each row."""
+    if values.shape[1] < 5 or not np.isfinite(values).all():
+        return np.array([noise_of(row) for row in values])
+    differences = np.abs(np.diff(values, n=4, axis=1))
+    found: Floats = np.median(differences, axis=1) / _OF_DIFFERENCES
+    return found
 
 
 def _percentile(

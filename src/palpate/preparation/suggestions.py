@@ -66,18 +66,18 @@ def suggest_gate(contact: Contact) -> ContactGate:
     undecided = np.abs(contact.force - make) < 3.0 * noise_of(contact.force)
     inside = touching & (contact.penetration > least)
     if np.count_nonzero(inside & undecided) > MOST_UNDECIDED * np.count_nonzero(inside):
-        depth = _decisive_depth(contact, touching, make, least)
+        depth = decisive_depth(contact.penetration, contact.force, touching, make, least)
         if depth is not None:
             return ContactGate(minimum_penetration=depth, make_force=make, break_force=0.0)
     return ContactGate(minimum_penetration=least, make_force=make)
 
 
-def _decisive_depth(
-    contact: Contact, touching: NDArray[np.bool_], make: float, least: float
+def decisive_depth(
+    penetration: Floats, force: Floats, touching: NDArray[np.bool_], make: float, least: float
 ) -> float | None:
     """Depth beyond which one force in a thousand is at or below ``make``; None beyond half way."""
-    x = contact.penetration
-    light = np.sort(x[(x > least) & (x < LARGEST) & (contact.force <= make)])
+    x = penetration
+    light = np.sort(x[(x > least) & (x < LARGEST) & (force <= make)])
     spared = int(np.count_nonzero(touching) // 1000)
     if light.size <= spared:
         return None
