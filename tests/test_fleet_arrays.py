@@ -96,3 +96,15 @@ def test_the_checks_see_the_penetration_below_the_surface_that_was_found():
     ).to_pylist()  # fmt: skip
     assert row["surface"] == pytest.approx(0.045, abs=1e-4)
     assert row["findings"] == []
+
+
+def test_arrays_work_at_the_depth_of_identify_where_the_law_does_not_hold():
+    """What a law leaves is no noise: a gate by it would call only the deepest samples firm."""
+    x, v, f = curves(1)
+    f += 0.3 * np.sin(3e3 * x) * (x > 0.0)
+    [row] = rows_of(x, v, f)
+    time = STEP * np.arange(x.shape[1])
+    touch = prepare(time=time, penetration=x[0], velocity=v[0], force=f[0])
+    own = identify(touch, trace=False)
+    assert row["depth"] == pytest.approx(own.depths[0], rel=0.02)
+    assert row["residual"] > 0.05

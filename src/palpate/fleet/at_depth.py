@@ -6,8 +6,7 @@ import numpy as np
 
 from palpate.curves import CurveFits
 from palpate.force_laws import ForceLaw
-from palpate.preparation.gates_of_rows import percentile_of_rows
-from palpate.preparation.suggestions import NOISE_FACTOR
+from palpate.preparation.gates_of_rows import gates_of_rows, percentile_of_rows
 from palpate.validation import Floats
 
 Numbers = tuple[Floats, Floats]
@@ -18,10 +17,10 @@ _ROWS = 32
 
 
 def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Numbers:
-    """Median and largest penetration of each row where force is firm, m; NaN where it never is.
+    """Median and largest penetration of each row where contact is firm, m; NaN where it never is.
 
-    Firm is beyond ten times the noise, kept between 1 % and 10 % of the largest force, as the gate
-    of :func:`palpate.choose_gate` has it.
+    Firm is what the gate of :func:`palpate.choose_gate` takes, at whose median
+    :func:`palpate.identify` works: not what the law leaves decides, but the noise.
 
     Parameters
     ----------
@@ -35,14 +34,13 @@ def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Numbe
     found, deepest = np.full(len(penetration), np.nan), np.full(len(penetration), np.nan)
     for start in range(0, len(penetration), _ROWS):
         some = slice(start, start + _ROWS)
-        x, f = penetration[some] - fits.surface[some, None], force[some] - fits.offset[some, None]
-        touching = (x > 0.0) & (f > 0.0)
-        largest = percentile_of_rows(np.where(touching, f, np.inf), touching.sum(axis=1), 0.99)
-        limit = np.clip(NOISE_FACTOR * fits.noise[some], 0.01 * largest, 0.10 * largest)
-        firm = touching & (f > limit[:, None])
+        x, f = penetration[some] - fits.surface[some, None], force[some]
+        gates = gates_of_rows(x, f, (x > 0.0) & (f > 0.0))
+        with np.errstate(invalid="ignore"):
+            firm = (x > gates[:, :1]) & (f > gates[:, 1:2])
         found[some] = percentile_of_rows(np.where(firm, x, np.inf), firm.sum(axis=1), 0.5)
-        largest_firm = np.where(firm, x, -np.inf).max(axis=1, initial=-np.inf)
-        deepest[some] = np.where(largest_firm > 0.0, largest_firm, np.nan)
+        largest = np.where(firm, x, -np.inf).max(axis=1, initial=-np.inf)
+        deepest[some] = np.where(largest > 0.0, largest, np.nan)
     return found, deepest
 
 

@@ -11,6 +11,7 @@ from palpate.preparation.suggestions import (
     MOST_UNDECIDED,
     NOISE_FACTOR,
     decisive_depth,
+    noise_of,
 )
 from palpate.settings import ContactGate
 from palpate.validation import Floats
@@ -57,21 +58,40 @@ def gates_and_scales(penetration: Floats, velocity: Floats, force: Floats) -> tu
         scales.
     """
     touching = (penetration > 0.0) & (force > 0.0) & (np.abs(velocity) < LARGEST)
+    gates = gates_of_rows(penetration, force, touching)
+    return gates, _scales(penetration, velocity, force, touching)
+
+
+def gates_of_rows(penetration: Floats, force: Floats, touching: NDArray[np.bool_]) -> Floats:
+    """Suggest a gate for each row, of the samples that touch.
+
+    Parameters
+    ----------
+    penetration, force : numpy.ndarray, shape (k, m)
+        m and N; NaN is a sample that is not there.
+    touching : numpy.ndarray of bool, shape (k, m)
+        Which of them are in contact.
+
+    Returns
+    -------
+    numpy.ndarray, shape (k, 3)
+        ``minimum_penetration`` [m], ``make_force`` and ``break_force`` [N].
+    """
     counts = touching.sum(axis=1)
     noise = _noises(force)
     make = _thresholds(force, noise, touching, counts)
     least = _thresholds(penetration, _noises(penetration), touching, counts)
     gates = np.stack([least, make, 0.8 * make], axis=1)
-    with np.errstate(invalid="ignore"):  # of rows that end in NaN
+    with np.errstate(invalid="ignore"):  # of samples that are not there
         undecided = np.abs(force - make[:, None]) < 3.0 * noise[:, None]
-    inside = touching & (penetration > least[:, None])
+        inside = touching & (penetration > least[:, None])
     doubtful = (inside & undecided).sum(axis=1) > MOST_UNDECIDED * inside.sum(axis=1)
     for k in np.flatnonzero(doubtful & (counts > 0)).tolist():
         depth = decisive_depth(penetration[k], force[k], touching[k], make[k], least[k])
         if depth is not None:
             gates[k, 0], gates[k, 2] = depth, 0.0
     gates[counts == 0] = ContactGate()._plain()
-    return gates, _scales(penetration, velocity, force, touching)
+    return gates
 
 
 def _scales(
@@ -93,11 +113,17 @@ def _thresholds(
 
 def _noises(values: Floats) -> Floats:
     """As ``noise_of`` each row."""
+    if values.shape[1] < 5:
+        return np.zeros(len(values))
     differences = np.abs(np.diff(values, n=4, axis=1))
     counts = np.count_nonzero(~np.isnan(differences), axis=1)
     middle = np.maximum(counts - 1, 0) // 2, np.minimum(counts // 2, differences.shape[1] - 1)
     left, right = _in_order(differences, *middle)
-    return np.where(counts > 0, 0.5 * (left + right) / 0.6745 / np.sqrt(70.0), 0.0)
+    found = np.where(counts > 0, 0.5 * (left + right) / 0.6745 / np.sqrt(70.0), 0.0)
+    missing = np.isnan(values)
+    for k in np.flatnonzero((missing[:, :-1] & ~missing[:, 1:]).any(axis=1)).tolist():
+        found[k] = noise_of(values[k])  # with a hole, over which it goes on
+    return found
 
 
 def _in_order(values: Floats, first: Counts, second: Counts) -> tuple[Floats, Floats]:
