@@ -1,5 +1,6 @@
 """Fixtures of every test module; the table itself is in ``cases.py``."""
 
+import gc
 import os
 import sys
 
@@ -37,6 +38,16 @@ def pytest_collection_modifyitems(config, items):
             seen.add(test)
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if item not in set(left_out)]
+
+
+def pytest_collection_finish(session):
+    # Thousands of tests, and what they import, are there to the end: a twentieth of the time went
+    # into looking through them for garbage again and again.
+    gc.freeze()
+
+
+def pytest_sessionfinish(session):
+    gc.unfreeze()
 
 
 @pytest.fixture(scope="session", params=KINDS.values(), ids=KINDS)
