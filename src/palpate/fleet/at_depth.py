@@ -65,9 +65,22 @@ def _firm(x: Floats, force: Floats) -> NDArray[np.bool_]:
 
 def _threshold(values: Floats, touching: NDArray[np.bool_]) -> Numbers:
     """Ten times the noise, within 1 % and 10 % of the largest value; and the noise."""
-    largest = _percentile(np.where(touching, values, np.inf), touching.sum(axis=1), 0.99)
+    largest = _largest(np.where(touching, values, -np.inf), touching.sum(axis=1))
     noise = _noise_of(values)
     return np.clip(NOISE_FACTOR * noise, 0.01 * largest, 0.10 * largest), noise
+
+
+def _largest(values: Floats, counts: "np.ndarray[tuple[int], np.dtype[np.int64]]") -> Floats:
+    """The 99th percentile of so many of each row, by sorting no more than the top hundredth."""
+    few = min(values.shape[1] // 100 + 2, values.shape[1])
+    top = np.sort(np.partition(values, -few, axis=1)[:, -few:], axis=1)
+    place = few - 1 - 0.01 * np.maximum(counts - 1, 0)
+    low = place.astype(np.int64)
+    rows, part = np.arange(len(values)), place - low
+    with np.errstate(invalid="ignore"):  # of rows that touch nothing
+        above = top[rows, np.minimum(low + 1, few - 1)]
+        found: Floats = top[rows, low] + np.where(part > 0.0, part * (above - top[rows, low]), 0.0)
+    return np.where(counts > 0, found, np.nan)
 
 
 def _noise_of(values: Floats) -> Floats:
