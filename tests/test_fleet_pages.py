@@ -5,6 +5,7 @@ import pytest
 from fleets import rows
 
 from palpate import InvalidParameterError
+from palpate.flags import NEGATIVE_STIFFNESS
 from palpate.fleet.columns import table_of_rows
 from palpate.fleet.maps import map_of
 from palpate.fleet.results import Results, read_results
@@ -107,6 +108,12 @@ def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
     )
     found = map_of(table, ["x", "y"])
     assert found.mistrusted.tolist() == [True, False, True, False]
+    pulls = rows([1.0], [0.1], x=[0.0], flags=[[NEGATIVE_STIFFNESS]])
+    assert map_of(pulls, ["x"]).mistrusted.all()
+    assert map_of(rows([1.0, 1.0], [2.0, 0.1], x=[0.0, 1.0]), ["x"]).mistrusted.tolist() == [
+        True,
+        False,
+    ]
     for words in (
         "do-not-trust, signs: 1 of the places",
         "with-care, spikes: 1",
@@ -172,6 +179,16 @@ def test_scattered_places_and_those_without_a_number_are_drawn_as_dots(tmp_path)
         left = draw_map(map_of(table, by)).axes[0]
         labels = left.get_legend_handles_labels()[1]
         assert sorted(labels) == ["no number", "not to be trusted"]
+
+
+def test_a_strip_is_drawn_so_that_its_width_is_seen():
+    pytest.importorskip("matplotlib")
+    from palpate.figures import draw_map
+
+    x, y = np.arange(6.0).tolist(), [0.0, 1.0] * 3
+    for length, aspect in ((1.0, 1.0), (1e3, "auto")):
+        table = rows([5.0] * 6, [1.0] * 6, x=[length * each for each in x], y=y)
+        assert draw_map(map_of(table, ["x", "y"])).axes[0].get_aspect() == aspect
 
 
 def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path):

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
+# A strip that is longer than so many times its width is drawn wider, or nobody would see across it.
+_LONGEST = 20.0
 Indices = NDArray[np.intp]
 # Cells are drawn where the places fill a grid at least so far.
 _FILLED = 0.6
@@ -137,7 +139,8 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) ->
             x[marked], y[marked], "s", color=look.theme.lines[1], fillstyle="none",
             markersize=look.points(9.0), label="not to be trusted",
         )  # fmt: skip
-    if found.units[0] == found.units[1] == "m":
+    wide, high = np.ptp(x), np.ptp(y)
+    if found.units[0] == found.units[1] == "m" and max(wide, high) < _LONGEST * min(wide, high):
         axes.set_aspect("equal", adjustable="box")
     axes.grid(False)
     beyond = _beyond(values[known], low, high)

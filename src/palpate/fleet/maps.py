@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
+from palpate.flags import NEGATIVE_STIFFNESS
 from palpate.fleet.at_depth import AT_DEPTH
 from palpate.fleet.rows import at_depth
 from palpate.force_laws import FORCE_LAWS
@@ -50,7 +51,8 @@ class Map:
     shallow : int
         Of these, places that were not pressed to the depth.
     mistrusted : numpy.ndarray of bool, shape (k,)
-        Places whose number is not to be trusted, by verdict, findings or flags.
+        Places whose number is not to be trusted, by verdict, findings or flags; or, but for the
+        damping, is less than its error.
     doubts : tuple of str
         What is said of how many of the places, in words, beside notes.
     """
@@ -156,6 +158,9 @@ def map_of(
     if depth is not None and of != "exponent":  # beyond, the law is extrapolated
         short = np.isfinite(value) & ~(_numbers(results, "largest_depth") >= depth)
         value, error = np.where(short, np.nan, value), np.where(short, np.nan, error)
+    mistrusted = mistrusted_of(results, of)
+    if of != "damping":  # which is often next to none, and then known no better than it is large
+        mistrusted |= error > np.abs(value)
     there: NDArray[np.bool_] = np.all(np.isfinite(places), axis=1)
     fields = [results.schema.field(name) for name in axes]
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
@@ -174,7 +179,7 @@ def map_of(
         results.num_rows,
         int(np.count_nonzero(~np.isfinite(value[there]))),
         int(np.count_nonzero(short[there])),
-        mistrusted_of(results, of)[there],
+        mistrusted[there],
         _doubts(results, there),
     )
 
@@ -182,12 +187,13 @@ def map_of(
 def mistrusted_of(results: "pa.Table", of: str) -> NDArray[np.bool_]:
     """Say of each row whether its number is not to be trusted, by verdict, findings or flags."""
     verdict = f"verdict_{of}" if of in ("stiffness", "damping") else "verdict"
+    marks = (f"{of} not", f"{of} at the edge", NEGATIVE_STIFFNESS)
     columns = (results.column(name).to_pylist() for name in (verdict, "findings", "flags"))
     return np.array(
         [
             mark == "do-not-trust"
             or (mark is None and any(words.startswith("do-not-trust") for words in findings or ()))
-            or any(words.startswith((f"{of} not", f"{of} at the edge")) for words in flags or ())
+            or any(words.startswith(marks) for words in flags or ())
             for mark, findings, flags in zip(*columns, strict=True)
         ],
         dtype=bool,
