@@ -75,6 +75,7 @@ def finished(results, most=None):
         results.write(batch, *timed_batch(batch.table(), results.settings))
 
 
+@pytest.mark.slow
 def test_a_fleet_of_which_nothing_was_identified_fails(run, tmp_path):
     (tmp_path / "bad.csv").write_text("time_s,penetration_m\n1,2\n")
     for _ in range(2):  # the second time by what is there

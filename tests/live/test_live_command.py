@@ -75,6 +75,7 @@ def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
     assert f"recorded 2000 rows to {copy}" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_known_exponent_is_kept(recording, tmp_path):
     copy = tmp_path / "copy.mcap"
     done = live(recording, "--record", copy, "--exponent", "1.5", "--speed", 20, *BARE)
