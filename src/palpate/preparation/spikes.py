@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate import _core
 from palpate.preparation.suggestions import noise_of
 from palpate.validation import Floats
 
@@ -12,8 +13,6 @@ STEPS = 1.5  # of the channel; a value that rounds up and down is no spike
 # Times the range of its four neighbours. The top of a sine at 66 Hz is 2 % above them, and a lever
 # that shakes for a tenth of a second is no noise of all the recording: neither is a spike.
 ALONE = 3.0
-# Distinct values are sought among so many samples; noise fills the gaps of a fine channel by then.
-MOST_DISTINCT = 20_000
 
 
 def spiked(values: Floats) -> NDArray[np.bool_]:
@@ -43,5 +42,4 @@ def largest_of(values: Floats) -> float:
 
 def step_of(values: Floats) -> float:
     """Median gap between the distinct values of a channel; 0 of a constant one."""
-    distinct = np.unique(values[:MOST_DISTINCT])
-    return float(np.median(np.diff(distinct))) if distinct.size > 1 else 0.0
+    return _core.step_of(values)
