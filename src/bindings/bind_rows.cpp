@@ -8,6 +8,7 @@
 
 #include "gate.hpp"
 #include "replay_many.hpp"
+#include "spikes.hpp"
 
 namespace palpate::bindings {
 namespace {
@@ -46,11 +47,20 @@ void resolutions(const InputRows& penetration, const OutputArray& result, std::s
   });
 }
 
-void may_hold_spikes(const InputRows& values, const StatusArray& result, std::size_t threads) {
+double largest_of(const InputArray& values) {
+  std::vector<double> spare(values.size() + 1);
+  return rows::largest_of({values.data(), values.size()}, spare.data());
+}
+
+// Only of rows that may hold one where they are screened.
+void mark_spikes(const InputRows& values, bool screened, const StatusArray& marks,
+                 std::size_t threads) {
   const std::size_t samples = values.shape(1);
-  check(result.size() == values.shape(0));
-  each_row(values.shape(0), samples, threads, [&](std::size_t row, double* spare) {
-    result.data()[row] = rows::may_hold_a_spike({values.data() + row * samples, samples}, spare);
+  check(marks.size() == values.size());
+  each_row(values.shape(0), 3 * samples, threads, [&](std::size_t row, double* spare) {
+    const rows::Channel own{values.data() + row * samples, samples};
+    if (screened && !rows::may_hold_a_spike(own, spare)) return;
+    rows::mark_spikes(own, marks.data() + row * samples, spare);
   });
 }
 
@@ -132,8 +142,12 @@ void bind_rows(nb::module_& module) {
              nb::arg("threads"),
              "Fills, for contacts as rows, twice the noise of the penetration, its rounding "
              "included, m; NaN where it has neither.");
-  module.def("may_hold_spikes", &may_hold_spikes, nb::arg("values"), nb::arg("result"),
-             nb::arg("threads"), "Fills which rows may hold a sample that leaves its neighbours.");
+  module.def("largest_of", &largest_of, nb::arg("values"),
+             "99.9th percentile of the values' size; 0 of none.");
+  module.def("mark_spikes", &mark_spikes, nb::arg("values"), nb::arg("screened"), nb::arg("marks"),
+             nb::arg("threads"),
+             "Marks the spikes of each row: where they are screened, only of rows in which one "
+             "leaves its two neighbours as a spike does.");
   module.def("percentiles", &percentiles, nb::arg("values"), nb::arg("used"), nb::arg("part"),
              nb::arg("result"),
              "Fills, as NumPy's, a percentile of those of each row that are used, the part in "

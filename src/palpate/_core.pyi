@@ -500,8 +500,13 @@ def resolutions(penetration: Annotated[NDArray[numpy.float64], dict(shape=(None,
     Fills, for contacts as rows, twice the noise of the penetration, its rounding included, m; NaN where it has neither.
     """
 
-def may_hold_spikes(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], result: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], threads: int) -> None:
-    """Fills which rows may hold a sample that leaves its neighbours."""
+def largest_of(values: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> float:
+    """99.9th percentile of the values' size; 0 of none."""
+
+def mark_spikes(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], screened: bool, marks: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], threads: int) -> None:
+    """
+    Marks the spikes of each row: where they are screened, only of rows in which one leaves its two neighbours as a spike does.
+    """
 
 def percentiles(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], used: Annotated[NDArray[numpy.bool_], dict(shape=(None, None), order='C', device='cpu', writable=False)], part: float, result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')]) -> None:
     """

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate import _core
 from palpate.curves import CurveFits, fit_curves
-from palpate.preparation.spikes import spiked, step_of
+from palpate.preparation.spikes import spikes_of_rows, step_of
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -85,24 +84,11 @@ def _without(
 
 def _spikes(curves: "Curves", threads: int) -> dict[int, Mask]:
     """Single samples of a channel that leave their neighbours, by the rows that have any."""
-    found: dict[int, Mask] = {}
+    marks = np.zeros(curves.force.shape, dtype=np.bool_)
     for values in (curves.penetration, curves.velocity, curves.force):
         assert values is not None
-        for row in _suspicious(values, threads).tolist():
-            known = np.isfinite(values[row])
-            with np.errstate(over="ignore", invalid="ignore"):  # of absurd values: ±1e308
-                spikes = spiked(values[row][known])
-            if spikes.any():
-                mask = found.setdefault(row, np.zeros(known.size, dtype=bool))
-                mask[np.flatnonzero(known)[spikes]] = True
-    return found
-
-
-def _suspicious(values: Floats, threads: int) -> NDArray[np.intp]:
-    """Rows that may hold a spike, by the largest distance from the mean of two neighbours."""
-    found = np.zeros(len(values), dtype=np.uint8)
-    _core.may_hold_spikes(values, found, threads)
-    return np.flatnonzero(found)
+        marks |= spikes_of_rows(values, screened=True, threads=threads)
+    return {row: marks[row] for row in np.flatnonzero(marks.any(axis=1)).tolist()}
 
 
 def _ends_of_range(curves: "Curves", fits: CurveFits) -> dict[int, Mask]:

@@ -3,8 +3,6 @@
 import dataclasses
 from collections.abc import Callable
 
-import numpy as np
-
 from palpate import _core
 from palpate.contact import Contact
 from palpate.preparation.gates_of_rows import gates_of_rows, scales_of_rows
