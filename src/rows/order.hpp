@@ -20,7 +20,7 @@ struct Numbers {
 
 namespace detail {
 
-constexpr std::size_t cells = 512;
+constexpr std::size_t cells = 256;
 // Of fewer numbers the cells take longer to look through than a sort.
 constexpr std::size_t fewest = 128;
 
@@ -70,9 +70,16 @@ class Cells {
 using Counts = std::array<std::uint32_t, cells>;
 
 inline Counts counted(Numbers all, const Cells& by) noexcept {
-  Counts counts{};
-  for (std::size_t k = 0; k < all.count; ++k) ++counts[by.of(all.data[k])];
-  return counts;
+  // Neighbours in a smooth channel share a cell, and would wait for each other to be counted.
+  std::array<Counts, 2> counts{};
+  std::size_t k = 0;
+  for (; k + 2 <= all.count; k += 2) {
+    ++counts[0][by.of(all.data[k])];
+    ++counts[1][by.of(all.data[k + 1])];
+  }
+  if (k < all.count) ++counts[0][by.of(all.data[k])];
+  for (std::size_t cell = 0; cell < cells; ++cell) counts[0][cell] += counts[1][cell];
+  return counts[0];
 }
 
 }  // namespace detail
@@ -91,10 +98,8 @@ inline std::array<double, 2> two_in_order(Numbers all, std::size_t place) noexce
     while (until <= next) until += counts[++last];
     std::size_t kept = 0;
     for (std::size_t k = 0; k < all.count; ++k) {
-      const double value = all.data[k];
-      const std::size_t cell = by.of(value);
-      all.data[kept] = value;  // there is no branch to foresee
-      kept += static_cast<std::size_t>(cell >= first && cell <= last);
+      // One comparison, which is nearly always false; two would be foreseen half of the time.
+      if (by.of(all.data[k]) - first <= last - first) all.data[kept++] = all.data[k];
     }
     all.count = kept;
   }
