@@ -20,7 +20,6 @@ struct Numbers {
 
 namespace detail {
 
-constexpr std::size_t cells = 256;
 // Of fewer numbers the cells take longer to look through than a sort.
 constexpr std::size_t fewest = 128;
 
@@ -45,14 +44,15 @@ inline std::array<double, 2> ends_of(Numbers all) noexcept {
   return {*std::min_element(low.begin(), low.end()), *std::max_element(high.begin(), high.end())};
 }
 
-// In which cell a number is: never in an earlier one than a smaller number is.
+// In which of so many cells a number is: never in an earlier one than a smaller number is.
+template <std::size_t Count>
 class Cells {
  public:
   explicit Cells(Numbers all) noexcept {
     if (all.count < fewest) return;
     const std::array<double, 2> ends = ends_of(all);
     low_ = ends[0];
-    const double per_unit = static_cast<double>(cells - 1) / (ends[1] - ends[0]);
+    const double per_unit = static_cast<double>(Count - 1) / (ends[1] - ends[0]);
     useful_ = per_unit > 0.0 && per_unit < std::numeric_limits<double>::infinity();
     per_unit_ = per_unit;
   }
@@ -67,18 +67,17 @@ class Cells {
   bool useful_ = false;
 };
 
-using Counts = std::array<std::uint32_t, cells>;
-
-inline Counts counted(Numbers all, const Cells& by) noexcept {
+template <std::size_t Count>
+std::array<std::uint32_t, Count> counted(Numbers all, const Cells<Count>& by) noexcept {
   // Neighbours in a smooth channel share a cell, and would wait for each other to be counted.
-  std::array<Counts, 2> counts{};
+  std::array<std::array<std::uint32_t, Count>, 2> counts{};
   std::size_t k = 0;
   for (; k + 2 <= all.count; k += 2) {
     ++counts[0][by.of(all.data[k])];
     ++counts[1][by.of(all.data[k + 1])];
   }
   if (k < all.count) ++counts[0][by.of(all.data[k])];
-  for (std::size_t cell = 0; cell < cells; ++cell) counts[0][cell] += counts[1][cell];
+  for (std::size_t cell = 0; cell < Count; ++cell) counts[0][cell] += counts[1][cell];
   return counts[0];
 }
 
@@ -89,9 +88,9 @@ inline Counts counted(Numbers all, const Cells& by) noexcept {
 inline std::array<double, 2> two_in_order(Numbers all, std::size_t place) noexcept {
   const std::size_t next = std::min(place + 1, all.count - 1);
   std::size_t before = 0;  // how many numbers are less than all that are left
-  const detail::Cells by(all);
+  const detail::Cells<256> by(all);
   if (by.useful()) {
-    const detail::Counts counts = detail::counted(all, by);
+    const auto counts = detail::counted(all, by);
     std::size_t first = 0;
     while (before + counts[first] <= place) before += counts[first++];
     std::size_t last = first, until = before + counts[first];
@@ -127,12 +126,12 @@ inline double median(Numbers all) noexcept {
 
 // Sorts; `spare` holds as many numbers.
 inline void sort(Numbers all, double* spare) noexcept {
-  const detail::Cells by(all);
+  const detail::Cells<1024> by(all);  // with few in each
   if (!by.useful()) {
     std::sort(all.data, all.data + all.count);
     return;
   }
-  detail::Counts ends = detail::counted(all, by);
+  auto ends = detail::counted(all, by);
   std::uint32_t sum = 0;
   for (std::uint32_t& end : ends) {
     const std::uint32_t own = end;
@@ -143,7 +142,11 @@ inline void sort(Numbers all, double* spare) noexcept {
   for (std::size_t k = 0; k < all.count; ++k) all.data[ends[by.of(spare[k])]++] = spare[k];
   std::size_t first = 0;
   for (const std::size_t end : ends) {
-    if (end - first > 1) std::sort(all.data + first, all.data + end);
+    if (end - first > 2) {
+      std::sort(all.data + first, all.data + end);
+    } else if (end - first == 2 && all.data[first + 1] < all.data[first]) {
+      std::swap(all.data[first], all.data[first + 1]);
+    }
     first = end;
   }
 }
