@@ -83,7 +83,7 @@ void each_contact(const InputRows& penetration, const InputRows& velocity, const
   const std::size_t count = penetration.shape(0), samples = penetration.shape(1);
   check(velocity.size() == penetration.size() && force.size() == penetration.size() &&
         result.size() == 3 * count);
-  each_row(count, samples, 1, [&](std::size_t row, double* spare) {
+  each_row(count, 2 * samples, 1, [&](std::size_t row, double* spare) {
     const std::size_t start = row * samples;
     const rows::Pressed contact{penetration.data() + start, force.data() + start, samples};
     const double* speed = velocity.data() + start;
@@ -121,9 +121,9 @@ void working_depths(const InputRows& penetration, const InputRows& force,
   const std::size_t count = penetration.shape(0), samples = penetration.shape(1);
   check(force.size() == penetration.size() && surfaces.size() == count &&
         result.size() == 2 * count);
-  each_row(count, 2 * samples, threads, [&](std::size_t row, double* spare) {
+  each_row(count, 3 * samples, threads, [&](std::size_t row, double* spare) {
     const double* place = penetration.data() + row * samples;
-    double* depth = spare + samples;
+    double* depth = spare + 2 * samples;
     for (std::size_t k = 0; k < samples; ++k) depth[k] = place[k] - surfaces.data()[row];
     const std::array<double, 2> found =
         rows::working_depths({depth, force.data() + row * samples, samples}, spare);

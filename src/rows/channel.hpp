@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <utility>
 
 #include "order.hpp"
 
@@ -35,14 +36,17 @@ inline Numbers kept(Channel channel, double bound, double* to) noexcept {
 // suppress the signal as (ωT)⁴ and have 70 times the noise's variance. `spare` holds as many
 // numbers as the channel.
 inline double noise_of(Channel channel, double* spare) noexcept {
-  Numbers left = kept(channel, largest, spare);
-  if (left.count < 5) return 0.0;
-  for (int order = 1; order <= 4; ++order) {
-    --left.count;
-    for (std::size_t k = 0; k < left.count; ++k) left.data[k] = left.data[k + 1] - left.data[k];
+  std::array<double, 4> before{};  // the sample before, and its first three differences
+  std::size_t count = 0;
+  for (std::size_t k = 0; k < channel.count; ++k) {
+    double difference = channel.data[k];
+    if (!(std::abs(difference) < largest)) continue;
+    for (double& last : before) difference -= std::exchange(last, difference);
+    if (count >= before.size()) spare[count - before.size()] = std::abs(difference);
+    ++count;
   }
-  for (std::size_t k = 0; k < left.count; ++k) left.data[k] = std::abs(left.data[k]);
-  return median(left) / 0.6745 / std::sqrt(70.0);
+  if (count <= before.size()) return 0.0;
+  return median({spare, count - before.size()}) / 0.6745 / std::sqrt(70.0);
 }
 
 // Median gap between the distinct values; 0 of a constant channel. `spare` holds twice as many

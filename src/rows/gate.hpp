@@ -46,7 +46,7 @@ inline double threshold(double noise, double top) noexcept {
   return std::min(std::max(noise_factor * noise, 0.01 * top), 0.10 * top);
 }
 
-// Thresholds for contact, of samples `touching`; `spare` holds as many numbers as there are
+// Thresholds for contact, of samples `touching`; `spare` holds twice as many numbers as there are
 // samples.
 //
 // A force near its threshold is taken where noise made it large, which biases: probing near the
@@ -55,18 +55,22 @@ inline double threshold(double noise, double top) noexcept {
 // falls short of its threshold, but for one force in a thousand; not beyond half way.
 template <class Touching>
 ContactGate::Settings gate_of(const Pressed& in, const Touching& touching, double* spare) noexcept {
-  const auto top_of = [&](const double* channel) noexcept {
-    return percentile(chosen(channel, in.count, spare, touching), 0.99);
-  };
-  const double highest = top_of(in.force);
-  if (!(highest > 0.0)) return {};
-  const double deepest = top_of(in.penetration), noise = noise_of({in.force, in.count}, spare);
+  double* const forces = spare + in.count;
+  std::size_t touched = 0;
+  for (std::size_t k = 0; k < in.count; ++k) {
+    spare[touched] = in.penetration[k];  // there is no branch to foresee
+    forces[touched] = in.force[k];
+    touched += static_cast<std::size_t>(touching(k));
+  }
+  if (touched == 0) return {};
+  const double deepest = percentile({spare, touched}, 0.99);
+  const double highest = percentile({forces, touched}, 0.99);
+  const double noise = noise_of({in.force, in.count}, spare);
   const double make = threshold(noise, highest);
   const double least = threshold(noise_of({in.penetration, in.count}, spare), deepest);
-  std::size_t touched = 0, inside = 0, undecided = 0;
+  std::size_t inside = 0, undecided = 0;
   for (std::size_t k = 0; k < in.count; ++k) {
-    const bool touches = touching(k), deep = touches & (in.penetration[k] > least);
-    touched += static_cast<std::size_t>(touches);
+    const bool deep = touching(k) & (in.penetration[k] > least);
     inside += static_cast<std::size_t>(deep);
     undecided += static_cast<std::size_t>(deep & (std::abs(in.force[k] - make) < 3.0 * noise));
   }
@@ -85,7 +89,7 @@ ContactGate::Settings gate_of(const Pressed& in, const Touching& touching, doubl
 }
 
 // Median and largest penetration where contact is firm, as its gate says; NaN where it never is.
-// `spare` holds as many numbers as there are samples.
+// `spare` holds twice as many numbers as there are samples.
 inline std::array<double, 2> working_depths(const Pressed& in, double* spare) noexcept {
   const auto touching = [&](std::size_t k) noexcept { return in.touches(k); };
   const ContactGate::Settings gate = gate_of(in, touching, spare);
