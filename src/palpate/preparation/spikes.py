@@ -13,7 +13,8 @@ def spiked(values: Floats) -> NDArray[np.bool_]:
     Beyond max(8 σ, 2 %, 1.5 steps) of the median of five, and three times farther from it than its
     four neighbours lie from each other.
     """
-    return spikes_of_rows(values[None])[0]
+    found: NDArray[np.bool_] = spikes_of_rows(values[None])[0]
+    return found
 
 
 def spikes_of_rows(
