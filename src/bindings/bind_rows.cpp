@@ -107,13 +107,10 @@ void gates(const InputRows& penetration, const InputRows& velocity, const InputR
 
 void scales(const InputRows& penetration, const InputRows& velocity, const InputRows& force,
             const OutputArray& result) {
-  each_contact(penetration, velocity, force, result,
-               [](const rows::Pressed& contact, const double* speed, const auto& touching,
-                  double*) -> std::array<double, 3> {
-                 return {rows::unit_of(contact.penetration, contact.count, touching),
-                         rows::unit_of(speed, contact.count, touching),
-                         rows::unit_of(contact.force, contact.count, touching)};
-               });
+  each_contact(
+      penetration, velocity, force, result,
+      [](const rows::Pressed& contact, const double* speed, const auto& touching,
+         double*) -> std::array<double, 3> { return rows::units_of(contact, speed, touching); });
 }
 
 void working_depths(const InputRows& penetration, const InputRows& force,

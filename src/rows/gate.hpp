@@ -101,14 +101,22 @@ inline std::array<double, 2> working_depths(const Pressed& in, double* spare) no
   return {percentile(firm, 0.5), deepest};
 }
 
-// A unit for the arithmetic: the largest size of those `touching`, within 1e±30.
+// Units for the arithmetic: the largest penetration, speed and force of those `touching`, within
+// 1e±30.
 template <class Touching>
-double unit_of(const double* channel, std::size_t count, const Touching& touching) noexcept {
-  double size = 0.0;
-  for (std::size_t k = 0; k < count; ++k) {
-    if (touching(k)) size = std::max(size, std::abs(channel[k]));
+std::array<double, 3> units_of(const Pressed& in, const double* velocity,
+                               const Touching& touching) noexcept {
+  std::array<double, 3> units{};
+  for (std::size_t k = 0; k < in.count; ++k) {
+    const double counts = touching(k) ? 1.0 : 0.0;  // there is no branch to foresee
+    const std::array<double, 3> sizes{in.penetration[k], std::abs(velocity[k]), in.force[k]};
+    for (std::size_t i = 0; i < sizes.size(); ++i) {
+      const double size = sizes[i] * counts;  // NaN is no larger
+      units[i] = size > units[i] ? size : units[i];
+    }
   }
-  return size > 0.0 ? std::clamp(size, 1e-30, 1e30) : 1.0;
+  for (double& unit : units) unit = unit > 0.0 ? std::clamp(unit, 1e-30, 1e30) : 1.0;
+  return units;
 }
 
 }  // namespace palpate::rows
