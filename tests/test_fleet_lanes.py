@@ -16,7 +16,7 @@ from palpate import (
 from palpate.fleet import arrays
 from palpate.fleet.batch import identify_batch
 from palpate.fleet.settings import Settings
-from palpate.preparation.gates_of_rows import gates_and_scales
+from palpate.preparation.gates_of_rows import gates_of_rows, scales_of_rows
 from palpate.preparation.suggestions import suggest_scale
 
 pytest.importorskip("pyarrow")
@@ -136,7 +136,8 @@ def test_gates_and_scales_of_rows_are_those_of_each_contact():
     prefix = there == (np.arange(x.shape[1]) < there.sum(axis=1)[:, None])
     whole = prefix.all(axis=1) & (there.sum(axis=1) >= 8)
     x[~there] = v[~there] = force[~there] = np.nan
-    gates, scales = gates_and_scales(x[whole], v[whole], force[whole])
+    signals = x[whole], v[whole], force[whole]
+    gates, scales = gates_of_rows(*signals), scales_of_rows(*signals)
     for k, row in enumerate(np.flatnonzero(whole)):
         own = there[row]
         touch = Contact(

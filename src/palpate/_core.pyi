@@ -484,3 +484,42 @@ def screen_contacts(penetration: Annotated[NDArray[numpy.float64], dict(shape=(N
     """
     Fills, for contacts as rows, which samples are in contact; and whether a rejection of outliers with this threshold would leave none of them out.
     """
+
+def noise_of(values: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> float:
+    """
+    Standard deviation of white noise on a smooth signal, from its fourth differences.
+    """
+
+def step_of(values: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> float:
+    """
+    Median gap between the distinct values of a channel; 0 of a constant one.
+    """
+
+def resolutions(penetration: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], threads: int) -> None:
+    """
+    Fills, for contacts as rows, twice the noise of the penetration, its rounding included, m; NaN where it has neither.
+    """
+
+def largest_of(values: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> float:
+    """99.9th percentile of the values' size; 0 of none."""
+
+def mark_spikes(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], screened: bool, marks: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], threads: int) -> None:
+    """
+    Marks the spikes of each row: where they are screened, only of rows in which one leaves its two neighbours as a spike does.
+    """
+
+def percentiles(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], used: Annotated[NDArray[numpy.bool_], dict(shape=(None, None), order='C', device='cpu', writable=False)], part: float, result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')]) -> None:
+    """
+    Fills, as NumPy's, a percentile of those of each row that are used, the part in [0, 1]; NaN of none.
+    """
+
+def gates(penetration: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], velocity: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')]) -> None:
+    """Fills, for contacts as rows, a gate of each: its three settings, SI."""
+
+def scales(penetration: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], velocity: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')]) -> None:
+    """Fills, for contacts as rows, units for the arithmetic of each."""
+
+def working_depths(penetration: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], surfaces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], threads: int) -> None:
+    """
+    Fills, for contacts as rows, median and largest penetration beyond its surface where the gate of each holds contact for firm, m; NaN where it never is.
+    """

@@ -22,7 +22,7 @@ from palpate.fleet.outliers import fitted
 from palpate.fleet.rows import failure, in_words, row_of
 from palpate.fleet.settings import Settings
 from palpate.preparation import prepare
-from palpate.preparation.resolution import resolution_of
+from palpate.preparation.resolution import resolutions_of
 from palpate.preparation.suggestions import choose_gate
 from palpate.preparation.velocity import velocity_of
 from palpate.refusals import FEWEST_ABOVE, nothing_taken
@@ -250,12 +250,12 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
     curves = curves.known()
     chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
     if not settings.searches_surface and "surface_deviation" not in chosen:
-        chosen["surface_deviation"] = _resolutions(curves.penetration)
+        chosen["surface_deviation"] = resolutions_of(curves.penetration, threads=threads)
     rejects = settings.estimator.get("outlier_rejection") is not False
     fits, kept, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
     columns = _named(curves, settings)
     columns |= _numbers(fits)
-    columns |= _at_depths(kept, fits)
+    columns |= _at_depths(kept, fits, threads)
     columns["samples"] = _samples(curves)
     columns["taken"] = fits.taken
     columns["fit"] = ["whole-curve"] * len(curves)
@@ -284,11 +284,6 @@ def _samples(curves: Curves) -> NDArray[np.int64]:
     return whole
 
 
-def _resolutions(penetration: Floats) -> Floats:
-    """How well the surface of each is known, m; NaN where nothing says how well."""
-    return np.array([resolution_of(row) or np.nan for row in penetration])
-
-
 def _numbers(fits: CurveFits) -> dict[str, Any]:
     errors = fits.standard_errors
     found: dict[str, Any] = {"residual": fits.noise}
@@ -303,8 +298,8 @@ def _numbers(fits: CurveFits) -> dict[str, Any]:
     return found
 
 
-def _at_depths(curves: Curves, fits: CurveFits) -> dict[str, Floats]:
-    depth, largest = working_depths(curves.penetration, curves.force, fits)
+def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Floats]:
+    depth, largest = working_depths(curves.penetration, curves.force, fits, threads=threads)
     found: dict[str, Floats] = {"depth": depth, "largest_depth": largest}
     laws = LawsAtDepth.of(fits, depth)
     for name in AT_DEPTH:

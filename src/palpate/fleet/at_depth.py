@@ -4,19 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate import _core
 from palpate.curves import CurveFits
 from palpate.force_laws import ForceLaw
-from palpate.preparation.gates_of_rows import gates_of_rows, percentile_of_rows
 from palpate.validation import Floats
 
 Numbers = tuple[Floats, Floats]
 #: At the working depth: what it is, and its unit.
 AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
-#: Rows that are sorted together: 32 of 1000 samples stay in a core's own memory.
-_ROWS = 32
 
 
-def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Numbers:
+def working_depths(
+    penetration: Floats, force: Floats, fits: CurveFits, *, threads: int = 1
+) -> Numbers:
     """Median and largest penetration of each row where contact is firm, m; NaN where it never is.
 
     Firm is what the gate of :func:`palpate.choose_gate` takes, at whose median
@@ -30,18 +30,12 @@ def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Numbe
         N.
     fits : CurveFits
         Of these rows.
+    threads : int
+        That share the rows.
     """
-    found, deepest = np.full(len(penetration), np.nan), np.full(len(penetration), np.nan)
-    for start in range(0, len(penetration), _ROWS):
-        some = slice(start, start + _ROWS)
-        x, f = penetration[some] - fits.surface[some, None], force[some]
-        gates = gates_of_rows(x, f, (x > 0.0) & (f > 0.0))
-        with np.errstate(invalid="ignore"):
-            firm = (x > gates[:, :1]) & (f > gates[:, 1:2])
-        found[some] = percentile_of_rows(np.where(firm, x, np.inf), firm.sum(axis=1), 0.5)
-        largest = np.where(firm, x, -np.inf).max(axis=1, initial=-np.inf)
-        deepest[some] = np.where(largest > 0.0, largest, np.nan)
-    return found, deepest
+    found = np.empty((len(penetration), 2))
+    _core.working_depths(penetration, force, fits.surface, found, threads)
+    return found[:, 0].copy(), found[:, 1].copy()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,7 +18,7 @@ from palpate.estimators import CompiledEstimator, ContactEstimator, estimator_na
 from palpate.fleet.lane_rows import FEWEST, Flags, LaneRows, Rows, Samples
 from palpate.fleet.settings import Settings
 from palpate.lanes import LaneEstimates, replay_lanes
-from palpate.preparation.gates_of_rows import gates_and_scales
+from palpate.preparation.gates_of_rows import gates_of_rows, scales_of_rows
 from palpate.preparation.suggestions import LARGEST
 from palpate.settings import OutlierRejection
 from palpate.validation import Floats
@@ -177,7 +177,8 @@ class _Task:
         gates, scales = np.zeros((len(samples.x), 3)), np.ones((len(samples.x), 3))
         for some in _blocks(np.flatnonzero(samples.sound), samples.x.shape[1]):
             block = samples[some]
-            gates[some], scales[some] = gates_and_scales(block.x, block.v, block.f)
+            signals = block.x, block.v, block.f
+            gates[some], scales[some] = gates_of_rows(*signals), scales_of_rows(*signals)
         depth, force = self.settings.minimum_penetration, self.settings.minimum_force
         gate, scale = estimator.settings["gate"], estimator.settings["scale"]
         if depth is not None:

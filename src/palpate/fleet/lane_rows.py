@@ -124,7 +124,7 @@ class LaneRows:
         for k, name in enumerate(self.law.names()):
             columns[name] = self.parameters[:, k]
             columns[f"{name}_standard_error"] = errors[:, k]
-        depth = percentile_of_rows(np.where(self.taken, self.x, np.inf), self.counts, 0.5)
+        depth = percentile_of_rows(self.x, self.taken, 0.5)
         columns["depth"] = depth
         columns["largest_depth"] = np.where(self.taken, self.x, -np.inf).max(axis=1)
         columns |= numbers_at_depth(self.law, self.parameters, covariance, depth)

@@ -12,22 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.curves import CurveFits, fit_curves
-from palpate.preparation.spikes import spiked, step_of
+from palpate.preparation.spikes import spikes_of_rows, step_of
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
     from palpate.fleet.arrays import Curves
 
 Mask = NDArray[np.bool_]
-# A spike is 8 σ beyond the median of five, and three times farther than its neighbours are apart:
-# at least 5.3 σ beyond their mean, whose own median distance from white noise is 0.83 σ.
-# A median of every fourth sample is as good here: of 250 it is known to a tenth.
-_TYPICAL, _EVERY = 5.3 / 0.83, 4
 # Equal forces at the top that are no chance, and by how many of its steps the law's force moves
 # meanwhile, as in include/palpate/outlier_rejection.hpp.
 _FLAT, _FLAT_STEPS = 5, 4.0
-#: Rows that are looked at together: 32 of 1000 samples stay in a core's own memory.
-_ROWS = 32
 
 
 def fitted(
@@ -48,7 +42,7 @@ def fitted(
     """
     left_out = np.zeros(len(curves), dtype=np.int64)
     if rejects:
-        curves, left_out = _without(curves, _spikes(curves), left_out)
+        curves, left_out = _without(curves, _spikes(curves, threads), left_out)
     fits = _fit(curves, chosen, threads)
     if rejects:
         ends = _ends_of_range(curves, fits)
@@ -88,36 +82,13 @@ def _without(
     return replace(curves, force=force), counts
 
 
-def _spikes(curves: "Curves") -> dict[int, Mask]:
+def _spikes(curves: "Curves", threads: int) -> dict[int, Mask]:
     """Single samples of a channel that leave their neighbours, by the rows that have any."""
-    found: dict[int, Mask] = {}
+    marks = np.zeros(curves.force.shape, dtype=np.bool_)
     for values in (curves.penetration, curves.velocity, curves.force):
         assert values is not None
-        for row in _suspicious(values).tolist():
-            known = np.isfinite(values[row])
-            with np.errstate(over="ignore", invalid="ignore"):  # of absurd values: ±1e308
-                spikes = spiked(values[row][known])
-            if spikes.any():
-                mask = found.setdefault(row, np.zeros(known.size, dtype=bool))
-                mask[np.flatnonzero(known)[spikes]] = True
-    return found
-
-
-def _suspicious(values: Floats) -> NDArray[np.intp]:
-    """Rows that may hold a spike, by the largest distance from the mean of two neighbours."""
-    found = np.zeros(len(values), dtype=bool)
-    if values.shape[1] < 5:
-        return np.flatnonzero(found)
-    with np.errstate(all="ignore"):
-        for start in range(0, len(values), _ROWS):
-            some = values[start : start + _ROWS]
-            away = np.abs(some[:, 1:-1] - 0.5 * (some[:, :-2] + some[:, 2:]))
-            few = away[:, ::_EVERY]
-            middle = few.shape[1] // 2
-            typical = np.partition(few, middle, axis=1)[:, middle]  # NaN is the largest
-            largest = np.fmax.reduce(away, axis=1)
-            found[start : start + _ROWS] = ~(largest < _TYPICAL * typical)
-    return np.flatnonzero(found)
+        marks |= spikes_of_rows(values, screened=True, threads=threads)
+    return {row: marks[row] for row in np.flatnonzero(marks.any(axis=1)).tolist()}
 
 
 def _ends_of_range(curves: "Curves", fits: CurveFits) -> dict[int, Mask]:
