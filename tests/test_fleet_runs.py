@@ -347,3 +347,22 @@ def test_nothing_listens_beyond_this_machine(many, tmp_path):
     finally:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=60)
+
+
+@pytest.mark.slow
+def test_a_worker_that_ends_before_it_has_started_is_started_anew(monkeypatch):
+    nanny = pytest.importorskip("distributed.nanny")
+    starting, failures = nanny.Nanny.instantiate, iter([])
+
+    async def instantiate(self):
+        for failure in failures:
+            raise failure
+        return await starting(self)
+
+    monkeypatch.setattr(nanny.Nanny, "instantiate", instantiate)
+    monkeypatch.setattr(clusters, "_ASK_AGAIN", 0.5)
+    with clusters.client_of(workers=2) as client:
+        failures = iter([RuntimeError("killed while it was started")])
+        client.cluster.sync(client.cluster.workers[0].close)
+        client.wait_for_workers(2, timeout=30.0)
+        assert client.submit(sum, [2, 3]).result(timeout=30.0) == 5

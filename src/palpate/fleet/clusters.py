@@ -17,6 +17,8 @@ from palpate.fleet.extras import cores, needed
 PATIENCE = 10.0
 LOOPBACK = "127.0.0.1"
 _ASK_AGAIN = 5.0  # s
+#: States of a nanny that starts no worker any more.
+_GONE = ("failed", "closed")
 _DASHBOARD = f"{LOOPBACK}:8787"
 #: One thread a worker: arithmetic that starts threads of its own would only wait for them.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -125,13 +127,20 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
 def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
     """Ask for the workers again and again: one that ends may not be started anew by its nanny.
 
-    Seen where a worker ended in the moment at which it was given a task; with none left, the rest
-    would wait for ever.
+    Seen where a worker ended in the moment at which it was given a task, and where it ended before
+    it had started: that nanny has failed, and counts as a worker none the less. With none left, the
+    rest would wait for ever.
     """
     ended = threading.Event()
 
     def ask() -> None:
         while not ended.wait(_ASK_AGAIN):
+            failed = [
+                name for name, each in dict(cluster.workers).items() if each.status.name in _GONE
+            ]
+            if failed:
+                with suppress(Exception):  # one that is started instead may end as early
+                    cluster.sync(cluster.scale_down, failed)
             with suppress(Exception):
                 cluster.scale(workers)
 
