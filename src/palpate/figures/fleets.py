@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 _BINS = 40
 # Percentiles between which a histogram is drawn; what is beyond is counted in its title.
 _SPAN = (0.5, 99.5)
+# High over low from which values are drawn on a logarithmic axis: by then half of them can lie in
+# the first of the bars.
+_DECADES = 100.0
 
 
 def draw_distributions(
@@ -53,7 +56,10 @@ def draw_distributions(
             value = numbers(table, column)
             error = numbers(table, f"{column}_standard_error")
             scale = scale_of(_typical(value), unit)
-            _histogram(above, scale.factor * value, scale.label(name), name, look)
+            _histogram(
+                above, scale.factor * value, scale.label(name), name, look,
+                logarithmic=_spans_decades(value),
+            )  # fmt: skip
             with np.errstate(all="ignore"):
                 relative = np.abs(error / value)[np.isfinite(value)]
             _histogram(below, relative, "standard error / value", "", look, logarithmic=True)
@@ -101,6 +107,15 @@ def _varies(table: "pa.Table", name: str) -> bool:
     return bool((numbers(table, f"{name}_standard_error") > 0.0).any())
 
 
+def _spans_decades(values: Floats) -> bool:
+    """Whether most bars of a linear axis would be empty: cells and springs in one archive."""
+    known = values[np.isfinite(values)]
+    if not known.size or known.min() <= 0.0:
+        return False
+    low, high = np.percentile(known, _SPAN).tolist()
+    return bool(high > _DECADES * low)
+
+
 def _typical(values: Floats) -> float:
     known = np.abs(values[np.isfinite(values)])
     return float(np.percentile(known, 90.0)) if known.size else 0.0
@@ -126,7 +141,7 @@ def _histogram(
         if beyond and title:
             title = f"{title} ({beyond} beyond)"
     missing = values.size - known.size
-    if missing and logarithmic:
+    if missing and not title:
         title = f"{missing} without a known error"
     axes.set(xlabel=label, ylabel="contacts")
     axes.locator_params(axis="y", nbins=5)
