@@ -15,8 +15,9 @@ _START = 5.0  # s, in which a process starts and imports
 
 
 def ratio(processes: int = 2, *, seconds: float = _SECONDS) -> float:
-    """Curves a second of so many processes at once, over those of one; of three tries the best."""
-    return max(_rate(processes, seconds) / _rate(1, seconds) for _ in range(3))
+    """Curves a second of so many processes at once, over those of one; the best of three tries."""
+    best = [max(_rate(count, seconds) for _ in range(3)) for count in (processes, 1)]
+    return best[0] / best[1]
 
 
 def _rate(processes: int, seconds: float) -> float:
