@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,14 +17,13 @@ from palpate.errors import RecordingError
 from palpate.flags import ADVICE_OF, NEGATIVE_DAMPING, NEGATIVE_STIFFNESS
 from palpate.fleet.at_depth import AT_DEPTH, LawsAtDepth, working_depths
 from palpate.fleet.columns import empty_columns, table_of
+from palpate.fleet.curves import Curves
 from palpate.fleet.in_lanes import columns_in_lanes, goes_through_lanes
 from palpate.fleet.outliers import fitted
 from palpate.fleet.rows import failure, in_words, row_of
 from palpate.fleet.settings import Settings
-from palpate.preparation import prepare
 from palpate.preparation.resolution import resolutions_of
 from palpate.preparation.suggestions import choose_gate
-from palpate.preparation.velocity import velocity_of
 from palpate.refusals import FEWEST_ABOVE, nothing_taken
 from palpate.validation import Floats
 
@@ -37,93 +36,6 @@ _SHARED = (
     "surface_deviation", "noise", "scale",
 )  # fmt: skip
 _NAMES = ("source", "index", "part", "x", "y", "z")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Curves:
-    """Contacts of equal length, one row each; NaN marks a sample that is not there.
-
-    Attributes
-    ----------
-    time : numpy.ndarray, shape (samples,) or (k, samples)
-        s.
-    penetration, force : numpy.ndarray, shape (k, samples)
-        m and N.
-    velocity : numpy.ndarray, shape (k, samples), optional
-        m/s; worked out from the penetration where it is not given.
-    source : str
-        Where they are from.
-    index : numpy.ndarray of int64, shape (k,)
-        Which contact of the source each is.
-    places : dict
-        ``x``, ``y`` and ``z`` of each, m, where they are known.
-    """
-
-    time: Floats
-    penetration: Floats
-    force: Floats
-    velocity: Floats | None = None
-    source: str = ""
-    index: NDArray[np.int64] | None = None
-    places: dict[str, Floats] = field(default_factory=dict)
-
-    def __len__(self) -> int:
-        return len(self.penetration)
-
-    def clock(self, row: int) -> Floats:
-        """The times of a row, s."""
-        clock: Floats = self.time[row] if self.time.ndim == 2 else self.time
-        return clock
-
-    def known(self) -> "Curves":
-        """The same, with a velocity for each row."""
-        if self.velocity is not None:
-            return self
-        with np.errstate(divide="ignore", invalid="ignore"):  # of times that stand still
-            rows = [velocity_of(self.clock(k), x) for k, x in enumerate(self.penetration)]
-        velocity = np.array(rows).reshape(self.penetration.shape)
-        return Curves(
-            self.time, self.penetration, self.force, velocity, self.source, self.index, self.places
-        )
-
-    def wrong_clocks(self) -> dict[int, str]:
-        """Which rows have times that do not increase from sample to sample, and where."""
-        there = np.isfinite(self.penetration) & np.isfinite(self.force)
-        clocks = np.atleast_2d(self.time)
-        with np.errstate(invalid="ignore"):
-            even = (np.diff(clocks, axis=1) > 0.0).all(axis=1)
-        found = {}
-        for row in np.flatnonzero(~np.broadcast_to(even, len(self))).tolist():
-            time = self.clock(row)[there[row]]
-            wrong = np.flatnonzero(~(np.diff(time) > 0.0))
-            if wrong.size:
-                k = int(wrong[0])
-                sample = int(np.flatnonzero(there[row])[k + 1])
-                found[row] = (
-                    "time must be finite and increase from sample to sample; sample "
-                    f"{sample} is at {time[k + 1]:.6g} s, after {time[k]:.6g} s"
-                )
-        return found
-
-    def contact(self, row: int, settings: Settings) -> Contact:
-        """One of them as a contact, prepared as the settings say.
-
-        Raises
-        ------
-        PalpateError
-            It cannot be.
-        """
-        x, f, t = self.penetration[row], self.force[row], self.clock(row)
-        there = np.isfinite(x) & np.isfinite(f) & np.isfinite(t)
-        velocity = None if self.velocity is None else self.velocity[row][there]
-        return prepare(
-            time=t[there],
-            penetration=x[there],
-            force=f[there],
-            velocity=velocity,
-            source=self.source,
-            **settings.preparation,
-        )
 
 
 def fits_whole_curves(settings: Settings) -> bool:

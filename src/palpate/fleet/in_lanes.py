@@ -8,13 +8,14 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from itertools import chain, compress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from palpate import _core
 from palpate._core import Status
 from palpate.estimators import CompiledEstimator, ContactEstimator, estimator_named
+from palpate.fleet.curves import Curves
 from palpate.fleet.lane_rows import FEWEST, Flags, LaneRows, Rows, Samples
 from palpate.fleet.settings import Settings
 from palpate.lanes import LaneEstimates, replay_lanes
@@ -22,9 +23,6 @@ from palpate.preparation.gates_of_rows import gates_of_rows, scales_of_rows
 from palpate.preparation.suggestions import LARGEST
 from palpate.settings import OutlierRejection
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from palpate.fleet.arrays import Curves
 
 Columns = dict[str, Any]
 #: Columns, and the rows that they are of.
@@ -61,7 +59,7 @@ def goes_through_lanes(settings: Settings) -> bool:
     )
 
 
-def columns_in_lanes(curves: "Curves", settings: Settings, threads: int) -> Known:
+def columns_in_lanes(curves: Curves, settings: Settings, threads: int) -> Known:
     """Identify what lanes can: columns, and the rows that these are of.
 
     Parameters
@@ -105,7 +103,7 @@ def _joined(parts: Sequence[Known]) -> Known:
     return columns, np.concatenate([rows for _, rows in parts])
 
 
-def _even(curves: "Curves") -> tuple[Flags, float]:
+def _even(curves: Curves) -> tuple[Flags, float]:
     """Which have a clock of even steps, the same for all; and such a step, s."""
     clocks = np.atleast_2d(curves.time)
     if clocks.shape[1] < FEWEST or not len(curves):
@@ -123,7 +121,7 @@ def _even(curves: "Curves") -> tuple[Flags, float]:
 class _Task:
     """Identifies some of the rows, from arrays to columns; threads share one."""
 
-    curves: "Curves"
+    curves: Curves
     settings: Settings
     step: float
 

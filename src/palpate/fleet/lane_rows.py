@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from palpate.error_bars import widenings
 from palpate.estimators import ContactEstimator
 from palpate.flags import ADVICE_OF, words_of
 from palpate.fleet.at_depth import numbers_at_depth
+from palpate.fleet.curves import Curves
 from palpate.force_laws import HuntCrossley
 from palpate.lanes import LaneEstimates
 from palpate.metrics import START_UP
@@ -18,9 +19,6 @@ from palpate.preparation.gates_of_rows import percentile_of_rows
 from palpate.preparation.suggestions import LARGEST
 from palpate.preparation.velocity import velocity_of
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from palpate.fleet.arrays import Curves
 
 Flags = NDArray[np.bool_]
 Rows = NDArray[np.int64]
@@ -49,7 +47,7 @@ class Samples:
     sound: Flags
 
     @classmethod
-    def of(cls, curves: "Curves", rows: Rows) -> "Samples":
+    def of(cls, curves: Curves, rows: Rows) -> "Samples":
         """Copy some of the contacts."""
         x, f = curves.penetration[rows], curves.force[rows]
         times = curves.time[rows] if curves.time.ndim == 2 else curves.time

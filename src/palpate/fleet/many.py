@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.estimators import ContactEstimator
-from palpate.fleet.arrays import Curves, identify_curves
+from palpate.fleet.arrays import identify_curves
 from palpate.fleet.columns import table_of_rows
+from palpate.fleet.curves import Curves
 from palpate.fleet.extras import cores
 from palpate.fleet.rows import Row, failure, rows_of
 from palpate.fleet.settings import DiagnosisDepth, Settings

@@ -6,17 +6,15 @@ at the end of the sensor's range.
 """
 
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.curves import CurveFits, fit_curves
+from palpate.fleet.curves import Curves
 from palpate.preparation.spikes import spikes_of_rows, step_of
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from palpate.fleet.arrays import Curves
 
 Mask = NDArray[np.bool_]
 # Equal forces at the top that are no chance, and by how many of its steps the law's force moves
@@ -25,8 +23,8 @@ _FLAT, _FLAT_STEPS = 5, 4.0
 
 
 def fitted(
-    curves: "Curves", chosen: dict[str, Any], *, rejects: bool, threads: int
-) -> "tuple[CurveFits, Curves, NDArray[np.int64]]":
+    curves: Curves, chosen: dict[str, Any], *, rejects: bool, threads: int
+) -> tuple[CurveFits, Curves, NDArray[np.int64]]:
     """Fit curves with velocities: the fits, what they are of, and how many samples were left out.
 
     Parameters
@@ -54,7 +52,7 @@ def fitted(
 
 
 def _fit(
-    curves: "Curves", chosen: dict[str, Any], threads: int, rows: NDArray[np.intp] | None = None
+    curves: Curves, chosen: dict[str, Any], threads: int, rows: NDArray[np.intp] | None = None
 ) -> CurveFits:
     signals = [curves.penetration, curves.velocity, curves.force]
     own = chosen
@@ -70,8 +68,8 @@ def _put(fits: CurveFits, rows: NDArray[np.intp], others: CurveFits) -> None:
 
 
 def _without(
-    curves: "Curves", found: dict[int, Mask], left_out: NDArray[np.int64]
-) -> "tuple[Curves, NDArray[np.int64]]":
+    curves: Curves, found: dict[int, Mask], left_out: NDArray[np.int64]
+) -> tuple[Curves, NDArray[np.int64]]:
     """The same curves without some samples, of which those in hand are left as they are."""
     if not found:
         return curves, left_out
@@ -82,7 +80,7 @@ def _without(
     return replace(curves, force=force), counts
 
 
-def _spikes(curves: "Curves", threads: int) -> dict[int, Mask]:
+def _spikes(curves: Curves, threads: int) -> dict[int, Mask]:
     """Single samples of a channel that leave their neighbours, by the rows that have any."""
     marks = np.zeros(curves.force.shape, dtype=np.bool_)
     for values in (curves.penetration, curves.velocity, curves.force):
@@ -91,7 +89,7 @@ def _spikes(curves: "Curves", threads: int) -> dict[int, Mask]:
     return {row: marks[row] for row in np.flatnonzero(marks.any(axis=1)).tolist()}
 
 
-def _ends_of_range(curves: "Curves", fits: CurveFits) -> dict[int, Mask]:
+def _ends_of_range(curves: Curves, fits: CurveFits) -> dict[int, Mask]:
     """Forces at the end of the sensor's range: equal ones on top while the law's force moves."""
     found: dict[int, Mask] = {}
     with np.errstate(invalid="ignore"):
@@ -109,7 +107,7 @@ def _ends_of_range(curves: "Curves", fits: CurveFits) -> dict[int, Mask]:
     return found
 
 
-def _force_of_law(curves: "Curves", fits: CurveFits, row: int) -> Floats:
+def _force_of_law(curves: Curves, fits: CurveFits, row: int) -> Floats:
     assert curves.velocity is not None
     depth = curves.penetration[row] - fits.surface[row]
     force: Floats = fits.law(row).force(depth, curves.velocity[row])

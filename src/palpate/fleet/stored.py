@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from palpate.errors import RecordingError
-from palpate.fleet.arrays import Curves
+from palpate.fleet.curves import Curves
 from palpate.fleet.extras import needed
 from palpate.fleet.tasks import Source
 from palpate.recordings.units import UNITS, plain_unit
