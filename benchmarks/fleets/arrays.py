@@ -25,7 +25,6 @@ def measure(count: int, folder: Path | None = None) -> Section:
         _timed(path, 2, "warm")  # the file is in memory then
         two, whole, peak = _timed(path, 2, "two")
         one, _, _ = _timed(path, 1, "one")
-    bare = alone.ratio()
     unit = "s"
     limit = Limit(40.0) if count >= _WANTED else None
     idle = 1.0 - two.busy / (2.0 * two.seconds)
@@ -39,8 +38,12 @@ def measure(count: int, folder: Path | None = None) -> Section:
             "one worker", one.seconds, unit, one.seconds / two.seconds, "two workers",
             Limit(1.85, at_least=True) if count >= _WANTED else None,
         ),
-        Row("two processes against one, the fit alone: what this machine allows", bare, "×"),
     ]  # fmt: skip
+    if count >= _WANTED:
+        bare = alone.ratio()
+        rows += [
+            Row("two processes against one, the fit alone: what this machine allows", bare, "×")
+        ]
     notes = ["penetration, velocity and force; surface unknown; diagnosis none; from the first "
              "batch to the last file on disk"]  # fmt: skip
     return Section("Zarr to Parquet", rows, notes)
