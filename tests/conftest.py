@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 
 import hypothesis
@@ -12,6 +13,11 @@ from palpate import cli
 
 # Tables are as wide as in a pipe, whoever runs the tests: parallel runs say their own width.
 os.environ.pop("COLUMNS", None)
+
+# Whoever runs in the background of a shell inherits that Ctrl-C is ignored, and hands it on: tests
+# send it to what they start.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples in every run, and no clock: a slow machine is not a defect.
 hypothesis.settings.register_profile("palpate", deadline=None, derandomize=True)
