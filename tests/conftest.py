@@ -19,6 +19,10 @@ os.environ.pop("COLUMNS", None)
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Thousands of tests, and what they import, are there to the end: a twentieth of the time went into
+# looking through them for garbage again and again.
+gc.set_threshold(100_000)
+
 # The same examples in every run, and no clock: a slow machine is not a defect.
 hypothesis.settings.register_profile("palpate", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("palpate")
@@ -44,16 +48,6 @@ def pytest_collection_modifyitems(config, items):
             seen.add(test)
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if item not in set(left_out)]
-
-
-def pytest_collection_finish(session):
-    # Thousands of tests, and what they import, are there to the end: a twentieth of the time went
-    # into looking through them for garbage again and again.
-    gc.freeze()
-
-
-def pytest_sessionfinish(session):
-    gc.unfreeze()
 
 
 @pytest.fixture(scope="session", params=KINDS.values(), ids=KINDS)
