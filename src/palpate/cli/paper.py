@@ -13,7 +13,7 @@ from palpate.cli.printing import Terminal, complain
 if TYPE_CHECKING:
     from palpate.paper import Experiment
     from palpate.paper.report.contents import Report
-    from palpate.paper.runner import PaperRun, Progress
+    from palpate.paper.running import PaperRun, Progress
 
 Names = Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")]
 
@@ -45,7 +45,7 @@ def paper(
         Processes; as many as there are cores unless given.
     """
     from palpate.lab.robot import require_mujoco
-    from palpate.paper.runner import run_paper
+    from palpate.paper.running import run_paper
     from palpate.validation import number_in
 
     _require_figures()

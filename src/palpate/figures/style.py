@@ -166,6 +166,12 @@ def as_svg(figure: "Figure") -> str:
     return _as_bytes(figure, ".svg").decode("utf-8")
 
 
+def recoloured(svg: str) -> str:
+    """Return an SVG drawn for a light background in the colours for a dark one."""
+    dark = dict(zip(LIGHT.variables().values(), DARK.variables().values(), strict=True))
+    return re.sub(r"#[0-9a-f]{6}\b", lambda colour: dark.get(colour[0], colour[0]), svg)
+
+
 def _as_bytes(figure: "Figure", ending: str) -> bytes:
     import matplotlib
 

@@ -1,29 +1,23 @@
-"""The experiments of Haddadi & Hashtrudi-Zaad (2012), on the laboratory's rig."""
+"""The experiments of Haddadi & Hashtrudi-Zaad (2012), on the laboratory's rig.
 
-from palpate.paper.comparison.materials import COMPARISONS
-from palpate.paper.condition.experiment import Condition
-from palpate.paper.experiment import Claim, Experiment, Finding, Outcome, Table
-from palpate.paper.forgetting.experiment import FORGETTING
-from palpate.paper.hysteresis.experiment import HYSTERESIS
-from palpate.paper.intermittent.experiment import INTERMITTENT
-from palpate.paper.near_truth.experiment import NEAR_TRUTH
-from palpate.paper.repetitions.experiment import Repetitions
-from palpate.paper.richness.experiment import RICHNESS
-from palpate.paper.trajectory import TrajectoryFollowed
+A module ``fig*.py`` holds one, or several that differ in the material alone; ``claims.toml`` what the
+paper says of each, and ``judges.py`` when that holds.
+"""
+
+import pkgutil
+from importlib import import_module
+
+from palpate.paper.experiment import Claim, Experiment, Outcome, Table
+from palpate.paper.judging import Finding
 
 __all__ = ["EXPERIMENTS", "Claim", "Experiment", "Finding", "Outcome", "Table"]
 
-_ALL: tuple[Experiment, ...] = (
-    TrajectoryFollowed(),
-    *(Repetitions(name) for name in ("fig05", "fig11", "fig14")),
-    *(Condition(name) for name in ("fig06", "fig12", "fig15")),
-    *FORGETTING,
-    *COMPARISONS,
-    *NEAR_TRUTH,
-    *HYSTERESIS,
-    *RICHNESS,
-    *INTERMITTENT,
-)
+_MODULES = [each.name for each in pkgutil.iter_modules(__path__) if each.name.startswith("fig")]
+_ALL: list[Experiment] = [
+    experiment
+    for name in _MODULES
+    for experiment in import_module(f"{__name__}.{name}").EXPERIMENTS
+]
 
 #: By name, in the order of the paper.
 EXPERIMENTS: dict[str, Experiment] = {

@@ -1,17 +1,33 @@
-"""What an experiment of the paper is, and what it says."""
+"""What an experiment of the paper is, what it measures, and what the paper says of it."""
 
+import tomllib
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from importlib import resources
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from palpate.figures.style import LIGHT, style
+from palpate.paper.judges import JUDGES
+from palpate.paper.judging import Finding, Judge, Numbers, over_seeds
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+Curves = Mapping[str, "ArrayLike"]
+#: Says a number over the seeds, or several that are alike: median, and the range in brackets.
+Say = Callable[..., str]
+# A pixel of a figure is a thousandth of its width; more digits make a heavy file that looks alike.
+DIGITS_DRAWN = 5
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A sentence of the paper, to be held against what is seen here.
+    """A sentence of the paper, as ``claims.toml`` holds it.
 
     Parameters
     ----------
@@ -23,62 +39,41 @@ class Claim:
         The paper's own.
     number : str
         The number that the paper gives, with its unit; empty where it gives none.
-    unit : str
-        Unit of what is measured here; empty for a pure number.
-    assumption : str
-        What the paper leaves open and the answer depends on.
-    measured : str
-        What our number is, where the paper's words do not tell.
+    measured, unit : str
+        What our number is, where the paper's words do not say, and its unit.
+    reading : str
+        What the words are taken to mean in numbers.
+    depends : str
+        On what the paper leaves open.
     """
 
     key: str
     where: str
     words: str
     number: str = ""
-    unit: str = ""
-    assumption: str = ""
     measured: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """What one seed says of a claim.
-
-    Parameters
-    ----------
-    holds : bool or None
-        None: it cannot be checked; ``words`` says why.
-    ours : float or None
-        The number measured, in the claim's unit.
-    words : str
-        What was seen, where a number alone does not tell.
-    """
-
-    holds: bool | None
-    ours: float | None = None
-    words: str = ""
+    unit: str = ""
+    reading: str = ""
+    depends: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What one seed gave: plain numbers, so that it can be written down and drawn later.
+    """What one seed gave: plain numbers, so that it can be written down, judged and drawn later.
 
     Parameters
     ----------
     seed : int
         The seed.
     numbers : mapping
-        Figures for the tables.
+        By name, with the unit in brackets at its end; NaN where something never happened.
     curves : mapping
         What is drawn: a list of floats each, thinned out; NaN where there is nothing.
-    findings : mapping
-        A :class:`Finding` for each of the experiment's claims, by key.
     """
 
     seed: int
-    numbers: Mapping[str, Any] = field(default_factory=dict)
-    curves: Mapping[str, list[float]] = field(default_factory=dict)
-    findings: Mapping[str, Finding] = field(default_factory=dict)
+    numbers: Numbers
+    curves: Mapping[str, list[float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,34 +86,107 @@ class Table:
     note: str = ""
 
 
+@dataclass(frozen=True)
 class Experiment(ABC):
     """A figure of the paper, with the tables that belong to it.
 
-    Attributes
+    Parameters
     ----------
     name : str
         As the command line and the files know it, such as "fig03".
     title : str
         What a person calls it.
-    caption : str
-        What the figure shows, for those too who cannot see it.
-    claims : tuple of Claim
-        What the paper says of it.
     """
 
     name: str
     title: str
-    caption: str = ""
-    claims: tuple[Claim, ...]
+    #: One process measures those of a group one after the other, for they press the same.
+    group: ClassVar[str] = ""
+    #: Width and height of the figure, in.
+    size: ClassVar[tuple[float, float]] = (10.5, 8.0)
+
+    @property
+    @abstractmethod
+    def caption(self) -> str:
+        """What the figure shows, for those too who cannot see it."""
 
     @abstractmethod
-    def run(self, seed: int) -> Outcome:
-        """Do the experiment once; the same seed gives the same outcome."""
+    def measure(self, seed: int) -> tuple[Numbers, Curves]:
+        """Return numbers by name, and what is drawn; the same seed gives the same."""
 
     @abstractmethod
-    def draw(self, outcomes: Sequence[Outcome], *, dark: bool = False) -> "Figure":
-        """Draw the first outcome, beside what the other seeds gave where that can be shown."""
+    def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
+        """Draw the first outcome, beside what the other seeds gave where that can be shown.
 
-    def tables(self, outcomes: Sequence[Outcome]) -> tuple[Table, ...]:
+        In the colours for a light background, which are exchanged for a dark one.
+        """
+
+    def tables(self, say: Say) -> tuple[Table, ...]:
         """Return the tables that belong to the figure; none unless it has some."""
         return ()
+
+    @property
+    def claims(self) -> tuple[Claim, ...]:
+        """What the paper says of it."""
+        return _claims()[self.name]
+
+    @property
+    def judges(self) -> Mapping[str, Judge]:
+        """Who judges each claim, by its key."""
+        return JUDGES[self.name]
+
+    def run(self, seed: int) -> Outcome:
+        """Measure once."""
+        numbers, curves = self.measure(seed)
+        plain = {name: float(value) for name, value in numbers.items()}
+        return Outcome(seed, plain, {name: rounded(curve) for name, curve in curves.items()})
+
+    def findings(self, outcome: Outcome) -> dict[str, Finding]:
+        """Hold what was measured against every claim."""
+        return {claim.key: self.judges[claim.key](outcome.numbers) for claim in self.claims}
+
+    def figure(self, outcomes: Sequence[Outcome]) -> "Figure":
+        """Return the figure of some outcomes."""
+        with style(LIGHT) as new_figure:
+            figure = new_figure(figsize=self.size, layout="constrained")
+            self.draw(figure, outcomes)
+            figure.suptitle(self.title, fontsize=11)
+        return figure
+
+    def tabulated(self, outcomes: Sequence[Outcome]) -> tuple[Table, ...]:
+        """Return the tables of some outcomes."""
+        every = [outcome.numbers for outcome in outcomes]
+        return self.tables(partial(over_seeds, every))
+
+
+def by_symbol(what: str, values: Iterable[float], symbols: str, unit: str) -> dict[str, float]:
+    """Name the values of several parameters: "time α = 5 K [s]", and so on."""
+    end = f" [{unit}]" if unit else ""
+    pairs = zip(symbols.split(), values, strict=True)
+    return {f"{what} {symbol}{end}": float(value) for symbol, value in pairs}
+
+
+def rounded(values: "ArrayLike") -> list[float]:
+    """Numbers as they are drawn, as a list."""
+    flat = np.asarray(values, dtype=np.float64).tolist()
+    return [float(f"{value:.{DIGITS_DRAWN}g}") for value in flat]
+
+
+@cache
+def _claims() -> Mapping[str, tuple[Claim, ...]]:
+    text = resources.files("palpate.paper").joinpath("claims.toml").read_text(encoding="utf-8")
+    whole = tomllib.loads(text)
+    notes = whole.pop("notes")
+    return {
+        name: tuple(_claim(key, said, notes) for key, said in claims.items())
+        for name, claims in whole.items()
+    }
+
+
+def _claim(key: str, said: Mapping[str, str], notes: Mapping[str, str]) -> Claim:
+    measured, _, unit = said.get("ours", "").rpartition("[")
+    if not unit.endswith("]"):
+        measured, unit = unit, ""
+    named = {name: said.get(name, "") for name in ("where", "words", "number")}
+    noted = {name: said.get(name, "").format(**notes) for name in ("reading", "depends")}
+    return Claim(key, **named, measured=measured.strip(), unit=unit.removesuffix("]"), **noted)

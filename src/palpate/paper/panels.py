@@ -1,67 +1,76 @@
-"""Panels that several of the paper's figures share."""
+"""What the figures share: curves thinned out, lines that differ without colour, labels."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from palpate.figures.style import Theme
+from palpate.figures.style import LIGHT as THEME
+from palpate.identification import Identification
+from palpate.validation import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
+
+    from palpate.paper.experiment import Curves
 
 #: What a person calls the lab's materials.
 LABELS: Mapping[str, str] = {
     "ball": "ball",
     "sponge": "sponge",
     "pvc": "PVC phantom",
-    "inclusion": "PVC with inclusion",
     "relaxing-sponge": "relaxing sponge",
 }
+#: Of Hunt–Crossley's parameters.
+PARAMETERS: Mapping[str, str] = {"K": "K [N/mⁿ]", "B": "B [N·s/mⁿ⁺¹]", "n": "n"}
+#: Told apart without colour.
+DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (7, 2, 1.5, 2)), (0, (3, 1)))
+# More points than this on a line of a figure look the same.
+POINTS = 400
 
 
-def draw_course(
+def early_and_late(elapsed: Floats) -> NDArray[np.intp]:
+    """Which samples to draw: enough for a logarithmic axis of time, and for a linear one."""
+    early = np.geomspace(1, elapsed.size, POINTS).round().astype(np.intp) - 1
+    return np.union1d(early, np.arange(0, elapsed.size, max(elapsed.size // POINTS, 1)))
+
+
+def thinned(time: Floats) -> NDArray[np.intp]:
+    """Which samples to draw over the clock: one in 5 in the first half second, then one in 20."""
+    early = time < time[0] + 0.5
+    position = np.arange(time.size)
+    return np.flatnonzero(np.where(early, position % 5 == 0, position % 20 == 0))
+
+
+def traced(prefix: str, result: Identification, clock: str = "elapsed") -> "Curves":
+    """Return parameters and force error of a result over the time since contact, to be drawn."""
+    trace, contact = result.trace, result.contact
+    taken = trace.taken
+    elapsed = np.cumsum(contact.time_steps[taken])
+    keep = early_and_late(elapsed)
+    known = trace.parameters[taken][keep]
+    curves = {f"{prefix}/{symbol}": known[:, i] for i, symbol in enumerate(result.law.symbols)}
+    curves[f"{prefix}/error"] = (contact.force - trace.predicted_force)[taken][keep]
+    return {clock: elapsed[keep], **curves}
+
+
+def draw_lines(
     axes: "Axes",
-    time: Sequence[float],
-    lines: Sequence[tuple[str, Sequence[float], str, str]],
-    theme: Theme,
-    truth: float,
+    x: "ArrayLike",
+    lines: Mapping[str, "ArrayLike"] | Iterable[tuple[str | None, "ArrayLike"]],
+    *,
+    first: int = 0,
+    **options: Any,
 ) -> None:
-    """One parameter over time; each line has a label, values, a colour and a style.
-
-    The start-up leaves any scale: what is shown is where the estimates stay, three times over.
-    """
-    clock, settled = np.array(time), []
-    for label, values, colour, dashes in lines:
-        known = np.array(values)
-        axes.plot(clock, known, dashes, color=colour, linewidth=1.1, label=label)
-        settled.append(known[clock > clock[0] + 1.0])
-    axes.axhline(truth, color=theme.ink, linewidth=0.9, linestyle=":", label="truth")
-    every = np.concatenate(settled)
-    reach = 3.0 * float(np.nanmax(np.abs(every - truth), initial=0.02 * abs(truth)))
-    axes.set_ylim(truth - reach, truth + reach)
-    axes.set_xlim(clock[0], clock[-1])
+    """Draw lines that differ in colour and dashes, the first of them in the ``first`` style."""
+    pairs = lines.items() if isinstance(lines, Mapping) else lines
+    for i, (label, y) in enumerate(pairs, first):
+        looks = {"color": THEME.lines[i % len(THEME.lines)], "linestyle": DASHES[i % len(DASHES)]}
+        axes.plot(x, y, label=label, **{"linewidth": 1.4, **looks, **options})
 
 
-def draw_finals(
-    axes: "Axes",
-    dots: Mapping[str, tuple[Sequence[float], Sequence[float]]],
-    theme: Theme,
-    truth: float,
-) -> None:
-    """Final values of several methods, each with two standard errors, beside the truth."""
-    for row, (values, errors) in enumerate(dots.values()):
-        places = row + np.linspace(-0.3, 0.3, len(values)) if len(values) > 1 else [row]
-        axes.errorbar(
-            values,
-            places,
-            xerr=2.0 * np.array(errors),
-            fmt="o",
-            color=theme.lines[0] if row == 0 else theme.ink,
-            markersize=3.0,
-            linewidth=0.8,
-        )
-    axes.axvline(truth, color=theme.ink, linewidth=0.9, linestyle=":")
-    axes.set_yticks(range(len(dots)), list(dots))
-    axes.set_ylim(len(dots) - 0.4, -0.6)
-    axes.grid(visible=False, axis="y")
+def draw_truth(axes: "Axes", value: float, label: str | None = "truth") -> None:
+    """Dot a line where the truth, or another fixed value, is."""
+    axes.axhline(value, color=THEME.ink, linewidth=0.9, linestyle=":", label=label)

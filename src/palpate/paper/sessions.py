@@ -1,17 +1,13 @@
-"""Sessions at the laboratory's rig, and the estimators as the paper sets them."""
+"""Sessions at the laboratory's rig, and identification as the paper sets it."""
 
-import pickle
 from functools import lru_cache
-from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from palpate import identifying
 from palpate.contact import Contact
+from palpate.estimators import ContactEstimator, RecursiveLeastSquaresEstimator
+from palpate.identification import Identification
 from palpate.lab import MATERIALS, TRAJECTORIES, Bench, Measurement
 from palpate.settings import ContactGate, Scale
-from palpate.validation import Floats
-from palpate.writing import write_bytes
 
 #: When the command leaves its pause, s; the paper's clock, in which contact is made at 2 s.
 START = 2.0
@@ -21,30 +17,11 @@ GATE = ContactGate(minimum_penetration=0.1e-3, make_force=0.5)
 SI = Scale()
 
 
-# Sessions longer than this are not worth the room on disk, s.
-LONGEST_SHARED = 60.0
-_shared: Path | None = None
-
-
-def share_sessions(folder: Path) -> None:
-    """Keep sessions in a folder too, for all processes of one run to find."""
-    global _shared
-    _shared = folder
-
-
-@lru_cache(maxsize=32)
+# As many as the experiments of a group press in one seed, and no more: each is megabytes.
+@lru_cache(maxsize=16)
 def session(material: str, trajectory: str, seed: int, seconds: float = 12.0) -> Measurement:
     """Press a material of the lab with the twin pantograph; kept, for experiments share it."""
-    bench = Bench(MATERIALS[material], TRAJECTORIES[trajectory])
-    if _shared is None or seconds > LONGEST_SHARED:
-        return bench.run(seed, seconds=seconds)
-    path = _shared / f"{material}-{trajectory}-{seed}-{seconds:g}.pickle"
-    if path.is_file():
-        found: Measurement = pickle.loads(path.read_bytes())
-        return found
-    measurement = bench.run(seed, seconds=seconds)
-    write_bytes(path, pickle.dumps(measurement))
-    return measurement
+    return Bench(MATERIALS[material], TRAJECTORIES[trajectory]).run(seed, seconds=seconds)
 
 
 def pressed(material: str, trajectory: str, seed: int, seconds: float = 12.0) -> Contact:
@@ -52,8 +29,18 @@ def pressed(material: str, trajectory: str, seed: int, seconds: float = 12.0) ->
     return session(material, trajectory, seed, seconds).contact.window(START)
 
 
-def thinned(time: Floats) -> NDArray[np.intp]:
-    """Which samples to draw: one in 5 in the first half second, then one in 20."""
-    early = time < time[0] + 0.5
-    position = np.arange(time.size)
-    return np.flatnonzero(np.where(early, position % 5 == 0, position % 20 == 0))
+def identified(contact: Contact, estimator: ContactEstimator, **settings: object) -> Identification:
+    """Identify on the samples above the noise, outliers too; the paper's methods in SI, as they are.
+
+    Parameters
+    ----------
+    contact : Contact
+        What was pressed.
+    estimator : ContactEstimator
+        Method and settings, of a compiled one.
+    **settings
+        Other ones than that.
+    """
+    paper = {"scale": SI} if isinstance(estimator, RecursiveLeastSquaresEstimator) else {}
+    ours = {"gate": GATE, "outlier_rejection": False, **paper, **settings}
+    return identifying.identify(contact, estimator.replace(**ours))

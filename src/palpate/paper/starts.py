@@ -13,11 +13,9 @@ from palpate.estimators import (
     RecursiveLeastSquaresEstimator,
     SingleStageRLS,
 )
-from palpate.estimators.contact_estimator import ContactEstimator
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
 from palpate.identification import Identification
-from palpate.paper.identifying import identify
-from palpate.paper.sessions import GATE, SI
+from palpate.paper.sessions import identified
 from palpate.validation import Floats
 
 #: Small values by footnote 1: a stiffness of 0 has no logarithm.
@@ -36,12 +34,6 @@ RECURSIVE: tuple[type[RecursiveLeastSquaresEstimator], ...] = (
 )
 
 Starts = Mapping[str, ForceLaw]
-
-
-def identified(contact: Contact, estimator: ContactEstimator) -> Identification:
-    """Identify on the samples above the noise; the paper's methods in SI, as they are."""
-    paper = isinstance(estimator, RecursiveLeastSquaresEstimator)
-    return identify(contact, estimator.replace(gate=GATE, **({"scale": SI} if paper else {})))
 
 
 def starts_of(contact: Contact, kind: type[RecursiveLeastSquaresEstimator]) -> Starts:

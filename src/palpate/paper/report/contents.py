@@ -3,7 +3,7 @@
 import os
 import platform
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
@@ -12,7 +12,7 @@ from palpate.estimators import SingleStageRLS
 from palpate.lab import MATERIALS, TRAJECTORIES, Palpation, Probing, Sensors
 from palpate.paper.experiment import Experiment, Outcome, Table
 from palpate.paper.outcomes import versions
-from palpate.paper.report.verdicts import Judgement, Verdict
+from palpate.paper.report.verdicts import Judgement, Verdict, judgements
 from palpate.paper.sessions import GATE, START
 
 TITLE = "Haddadi & Hashtrudi-Zaad (2012), run again"
@@ -34,6 +34,12 @@ class Section:
     outcomes: tuple[Outcome, ...]
     tables: tuple[Table, ...]
     judgements: tuple[Judgement, ...]
+
+    @classmethod
+    def of(cls, experiment: Experiment, outcomes: Sequence[Outcome]) -> "Section":
+        """Tabulate and judge what an experiment measured."""
+        tables, judged = experiment.tabulated(outcomes), judgements(experiment, outcomes)
+        return cls(experiment, tuple(outcomes), tables, judged)
 
 
 @dataclass(frozen=True, slots=True)

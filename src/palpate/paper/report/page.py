@@ -86,7 +86,7 @@ def _claims_of_all(report: Report) -> Iterator[str]:
     yield (
         "<p>Ours is the median over the seeds, with the range in brackets. A claim is reproduced "
         "where it holds in every seed. One that does not reproduce is a result: the column beside "
-        "says what it hinges on.</p>"
+        "says on what it depends.</p>"
     )
     yield from _claims("Every claim", report.judgements, with_links=True)
     yield "</section>"
@@ -99,15 +99,15 @@ def _badge(verdict: Verdict, words: str) -> str:
 
 def _claims(title: str, judgements: Sequence[Judgement], *, with_links: bool) -> Iterator[str]:
     header = ("figure" if with_links else "where", "the paper's words", "its number", "ours")
-    yield from html.table_start(title, (*header, "verdict", "what was seen, and what it hinges on"))
+    yield from html.table_start(title, (*header, "verdict", "what was seen; how it is read, and on what it depends"))
     for each in judgements:
         claim, name = each.claim, each.experiment
         where = escape(claim.where)
         if with_links:
             where = f'<a href="#{name}">{escape(_figure(name))}</a><br><small>{where}</small>'
         remarks = [f"<p>{escape(each.words)}</p>"] if each.words else []
-        if claim.assumption:
-            remarks.append(f'<p class="hinge">{escape(claim.assumption)}</p>')
+        if each.remark:
+            remarks.append(f'<p class="hinge">{escape(each.remark)}</p>')
         cells = (
             f"<q>{escape(claim.words)}</q>",
             escape(claim.number) or "–",

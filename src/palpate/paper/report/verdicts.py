@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from palpate.paper.experiment import Claim, Experiment, Finding, Outcome
+from palpate.paper.experiment import Claim, Experiment, Outcome
+from palpate.paper.judging import Finding, readable
 
 
 class Verdict(enum.Enum):
@@ -101,6 +102,12 @@ class Judgement:
             return said[0] if said else ""
         return f"First seed: {said[0]}" if said[0] else ""
 
+    @property
+    def remark(self) -> str:
+        """What the words are taken to mean, and on what that depends."""
+        parts = (part.removesuffix(".") for part in (self.claim.reading, self.claim.depends))
+        return ". ".join(part[:1].upper() + part[1:] for part in parts if part)
+
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers and words."""
         claim, ours = self.claim, self.ours
@@ -111,8 +118,9 @@ class Judgement:
             "words": claim.words,
             "number": claim.number,
             "unit": claim.unit,
-            "assumption": claim.assumption,
             "measured": claim.measured,
+            "reading": claim.reading,
+            "depends_on": claim.depends,
             "verdict": self.verdict.value,
             "seeds_checked": self.checked,
             "seeds_held": self.held,
@@ -121,22 +129,10 @@ class Judgement:
         }
 
 
-def judge(experiment: Experiment, outcomes: Sequence[Outcome]) -> tuple[Judgement, ...]:
+def judgements(experiment: Experiment, outcomes: Sequence[Outcome]) -> tuple[Judgement, ...]:
     """Return what the outcomes of an experiment say of each of its claims."""
+    every = [experiment.findings(outcome) for outcome in outcomes]
     return tuple(
-        Judgement(
-            experiment.name, claim, tuple(outcome.findings[claim.key] for outcome in outcomes)
-        )
+        Judgement(experiment.name, claim, tuple(findings[claim.key] for findings in every))
         for claim in experiment.claims
     )
-
-
-def readable(value: float) -> str:
-    """Three significant digits, and all digits of a whole thousand."""
-    size = abs(value)
-    if size == 0.0:
-        return "0"
-    if not 1e-3 <= size < 1e6:
-        return f"{value:.2e}".replace("-", "−")
-    digits = max(0, 2 - math.floor(math.log10(size)))
-    return f"{value:.{digits}f}".replace("-", "−")

@@ -1,11 +1,11 @@
 """The report as files: a page, JSON and a table of claims."""
 
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from palpate.paper.outcomes import plain
 from palpate.paper.report.contents import TITLE, Report, Section, circumstances, settings
 from palpate.paper.report.page import page
 from palpate.writing import write_text
@@ -45,18 +45,26 @@ def _section_as_dict(section: Section) -> dict[str, Any]:
         "outcomes": [
             {
                 "seed": outcome.seed,
-                "numbers": plain(outcome.numbers),
-                "findings": plain({key: asdict(each) for key, each in outcome.findings.items()}),
+                "numbers": {name: _plain(value) for name, value in outcome.numbers.items()},
+                "findings": {
+                    key: {**asdict(found), "ours": _plain(found.ours)}
+                    for key, found in experiment.findings(outcome).items()
+                },
             }
             for outcome in section.outcomes
         ],
     }
 
 
+def _plain(value: float | None) -> float | None:
+    """A float to nine digits, None for what is not finite."""
+    return None if value is None or not math.isfinite(value) else float(f"{value:.9g}")
+
+
 def claims_as_markdown(report: Report) -> str:
     """Return the table of claims, to paste into a document."""
     rows = [
-        "| figure | the paper's words | its number | ours | verdict | hinges on |",
+        "| figure | the paper's words | its number | ours | verdict | read as, depends on |",
         "|---|---|---|---|---|---|",
     ]
     for each in report.judgements:
@@ -69,7 +77,7 @@ def claims_as_markdown(report: Report) -> str:
             each.claim.number,
             ours,
             each.verdict_words,
-            each.claim.assumption,
+            each.remark,
         )
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return f"{report.summary}; {report.seeds} seeds.\n\n" + "\n".join(rows) + "\n"

@@ -1,1 +1,0 @@
-"""Fig. 7: the forgetting factor and the initial covariance."""

@@ -1,1 +1,0 @@
-"""Figs. 5, 11 and 14: three repetitions."""
