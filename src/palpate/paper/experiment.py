@@ -159,10 +159,12 @@ class Experiment(ABC):
         return self.tables(partial(over_seeds, every))
 
 
-def by_symbol(what: str, values: Iterable[float], symbols: str, unit: str) -> dict[str, float]:
+def by_symbol(
+    what: str, values: Iterable[float], unit: str, symbols: Iterable[str] = ("K", "B", "n")
+) -> dict[str, float]:
     """Name the values of several parameters: "time α = 5 K [s]", and so on."""
     end = f" [{unit}]" if unit else ""
-    pairs = zip(symbols.split(), values, strict=True)
+    pairs = zip(symbols, values, strict=True)
     return {f"{what} {symbol}{end}": float(value) for symbol, value in pairs}
 
 

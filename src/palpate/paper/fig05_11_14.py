@@ -12,7 +12,7 @@ from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import MATERIALS, Homogeneous
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.judging import Numbers, readable
+from palpate.paper.judging import Numbers, named, readable
 from palpate.paper.panels import LABELS, PARAMETERS, draw_lines, draw_truth, thinned
 from palpate.paper.sessions import identified, pressed, session
 from palpate.validation import Floats
@@ -153,7 +153,7 @@ def _spread(what: str, results: Sequence[Identification]) -> dict[str, float]:
     """Largest minus least of the repetitions, relative to their mean, %, by parameter."""
     values = np.array([result.law.parameters for result in results])
     spread = 100.0 * np.ptp(values, axis=0) / np.abs(values.mean(axis=0))
-    return by_symbol(f"spread {what}", spread, "K B n", "%")
+    return by_symbol(f"spread {what}", spread, "%")
 
 
 def _courses(method: str, results: Sequence[Identification]) -> dict[str, Floats]:
@@ -174,9 +174,10 @@ def _draw_finals(axes: "Axes", symbol: str, outcomes: Sequence[Outcome], truth: 
     for row, method in enumerate(methods):
         values, errors = (
             [
-                next(v for name, v in o.numbers.items() if name.startswith(f"{what} {k} {symbol}"))
-                for o in outcomes
+                value
+                for outcome in outcomes
                 for k in range(REPETITIONS)
+                for value in named(f"{what} {k} {symbol}", outcome.numbers).values()
             ]
             for what in (f"final {method}", f"standard error {method}")
         )

@@ -167,12 +167,11 @@ def _summary(name: str, result: Identification) -> dict[str, float]:
     low, high = np.minimum(start, truth), np.maximum(start, truth)
     beyond = np.maximum(known.max(axis=0) - high, low - known.min(axis=0)).clip(min=0.0)
     late = known[len(known) // 2 :] / truth - 1.0
-    symbols = "K B n"
     return {
-        **by_symbol(f"time {name}", times_to(result, truth), symbols, "s"),
-        **by_symbol(f"scatter {name}", 100.0 * late.std(axis=0), symbols, "%"),
-        **by_symbol(f"largest error {name}", 100.0 * np.abs(late).max(axis=0), symbols, "%"),
-        **by_symbol(f"overshoot {name}", beyond / truth, symbols, "of the truth"),
+        **by_symbol(f"time {name}", times_to(result, truth), "s"),
+        **by_symbol(f"scatter {name}", 100.0 * late.std(axis=0), "%"),
+        **by_symbol(f"largest error {name}", 100.0 * np.abs(late).max(axis=0), "%"),
+        **by_symbol(f"overshoot {name}", beyond / truth, "of the truth"),
         f"rmse {name} [%]": result.prediction_rmse_percent,
     }
 
@@ -189,8 +188,8 @@ def _held(seed: int) -> tuple[dict[str, float], dict[str, Floats]]:
     for name in HELD:
         result = identified(contact, SingleStageRLS(forgetting=PROFILES[name]))
         error = 100.0 * np.abs(result.trace.parameters / LAW.parameters - 1.0)
-        numbers |= by_symbol(f"held error {name}", error[late].max(axis=0), "K B n", "%")
-        numbers |= by_symbol(f"held error at the end, {name}", error[-1], "K B n", "%")
+        numbers |= by_symbol(f"held error {name}", error[late].max(axis=0), "%")
+        numbers |= by_symbol(f"held error at the end, {name}", error[-1], "%")
         numbers[f"held guarded {name} [samples]"] = int(result.estimate.guarded)
         curves[f"held/{name}"] = error[keep].max(axis=1)
     return numbers, curves

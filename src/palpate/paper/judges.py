@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from palpate.paper.judging import (
     Judge,
+    about,
     above,
     at_most,
     below,
@@ -13,9 +14,11 @@ from palpate.paper.judging import (
     judge,
     largest,
     least,
+    never,
     ratio,
     that,
     times,
+    unchecked,
 )
 
 # Forgetting factors that the paper recommends, and P₀ above the norm that it names.
@@ -84,6 +87,113 @@ def _repetitions(material: str) -> dict[str, Judge]:
     }
 
 
+def _from(material: str, claimed: float) -> Judge:
+    """From when on condition 10 holds, ms."""
+    beside = [f"holds from P₀ = {each} {material}" for each in ("10, ours", "100000, every positive force")]
+    return judge(f"holds from {material}", about(claimed), beside=beside)
+
+
+def _violated(material: str, ending: str = "") -> dict[str, Judge]:
+    return {
+        f"violated{ending}": judge(
+            f"seconds until it holds {material}", about(5.0), beside=[f"broken {material}"]
+        ),
+        f"margin{ending}": judge(f"fastest after 5 s {material}", above(0.75), below(1.0)),
+    }
+
+
+CONDITION_ON_SPONGE = {
+    **_violated("sponge"),
+    **_violated("relaxing-sponge", "-relaxing"),
+    "speed": judge(
+        "worst error, 1 times slower",
+        above("worst error, 10 times slower"),
+        beside=["worst error, 2 times slower"],
+    ),
+    "shortcoming": judge("broken sponge", above(0.0)),
+    "limit": judge("final limit sponge"),
+    "conservative": judge("worst error, 1 times slower", at_most(5.0)),
+}
+
+CONDITION_ON_PHANTOM = {
+    # "A few samples" may be broken where the condition is said to be met: this share of the contact.
+    "final": judge("faster than the final limit pvc", at_most(0.5)),
+    "from": _from("pvc", 300.0),
+    "moment": judge(
+        "fastest about 8.7 s pvc",
+        that("broken about 8.7 s pvc", above(0.0)),
+        beside=["fastest after 2 s is at pvc", "peak speed pvc", "final limit pvc"],
+    ),
+}
+
+_BOTH = ("single-stage", "kelvin-voigt")
+_OVER_KELVIN_VOIGT = ratio("time single-stage K|B", "time kelvin-voigt K|B")
+_BESIDE_SPEED = [
+    *(f"time P₀ = {size} {method} K|B" for size in ("10", "1000", "1e+06") for method in _BOTH),
+    *(f"settled {method} K|B" for method in _BOTH),
+]
+_DOUBLE_OVER_SINGLE = least(
+    *(ratio(f"rmse double-stage {start}", f"rmse single-stage {start}") for start in ("I", "II", "III"))
+)
+_KELVIN_VOIGT_ERROR = ratio(least("rmse kelvin-voigt"), "rmse single-stage")
+_EXTENDED = "extended-kelvin-voigt"
+_RELAXING = "relaxing sponge"
+
+COMPARED_ON_BALL = {
+    "rate": judge("time single-stage", below("time double-stage")),
+    "error": judge(_DOUBLE_OVER_SINGLE, above(1.0)),
+    "consistency": judge(
+        "spread double-stage", above(5.0), that("spread single-stage", at_most(5.0))
+    ),
+    "wide-range": judge(
+        "off the truth single-stage", at_most(5.0), that("off the truth double-stage", above(5.0))
+    ),
+    "kelvin-voigt-error": judge(_KELVIN_VOIGT_ERROR, above(1.0)),
+    "kelvin-voigt-rate": judge(_OVER_KELVIN_VOIGT, below(1.0), beside=_BESIDE_SPEED),
+    "parameters": unchecked(),
+}
+
+COMPARED_ON_SPONGE = {
+    "kelvin-voigt-rate": judge(
+        _OVER_KELVIN_VOIGT, between(1.0 / 1.5, 1.5), beside=_BESIDE_SPEED, elsewhere=_RELAXING
+    ),
+    "insensitive": judge(
+        largest(*(f"spread {method}" for method in _BOTH)), at_most(5.0), elsewhere=_RELAXING
+    ),
+    "inconsistent": judge("spread double-stage", above(5.0), elsewhere=_RELAXING),
+    "kelvin-voigt-error": judge(_KELVIN_VOIGT_ERROR, above(1.0), elsewhere=_RELAXING),
+    "double-stage-error": judge(_DOUBLE_OVER_SINGLE, above(1.0), elsewhere=_RELAXING),
+    "parameters": unchecked(),
+}
+
+COMPARED_ON_PHANTOM = {
+    "parameters": unchecked(),
+    "robust": judge(largest(*(f"spread {method}" for method in _BOTH)), at_most(5.0)),
+    "first-small": judge(
+        largest(*(f"first over final single-stage {start} K|B" for start in ("I", "II", "III"))),
+        below(0.1),
+    ),
+    "inconsistent": judge("spread double-stage", above(5.0)),
+    "kelvin-voigt-rate": judge(_OVER_KELVIN_VOIGT, above(1.0), beside=_BESIDE_SPEED),
+    "extended-rate": judge(
+        f"time {_EXTENDED} B", below(*(f"time {method} B" for method in _BOTH))
+    ),
+    "quadratic-never": judge(
+        f"time {_EXTENDED} K₂",
+        never(),
+        beside=[f"time P₀ = {size} {_EXTENDED} K₂" for size in ("10", "1000", "1e+06")],
+    ),
+    "best-error": judge(
+        ratio(least(least("rmse kelvin-voigt"), least(f"rmse {_EXTENDED}")), "rmse single-stage"),
+        above(1.0),
+    ),
+    "as-good": judge(
+        ratio(least(f"rmse {_EXTENDED}"), least("rmse single-stage")),
+        below(1.1),
+        that(least(f"rmse {_EXTENDED}"), below(least("rmse kelvin-voigt"))),
+    ),
+}
+
 PHANTOM_REPEATED = {
     **_repetitions("pvc"),
     "differ": judge(
@@ -101,7 +211,13 @@ PHANTOM_REPEATED = {
 JUDGES: Mapping[str, Mapping[str, Judge]] = {
     "fig03": FOLLOWED,
     "fig05": _repetitions("ball"),
+    "fig06": {"holds": judge("broken after that ball", at_most(0.0)), "from": _from("ball", 90.0)},
     "fig07": FORGETTING,
+    "fig08": COMPARED_ON_BALL,
     "fig11": _repetitions("sponge"),
+    "fig12": CONDITION_ON_SPONGE,
+    "fig13": COMPARED_ON_SPONGE,
     "fig14": PHANTOM_REPEATED,
+    "fig15": CONDITION_ON_PHANTOM,
+    "fig16": COMPARED_ON_PHANTOM,
 }

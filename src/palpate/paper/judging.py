@@ -44,7 +44,7 @@ class Quantity:
     def seen(self, numbers: Numbers) -> str:
         """Its name and value, with the unit of the numbers that it is of."""
         value = self.of(numbers)
-        key = next(iter(_named(self.name.removeprefix("least "), numbers)))
+        key = next(iter(named(self.name.removeprefix("least "), numbers)))
         unit = key.partition(" [")[2].removesuffix("]") if math.isfinite(value) else ""
         return f"{self.name.replace('|', ' or ')}: {readable(value)} {unit}".rstrip()
 
@@ -166,7 +166,7 @@ def least(*of: Of) -> Quantity:
     """Return the least of some quantities."""
     if len(of) == 1 and isinstance(of[0], str):
         name = of[0]
-        return Quantity(lambda numbers: min(_named(name, numbers).values()), f"least {name}")
+        return Quantity(lambda numbers: min(named(name, numbers).values()), f"least {name}")
     return _computed(min, of)
 
 
@@ -189,7 +189,7 @@ def times(factor: float, of: Of) -> Quantity:
 def farthest_from(middle: float, name: str) -> Quantity:
     """Return that of several numbers which is farthest from one."""
     return Quantity(
-        lambda numbers: max(_named(name, numbers).values(), key=lambda value: abs(value - middle)),
+        lambda numbers: max(named(name, numbers).values(), key=lambda value: abs(value - middle)),
         name,
     )
 
@@ -229,6 +229,11 @@ def finite() -> Bound:
     return Bound(lambda value, _: math.isfinite(value))
 
 
+def never() -> Bound:
+    """Does not happen."""
+    return Bound(lambda value, _: math.isinf(value))
+
+
 def increasing(*of: Of) -> Condition:
     """Return the condition that each quantity is larger than the one before."""
     quantities = tuple(map(_quantity, of))
@@ -246,7 +251,7 @@ def beginning_with(words: str, numbers: Numbers) -> dict[str, float]:
     return {k.removeprefix(prefix): v for k, v in numbers.items() if k.startswith(prefix)}
 
 
-def _named(name: str, numbers: Numbers) -> dict[str, float]:
+def named(name: str, numbers: Numbers) -> dict[str, float]:
     """Return the numbers that a name begins; what happened never as infinite."""
     head, _, last = name.rpartition(" ")
     names = [f"{head} {each}".strip() for each in last.split("|")]
@@ -264,7 +269,7 @@ def _quantity(of: Of) -> Quantity:
     if isinstance(of, Quantity):
         return of
     if isinstance(of, str):
-        return Quantity(lambda numbers: max(_named(of, numbers).values()), of)
+        return Quantity(lambda numbers: max(named(of, numbers).values()), of)
     return Quantity(lambda _: of)
 
 
