@@ -6,10 +6,12 @@ from palpate.paper.judging import (
     Judge,
     about,
     above,
+    at_least,
     at_most,
     below,
     between,
     farthest_from,
+    finite,
     increasing,
     judge,
     largest,
@@ -194,6 +196,120 @@ COMPARED_ON_PHANTOM = {
     ),
 }
 
+_OTHERWISE = ["0.5, n right", "0.1, P₀ = 1e4", "0.1, P₀ = 10", "0.1, in cm"]
+
+
+def _apart(material: str) -> list[str]:
+    """How far apart the starts end."""
+    near = ["0.01", "0.02", "0.05", "0.1", "0.2", "0.3", "0.5", *_OTHERWISE]
+    return [f"apart {material} {case}" for case in near]
+
+
+_PULL = "least force, ideal probe,"
+
+NEAR_SURFACE = {
+    "negative-force": judge(
+        "least force Kelvin–Voigt",
+        below(0.0),
+        beside=["least force single stage", "least force variable projection"],
+    ),
+    "always-positive": judge("least force felt", at_least(0.0), beside=["least force measured"]),
+    "power": judge(
+        "energy given Kelvin–Voigt", above(0.0), that("energy given single stage", at_most(0.0))
+    ),
+    "damping-and-speed": judge(
+        f"{_PULL} three times the damping",
+        below(f"{_PULL} as it is"),
+        that(f"{_PULL} half the speed", above(f"{_PULL} as it is")),
+    ),
+    "deep-enough": judge("least force 10 mm deep", above(0.0)),
+}
+
+_BY_SIZE = [f"time P₀ = {size} one sine" for size in ("1", "10", "100", "1000", "10000", "1e+06")]
+
+RICHNESS = {
+    "two-enough": judge(
+        "largest difference from three sines, two sines",
+        at_most(5.0),
+        that("time two sines", finite()),
+    ),
+    "one-converges": judge("time one sine", finite()),
+    "one-slower": judge(
+        ratio("time one sine", "time three sines"), at_least(2.0), beside=_BY_SIZE
+    ),
+    "five-hundred": judge(
+        "time one sine",
+        finite(),
+        above(100.0),
+        beside=[
+            *(f"time P₀ = {size} one sine, 450 s" for size in ("0.1", "1", "10")),
+            "time of variable projection one sine",
+        ],
+    ),
+    "one-consistent": judge("largest difference from three sines, one sine", at_most(5.0)),
+    "not-enough": judge(
+        largest(*(f"condition number of {of}, one sine" for of in ("1, v, x", "x, v, a"))),
+        above(1e6),
+        beside=["condition number of 1, v, ln x, one sine"],
+    ),
+    "richer": judge(
+        ratio(*(f"condition number of {of}, one sine" for of in ("1, v, ln x", "1, v, x"))),
+        below(0.5),
+    ),
+}
+
+RICHNESS_FOR_KELVIN_VOIGT = {
+    "one-enough": judge("time one sine", finite(), beside=["time two sines", *_BY_SIZE]),
+    "sooner": judge(
+        ratio("time one sine", "time of single-stage one sine K|B"), below(1.0)
+    ),
+}
+
+#: The paper's 0.05 N, read as up to half as much again.
+_FLOOR = 0.075
+_TENTH = ", a tenth stiffer"
+_AFTER = "mean error after change"
+
+INTERMITTENT = {
+    "first-error": judge(
+        "first error regular", between(1.0, 3.0), that("first error lasts regular", at_most(4.0))
+    ),
+    "first-zone": judge("mean error before regular", at_most(_FLOOR)),
+    "regular-error": judge(
+        f"{_AFTER} regular 1", between(0.25, 1.0), beside=[f"{_AFTER} regular{_TENTH} 1"]
+    ),
+    "regular-remains": judge(
+        f"{_AFTER} regular 3",
+        above(2.0 * _FLOOR),
+        that(f"{_AFTER} regular 1", above(2.0 * _FLOOR)),
+        beside=[f"{_AFTER} regular 2", f"{_AFTER} regular 4"],
+    ),
+    "regular-constant": judge(
+        "range after 10 s regular K", at_most(5.0), beside=[f"range after 10 s regular{_TENTH} K"]
+    ),
+    "regular-unsuitable": judge("K off at a zone's end regular", above(20.0)),
+    "perturbed-error": judge(
+        f"{_AFTER} self-perturbing",
+        at_most(_FLOOR),
+        beside=[f"{_AFTER} self-perturbing{_TENTH}", f"{_AFTER} variable projection"],
+    ),
+    "perturbed-soon": judge(
+        "back self-perturbing",
+        at_most(2.0),
+        beside=["back regular", "back constants exchanged", "back variable projection"],
+    ),
+    "perturbed-converges": judge(
+        "K off at a zone's end self-perturbing",
+        at_most(5.0),
+        beside=["K off at a zone's end variable projection"],
+    ),
+    "dead-zone": judge(
+        "error that perturbs",
+        that(f"{_AFTER} self-perturbing{_TENTH} 1", at_most(_FLOOR)),
+        that(f"{_AFTER} constants exchanged{_TENTH} 1", above(_FLOOR)),
+    ),
+}
+
 PHANTOM_REPEATED = {
     **_repetitions("pvc"),
     "differ": judge(
@@ -214,10 +330,18 @@ JUDGES: Mapping[str, Mapping[str, Judge]] = {
     "fig06": {"holds": judge("broken after that ball", at_most(0.0)), "from": _from("ball", 90.0)},
     "fig07": FORGETTING,
     "fig08": COMPARED_ON_BALL,
+    "fig09": {
+        "small-range": judge("reach ball", above(0.0), below(50.0), beside=_apart("ball")),
+        "within-ten": judge("reach sponge", between(10.0, 10.0), beside=_apart("sponge")),
+    },
+    "fig10": NEAR_SURFACE,
     "fig11": _repetitions("sponge"),
     "fig12": CONDITION_ON_SPONGE,
     "fig13": COMPARED_ON_SPONGE,
     "fig14": PHANTOM_REPEATED,
     "fig15": CONDITION_ON_PHANTOM,
     "fig16": COMPARED_ON_PHANTOM,
+    "fig17": RICHNESS,
+    "fig18": RICHNESS_FOR_KELVIN_VOIGT,
+    "fig19": INTERMITTENT,
 }

@@ -25,14 +25,18 @@ class Quantity:
     of : callable
         Gives it.
     name : str
-        What is said of it; empty for what is computed of ``parts``, each of which is said.
+        Of the numbers, which then are said; empty for what is computed of ``parts``, each of
+        which is said.
     parts : tuple of Quantity
         What it is computed of.
+    which : str
+        Of several numbers of the name; the largest unless said.
     """
 
     of: Callable[[Numbers], float]
     name: str = ""
     parts: tuple["Quantity", ...] = ()
+    which: str = ""
 
     def leaves(self) -> Iterator["Quantity"]:
         """What has a name."""
@@ -44,9 +48,9 @@ class Quantity:
     def seen(self, numbers: Numbers) -> str:
         """Its name and value, with the unit of the numbers that it is of."""
         value = self.of(numbers)
-        key = next(iter(named(self.name.removeprefix("least "), numbers)))
+        key = next(iter(named(self.name, numbers)))
         unit = key.partition(" [")[2].removesuffix("]") if math.isfinite(value) else ""
-        return f"{self.name.replace('|', ' or ')}: {readable(value)} {unit}".rstrip()
+        return f"{self.which}{self.name.replace('|', ' or ')}: {readable(value)} {unit}".rstrip()
 
 
 Of = str | float | Quantity
@@ -166,7 +170,7 @@ def least(*of: Of) -> Quantity:
     """Return the least of some quantities."""
     if len(of) == 1 and isinstance(of[0], str):
         name = of[0]
-        return Quantity(lambda numbers: min(named(name, numbers).values()), f"least {name}")
+        return Quantity(lambda numbers: min(named(name, numbers).values()), name, which="least ")
     return _computed(min, of)
 
 

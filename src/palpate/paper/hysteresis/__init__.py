@@ -1,1 +1,0 @@
-"""Fig. 10: the loop of force and penetration near the surface."""

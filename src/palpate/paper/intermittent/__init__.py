@@ -1,1 +1,0 @@
-"""Fig. 19: a soft and a hard zone in turn."""

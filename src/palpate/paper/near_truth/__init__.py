@@ -1,1 +1,0 @@
-"""Fig. 9: the double stage from starts near the truth."""

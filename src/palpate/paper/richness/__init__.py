@@ -1,1 +1,0 @@
-"""Figs. 17 and 18: two sines and one."""
