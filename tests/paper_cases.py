@@ -3,9 +3,10 @@
 import math
 import time
 from dataclasses import dataclass
+from typing import ClassVar
 
-from palpate.figures.style import DARK, LIGHT, style
-from palpate.paper import Claim, Experiment, Finding, Outcome, Table
+from palpate.paper import Claim, Experiment, Table
+from palpate.paper.judging import at_most, judge, that, unchecked
 
 # One for all tests, whose presses then stay in memory.
 SEED = 3
@@ -19,38 +20,37 @@ class Tiny(Experiment):
     """
 
     name: str = "tiny"
+    title: str = "A tiny <experiment>"
     fails_at: int = -1
     undrawable: bool = False
     seconds: float = 0.0
     slow_from: int = 0
-    title = "A tiny <experiment>"
     caption = "A line & nothing else"
+    size = (2.0, 1.0)
     claims = (
-        Claim("even", "I, Fig. 1", "the seed is even", "2", "m", "on whole numbers", "the seed"),
+        Claim("even", "I, Fig. 1", "the seed is even", "2", "the seed", "m", "on whole numbers"),
         Claim("lost", "II", "nobody <knows> | any more"),
     )
+    judges: ClassVar = {
+        "even": judge("seed", that("remainder", at_most(0.0)), beside=["never"]),
+        "lost": unchecked(),
+    }
 
-    def run(self, seed: int) -> Outcome:
+    def measure(self, seed):
         time.sleep(self.seconds if seed >= self.slow_from else 0.0)
         if seed == self.fails_at:
             raise ArithmeticError("no such square")
-        findings = {
-            "even": Finding(seed % 2 == 0, float(seed), f"{seed} it is"),
-            "lost": Finding(None),
-        }
-        numbers = {"square": seed**2, "nothing": math.nan, "deep": {"list": [1.0 / 3.0, math.inf]}}
-        return Outcome(seed, numbers, {"line": [0.0, math.nan, seed + 1.0 / 3.0]}, findings)
+        numbers = {"seed [m]": seed, "remainder": seed % 2, "third": seed / 3.0, "never": math.nan}
+        return numbers, {"line": [0.0, math.nan, seed + 1.0 / 3.0]}
 
-    def draw(self, outcomes, *, dark=False):
+    def draw(self, figure, outcomes):
         if self.undrawable:
             raise ArithmeticError("no such colour")
-        with style(DARK if dark else LIGHT) as new_figure:
-            figure = new_figure(figsize=(2.0, 1.0))
-            axes = figure.add_subplot()
-            for outcome in outcomes:
-                axes.plot(outcome.curves["line"])
-        return figure
+        axes = figure.add_subplot()
+        for outcome in outcomes:
+            axes.plot(outcome.curves["line"])
 
-    def tables(self, outcomes):
-        rows = tuple((f"seed {o.seed}", str(o.numbers["square"])) for o in outcomes)
-        return (Table("Squares & more", ("seed", "square"), rows, "as <they> came"),)
+    def tables(self, say):
+        return (
+            Table("Thirds & more", ("of", "third"), (("seed", say("third")),), "as <they> came"),
+        )

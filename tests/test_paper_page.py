@@ -8,7 +8,6 @@ from paper_cases import Tiny
 
 from palpate.paper.outcomes import figures_of
 from palpate.paper.report.contents import Report, Section
-from palpate.paper.report.verdicts import judge
 from palpate.paper.report.writing import write_report
 
 VOID = {"meta", "img", "source", "br"}
@@ -42,11 +41,7 @@ class Page(HTMLParser):
 @pytest.fixture
 def report():
     experiments = [Tiny("fig01"), Tiny("fig02")]
-    sections = []
-    for experiment in experiments:
-        outcomes = tuple(experiment.run(seed) for seed in range(3))
-        judgements = judge(experiment, outcomes)
-        sections.append(Section(experiment, outcomes, experiment.tables(outcomes), judgements))
+    sections = [Section.of(each, [each.run(seed) for seed in range(3)]) for each in experiments]
     return Report(tuple(sections), 3, ("fig09 (1 of 3 seeds)",), ("fig08, seed 2: <broken>",))
 
 
@@ -68,7 +63,7 @@ def test_the_page_says_every_claim_with_its_verdict(page, report):
     for each in report.judgements:
         for words in (each.claim.words, each.verdict_words, each.claim.where, each.ours_words):
             assert words in page.words
-        assert each.claim.assumption in page.words
+        assert each.remark in page.words
     assert "nobody <knows> | any more" in page.words
 
 
@@ -121,7 +116,18 @@ def test_the_json_holds_the_same(folder, report):
     assert whole["claims"][0]["ours"] == {"median": 1.0, "least": 0.0, "largest": 2.0}
     assert whole["claims"][0]["verdict"] == "partly reproduced"
     assert [each["name"] for each in whole["experiments"]] == ["fig01", "fig02"]
-    assert whole["experiments"][0]["outcomes"][2]["numbers"]["square"] == 4
+    outcome = whole["experiments"][0]["outcomes"][2]
+    assert outcome["numbers"] == {
+        "seed [m]": 2,
+        "remainder": 0,
+        "third": 0.666666667,
+        "never": None,
+    }
+    assert outcome["findings"]["even"] == {
+        "holds": True,
+        "ours": 2,
+        "words": "never: never; remainder: 0",
+    }
     assert sum(whole["verdicts"].values()) == len(whole["claims"]) == 4
 
 

@@ -1,7 +1,7 @@
 """The experiments of Haddadi & Hashtrudi-Zaad (2012), on the laboratory's rig.
 
-A module ``fig*.py`` holds one, or several that differ in the material alone; ``claims.toml`` what the
-paper says of each, and ``judges.py`` when that holds.
+A module ``fig*.py`` holds one, or several that differ in the material alone; ``claims.toml`` what
+the paper says of each, and ``judges.py`` when that holds.
 """
 
 import pkgutil

@@ -6,19 +6,20 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import resources
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from palpate.figures.style import LIGHT, style
 from palpate.paper.judges import JUDGES
 from palpate.paper.judging import Finding, Judge, Numbers, over_seeds
+from palpate.validation import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-Curves = Mapping[str, "ArrayLike"]
+Curves = dict[str, Floats]
 #: Says a number over the seeds, or several that are alike: median, and the range in brackets.
 Say = Callable[..., str]
 # A pixel of a figure is a thousandth of its width; more digits make a heavy file that looks alike.
@@ -100,10 +101,16 @@ class Experiment(ABC):
 
     name: str
     title: str
-    #: One process measures those of a group one after the other, for they press the same.
-    group: ClassVar[str] = ""
-    #: Width and height of the figure, in.
-    size: ClassVar[tuple[float, float]] = (10.5, 8.0)
+
+    @property
+    def group(self) -> str:
+        """One process measures those of a group one after the other, for they press the same."""
+        return self.name
+
+    @property
+    @abstractmethod
+    def size(self) -> tuple[float, float]:
+        """Width and height of the figure, in."""
 
     @property
     @abstractmethod
@@ -128,7 +135,7 @@ class Experiment(ABC):
     @property
     def claims(self) -> tuple[Claim, ...]:
         """What the paper says of it."""
-        return _claims()[self.name]
+        return all_claims()[self.name]
 
     @property
     def judges(self) -> Mapping[str, Judge]:
@@ -175,7 +182,7 @@ def rounded(values: "ArrayLike") -> list[float]:
 
 
 @cache
-def _claims() -> Mapping[str, tuple[Claim, ...]]:
+def all_claims() -> Mapping[str, tuple[Claim, ...]]:
     text = resources.files("palpate.paper").joinpath("claims.toml").read_text(encoding="utf-8")
     whole = tomllib.loads(text)
     notes = whole.pop("notes")

@@ -65,7 +65,9 @@ class Repetitions(Experiment):
         for material in (self.material, *self.beside):
             for method, estimator in METHODS.items():
                 results = [
-                    identified(pressed(material, "three-sines", REPETITIONS * seed + i), estimator())
+                    identified(
+                        pressed(material, "three-sines", REPETITIONS * seed + i), estimator()
+                    )
                     for i in range(REPETITIONS)
                 ]
                 numbers |= _spread(f"{material} {method}", results)
@@ -74,9 +76,11 @@ class Repetitions(Experiment):
                     curves |= _courses(method, results)
             truth = session(material, "three-sines", REPETITIONS * seed).truth.window(3.0)
             # The level of the excitation that the rig reached.
-            numbers[f"motion {material} [mm]"] = 1e3 * np.std(truth.penetration)
+            numbers[f"motion {material} [mm]"] = 1e3 * float(np.std(truth.penetration))
         if self.beside:
-            ratio = numbers[f"motion {self.material} [mm]"] / numbers[f"motion {self.beside[0]} [mm]"]
+            ratio = (
+                numbers[f"motion {self.material} [mm]"] / numbers[f"motion {self.beside[0]} [mm]"]
+            )
             numbers["motion over the ball's"] = ratio
         return numbers, curves
 
@@ -100,7 +104,9 @@ class Repetitions(Experiment):
             settled = np.abs(np.stack([*lines.values(), projected])[:, time > time[0] + 1.0] - true)
             reach = 3.0 * float(np.nanmax(settled, initial=0.02 * abs(true)))
             upper.set(ylim=(true - reach, true + reach), xlim=(time[0], time[-1]))
-            upper.set(title=("stiffness", "damping", "exponent")[i], ylabel=label, xlabel="time [s]")
+            upper.set(
+                title=("stiffness", "damping", "exponent")[i], ylabel=label, xlabel="time [s]"
+            )
             _draw_finals(lower, symbol, outcomes, true)
             lower.set(xlabel=label)
         axes[1, 0].set_title("final values, all seeds")
@@ -158,7 +164,7 @@ def _spread(what: str, results: Sequence[Identification]) -> dict[str, float]:
 
 def _courses(method: str, results: Sequence[Identification]) -> dict[str, Floats]:
     """Parameters over time: of every repetition by the single stage, of the first by others."""
-    curves = {}
+    curves: dict[str, Floats] = {}
     for k, result in enumerate(results if method == "single-stage" else results[:1]):
         drawn = thinned(result.contact.time)
         known = np.where(result.trace.taken[:, None], result.trace.parameters, np.nan)[drawn]

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from palpate.identification import Identification
 from palpate.lab import MATERIALS, THREE_SINES, Bench
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
 from palpate.paper.judging import Numbers
-from palpate.paper.panels import LABELS, draw_truth, thinned
+from palpate.paper.panels import LABELS, draw_lines, draw_truth, thinned
 from palpate.paper.sessions import GATE, START, identified, pressed
 from palpate.settings import ContactGate
 from palpate.trace import Trace
@@ -180,7 +180,7 @@ def _variants(name: str, contact: Contact) -> dict[str, float]:
             time, margin = contact.time[trace.taken], trace.validity_margin[trace.taken]
             what = f"P₀ = {covariance:g}, {words} {name}"
             numbers[f"holds from {what} [ms]"] = 1e3 * _holds_from(time, margin)
-            numbers[f"broken {what} [%]"] = 100.0 * np.mean(margin <= 0.0)
+            numbers[f"broken {what} [%]"] = 100.0 * float(np.mean(margin <= 0.0))
     return numbers
 
 
@@ -231,12 +231,13 @@ def _draw_limits(axes: "Axes", outcomes: Sequence[Outcome], name: str) -> None:
     known = np.isfinite(limits)
     low = np.where(known, limits, np.inf).min(axis=0)
     high = np.where(known, limits, -np.inf).max(axis=0)
-    looks = {"color": THEME.lines[1], "alpha": 0.3, "linewidth": 0.0}
-    axes.fill_between(time, low, high, where=known.any(axis=0), **looks)
-    axes.plot(time, limits[0], color=THEME.lines[1], label="0.1 K/B, single stage")
-    looks = {"color": THEME.lines[0], "linestyle": "--", "linewidth": 1.1}
-    projected = first[f"{name}/variable-projection"]
-    axes.plot(time, projected, label="0.1 K/B, variable projection", **looks)
+    looks: dict[str, Any] = {"color": THEME.lines[1], "linewidth": 0.0}
+    axes.fill_between(time, low, high, where=known.any(axis=0), alpha=0.3, **looks)
+    lines = {
+        "0.1 K/B, variable projection": first[f"{name}/variable-projection"],
+        "0.1 K/B, single stage": limits[0],
+    }
+    draw_lines(axes, time, lines)
     described = MATERIALS[name].describe()
     if described["kind"] == "hunt-crossley":
         draw_truth(axes, 100.0 * described["stiffness"] / described["damping"])

@@ -151,7 +151,14 @@ class ForgettingFactors(Experiment):
         )
 
         def rows(names: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-            shown = "time {} K", "time {} B", "time {} n", "scatter {} B", "overshoot {} B", "rmse {}"
+            shown = (
+                "time {} K",
+                "time {} B",
+                "time {} n",
+                "scatter {} B",
+                "overshoot {} B",
+                "rmse {}",
+            )
             return tuple((name, *(say(each.format(name)) for each in shown)) for name in names)
 
         return (
@@ -200,7 +207,7 @@ def _draw_seeds(axes: "Axes", outcomes: Sequence[Outcome]) -> None:
     for i, outcome in enumerate(outcomes):
         shown = {"time to 5 % [s]": "time", "overshoot of K or B / truth": "overshoot"}
         for style, (label, what) in enumerate(shown.items()):
-            symbols = "K B n".split() if what == "time" else ("K", "B")
+            symbols = ("K", "B", "n") if what == "time" else ("K", "B")
             unit = "s" if what == "time" else "of the truth"
             values = [
                 max(outcome.numbers[f"{what} {name} {symbol} [{unit}]"] for symbol in symbols)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from palpate.contact import Contact
 from palpate.estimators import (
     ContactEstimator,
     DoubleStageRLS,
@@ -118,10 +117,10 @@ class Comparison(Experiment):
                 numbers |= by_symbol(what, convergence_times(every), "s", symbols)
             apart = 100.0 * spread(times[""])[-1]
             numbers |= by_symbol(f"spread {kind.method}", apart, "%", symbols)
-            curves = {**curves, **_curves(kind.method, results)}
+            curves |= _curves(kind.method, results)
         projected = {NO_START: identified(contact, VariableProjection())}
         numbers |= _summary(VariableProjection, projected, material)
-        return numbers, {**curves, **_curves(VariableProjection.method, projected)}
+        return numbers, curves | _curves(VariableProjection.method, projected)
 
     def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
         """Draw the first outcome, a column for each method; the titles give the RMSE% of all."""

@@ -75,9 +75,8 @@ class NearTruth(Experiment):
             if name == "ball":
                 for off in DRAWN:
                     for way, result in ends[f"{off:g}"].items():
-                        curves = {**curves, **traced(f"{off:g}/{way}", result)}
-                projected = identified(contact, VariableProjection())
-                curves = {**curves, **traced("projection", projected)}
+                        curves |= traced(f"{off:g}/{way}", result)
+                curves |= traced("projection", identified(contact, VariableProjection()))
         return numbers, curves
 
     def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
@@ -102,7 +101,8 @@ class NearTruth(Experiment):
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """Return where the starts end."""
-        header = ("material", "starts off by", "K off [%]", "B off [%]", "n off [%]")
+        off = (f"{symbol} off [%]" for symbol in PARAMETERS)
+        header = ("material", "starts off by", *off, "ends apart [%]", "convergence [s]")
         rows = tuple(
             (
                 name,
@@ -115,10 +115,9 @@ class NearTruth(Experiment):
             for case in CASES
         )
         note = (
-            "Each line is four starts, K and B and n off both ways, or two with n as it is; what is "
-            "shown is the worst of them at the end."
+            "Each line is four starts, K and B and n off both ways, or two with n as it is; what "
+            "is shown is the worst of them at the end."
         )
-        header = (*header, "ends apart [%]", "convergence [s]")
         return (Table("Double stage: starts near the truth", header, rows, note),)
 
 

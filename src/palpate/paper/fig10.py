@@ -80,7 +80,7 @@ class Hysteresis(Experiment):
         return numbers, curves
 
     def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
-        """Draw the first outcome; the title of the last panel gives the least force of all seeds."""
+        """Draw the first outcome; the last panel's title gives the least force of all seeds."""
         first = outcomes[0]
         (motion, loop), (viscous, near) = figure.subplots(2, 2)
         depth = 1e3 * np.array(first.curves["penetration"])
@@ -156,9 +156,7 @@ def _draw_loop(
     spring = stiffness * depth
     measured = np.array(outcome.curves["force"]) - spring
     axes.plot(1e3 * depth, measured, color=THEME.measured, linewidth=1.6, label="measured")
-    predicted = {
-        name: np.array(outcome.curves[f"predicted/{name}"]) - spring for name in methods
-    }
+    predicted = {name: np.array(outcome.curves[f"predicted/{name}"]) - spring for name in methods}
     draw_lines(axes, 1e3 * depth, predicted, linewidth=0.9)
     draw_truth(axes, 0.0, None)
     axes.set(xlabel="penetration [mm]")

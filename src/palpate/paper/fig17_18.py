@@ -95,7 +95,7 @@ class Richness(Experiment):
             numbers |= by_symbol(what, convergence_times(others), "s", other.law_type.symbols)
             projected = identified(contact, VariableProjection())
             for start, result in {**results, "projection": projected}.items():
-                curves = {**curves, **traced(f"{name}/{start}", result, f"{name}/elapsed")}
+                curves |= traced(f"{name}/{start}", result, f"{name}/elapsed")
             times = times_to(projected, BALL.law.parameters)
             numbers |= by_symbol(f"time of variable projection {name}", times, "s")
             numbers |= _ends(f"{name} variable projection", projected)
@@ -166,7 +166,11 @@ class Richness(Experiment):
         """Return convergence times by motion and initial covariance."""
 
         def row(motion: str, norm: str, what: str) -> tuple[str, ...]:
-            return (motion, norm, *(say(f"time {what}{motion} {symbol}") for symbol in self.symbols))
+            return (
+                motion,
+                norm,
+                *(say(f"time {what}{motion} {symbol}") for symbol in self.symbols),
+            )
 
         rows = [row(motion, "default", "") for motion in ("three sines", *MOTIONS)]
         rows += [

@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.estimators import ContactEstimator, SingleStageRLS, VariableProjection
@@ -115,8 +116,8 @@ class Intermittent(Experiment):
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """Return force errors by zone, and how soon they are back after a change."""
-        header = ("method", "2–7 s", "7–12 s", "12–17 s", "17–22 s", "22–27 s")
-        header = (*header, "back, slowest [ms]")
+        zones = ("2–7 s", "7–12 s", "12–17 s", "17–22 s", "22–27 s")
+        header = ("method", *zones, "back, slowest [ms]")
         note = (
             "Mean |force error| in each zone, N, without the half second of a change; back: until "
             "its mean over 5 ms is first below 0.1 N after a change, the slowest of four."
@@ -135,7 +136,7 @@ def _row(say: Say, name: str, which: str) -> tuple[str, ...]:
     return (name, say(f"mean error before {name}{which}"), *errors, say(f"back {name}{which}"))
 
 
-def _zones(time: Floats) -> list[Floats]:
+def _zones(time: Floats) -> list[NDArray[np.intp]]:
     """Which samples lie in each visit of a zone, the changes left out."""
     edges = (START, *CHANGES, SECONDS)
     pairs = itertools.pairwise(edges)

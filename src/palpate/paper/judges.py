@@ -91,7 +91,10 @@ def _repetitions(material: str) -> dict[str, Judge]:
 
 def _from(material: str, claimed: float) -> Judge:
     """From when on condition 10 holds, ms."""
-    beside = [f"holds from P₀ = {each} {material}" for each in ("10, ours", "100000, every positive force")]
+    beside = [
+        f"holds from P₀ = {each} {material}"
+        for each in ("10, ours", "100000, every positive force")
+    ]
     return judge(f"holds from {material}", about(claimed), beside=beside)
 
 
@@ -118,7 +121,7 @@ CONDITION_ON_SPONGE = {
 }
 
 CONDITION_ON_PHANTOM = {
-    # "A few samples" may be broken where the condition is said to be met: this share of the contact.
+    # "A few samples" may be broken where the condition is said to be met: so much of the contact.
     "final": judge("faster than the final limit pvc", at_most(0.5)),
     "from": _from("pvc", 300.0),
     "moment": judge(
@@ -135,7 +138,10 @@ _BESIDE_SPEED = [
     *(f"settled {method} K|B" for method in _BOTH),
 ]
 _DOUBLE_OVER_SINGLE = least(
-    *(ratio(f"rmse double-stage {start}", f"rmse single-stage {start}") for start in ("I", "II", "III"))
+    *(
+        ratio(f"rmse double-stage {start}", f"rmse single-stage {start}")
+        for start in ("I", "II", "III")
+    )
 )
 _KELVIN_VOIGT_ERROR = ratio(least("rmse kelvin-voigt"), "rmse single-stage")
 _EXTENDED = "extended-kelvin-voigt"
@@ -177,9 +183,7 @@ COMPARED_ON_PHANTOM = {
     ),
     "inconsistent": judge("spread double-stage", above(5.0)),
     "kelvin-voigt-rate": judge(_OVER_KELVIN_VOIGT, above(1.0), beside=_BESIDE_SPEED),
-    "extended-rate": judge(
-        f"time {_EXTENDED} B", below(*(f"time {method} B" for method in _BOTH))
-    ),
+    "extended-rate": judge(f"time {_EXTENDED} B", below(*(f"time {method} B" for method in _BOTH))),
     "quadratic-never": judge(
         f"time {_EXTENDED} K₂",
         never(),
@@ -234,9 +238,7 @@ RICHNESS = {
         that("time two sines", finite()),
     ),
     "one-converges": judge("time one sine", finite()),
-    "one-slower": judge(
-        ratio("time one sine", "time three sines"), at_least(2.0), beside=_BY_SIZE
-    ),
+    "one-slower": judge(ratio("time one sine", "time three sines"), at_least(2.0), beside=_BY_SIZE),
     "five-hundred": judge(
         "time one sine",
         finite(),
@@ -260,9 +262,7 @@ RICHNESS = {
 
 RICHNESS_FOR_KELVIN_VOIGT = {
     "one-enough": judge("time one sine", finite(), beside=["time two sines", *_BY_SIZE]),
-    "sooner": judge(
-        ratio("time one sine", "time of single-stage one sine K|B"), below(1.0)
-    ),
+    "sooner": judge(ratio("time one sine", "time of single-stage one sine K|B"), below(1.0)),
 }
 
 #: The paper's 0.05 N, read as up to half as much again.

@@ -2,7 +2,7 @@
 
 A judge is an expression: ``judge(ratio("scatter α = 0.1", "scatter α = 5"), above(3.0))``. A name
 means every number that it begins, word by word: "scatter α = 5" is the largest of "scatter α = 5 K
-[%]", "scatter α = 5 B [%]" and "scatter α = 5 n [%]", and "scatter α = 5 K|B" that of the first two.
+[%]", "scatter α = 5 B [%]" and "scatter α = 5 n [%]", "scatter α = 5 K|B" that of the first two.
 What happened never, NaN, counts as infinite.
 """
 
@@ -118,7 +118,9 @@ class Judge:
             there = replace(self, elsewhere="")(beginning_with(self.elsewhere, numbers))
             same = "holds" if there.holds else "does not hold"
             number = "" if there.ours is None else f" ({readable(there.ours)})"
-            words += f". On the {self.elsewhere} it {same}{number}: {there.words}"
+            second = f"On the {self.elsewhere} it {same}{number}"
+            second += f": {there.words}" if there.words else ""
+            words = f"{words}. {second}" if words else second
         known = value is not None and math.isfinite(value)
         return Finding(holds, value if known else None, words)
 
@@ -132,7 +134,9 @@ class Judge:
         return "; ".join(dict.fromkeys(leaf.seen(numbers) for leaf in leaves))
 
 
-def judge(ours: Of, *kept: Bound | Condition, beside: Iterable[Of] = (), elsewhere: str = "") -> Judge:
+def judge(
+    ours: Of, *kept: Bound | Condition, beside: Iterable[Of] = (), elsewhere: str = ""
+) -> Judge:
     """Return a judge.
 
     Parameters
@@ -306,7 +310,7 @@ def readable(value: float) -> str:
 
 
 def over_seeds(every: Iterable[Numbers], *names: str) -> str:
-    """Median over the seeds of a number, or of several that are alike, and the range in brackets."""
+    """Median over the seeds of one number, or of several alike, and the range in brackets."""
     quantities = [_quantity(name) for name in names]
     values = sorted(quantity.of(numbers) for numbers in every for quantity in quantities)
     middle, low, high = map(readable, (statistics.median(values), values[0], values[-1]))

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-    from palpate.paper.experiment import Curves
-
 #: What a person calls the lab's materials.
 LABELS: Mapping[str, str] = {
     "ball": "ball",
@@ -44,7 +42,7 @@ def thinned(time: Floats) -> NDArray[np.intp]:
     return np.flatnonzero(np.where(early, position % 5 == 0, position % 20 == 0))
 
 
-def traced(prefix: str, result: Identification, clock: str = "elapsed") -> "Curves":
+def traced(prefix: str, result: Identification, clock: str = "elapsed") -> dict[str, Floats]:
     """Return parameters and force error of a result over the time since contact, to be drawn."""
     trace, contact = result.trace, result.contact
     taken = trace.taken

@@ -13,7 +13,7 @@ from palpate.paper import outcomes as on_disk
 from palpate.paper.experiment import Experiment, Outcome
 from palpate.paper.report.contents import Report, Section
 from palpate.paper.report.writing import write_report
-from palpate.paper.workers import Failure, drawn, measured, processes
+from palpate.paper.workers import Failure, Result, drawn, measured, processes
 from palpate.writing import make_folder
 
 #: Told what has just been finished, and how many of how many outcomes and figures are.
@@ -67,7 +67,7 @@ class PaperRun:
         if not waiting:
             return
         with processes(min(workers, len(waiting))) as pool:
-            pending: dict[Future[list[tuple[str, object]]], _Task] = {}
+            pending: dict[Future[list[Result]], _Task] = {}
             while waiting or pending:
                 # No more than keeps the workers busy: a figure is drawn as soon as it can be.
                 while waiting and len(pending) <= workers:
@@ -79,9 +79,9 @@ class PaperRun:
                     waiting.extendleft(self._settled(pending.pop(future), future, progress))
 
     def _missing(self) -> Iterator[_Task]:
-        """One group of experiments after the other, so that an interrupted run has finished some."""
+        """One group after the other, so that an interrupted run has finished some experiments."""
         groups = sorted(self.experiments, key=lambda each: each.group)
-        for group, together in groupby(groups, key=lambda each: each.group or each.name):
+        for _, together in groupby(groups, key=lambda each: each.group):
             members = tuple(together)
             yield from (_Task((each,), None) for each in members if self._can_be_drawn(each))
             for seed in range(self.seeds):
@@ -90,28 +90,29 @@ class PaperRun:
                     yield _Task(left, seed)
 
     def _submitted(
-        self, submit: Callable[..., Future[list[tuple[str, object]]]], task: _Task
-    ) -> Future[list[tuple[str, object]]]:
+        self, submit: Callable[..., Future[list[Result]]], task: _Task
+    ) -> Future[list[Result]]:
         try:
             if task.seed is not None:
                 return submit(measured, task.experiments, task.seed)
             return submit(drawn, task.experiments[0], self._of(task.experiments[0]))
         except BrokenExecutor as error:  # another worker died
-            failed: Future[list[tuple[str, object]]] = Future()
+            failed: Future[list[Result]] = Future()
             failed.set_exception(error)
             return failed
 
     def _settled(
-        self, task: _Task, future: Future[list[tuple[str, object]]], progress: Progress
+        self, task: _Task, future: Future[list[Result]], progress: Progress
     ) -> list[_Task]:
         """Write down what a task gave; return what can be drawn now."""
         try:
             results = future.result()
         except Exception as error:  # a worker that died
             failure = Failure(f"{type(error).__name__}: {error}")
-            results = [(each.name, failure) for each in task.experiments]
+            results = [failure for _ in task.experiments]
         figures = []
-        for experiment, (name, result) in zip(task.experiments, results, strict=True):
+        for experiment, result in zip(task.experiments, results, strict=True):
+            name = experiment.name
             what = f"{name}, {'figure' if task.seed is None else f'seed {task.seed}'}"
             if isinstance(result, Failure):
                 self.failures.append(f"{what}: {result.words}")

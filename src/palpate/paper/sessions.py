@@ -30,7 +30,7 @@ def pressed(material: str, trajectory: str, seed: int, seconds: float = 12.0) ->
 
 
 def identified(contact: Contact, estimator: ContactEstimator, **settings: object) -> Identification:
-    """Identify on the samples above the noise, outliers too; the paper's methods in SI, as they are.
+    """Identify on the samples above the noise, outliers too; the paper's methods in SI.
 
     Parameters
     ----------

@@ -7,9 +7,6 @@ import numpy as np
 
 from palpate.contact import Contact
 from palpate.estimators import (
-    DoubleStageRLS,
-    ExtendedKelvinVoigtRLS,
-    KelvinVoigtRLS,
     RecursiveLeastSquaresEstimator,
     SingleStageRLS,
 )
@@ -24,14 +21,6 @@ SMALL = 0.1
 HIGH = 2.5
 #: Starts that differ by less than this have converged, footnote 3.
 AGREED = 0.05
-
-#: The paper's recursive methods, in its order.
-RECURSIVE: tuple[type[RecursiveLeastSquaresEstimator], ...] = (
-    SingleStageRLS,
-    DoubleStageRLS,
-    KelvinVoigtRLS,
-    ExtendedKelvinVoigtRLS,
-)
 
 Starts = Mapping[str, ForceLaw]
 

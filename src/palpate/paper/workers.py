@@ -9,14 +9,12 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
 from palpate.figures.slimming import slim
 from palpate.figures.style import as_svg, recoloured
 from palpate.paper.experiment import Experiment, Outcome
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,16 +24,16 @@ class Failure:
     words: str
 
 
-def measured(
-    experiments: Sequence[Experiment], seed: int
-) -> list[tuple[str, Outcome | Failure]]:
+#: What a task gives: one seed, or a figure for a light and for a dark background.
+Result = Outcome | tuple[str, str] | Failure
+
+
+def measured(experiments: Sequence[Experiment], seed: int) -> list[Result]:
     """Run one seed of experiments that press the same."""
-    return [(each.name, _tried(lambda each=each: each.run(seed))) for each in experiments]
+    return [_tried(partial(each.run, seed)) for each in experiments]
 
 
-def drawn(
-    experiment: Experiment, outcomes: Sequence[Outcome]
-) -> list[tuple[str, tuple[str, str] | Failure]]:
+def drawn(experiment: Experiment, outcomes: Sequence[Outcome]) -> list[Result]:
     """Draw an experiment of all seeds, for both backgrounds.
 
     Not into files, for a worker that is stopped could not take its half of one away.
@@ -45,10 +43,10 @@ def drawn(
         light = slim(as_svg(experiment.figure(outcomes)))
         return light, recoloured(light)
 
-    return [(experiment.name, _tried(both))]
+    return [_tried(both)]
 
 
-def _tried(work: Callable[[], T]) -> T | Failure:
+def _tried(work: Callable[[], Result]) -> Result:
     try:
         return work()
     except Exception as error:

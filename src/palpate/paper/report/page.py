@@ -99,7 +99,9 @@ def _badge(verdict: Verdict, words: str) -> str:
 
 def _claims(title: str, judgements: Sequence[Judgement], *, with_links: bool) -> Iterator[str]:
     header = ("figure" if with_links else "where", "the paper's words", "its number", "ours")
-    yield from html.table_start(title, (*header, "verdict", "what was seen; how it is read, and on what it depends"))
+    yield from html.table_start(
+        title, (*header, "verdict", "what was seen; how it is read, and on what it depends")
+    )
     for each in judgements:
         claim, name = each.claim, each.experiment
         where = escape(claim.where)

@@ -12,7 +12,9 @@ import pytest
 from paper_cases import Tiny
 
 from palpate import PalpateError, RecordingError
-from palpate.paper.runner import run_paper
+from palpate.paper import Claim
+from palpate.paper.judging import above, judge
+from palpate.paper.running import run_paper
 
 
 def run(folder, *experiments, seeds=2, **options):
@@ -37,6 +39,18 @@ def test_a_run_writes_everything_and_a_second_takes_it_over(tmp_path):
     assert taken == [4]
     assert made(folder) == before
     assert again.summary == report.summary
+
+
+def test_a_reworded_claim_and_another_judge_of_it_run_nothing(tmp_path, monkeypatch):
+    assert run(tmp_path, Tiny("a")).judgements[0].held == 1
+    before, steps = made(tmp_path), []
+    monkeypatch.setattr(Tiny, "claims", (Claim("even", "I", "the seed is odd, it seems"),))
+    monkeypatch.setattr(Tiny, "judges", {"even": judge("third", above(-1.0))})
+    again = run(tmp_path, Tiny("a"), progress=lambda *step: steps.append(step))
+    assert steps == []
+    assert made(tmp_path) == before
+    assert again.judgements[0].held == 2
+    assert "odd, it seems" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
@@ -65,6 +79,7 @@ def test_a_folder_that_cannot_be_written_is_said_before_the_work(tmp_path):
             run(folder, Tiny(seconds=1e6))
 
 
+SLOW = Tiny("b", seconds=60.0, slow_from=2)
 COMMAND = """
 import sys
 from paper_cases import Tiny
@@ -103,8 +118,7 @@ def test_an_interrupted_run_ends_at_once_and_is_resumed(tmp_path, whole_group):
     if whole_group:  # what is left does not depend on who was interrupted
         return
     taken = []
-    run(tmp_path, Tiny("a"), Tiny("b"), seeds=1, begun=lambda run: taken.append(run.reused))
-    # The same code made them, though not with the same patience.
+    run(tmp_path, Tiny("a"), SLOW, seeds=1, begun=lambda run: taken.append(run.reused))
     assert taken == [2]
-    outcomes = [name for name in before if "-seed" in name]
-    assert {name: made(tmp_path)[name] for name in outcomes} == {n: before[n] for n in outcomes}
+    after = made(tmp_path)
+    assert {name: after[name] for name in before} == before
