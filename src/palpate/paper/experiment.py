@@ -183,6 +183,7 @@ def rounded(values: "ArrayLike") -> list[float]:
 
 @cache
 def all_claims() -> Mapping[str, tuple[Claim, ...]]:
+    """Return every claim of ``claims.toml``, by experiment."""
     text = resources.files("palpate.paper").joinpath("claims.toml").read_text(encoding="utf-8")
     whole = tomllib.loads(text)
     notes = whole.pop("notes")
