@@ -94,7 +94,8 @@ cli.main()
 @pytest.mark.skipif(sys.platform == "win32", reason="no interrupt can be sent there")
 @pytest.mark.parametrize("whole_group", [False, True], ids=["to the parent", "as a terminal does"])
 def test_an_interrupted_run_ends_at_once_and_is_resumed(tmp_path, whole_group):
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    search = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(search)}
     process = subprocess.Popen(
         [sys.executable, "-c", COMMAND, str(tmp_path)], env=environment, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,

@@ -39,8 +39,19 @@ def test_every_reference_of_a_slim_drawing_has_its_target(drawing):
 
 
 def places(svg: str) -> list[float]:
-    paths = re.findall(r' d="([^"]*)"', svg)
-    return [float(number) for path in paths for number in re.findall(r"-?\d+\.?\d*", path)]
+    """Every place of every path, of steps the sum."""
+    found = []
+    for path in re.findall(r' d="([^"]*)"', svg):
+        here = start = (0.0, 0.0)
+        for command, numbers in re.findall(r"([A-Za-z])([^A-Za-z]*)", path):
+            values = [float(number) for number in re.findall(r"-?\d*\.?\d+", numbers)]
+            for k, place in enumerate(zip(values[::2], values[1::2], strict=True)):
+                step = here if command == "m" else (0.0, 0.0)
+                here = (place[0] + step[0], place[1] + step[1])
+                found += here
+                start = here if command in "Mm" and k == 0 else start
+            here = start if command == "z" else here
+    return found
 
 
 def test_no_place_of_a_slim_drawing_moves_by_more_than_a_tenth_of_a_point(drawing):

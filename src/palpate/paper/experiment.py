@@ -158,6 +158,9 @@ class Experiment(ABC):
             figure = new_figure(figsize=self.size, layout="constrained")
             self.draw(figure, outcomes)
             figure.suptitle(self.title, fontsize=11)
+            for axes in figure.axes:
+                # Thousands of little lines, half of a drawing, that nobody reads.
+                axes.minorticks_off()
         return figure
 
     def tabulated(self, outcomes: Sequence[Outcome]) -> tuple[Table, ...]:
