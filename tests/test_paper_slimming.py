@@ -20,6 +20,7 @@ def drawing() -> str:
         axes.plot([0.0, 1.0, math.nan, 2.0, 3.0], [0.0, 1.0, 0.0, 1.0, 0.0], "--")
         axes.fill_between([2.0, 4.0], [-1.0, 0.0], [0.0, 1.0], alpha=0.3)
         axes.set(xlabel="time [s]", ylabel="N·s/mⁿ⁺¹")
+        figure.add_subplot().set_axis_off()  # an empty group
         return as_svg(figure)
 
 

@@ -45,6 +45,8 @@ def _ungrouped(svg: str) -> str:
     said: list[bool] = []
 
     def kept(tag: re.Match[str]) -> str:
+        if tag[0].endswith("/>"):
+            return ""  # it holds nothing
         if tag[0] != "</g>":
             said.append(tag[0] != "<g>")
             return tag[0] if said[-1] else ""

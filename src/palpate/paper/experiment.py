@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import resources
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -185,14 +185,20 @@ def rounded(values: "ArrayLike") -> list[float]:
 
 
 @cache
-def all_claims() -> Mapping[str, tuple[Claim, ...]]:
-    """Return every claim of ``claims.toml``, by experiment."""
+def claims_file() -> Mapping[str, Any]:
+    """Return what ``claims.toml`` holds."""
     text = resources.files("palpate.paper").joinpath("claims.toml").read_text(encoding="utf-8")
-    whole = tomllib.loads(text)
-    notes = whole.pop("notes")
+    return tomllib.loads(text)
+
+
+@cache
+def all_claims() -> Mapping[str, tuple[Claim, ...]]:
+    """Return every claim, by experiment."""
+    whole = claims_file()
     return {
-        name: tuple(_claim(key, said, notes) for key, said in claims.items())
+        name: tuple(_claim(key, said, whole["notes"]) for key, said in claims.items())
         for name, claims in whole.items()
+        if name not in ("abstract", "notes")
     }
 
 

@@ -111,7 +111,7 @@ class Repetitions(Experiment):
             lower.set(xlabel=label)
         axes[1, 0].set_title("final values, all seeds")
         shown = axes[0, 0].get_legend_handles_labels()
-        figure.legend(*shown, loc="outside upper center", ncols=5)
+        figure.legend(*shown, loc="outside lower center", ncols=5)
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """Final values and how far the repetitions lie apart, by method."""

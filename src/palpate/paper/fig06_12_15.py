@@ -97,7 +97,7 @@ class Condition(Experiment):
         for panel in axes[-1]:
             panel.set(xlabel="time [s]")
         shown = axes[0, 1].get_legend_handles_labels()
-        figure.legend(*shown, loc="outside upper center", ncols=4)
+        figure.legend(*shown, loc="outside lower center", ncols=4)
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """From when on it holds, by what the paper leaves open."""
@@ -233,11 +233,9 @@ def _draw_limits(axes: "Axes", outcomes: Sequence[Outcome], name: str) -> None:
     high = np.where(known, limits, -np.inf).max(axis=0)
     looks: dict[str, Any] = {"color": THEME.lines[1], "linewidth": 0.0}
     axes.fill_between(time, low, high, where=known.any(axis=0), alpha=0.3, **looks)
-    lines = {
-        "0.1 K/B, variable projection": first[f"{name}/variable-projection"],
-        "0.1 K/B, single stage": limits[0],
-    }
-    draw_lines(axes, time, lines)
+    draw_lines(axes, time, {"0.1 K/B, single stage": limits[0]}, first=1, linestyle="-")
+    projected = {"0.1 K/B, variable projection": first[f"{name}/variable-projection"]}
+    draw_lines(axes, time, projected, linestyle="--", linewidth=1.1)
     described = MATERIALS[name].describe()
     if described["kind"] == "hunt-crossley":
         draw_truth(axes, 100.0 * described["stiffness"] / described["damping"])

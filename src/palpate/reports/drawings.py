@@ -30,15 +30,24 @@ def drawing(name: str, draw: Draw, caption: str) -> Iterator[str]:
     """
     yield "<figure>"
     for look, options in (("spread", {}), ("narrow", {"width": NARROW})):
-        inside = _inline(as_svg(draw(**options)), f"{name}-{look}", caption)
+        inside = inline(slim(as_svg(draw(**options))), f"{name}-{look}", caption)
         yield f'<div class="drawing {look}">{inside}</div>'
     yield f"<figcaption>{escape(caption)}</figcaption></figure>"
 
 
-def _inline(svg: str, name: str, caption: str) -> str:
-    """An SVG for the page's body: names and classes of its own, colours that follow the theme."""
-    svg = slim(svg)
-    svg = svg[svg.index("<svg") :]
+def inline(svg: str, name: str, caption: str) -> str:
+    """Return a slim SVG for a page's body: names of its own, colours that follow the theme.
+
+    Parameters
+    ----------
+    svg : str
+        Drawn for a light background.
+    name : str
+        Of the figure within the page, in letters and digits: drawings must not share names.
+    caption : str
+        What a screen reader says.
+    """
+    svg = svg[svg.index("<svg") : svg.rindex("</svg>") + len("</svg>")]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     # Its size is the page's matter, and its styles would be those of every other drawing too.
     head, rest = svg.split(">", 1)

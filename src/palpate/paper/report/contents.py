@@ -134,8 +134,10 @@ def _motion(trajectory: Probing | Palpation) -> str:
 
 def _truth(described: dict[str, Any]) -> Iterator[str]:
     for key, value in described.items():
-        if key == "zones":
-            yield "; ".join(", ".join(_truth(zone)) for zone in value)
+        if isinstance(value, list) and isinstance(value[0], dict):
+            yield "; ".join(", ".join(_truth(part)) for part in value)
+        elif isinstance(value, list):
+            yield f"{key} {', '.join(f'{each:g}' for each in value)}"
         else:
             shown = f"{value:g}" if isinstance(value, float) else str(value)
             yield shown if key == "kind" else f"{key.replace('_', ' ')} {shown}"

@@ -1,18 +1,19 @@
 """The report as one HTML page that needs nothing beside it."""
 
-import base64
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from html import escape
 from pathlib import Path
 
 from palpate.paper.experiment import Experiment, Table
 from palpate.paper.outcomes import figures_of
+from palpate.paper.report.abstract import abstract
 from palpate.paper.report.contents import ABOUT, TITLE, Report, Section, circumstances, settings
 from palpate.paper.report.page_style import PAPER
 from palpate.paper.report.verdicts import SIGNS, Judgement, Verdict
 from palpate.reports import html
-from palpate.reports.style import STYLE
+from palpate.reports.drawings import inline
+from palpate.reports.style import DRAWINGS, STYLE
 
 CLASSES = {
     Verdict.REPRODUCED: "yes",
@@ -30,7 +31,7 @@ def page(report: Report, folder: Path) -> str:
     report : Report
         What is finished.
     folder : Path
-        Where each section's ``name.svg`` and ``name-dark.svg`` lie.
+        Where each section's ``name.svg`` lies.
     """
     parts = [
         *_head(report),
@@ -40,20 +41,21 @@ def page(report: Report, folder: Path) -> str:
         *(line for section in report.sections for line in _section(section, folder)),
         "</main>",
     ]
-    return html.document(TITLE, STYLE + PAPER, parts)
+    return html.document(TITLE, STYLE + DRAWINGS + PAPER, parts)
 
 
 def _head(report: Report) -> Iterator[str]:
     yield "<header>"
     yield f"<h1>{escape(TITLE)}</h1>"
     yield f"<p>{escape(ABOUT)}</p>"
-    yield from html.definitions({**circumstances(), "seeds": f"{report.seeds}, from 0 on"})
     for words, listed in (
         ("Not finished, so not shown", report.unfinished),
         ("Failed", report.failures),
     ):
         if listed:
             yield f'<p class="note"><strong>{words}:</strong> {escape("; ".join(listed))}.</p>'
+    yield from _abstract(report)
+    yield from html.definitions({**circumstances(), "seeds": f"{report.seeds}, from 0 on"})
     yield "</header>"
     yield '<nav aria-label="Contents">'
     yield "<h2>Contents</h2>"
@@ -65,6 +67,21 @@ def _head(report: Report) -> Iterator[str]:
         yield f'<li><a href="#{experiment.name}">{_heading(experiment)}</a></li>'
     yield "</ul>"
     yield "</nav>"
+
+
+def _abstract(report: Report) -> Iterator[str]:
+    """What reproduces, what does not, and why."""
+    lines = list(abstract(report.judgements))
+    if not lines:
+        return
+    yield "<h2>What reproduces, and what does not</h2>"
+    yield '<ul class="abstract">'
+    for line in lines:
+        why = "" if line.verdict is Verdict.REPRODUCED else f" {escape(line.because)}"
+        counted = f'<span class="hinge">({escape(line.counted)})</span>'
+        sign = f'<span class="badge {CLASSES[line.verdict]}">{SIGNS[line.verdict]}</span>'
+        yield f"<li>{sign}<strong>{escape(line.words)}.</strong>{why} {counted}</li>"
+    yield "</ul>"
 
 
 def _heading(experiment: Experiment) -> str:
@@ -85,11 +102,25 @@ def _claims_of_all(report: Report) -> Iterator[str]:
     yield "</ul>"
     yield (
         "<p>Ours is the median over the seeds, with the range in brackets. A claim is reproduced "
-        "where it holds in every seed. One that does not reproduce is a result: the column beside "
-        "says on what it depends.</p>"
+        "where it holds in every seed. One that does not reproduce is a result: beside its figure "
+        "stands how the words are read, what else was seen, and on what it depends.</p>"
     )
-    yield from _claims("Every claim", report.judgements, with_links=True)
+    header = ("figure", "the paper's words", "its number", "ours", "verdict")
+    yield from html.table_start("Every claim", header)
+    for each in report.judgements:
+        figure = f'<a href="#{_anchor(each)}">{escape(_figure(each.experiment))}</a>'
+        yield (
+            f'<tr><th scope="row">{figure}</th><td><q>{escape(each.claim.words)}</q></td>'
+            f"{_cell('its number', each.claim.number)}{_cell('ours', each.ours_words)}"
+            f"<td>{_badge(each.verdict, each.verdict_words)}</td></tr>"
+        )
+    yield from html.table_end()
     yield "</section>"
+
+
+def _cell(name: str, words: str) -> str:
+    """A cell that says its column's name where the table is too narrow for columns."""
+    return f'<td data-name="{name}">{escape(words)}</td>' if words else '<td class="none">–</td>'
 
 
 def _badge(verdict: Verdict, words: str) -> str:
@@ -97,35 +128,25 @@ def _badge(verdict: Verdict, words: str) -> str:
     return f'<span class="badge {CLASSES[verdict]}">{sign} {escape(words)}</span>'
 
 
-def _claims(title: str, judgements: Sequence[Judgement], *, with_links: bool) -> Iterator[str]:
-    header = ("figure" if with_links else "where", "the paper's words", "its number", "ours")
-    yield from html.table_start(
-        title, (*header, "verdict", "what was seen; how it is read, and on what it depends")
-    )
-    for each in judgements:
-        claim, name = each.claim, each.experiment
-        where = escape(claim.where)
-        if with_links:
-            where = f'<a href="#{name}">{escape(_figure(name))}</a><br><small>{where}</small>'
-        remarks = [f"<p>{escape(each.words)}</p>"] if each.words else []
-        if each.remark:
-            remarks.append(f'<p class="hinge">{escape(each.remark)}</p>')
-        cells = (
-            f"<q>{escape(claim.words)}</q>",
-            escape(claim.number) or "–",
-            _ours(each),
-            _badge(each.verdict, each.verdict_words),
-            "".join(remarks),
-        )
-        yield f'<tr><th scope="row">{where}</th>' + html.cells(cells) + "</tr>"
-    yield from html.table_end()
+def _anchor(each: Judgement) -> str:
+    return f"{each.experiment}-{each.claim.key}"
 
 
-def _ours(each: Judgement) -> str:
-    if not each.ours_words:
-        return "–"
-    what = each.claim.measured
-    return escape(each.ours_words) + (f"<br><small>{escape(what)}</small>" if what else "")
+def _claim(each: Judgement) -> Iterator[str]:
+    """A claim with all that stands behind its verdict."""
+    claim = each.claim
+    yield f'<div class="claim" id="{_anchor(each)}">'
+    where = f"<small>{escape(claim.where)}</small>"
+    yield f"<p><q>{escape(claim.words)}</q> {where}</p>"
+    yield f"<p>{_badge(each.verdict, each.verdict_words)}</p>"
+    numbers = {"its number": claim.number, claim.measured or "ours": each.ours_words}
+    said = [f"{escape(name)}: {escape(value)}" for name, value in numbers.items() if value]
+    if said:
+        yield f"<p>{'; '.join(said)}</p>"
+    for words in (each.words, each.remark):
+        if words:
+            yield f'<p class="hinge">{escape(words)}</p>'
+    yield "</div>"
 
 
 def _table(table: Table) -> Iterator[str]:
@@ -145,21 +166,15 @@ def _settings() -> Iterator[str]:
 
 def _section(section: Section, folder: Path) -> Iterator[str]:
     experiment = section.experiment
-    name, words = experiment.name, experiment.caption or experiment.title
-    light, dark = (_as_address(path) for path in figures_of(folder, name))
+    name, words = experiment.name, experiment.caption
+    drawing = figures_of(folder, name)[0].read_text(encoding="utf-8")
     yield f'<section id="{name}">'
     yield f"<h2>{_heading(experiment)}</h2>"
-    yield "<figure><picture>"
-    yield f'<source media="(prefers-color-scheme: dark)" srcset="{dark}">'
-    yield f'<img src="{light}" alt="{escape(words)}">'
-    yield f"</picture><figcaption>{escape(words)}</figcaption></figure>"
+    inside = inline(drawing, f"{name}-drawing", words)
+    yield f'<figure><div class="wide" tabindex="0">{inside}</div>'
+    yield f"<figcaption>{escape(words)}</figcaption></figure>"
+    for each in section.judgements:
+        yield from _claim(each)
     for table in section.tables:
         yield from _table(table)
-    if section.judgements:
-        yield from _claims(f"Claims about {_figure(name)}", section.judgements, with_links=False)
     yield "</section>"
-
-
-def _as_address(path: Path) -> str:
-    """Return a picture as an address: several drawings in one page must not share their names."""
-    return "data:image/svg+xml;base64," + base64.b64encode(path.read_bytes()).decode("ascii")

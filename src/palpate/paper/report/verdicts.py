@@ -106,7 +106,7 @@ class Judgement:
     def remark(self) -> str:
         """What the words are taken to mean, and on what that depends."""
         parts = (part.removesuffix(".") for part in (self.claim.reading, self.claim.depends))
-        return ". ".join(part[:1].upper() + part[1:] for part in parts if part)
+        return " ".join(f"{part[:1].upper()}{part[1:]}." for part in parts if part)
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers and words."""
