@@ -40,7 +40,12 @@ class Tiny(Experiment):
         time.sleep(self.seconds if seed >= self.slow_from else 0.0)
         if seed == self.fails_at:
             raise ArithmeticError("no such square")
-        numbers = {"seed [m]": seed, "remainder": seed % 2, "third": seed / 3.0, "never": math.nan}
+        numbers = {
+            "seed [m]": seed,
+            "remainder": seed % 2,
+            "third": seed / 3.0,
+            "never [s]": math.nan,
+        }
         return numbers, {"line": [0.0, math.nan, seed + 1.0 / 3.0]}
 
     def draw(self, figure, outcomes):

@@ -16,7 +16,7 @@ from palpate.paper import outcomes as on_disk
 from palpate.paper.experiment import all_claims
 from palpate.paper.fig07 import Held
 from palpate.paper.judges import JUDGES
-from palpate.paper.judging import named
+from palpate.paper.quantities import named
 from palpate.paper.running import run_paper
 from palpate.paper.sessions import pressed
 from palpate.paper.starts import convergence_times, from_starts, starts_of

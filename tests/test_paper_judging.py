@@ -12,19 +12,21 @@ from palpate.paper.judging import (
     at_most,
     below,
     between,
-    farthest_from,
     finite,
     increasing,
     judge,
+    never,
+    that,
+    unchecked,
+)
+from palpate.paper.quantities import (
+    farthest_from,
     largest,
     least,
-    never,
     over_seeds,
     ratio,
     readable,
-    that,
     times,
-    unchecked,
 )
 
 NUMBERS = {
@@ -66,8 +68,8 @@ BOUNDS = {
     "at most": (at_most(4.0, "scatter α = 5"), (4.0,), (4.1,)),
     "between": (between(1.0, 2.0), (1.0, 2.0), (0.9, 2.1)),
     "about": (about(90.0), (45.0, 180.0), (44.0, 181.0)),
-    "finite": (finite(), (0.0,), (math.nan,)),
-    "never": (never(), (math.nan,), (0.0,)),
+    "finite": (finite(), (0.0,), (math.inf,)),
+    "never": (never(), (math.inf,), (0.0,)),
 }
 
 
@@ -90,6 +92,18 @@ def test_all_conditions_have_to_hold():
 def test_without_conditions_a_claim_cannot_be_checked():
     assert judge("bias")(NUMBERS) == Finding(None, -3.0, "")
     assert unchecked()(NUMBERS) == Finding(None)
+
+
+def test_what_is_not_known_cannot_be_checked():
+    numbers = {**NUMBERS, "error K [%]": math.nan, "error B [%]": 1.0}
+    for found in (
+        judge("error", above(3.0))(numbers),
+        judge("bias", below("error"))(numbers),
+        judge(largest("bias", "error"), below(3.0))(numbers),
+        judge(least("error", "bias"), below(3.0), that("bias", below(0.0)))(numbers),
+    ):
+        assert found.holds is None
+    assert judge("bias", below("error"))(numbers).words == "error: not known"
 
 
 def test_the_words_say_every_other_number_that_was_used_with_its_unit_once():

@@ -37,7 +37,7 @@ def test_what_is_not_finite_is_null_on_disk_and_nan_in_memory(folder):
     assert "NaN" not in path.read_text(encoding="utf-8")
     after = on_disk.read(folder, experiment, 1)
     assert math.isnan(after.curves["line"][1])
-    assert math.isnan(after.numbers["never"])
+    assert math.isnan(after.numbers["never [s]"])
 
 
 def test_an_outcome_of_another_version_setting_or_seed_is_not_reused(folder):

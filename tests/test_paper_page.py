@@ -164,7 +164,7 @@ def test_the_json_holds_the_same(folder, report):
         "seed [m]": 2,
         "remainder": 0,
         "third": 0.666666667,
-        "never": None,
+        "never [s]": None,
     }
     assert outcome["findings"]["even"] == {
         "holds": True,

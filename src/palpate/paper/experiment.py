@@ -12,7 +12,8 @@ import numpy as np
 
 from palpate.figures.style import LIGHT, style
 from palpate.paper.judges import JUDGES
-from palpate.paper.judging import Finding, Judge, Numbers, over_seeds
+from palpate.paper.judging import Finding, Judge
+from palpate.paper.quantities import Numbers, over_seeds
 from palpate.validation import Floats
 
 if TYPE_CHECKING:

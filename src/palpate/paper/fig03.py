@@ -10,8 +10,8 @@ from palpate.estimators import VariableProjection
 from palpate.figures.style import LIGHT as THEME
 from palpate.lab import THREE_SINES, Measurement
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table
-from palpate.paper.judging import Numbers
 from palpate.paper.panels import LABELS, draw_truth, thinned
+from palpate.paper.quantities import Numbers
 from palpate.paper.sessions import START, identified, session
 from palpate.validation import Floats
 

@@ -12,8 +12,8 @@ from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import MATERIALS, Homogeneous
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.judging import Numbers, named, readable
 from palpate.paper.panels import LABELS, PARAMETERS, draw_lines, draw_truth, thinned
+from palpate.paper.quantities import Numbers, named, readable
 from palpate.paper.sessions import identified, pressed, session
 from palpate.validation import Floats
 

@@ -14,8 +14,8 @@ from palpate.figures.style import LIGHT as THEME
 from palpate.identification import Identification
 from palpate.lab import MATERIALS, THREE_SINES, Bench
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.judging import Numbers
 from palpate.paper.panels import LABELS, draw_lines, draw_truth, thinned
+from palpate.paper.quantities import Numbers
 from palpate.paper.sessions import GATE, START, identified, pressed
 from palpate.settings import ContactGate
 from palpate.trace import Trace

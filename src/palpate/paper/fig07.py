@@ -13,8 +13,8 @@ from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import BALL, THREE_SINES, Bench, Command, IdealProbe, Trajectory
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.judging import Numbers
 from palpate.paper.panels import DASHES, PARAMETERS, draw_lines, traced
+from palpate.paper.quantities import Numbers
 from palpate.paper.sessions import START, identified, pressed
 from palpate.paper.starts import starts_of, times_to
 from palpate.settings import ConstantForgetting, FadingForgetting, Forgetting

@@ -19,8 +19,8 @@ from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import MATERIALS, Homogeneous
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.judging import Numbers, named
 from palpate.paper.panels import draw_lines, traced
+from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import identified, pressed
 from palpate.paper.starts import convergence_times, from_starts, spread, starts_of, times_to
 

@@ -13,8 +13,8 @@ from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import BALL, SPONGE
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.judging import Numbers, named
 from palpate.paper.panels import DASHES, PARAMETERS, draw_lines, draw_truth, traced
+from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import identified, pressed
 from palpate.paper.starts import AGREED, convergence_times
 from palpate.settings import Scale

@@ -14,8 +14,8 @@ from palpate.identification import Identification
 from palpate.lab import BALL, Bench, Homogeneous, IdealProbe, Probing
 from palpate.lab.trajectories import NEAR_SURFACE
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table
-from palpate.paper.judging import Numbers, over_seeds
 from palpate.paper.panels import draw_lines, draw_truth
+from palpate.paper.quantities import Numbers, over_seeds
 from palpate.paper.sessions import START, identified, pressed, session
 from palpate.validation import Floats
 

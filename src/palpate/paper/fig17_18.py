@@ -12,8 +12,8 @@ from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import BALL, ONE_SINE, Bench, IdealProbe
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.judging import Numbers, named
 from palpate.paper.panels import draw_lines, draw_truth, traced
+from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import START, identified, pressed
 from palpate.paper.starts import Starts, convergence_times, from_starts, starts_of, times_to
 

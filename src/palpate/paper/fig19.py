@@ -24,8 +24,8 @@ from palpate.lab import (
     SpaceVaryingMaterial,
 )
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.judging import Numbers
 from palpate.paper.panels import PARAMETERS, draw_lines, draw_truth
+from palpate.paper.quantities import Numbers
 from palpate.paper.sessions import START, identified, pressed
 from palpate.settings import ChangeDetector, SelfPerturbation
 from palpate.validation import Floats

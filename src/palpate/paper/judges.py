@@ -10,18 +10,14 @@ from palpate.paper.judging import (
     at_most,
     below,
     between,
-    farthest_from,
     finite,
     increasing,
     judge,
-    largest,
-    least,
     never,
-    ratio,
     that,
-    times,
     unchecked,
 )
+from palpate.paper.quantities import farthest_from, largest, least, ratio, times
 
 # Forgetting factors that the paper recommends, and P₀ above the norm that it names.
 _RECOMMENDED = [f"α = {rate}" for rate in (5, 6, 7, 8)]

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from palpate.paper.experiment import Claim, Experiment, Outcome
-from palpate.paper.judging import Finding, readable
+from palpate.paper.judging import Finding
+from palpate.paper.quantities import readable
 
 
 class Verdict(enum.Enum):
