@@ -67,9 +67,9 @@ def test_a_failure_names_experiment_and_seed_and_the_rest_is_done(tmp_path):
         run(tmp_path, *experiments)
     assert "(and 1 more)" in str(end.value)
     whole = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
-    assert [each["name"] for each in whole["experiments"]] == ["good"]
+    assert [each["name"] for each in whole["experiments"]] == ["ugly", "good"]
     assert [words.split(":")[0] for words in whole["failures"]] == ["bad, seed 1", "ugly, figure"]
-    assert whole["unfinished"] == ["bad (1 of 2 seeds)", "ugly (2 of 2 seeds)"]
+    assert whole["unfinished"] == ["bad (1 of 2 seeds)", "ugly (no figure)"]
 
 
 def test_a_folder_that_cannot_be_written_is_said_before_the_work(tmp_path):

@@ -62,7 +62,7 @@ def paper(
                 folder=output,
                 workers=workers,
                 progress=progress,
-                begun=_say_what_was_taken_over,
+                begun=_say_what_is_reused,
             )
     except KeyboardInterrupt:
         if (output / "report.html").is_file():
@@ -90,7 +90,7 @@ def _chosen(only: tuple[str, ...]) -> "list[Experiment]":
     return [each for name, each in EXPERIMENTS.items() if not only or name in only]
 
 
-def _say_what_was_taken_over(run: "PaperRun") -> None:
+def _say_what_is_reused(run: "PaperRun") -> None:
     total = len(run.experiments) * run.seeds
     if run.reused:
         words = f"{run.reused} of {total} outcomes reused from an earlier run"

@@ -16,7 +16,14 @@ from palpate.paper.experiment import Experiment, Outcome
 from palpate.writing import write_text
 
 # What judges and reports measures nothing: a claim is reworded and judged anew without a run.
-_NOT_MEASURING = ("cli", "paper/judges.py", "paper/judging.py", "paper/quantities.py", "paper/report")
+_NOT_MEASURING = (
+    "cli",
+    "paper/judges.py",
+    "paper/judging.py",
+    "paper/quantities.py",
+    "paper/report",
+    "reports",
+)
 
 
 @cache

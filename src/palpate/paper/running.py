@@ -1,9 +1,9 @@
 """All experiments and seeds on all cores; what is finished stays, whatever happens then."""
 
 import os
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
@@ -20,12 +20,10 @@ from palpate.writing import make_folder
 Progress = Callable[[str, int, int], None]
 
 
-@dataclass(frozen=True, slots=True)
-class _Task:
-    """One seed of experiments that press the same, or one's figure where ``seed`` is None."""
-
-    experiments: tuple[Experiment, ...]
-    seed: int | None
+#: A seed to measure, or outcomes to draw.
+Given = int | list[Outcome]
+#: What a process does, to which experiments, and what it is given.
+_Task = tuple[Callable[..., list[Result]], tuple[Experiment, ...], Given]
 
 
 @dataclass(slots=True)
@@ -63,57 +61,54 @@ class PaperRun:
 
     def work(self, workers: int, progress: Progress) -> None:
         """Do all that is missing; a failure is noted, and the rest goes on."""
-        waiting = deque(self._missing())
-        if not waiting:
+        tasks = [*self._measurements(), *self._drawings(self.experiments)]
+        if not tasks:
             return
-        with processes(min(workers, len(waiting))) as pool:
-            pending: dict[Future[list[Result]], _Task] = {}
-            while waiting or pending:
-                # No more than keeps the workers busy: a figure is drawn as soon as it can be.
-                while waiting and len(pending) <= workers:
-                    task = waiting.popleft()
-                    pending[self._submitted(pool.submit, task)] = task
-                finished = wait(pending, return_when=FIRST_COMPLETED).done
+        with processes(min(workers, len(tasks))) as pool:
+            pending = {pool.submit(w, each, given): (each, given) for w, each, given in tasks}
+            while pending:
                 # In the order of the work: what was finished first is written down first.
+                finished = wait(pending, return_when=FIRST_COMPLETED).done
                 for future in [each for each in pending if each in finished]:
-                    waiting.extendleft(self._settled(pending.pop(future), future, progress))
+                    experiments, given = pending.pop(future)
+                    self._settle(experiments, given, future, progress)
+                    with suppress(BrokenExecutor):  # a worker died: what it did is among failures
+                        more = self._drawings(experiments) if isinstance(given, int) else []
+                        for work, each, outcomes in more:
+                            pending[pool.submit(work, each, outcomes)] = each, outcomes
 
-    def _missing(self) -> Iterator[_Task]:
-        """One group after the other, so that an interrupted run has finished some experiments."""
-        groups = sorted(self.experiments, key=lambda each: each.group)
-        for _, together in groupby(groups, key=lambda each: each.group):
-            members = tuple(together)
-            yield from (_Task((each,), None) for each in members if self._can_be_drawn(each))
+    def _measurements(self) -> Iterator[_Task]:
+        """Each seed of each group, one group after the other, without what is there already."""
+        groups = groupby(sorted(self.experiments, key=_group), key=_group)
+        for members in [tuple(together) for _, together in groups]:
             for seed in range(self.seeds):
                 left = tuple(each for each in members if (each.name, seed) not in self.outcomes)
                 if left:
-                    yield _Task(left, seed)
+                    yield measured, left, seed
 
-    def _submitted(
-        self, submit: Callable[..., Future[list[Result]]], task: _Task
-    ) -> Future[list[Result]]:
-        try:
-            if task.seed is not None:
-                return submit(measured, task.experiments, task.seed)
-            return submit(drawn, task.experiments[0], self._of(task.experiments[0]))
-        except BrokenExecutor as error:  # another worker died
-            failed: Future[list[Result]] = Future()
-            failed.set_exception(error)
-            return failed
+    def _drawings(self, experiments: Iterable[Experiment]) -> list[_Task]:
+        """Those of the experiments of which every seed is there, and no figure."""
+        return [
+            (drawn, (each,), self._of(each))
+            for each in experiments
+            if self._complete(each) and each.name not in self.drawn
+        ]
 
-    def _settled(
-        self, task: _Task, future: Future[list[Result]], progress: Progress
-    ) -> list[_Task]:
-        """Write down what a task gave; return what can be drawn now."""
+    def _settle(
+        self,
+        experiments: tuple[Experiment, ...],
+        given: Given,
+        future: Future[list[Result]],
+        progress: Progress,
+    ) -> None:
+        """Write down what a task gave."""
         try:
             results = future.result()
         except Exception as error:  # a worker that died
-            failure = Failure(f"{type(error).__name__}: {error}")
-            results = [failure for _ in task.experiments]
-        figures = []
-        for experiment, result in zip(task.experiments, results, strict=True):
+            results = [Failure(f"{type(error).__name__}: {error}")] * len(experiments)
+        for experiment, result in zip(experiments, results, strict=True):
             name = experiment.name
-            what = f"{name}, {'figure' if task.seed is None else f'seed {task.seed}'}"
+            what = f"{name}, {f'seed {given}' if isinstance(given, int) else 'figure'}"
             if isinstance(result, Failure):
                 self.failures.append(f"{what}: {result.words}")
             elif isinstance(result, Outcome):
@@ -121,37 +116,36 @@ class PaperRun:
                 # and the page then counts every outcome that is there.
                 self.outcomes[name, result.seed] = result
                 on_disk.write(self.folder, experiment, result)
-                if self._can_be_drawn(experiment):
-                    figures.append(_Task((experiment,), None))
             else:
                 on_disk.write_figures(self.folder, experiment, self.seeds, result)
                 self.drawn.add(name)
-            progress(what, len(self.outcomes) + len(self.drawn), self.total)
-        return figures
-
-    @property
-    def total(self) -> int:
-        """Outcomes and figures of a whole run."""
-        return len(self.experiments) * (self.seeds + 1)
+            total = len(self.experiments) * (self.seeds + 1)
+            progress(what, len(self.outcomes) + len(self.drawn), total)
 
     def _of(self, experiment: Experiment) -> list[Outcome]:
         every = (self.outcomes.get((experiment.name, seed)) for seed in range(self.seeds))
         return [outcome for outcome in every if outcome is not None]
 
-    def _can_be_drawn(self, experiment: Experiment) -> bool:
-        return experiment.name not in self.drawn and len(self._of(experiment)) == self.seeds
+    def _complete(self, experiment: Experiment) -> bool:
+        return len(self._of(experiment)) == self.seeds
 
     def report(self) -> Report:
         """Return what is finished, and the names of what is not."""
-        sections, unfinished = [], []
-        for experiment in self.experiments:
-            outcomes = self._of(experiment)
-            if experiment.name in self.drawn and len(outcomes) == self.seeds:
-                sections.append(Section.of(experiment, outcomes))
-            else:
-                words = f"{experiment.name} ({len(outcomes)} of {self.seeds} seeds)"
-                unfinished.append(words)
-        return Report(tuple(sections), self.seeds, tuple(unfinished), tuple(self.failures))
+        complete = [each for each in self.experiments if self._complete(each)]
+        sections = (Section.of(each, self._of(each), each.name in self.drawn) for each in complete)
+        missing = {
+            each.name: "no figure"
+            if each in complete
+            else f"{len(self._of(each))} of {self.seeds} seeds"
+            for each in self.experiments
+            if each not in complete or each.name not in self.drawn
+        }
+        unfinished = tuple(f"{name} ({words})" for name, words in missing.items())
+        return Report(tuple(sections), self.seeds, unfinished, tuple(self.failures))
+
+
+def _group(experiment: Experiment) -> str:
+    return experiment.group
 
 
 def run_paper(

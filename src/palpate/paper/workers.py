@@ -33,17 +33,17 @@ def measured(experiments: Sequence[Experiment], seed: int) -> list[Result]:
     return [_tried(partial(each.run, seed)) for each in experiments]
 
 
-def drawn(experiment: Experiment, outcomes: Sequence[Outcome]) -> list[Result]:
+def drawn(experiments: Sequence[Experiment], outcomes: Sequence[Outcome]) -> list[Result]:
     """Draw an experiment of all seeds, for both backgrounds.
 
     Not into files, for a worker that is stopped could not take its half of one away.
     """
 
-    def both() -> tuple[str, str]:
+    def both(experiment: Experiment) -> tuple[str, str]:
         light = slim(as_svg(experiment.figure(outcomes)))
         return light, recoloured(light)
 
-    return [_tried(both)]
+    return [_tried(partial(both, each)) for each in experiments]
 
 
 def _tried(work: Callable[[], Result]) -> Result:

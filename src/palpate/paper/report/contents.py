@@ -34,12 +34,15 @@ class Section:
     outcomes: tuple[Outcome, ...]
     tables: tuple[Table, ...]
     judgements: tuple[Judgement, ...]
+    drawn: bool
 
     @classmethod
-    def of(cls, experiment: Experiment, outcomes: Sequence[Outcome]) -> "Section":
+    def of(
+        cls, experiment: Experiment, outcomes: Sequence[Outcome], drawn: bool = True
+    ) -> "Section":
         """Tabulate and judge what an experiment measured."""
         tables, judged = experiment.tabulated(outcomes), judgements(experiment, outcomes)
-        return cls(experiment, tuple(outcomes), tables, judged)
+        return cls(experiment, tuple(outcomes), tables, judged, drawn)
 
 
 @dataclass(frozen=True, slots=True)

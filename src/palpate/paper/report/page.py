@@ -49,7 +49,7 @@ def _head(report: Report) -> Iterator[str]:
     yield f"<h1>{escape(TITLE)}</h1>"
     yield f"<p>{escape(ABOUT)}</p>"
     for words, listed in (
-        ("Not finished, so not shown", report.unfinished),
+        ("Not finished", report.unfinished),
         ("Failed", report.failures),
     ):
         if listed:
@@ -167,12 +167,13 @@ def _settings() -> Iterator[str]:
 def _section(section: Section, folder: Path) -> Iterator[str]:
     experiment = section.experiment
     name, words = experiment.name, experiment.caption
-    drawing = figures_of(folder, name)[0].read_text(encoding="utf-8")
     yield f'<section id="{name}">'
     yield f"<h2>{_heading(experiment)}</h2>"
-    inside = inline(drawing, f"{name}-drawing", words)
-    yield f'<figure><div class="wide" tabindex="0">{inside}</div>'
-    yield f"<figcaption>{escape(words)}</figcaption></figure>"
+    if section.drawn:
+        drawing = figures_of(folder, name)[0].read_text(encoding="utf-8")
+        inside = inline(drawing, f"{name}-drawing", words)
+        yield f'<figure><div class="wide" tabindex="0">{inside}</div>'
+        yield f"<figcaption>{escape(words)}</figcaption></figure>"
     for each in section.judgements:
         yield from _claim(each)
     for table in section.tables:

@@ -40,7 +40,7 @@ def _section_as_dict(section: Section) -> dict[str, Any]:
         "name": experiment.name,
         "title": experiment.title,
         "caption": experiment.caption,
-        "figure": f"{experiment.name}.svg",
+        "figure": f"{experiment.name}.svg" if section.drawn else None,
         "tables": [asdict(table) for table in section.tables],
         "outcomes": [
             {
