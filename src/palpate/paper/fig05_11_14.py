@@ -12,7 +12,7 @@ from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import MATERIALS, Homogeneous
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.panels import LABELS, PARAMETERS, draw_lines, draw_truth, thinned
+from palpate.paper.panels import LABELS, UNITS, draw_lines, draw_truth, thinned
 from palpate.paper.quantities import Numbers, named, readable
 from palpate.paper.sessions import identified, pressed, session
 from palpate.validation import Floats
@@ -28,7 +28,6 @@ METHODS: Mapping[str, Callable[[], ContactEstimator]] = {
     "variable-projection": VariableProjection,
     "double-stage": DoubleStageRLS,
 }
-UNITS = {"K": "N/mⁿ", "B": "N·s/mⁿ⁺¹", "n": ""}
 
 
 @dataclass(frozen=True)
@@ -89,8 +88,9 @@ class Repetitions(Experiment):
         truth, first = _truth(self.material), outcomes[0].curves
         axes = figure.subplots(2, 3, height_ratios=(1.5, 1.0))
         time = np.array(first["time"])
-        for i, (symbol, label) in enumerate(PARAMETERS.items()):
+        for i, (symbol, unit) in enumerate(UNITS.items()):
             upper, lower, true = axes[0, i], axes[1, i], truth.parameters[i]
+            label = f"{symbol} [{unit}]" if unit else symbol
             lines = {
                 f"single stage, {k + 1}": np.array(first[f"single-stage {k}/{symbol}"])
                 for k in range(REPETITIONS)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import BALL, THREE_SINES, Bench, Command, IdealProbe, Trajectory
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.panels import DASHES, PARAMETERS, draw_lines, traced
-from palpate.paper.quantities import Numbers
+from palpate.paper.panels import DASHES, UNITS, draw_course, draw_lines, traced
+from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import START, identified, pressed
 from palpate.paper.starts import starts_of, times_to
 from palpate.settings import ConstantForgetting, FadingForgetting, Forgetting
@@ -36,8 +36,10 @@ HOLD_FROM, HELD_SECONDS = 8.0, 60.0
 LAW: HuntCrossley = BALL.law  # type: ignore[assignment]  # the ball is one
 
 # What is drawn, over which limits: later on all are within a few percent.
-PROFILES_DRAWN = ("λ = 1", "α = 0.1", "α = 5", "λ = 0.99", "variable projection")
-COVARIANCES_DRAWN = ("P₀ = 1", "P₀ = 10", "P₀ = 100", "P₀ = 10000", "P₀ = 1e+06")
+PROFILES_DRAWN = {
+    name: name for name in ("λ = 1", "α = 0.1", "α = 5", "λ = 0.99", "variable projection")
+}
+COVARIANCES_DRAWN = {name: name for name in COVARIANCES if name not in ("P₀ = 20", "P₀ = 1000")}
 CLOSE = {"K": (1800.0, 2200.0), "B": (1600.0, 2400.0), "n": (0.96, 1.04)}
 WIDE = {"K": (1000.0, 3000.0), "B": (-1000.0, 5000.0), "n": (0.8, 1.2)}
 
@@ -120,13 +122,11 @@ class ForgettingFactors(Experiment):
         """Draw a column for forgetting, one for P₀; below, the held probe and every seed."""
         curves = outcomes[0].curves
         grid = figure.subplots(4, 2, height_ratios=(1.0, 1.0, 1.0, 0.9))
-        for (left, right, *_), (symbol, label) in zip(grid, PARAMETERS.items(), strict=False):
-            lines = {name: curves[f"{name}/{symbol}"] for name in PROFILES_DRAWN}
-            draw_lines(left, curves["elapsed"], lines)
-            left.set(ylim=CLOSE[symbol], ylabel=label, xlim=(0.0, 10.0))
-            lines = {name: curves[f"{name}/{symbol}"] for name in COVARIANCES_DRAWN}
-            draw_lines(right, curves["elapsed"], lines)
-            right.set(xscale="log", ylim=WIDE[symbol], xlim=(1e-2, 10.0))
+        for (left, right), (symbol, unit) in zip(grid, UNITS.items(), strict=False):
+            limits: dict[str, Any] = {"unit": unit, "xlim": (0.0, 10.0), "ylim": CLOSE[symbol]}
+            draw_course(left, curves, symbol, PROFILES_DRAWN, **limits)
+            limits |= {"xscale": "log", "xlim": (1e-2, 10.0), "ylim": WIDE[symbol]}
+            draw_course(right, curves, symbol, COVARIANCES_DRAWN, **limits)
         for axes, title in zip(
             grid[0], ("Forgetting factor, P₀ = 1e3", "Initial covariance, α = 5"), strict=True
         ):
@@ -207,12 +207,9 @@ def _draw_seeds(axes: "Axes", outcomes: Sequence[Outcome]) -> None:
     for i, outcome in enumerate(outcomes):
         shown = {"time to 5 % [s]": "time", "overshoot of K or B / truth": "overshoot"}
         for style, (label, what) in enumerate(shown.items()):
-            symbols = ("K", "B", "n") if what == "time" else ("K", "B")
-            unit = "s" if what == "time" else "of the truth"
-            values = [
-                max(outcome.numbers[f"{what} {name} {symbol} [{unit}]"] for symbol in symbols)
-                for name in COVARIANCES
-            ]
+            symbols = "K|B|n" if what == "time" else "K|B"
+            every = [named(f"{what} {name} {symbols}", outcome.numbers) for name in COVARIANCES]
+            values = [max(each.values()) for each in every]
             axes.plot(
                 list(COVARIANCES.values()), values, marker="os"[style], linestyle=DASHES[style],
                 color=THEME.lines[style], label=label if i == 0 else None, alpha=0.8,

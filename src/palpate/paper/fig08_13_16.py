@@ -19,7 +19,7 @@ from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import MATERIALS, Homogeneous
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.panels import draw_lines, traced
+from palpate.paper.panels import draw_course, draw_lines, traced
 from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import identified, pressed
 from palpate.paper.starts import convergence_times, from_starts, spread, starts_of, times_to
@@ -240,7 +240,7 @@ def _curves(method: str, results: Mapping[str, Identification]) -> Curves:
 
 def _draw_method(column: Any, kind: type[ContactEstimator], outcomes: Sequence[Outcome]) -> None:
     curves, time = outcomes[0].curves, outcomes[0].curves["elapsed"]
-    law, names = kind.law_type, _names(kind)
+    law, shown = kind.law_type, {name: f"{kind.method}/{name}" for name in _names(kind)}
     # For every Hunt–Crossley method the same axes, so that they compare.
     about = SingleStageRLS if law is HuntCrossley else kind
     finals = named(f"final {about.method} {_names(about)[0]}", outcomes[0].numbers)
@@ -249,11 +249,10 @@ def _draw_method(column: Any, kind: type[ContactEstimator], outcomes: Sequence[O
             axes.set_axis_off()
             continue
         symbol = law.symbols[i]
-        draw_lines(axes, time, {name: curves[f"{kind.method}/{name}/{symbol}"] for name in names})
+        draw_course(axes, curves, symbol, shown, unit=law.units[i])
         _set_scale(axes, list(finals.values())[i], symbol)
-        axes.set(ylabel=f"{symbol} [{law.units[i]}]" if law.units[i] else symbol)
     error = column[3]
-    lines = {name: curves[f"{kind.method}/{name}/error"] for name in names}
+    lines = {name: curves[f"{prefix}/error"] for name, prefix in shown.items()}
     draw_lines(error, time, lines, linewidth=0.8)
     error.set_yscale("symlog", linthresh=FINE)
     error.set(xscale="log", ylabel="force error [N]", ylim=(-30.0, 30.0))

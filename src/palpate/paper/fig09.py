@@ -13,7 +13,7 @@ from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import BALL, SPONGE
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.panels import DASHES, PARAMETERS, draw_lines, draw_truth, traced
+from palpate.paper.panels import DASHES, UNITS, draw_course, draw_truth, traced
 from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import identified, pressed
 from palpate.paper.starts import AGREED, convergence_times
@@ -84,30 +84,27 @@ class NearTruth(Experiment):
         curves = outcomes[0].curves
         grid = figure.add_gridspec(4, len(DRAWN), height_ratios=(1.0, 1.0, 1.0, 1.1))
         for column, off in enumerate(DRAWN):
-            for row, (symbol, label) in enumerate(PARAMETERS.items()):
+            shown = {way: f"{off:g}/{way}" for way in WAYS} | {"variable projection": "projection"}
+            for row, (symbol, unit) in enumerate(UNITS.items()):
                 axes = figure.add_subplot(grid[row, column])
-                lines = {way: curves[f"{off:g}/{way}/{symbol}"] for way in WAYS}
-                lines["variable projection"] = curves[f"projection/{symbol}"]
-                draw_lines(axes, curves["elapsed"], lines)
-                axes.set(xscale="log", ylim=LIMITS[symbol])
-                if column == 0:
-                    axes.set(ylabel=label)
+                limits: dict[str, Any] = {"xscale": "log", "ylim": LIMITS[symbol]}
+                draw_course(axes, curves, symbol, shown, unit=unit, **limits)
                 if row == 0:
                     axes.set_title(f"starts {100 * off:g} % off")
             axes.set(xlabel="time since contact [s]")
-        shown = axes.get_legend_handles_labels()
-        figure.legend(*shown, loc="outside lower center", ncols=5)
+        labels = axes.get_legend_handles_labels()
+        figure.legend(*labels, loc="outside lower center", ncols=5)
         _draw_ends(figure.add_subplot(grid[3, :]), outcomes)
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """Return where the starts end."""
-        off = (f"{symbol} off [%]" for symbol in PARAMETERS)
+        off = (f"{symbol} off [%]" for symbol in UNITS)
         header = ("material", "starts off by", *off, "ends apart [%]", "convergence [s]")
         rows = tuple(
             (
                 name,
                 case,
-                *(say(f"error {name} {case} {symbol}") for symbol in PARAMETERS),
+                *(say(f"error {name} {case} {symbol}") for symbol in UNITS),
                 say(f"apart {name} {case}"),
                 say(f"time {name} {case}"),
             )

@@ -12,7 +12,7 @@ from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import BALL, ONE_SINE, Bench, IdealProbe
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.panels import draw_lines, draw_truth, traced
+from palpate.paper.panels import draw_course, draw_lines, draw_truth, traced
 from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import START, identified, pressed
 from palpate.paper.starts import Starts, convergence_times, from_starts, starts_of, times_to
@@ -137,19 +137,19 @@ class Richness(Experiment):
     def _draw_motion(self, column: Any, motion: str, outcome: Outcome) -> None:
         """Parameters and force error of every start; the value from three sines dotted."""
         curves, law = outcome.curves, self.kind.law_type
-        time = curves[f"{motion}/elapsed"]
-        labels = {**{start: start for start in self.starts}, "projection": PROJECTION}
+        clock = f"{motion}/elapsed"
+        starts = {start: f"{motion}/{start}" for start in self.starts}
+        every = {**starts, PROJECTION: f"{motion}/projection"}
         # Its stiffness and damping are another law's than Kelvin–Voigt's.
-        shown = list(labels) if law is HuntCrossley else self.starts
+        shown = every if law is HuntCrossley else starts
         finals = named(f"final three sines {self.starts[0]}", outcome.numbers).values()
         for axes, symbol, unit, final in zip(column, law.symbols, law.units, finals, strict=False):
-            draw_lines(axes, time, {labels[s]: curves[f"{motion}/{s}/{symbol}"] for s in shown})
+            draw_course(axes, curves, symbol, shown, clock=clock, unit=unit, xscale="log")
+            axes.set(ylim=(-0.5 * final, 3.0 * final))
             draw_truth(axes, final, None)
-            label = f"{symbol} [{unit}]" if unit else symbol
-            axes.set(xscale="log", ylim=(-0.5 * final, 3.0 * final), ylabel=label)
         column[0].set_title(f"{motion} (dotted: three)")
-        lines = {label: curves[f"{motion}/{s}/error"] for s, label in labels.items()}
-        draw_lines(column[-1], time, lines, linewidth=0.8)
+        lines = {label: curves[f"{prefix}/error"] for label, prefix in every.items()}
+        draw_lines(column[-1], curves[clock], lines, linewidth=0.8)
         column[-1].set(xscale="log", ylim=(-1.0, 1.0), ylabel="force error [N]")
         column[-1].set(xlabel="time since contact [s]")
 

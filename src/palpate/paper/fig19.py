@@ -24,7 +24,7 @@ from palpate.lab import (
     SpaceVaryingMaterial,
 )
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.panels import PARAMETERS, draw_lines, draw_truth
+from palpate.paper.panels import UNITS, draw_course, draw_lines, draw_truth
 from palpate.paper.quantities import Numbers
 from palpate.paper.sessions import START, identified, pressed
 from palpate.settings import ChangeDetector, SelfPerturbation
@@ -97,11 +97,12 @@ class Intermittent(Experiment):
         curves, truths = outcomes[0].curves, [each.law.parameters for each in (PVC, INCLUSION)]
         time = curves["time"]
         rows = figure.subplots(5, 1, sharex=True, height_ratios=(1.0, 1.0, 1.0, 1.2, 0.7))
-        for i, (axes, (symbol, label)) in enumerate(zip(rows, PARAMETERS.items(), strict=False)):
-            draw_lines(axes, time, {SHOWN[name]: curves[f"{name}/{symbol}"] for name in SHOWN})
+        shown = {label: name for name, label in SHOWN.items()}
+        for i, (axes, (symbol, unit)) in enumerate(zip(rows, UNITS.items(), strict=False)):
+            limits = (0.0, 1.5 * max(truth[i] for truth in truths))
+            draw_course(axes, curves, symbol, shown, clock="time", unit=unit, ylim=limits)
             for truth in truths:
                 draw_truth(axes, truth[i], None)
-            axes.set(ylabel=label, ylim=(0.0, 1.5 * max(truth[i] for truth in truths)))
         errors = {name: curves[f"{name}/error"] for name in SHOWN}
         blocks = time[: len(next(iter(errors.values())))]
         draw_lines(rows[3], blocks, errors, linewidth=0.9)
@@ -179,7 +180,7 @@ def _back(error: Floats, contact: Contact, change: float) -> float:
 def _curves(name: str, result: Identification) -> dict[str, Floats]:
     contact, trace = result.contact, result.trace
     known = np.where(trace.taken[:, None], trace.parameters, np.nan)[::EVERY]
-    curves = {f"{name}/{symbol}": known[:, i] for i, symbol in enumerate(PARAMETERS)}
+    curves = {f"{name}/{symbol}": known[:, i] for i, symbol in enumerate(UNITS)}
     error = np.where(trace.taken, contact.force - trace.predicted_force, 0.0)
     # The largest of each 20 samples, so that no peak is thinned away.
     blocks = np.abs(error[: len(error) // EVERY * EVERY]).reshape(-1, EVERY)

@@ -21,8 +21,8 @@ LABELS: Mapping[str, str] = {
     "pvc": "PVC phantom",
     "relaxing-sponge": "relaxing sponge",
 }
-#: Of Hunt–Crossley's parameters.
-PARAMETERS: Mapping[str, str] = {"K": "K [N/mⁿ]", "B": "B [N·s/mⁿ⁺¹]", "n": "n"}
+#: Of Hunt–Crossley's parameters, by their symbols.
+UNITS: Mapping[str, str] = {"K": "N/mⁿ", "B": "N·s/mⁿ⁺¹", "n": ""}
 #: Told apart without colour.
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (7, 2, 1.5, 2)), (0, (3, 1)))
 # More points than this on a line of a figure look the same.
@@ -67,6 +67,22 @@ def draw_lines(
     for i, (label, y) in enumerate(pairs, first):
         looks = {"color": THEME.lines[i % len(THEME.lines)], "linestyle": DASHES[i % len(DASHES)]}
         axes.plot(x, y, label=label, **{"linewidth": 1.4, **looks, **options})
+
+
+def draw_course(
+    axes: "Axes",
+    curves: Mapping[str, list[float]],
+    symbol: str,
+    shown: Mapping[str, str],
+    *,
+    clock: str = "elapsed",
+    unit: str = "",
+    **settings: Any,
+) -> None:
+    """One parameter over time, a line for each result; ``shown`` gives its curves by label."""
+    lines = {label: curves[f"{prefix}/{symbol}"] for label, prefix in shown.items()}
+    draw_lines(axes, curves[clock], lines)
+    axes.set(ylabel=f"{symbol} [{unit}]" if unit else symbol, **settings)
 
 
 def draw_truth(axes: "Axes", value: float, label: str | None = "truth") -> None:
