@@ -78,7 +78,7 @@ def _abstract(report: Report) -> Iterator[str]:
     yield '<ul class="abstract">'
     for line in lines:
         why = "" if line.verdict is Verdict.REPRODUCED else f" {escape(line.because)}"
-        counted = f'<span class="hinge">({escape(line.counted)})</span>'
+        counted = f'<span class="soft">({escape(line.counted)})</span>'
         sign = f'<span class="badge {CLASSES[line.verdict]}">{SIGNS[line.verdict]}</span>'
         yield f"<li>{sign}<strong>{escape(line.words)}.</strong>{why} {counted}</li>"
     yield "</ul>"
@@ -145,7 +145,7 @@ def _claim(each: Judgement) -> Iterator[str]:
         yield f"<p>{'; '.join(said)}</p>"
     for words in (each.words, each.remark):
         if words:
-            yield f'<p class="hinge">{escape(words)}</p>'
+            yield f'<p class="soft">{escape(words)}</p>'
     yield "</div>"
 
 
@@ -153,7 +153,7 @@ def _table(table: Table) -> Iterator[str]:
     rows = ([escape(cell) for cell in row] for row in table.rows)
     yield from html.table(table.title, table.header, rows)
     if table.note:
-        yield f'<p class="hinge">{escape(table.note)}</p>'
+        yield f'<p class="soft">{escape(table.note)}</p>'
 
 
 def _settings() -> Iterator[str]:

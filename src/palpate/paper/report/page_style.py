@@ -7,7 +7,6 @@ nav ul { columns: 20rem; padding-left: 1.2rem; }
 .abstract { list-style: none; padding: 0; }
 .abstract li { margin: 0.5rem 0; padding-left: 1.6rem; text-indent: -1.6rem; }
 .abstract .badge { display: inline-block; width: 1.6rem; text-indent: 0; }
-.hinge { color: var(--soft); font-size: 0.9em; }
 figure svg { display: block; width: 100%; height: auto; max-width: 62rem; }
 figure .wide:focus-visible { outline-offset: -2px; }
 #claims q { display: block; max-width: 34rem; }
