@@ -48,6 +48,7 @@ QUANTITIES = {
     "the least": (least("scatter α = 5"), 1.0),
     "the largest of several": (largest("scatter α = 5", 7.0), 7.0),
     "the least of several": (least("scatter α = 5", 7.0), 5.0),
+    "names written as one": (least("scatter α = {5|50} K"), 1.0),
     "a ratio": (ratio("scatter α = 50", least("scatter α = 5")), 100.0),
     "over nothing": (ratio("bias", 0.0), math.inf),
     "a multiple": (times(10.0, "bias"), -30.0),
@@ -111,7 +112,7 @@ def test_the_words_say_every_other_number_that_was_used_with_its_unit_once():
         ratio("scatter α = 50", "scatter α = 5 K|B"),
         above(3.0),
         that("scatter α = 50", above("bias")),
-        beside=["time slow", least("time slow")],
+        beside=["time {slow|slow}", least("time slow")],
     )(NUMBERS)
     assert found.words == (
         "scatter α = 50: 100 %; scatter α = 5 K or B: 4.00 %; time slow: never; "

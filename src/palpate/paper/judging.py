@@ -9,7 +9,15 @@ import operator
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
-from palpate.paper.quantities import Numbers, Of, Quantity, beginning_with, quantity, readable
+from palpate.paper.quantities import (
+    Numbers,
+    Of,
+    Quantity,
+    beginning_with,
+    quantities,
+    quantity,
+    readable,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +99,9 @@ class Judge:
         return "; ".join(dict.fromkeys(leaf.seen(numbers) for leaf in leaves))
 
 
-def judge(ours: Of, *kept: Condition, beside: Iterable[Of] = (), elsewhere: str = "") -> Judge:
+def judge(
+    ours: Of, *kept: Condition, beside: str | Iterable[Of] = (), elsewhere: str = ""
+) -> Judge:
     """Return a judge.
 
     Parameters
@@ -100,14 +110,15 @@ def judge(ours: Of, *kept: Condition, beside: Iterable[Of] = (), elsewhere: str 
         The number that the report puts beside the paper's.
     *kept : Condition
         All of which have to be kept; without any the claim cannot be checked.
-    beside : iterable
+    beside : str or iterable
         Quantities said beside it.
     elsewhere : str
         How the numbers of a second material begin, of which it is said whether they agree.
     """
     measured = quantity(ours)
     conditions = tuple(each if each.of else replace(each, of=measured) for each in kept)
-    return Judge(measured, conditions, tuple(map(quantity, beside)), elsewhere)
+    others = quantities(beside) if isinstance(beside, str) else quantities(*beside)
+    return Judge(measured, conditions, others, elsewhere)
 
 
 def unchecked() -> Judge:
@@ -162,7 +173,7 @@ def never() -> Condition:
 
 def increasing(*of: Of) -> Condition:
     """Each quantity is larger than the one before."""
-    first, *others = map(quantity, of)
+    first, *others = quantities(*of)
     return Condition(
         lambda *values: all(a < b for a, b in itertools.pairwise(values)), tuple(others), first
     )
@@ -171,5 +182,5 @@ def increasing(*of: Of) -> Condition:
 def _compared(compare: Callable[[float, float], bool], others: Iterable[Of]) -> Condition:
     return Condition(
         lambda value, *rest: all(compare(value, each) for each in rest),
-        tuple(map(quantity, others)),
+        quantities(*others),
     )

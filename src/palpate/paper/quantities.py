@@ -2,7 +2,8 @@
 
 A name means every number that it begins, word by word: "scatter α = 5" is the largest of "scatter
 α = 5 K [%]", "scatter α = 5 B [%]" and "scatter α = 5 n [%]", "scatter α = 5 K|B" that of the first
-two. A time that is NaN never came, and counts as infinite; any other NaN is not known.
+two. Names that differ in a word or two are written as one: "time α = {5|6}" is "time α = 5" and
+"time α = 6". A time that is NaN never came, and counts as infinite; any other NaN is not known.
 """
 
 import math
@@ -53,6 +54,20 @@ class Quantity:
 Of = str | float | Quantity
 
 
+def quantities(*of: Of) -> tuple[Quantity, ...]:
+    """Return the quantities that names, or plain numbers, stand for."""
+    every = (_expanded(each) if isinstance(each, str) else [each] for each in of)
+    return tuple(quantity(one) for names in every for one in names)
+
+
+def _expanded(names: str) -> list[str]:
+    head, brace, rest = names.partition("{")
+    if not brace:
+        return [names]
+    words, _, tail = rest.partition("}")
+    return [head + word + end for word in words.split("|") for end in _expanded(tail)]
+
+
 def quantity(of: Of) -> Quantity:
     """Return the quantity that a name, or a plain number, stands for."""
     if isinstance(of, Quantity):
@@ -69,8 +84,7 @@ def largest(*of: Of) -> Quantity:
 
 def least(*of: Of) -> Quantity:
     """Return the least of some quantities."""
-    if len(of) == 1 and isinstance(of[0], str):
-        name = of[0]
+    if len(of) == 1 and isinstance(name := of[0], str) and "{" not in name:
         return Quantity(lambda numbers: min(named(name, numbers).values()), name, which="least ")
     return _computed(min, of)
 
@@ -94,7 +108,7 @@ def farthest_from(middle: float, name: str) -> Quantity:
 
 
 def _computed(by: Callable[[list[float]], float], of: Iterable[Of]) -> Quantity:
-    parts = tuple(map(quantity, of))
+    parts = quantities(*of)
 
     def value(numbers: Numbers) -> float:
         values = [part.of(numbers) for part in parts]

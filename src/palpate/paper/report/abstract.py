@@ -36,7 +36,7 @@ class Line:
     @property
     def counted(self) -> str:
         """The count in words."""
-        return f"{self.held} of {self.checked} claims reproduced"
+        return f"{self.held} of {self.checked} claims reproduced in every seed"
 
 
 def abstract(judgements: Sequence[Judgement]) -> Iterator[Line]:
