@@ -26,7 +26,7 @@ class Tiny(Experiment):
     seconds: float = 0.0
     slow_from: int = 0
     caption = "A line & nothing else"
-    size = (2.0, 1.0)
+    size: tuple[float, float] = (2.0, 1.0)
     claims = (
         Claim("even", "I, Fig. 1", "the seed is even", "2", "the seed", "m", "on whole numbers"),
         Claim("lost", "II", "nobody <knows> | any more"),

@@ -3,7 +3,7 @@
 import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, partial
 from importlib import resources
 from typing import TYPE_CHECKING, Any
@@ -98,20 +98,16 @@ class Experiment(ABC):
         As the command line and the files know it, such as "fig03".
     title : str
         What a person calls it.
+    group : str
+        One process measures those of a group one after the other, for they press the same.
+    size : tuple of float
+        Width and height of the figure, in.
     """
 
     name: str
     title: str
-
-    @property
-    def group(self) -> str:
-        """One process measures those of a group one after the other, for they press the same."""
-        return self.name
-
-    @property
-    @abstractmethod
-    def size(self) -> tuple[float, float]:
-        """Width and height of the figure, in."""
+    group: str = field(default="", kw_only=True)
+    size: tuple[float, float] = field(default=(10.5, 8.0), kw_only=True)
 
     @property
     @abstractmethod

@@ -31,8 +31,8 @@ class TrajectoryFollowed(Experiment):
         "Penetration over time: commanded, and reached in the ball, the sponge and the PVC "
         "phantom; below, how far each lags behind the command, with the range over the seeds."
     )
-    group = "sponge"
-    size = (9.5, 6.0)
+    group: str = "sponge"
+    size: tuple[float, float] = (9.5, 6.0)
 
     def measure(self, seed: int) -> tuple[Numbers, Curves]:
         """Press each material once, and measure how the command was followed."""

@@ -1,7 +1,7 @@
 """Figs. 5, 11 and 14: three repetitions on one material, from the first set of starts."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,8 +44,8 @@ class Repetitions(Experiment):
 
     material: str
     beside: tuple[str, ...] = ()
-    group = "repetitions"
-    size = (10.5, 6.2)
+    group: str = field(default="repetitions", kw_only=True)
+    size: tuple[float, float] = field(default=(10.5, 6.2), kw_only=True)
 
     @property
     def caption(self) -> str:

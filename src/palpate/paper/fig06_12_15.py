@@ -48,16 +48,6 @@ class Condition(Experiment):
     materials: tuple[str, ...]
 
     @property
-    def group(self) -> str:
-        """With whom it shares its presses."""
-        return self.materials[0]
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Of the figure, in."""
-        return 10.5, 0.9 + 2.9 * len(self.materials)
-
-    @property
     def caption(self) -> str:
         """What the figure shows."""
         words = " and, below, of the ".join(LABELS[name] for name in self.materials)
@@ -251,7 +241,13 @@ def _verdict_line(outcomes: Sequence[Outcome], name: str) -> str:
 
 
 EXPERIMENTS = (
-    Condition("fig06", "Rubber ball, condition 10", ("ball",)),
-    Condition("fig12", "Sponge, condition 10", ("sponge", "relaxing-sponge")),
-    Condition("fig15", "PVC phantom, condition 10", ("pvc",)),
+    Condition("fig06", "Rubber ball, condition 10", ("ball",), group="ball", size=(10.5, 3.8)),
+    Condition(
+        "fig12",
+        "Sponge, condition 10",
+        ("sponge", "relaxing-sponge"),
+        group="sponge",
+        size=(10.5, 6.7),
+    ),
+    Condition("fig15", "PVC phantom, condition 10", ("pvc",), group="pvc", size=(10.5, 3.8)),
 )

@@ -95,8 +95,8 @@ class ForgettingFactors(Experiment):
         "initial covariances. Below: a probe held at one depth, and convergence and overshoot of "
         "every seed over the initial covariance."
     )
-    group = "ball"
-    size = (10.5, 10.0)
+    group: str = "ball"
+    size: tuple[float, float] = (10.5, 10.0)
 
     def measure(self, seed: int) -> tuple[Numbers, Curves]:
         """Identify one recording again and again, and a probe that is held."""

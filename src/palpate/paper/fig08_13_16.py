@@ -74,16 +74,6 @@ class Comparison(Experiment):
     )
 
     @property
-    def group(self) -> str:
-        """With whom it shares its presses."""
-        return self.material
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Of the figure, in."""
-        return 2.6 * len(self.methods) + 1.0, 9.0
-
-    @property
     def methods(self) -> tuple[type[ContactEstimator], ...]:
         """The paper's, and ours."""
         return (*self.kinds, VariableProjection)
@@ -289,6 +279,8 @@ EXPERIMENTS = (
         "ball",
         (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS),
         ("I", "II"),
+        group="ball",
+        size=(11.4, 9.0),
     ),
     Comparison(
         "fig13",
@@ -297,6 +289,8 @@ EXPERIMENTS = (
         (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS),
         ("III", "IV"),
         beside="relaxing-sponge",
+        group="sponge",
+        size=(11.4, 9.0),
     ),
     Comparison(
         "fig16",
@@ -304,5 +298,7 @@ EXPERIMENTS = (
         "pvc",
         (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS, ExtendedKelvinVoigtRLS),
         ("V", "VI"),
+        group="pvc",
+        size=(14.0, 9.0),
     ),
 )

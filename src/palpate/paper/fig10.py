@@ -50,8 +50,8 @@ class Hysteresis(Experiment):
         "the surface as Hunt–Crossley does and Kelvin–Voigt does not; and the last millimetre, "
         "where Kelvin–Voigt pulls."
     )
-    group = "ball"
-    size = (10.5, 7.6)
+    group: str = "ball"
+    size: tuple[float, float] = (10.5, 7.6)
 
     def measure(self, seed: int) -> tuple[Numbers, Curves]:
         """Press near the surface, deep, slowly, and a ball of more damping."""

@@ -48,12 +48,6 @@ class Richness(Experiment):
         "Parameters and force error over the time since contact, from every start, for two sines "
         "and for one; beside them the convergence times of every seed over the initial covariance."
     )
-    group = "ball"
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Of the figure, in."""
-        return 11.5, 2.2 * len(self.symbols) + 2.6
 
     @property
     def symbols(self) -> tuple[str, ...]:
@@ -214,7 +208,17 @@ def _condition(columns: Any) -> float:
 
 EXPERIMENTS = (
     Richness(
-        "fig17", "Rubber ball, Hunt–Crossley by the single stage: two sines and one", SingleStageRLS
+        "fig17",
+        "Rubber ball, Hunt–Crossley by the single stage: two sines and one",
+        SingleStageRLS,
+        group="ball",
+        size=(11.5, 9.2),
     ),
-    Richness("fig18", "Rubber ball, Kelvin–Voigt: two sines and one", KelvinVoigtRLS),
+    Richness(
+        "fig18",
+        "Rubber ball, Kelvin–Voigt: two sines and one",
+        KelvinVoigtRLS,
+        group="ball",
+        size=(11.5, 7.0),
+    ),
 )

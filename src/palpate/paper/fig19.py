@@ -70,8 +70,8 @@ class Intermittent(Experiment):
         "and a hard zone every five seconds: the regular single stage is lost, the "
         "self-perturbing one follows."
     )
-    group = "pvc"
-    size = (10.5, 10.0)
+    group: str = "pvc"
+    size: tuple[float, float] = (10.5, 10.0)
 
     def measure(self, seed: int) -> tuple[Numbers, Curves]:
         """Palpate the phantom once; and, with an ideal probe, one whose zones hardly differ."""
