@@ -179,7 +179,7 @@ def test_a_linear_damper_pulls_near_the_surface_and_hunt_crossley_does_not():
 
 
 @pytest.mark.slow
-def test_one_sine_is_enough_and_how_soon_hangs_on_the_initial_covariance():
+def test_one_sine_is_enough_and_how_soon_depends_on_the_initial_covariance():
     assert holds("fig17", "one-converges")
     assert holds("fig18", "one-enough")
     tiny, small, more = (

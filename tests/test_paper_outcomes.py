@@ -45,9 +45,9 @@ def test_an_outcome_of_another_version_setting_or_seed_is_not_reused(folder):
     assert on_disk.read(folder, Tiny(seconds=1e-9), 1) is None
     whole = json.loads(path.read_text(encoding="utf-8"))
     for other in (
-        {"made_by": {**whole["made_by"], "versions": {"palpate": "0.0.1"}}},
+        {"provenance": {**whole["provenance"], "versions": {"palpate": "0.0.1"}}},
         {"seed": 2},
-        {"made_by": None},
+        {"provenance": None},
     ):
         path.write_text(json.dumps({**whole, **other}), encoding="utf-8")
         assert on_disk.read(folder, experiment, 1) is None
@@ -55,7 +55,7 @@ def test_an_outcome_of_another_version_setting_or_seed_is_not_reused(folder):
     assert on_disk.read(folder, experiment, 1) is not None
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"made_by": 1}', "null"])
+@pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"provenance": 1}', "null"])
 def test_an_absent_or_damaged_outcome_is_not_reused(folder, content):
     experiment, path = stored(folder)
     path.write_text(content, encoding="utf-8")

@@ -45,7 +45,7 @@ def code() -> str:
     return found.hexdigest()[:16]
 
 
-def made_by(experiment: Experiment) -> dict[str, Any]:
+def provenance(experiment: Experiment) -> dict[str, Any]:
     """Return what has to match for an outcome to be reused: versions, machine and settings."""
     versions_and_code = {**versions(), "code": code(), "machine": platform.machine()}
     return {"versions": versions_and_code, "settings": repr(experiment)}
@@ -60,7 +60,7 @@ def write(folder: Path, experiment: Experiment, outcome: Outcome) -> None:
     """Write an outcome, whole or not at all; what is not finite is null."""
     whole = {
         "experiment": experiment.name,
-        "made_by": made_by(experiment),
+        "provenance": provenance(experiment),
         "seed": outcome.seed,
         "numbers": {name: _or_null(value) for name, value in outcome.numbers.items()},
         "curves": {name: [_or_null(v) for v in curve] for name, curve in outcome.curves.items()},
@@ -74,7 +74,7 @@ def read(folder: Path, experiment: Experiment, seed: int) -> Outcome | None:
     try:
         path = path_of(folder, experiment.name, seed)
         whole = json.loads(path.read_text(encoding="utf-8"))
-        if (whole["made_by"], whole["seed"]) == (made_by(experiment), seed):
+        if (whole["provenance"], whole["seed"]) == (provenance(experiment), seed):
             numbers = {name: _or_nan(value) for name, value in whole["numbers"].items()}
             curves = {name: [_or_nan(v) for v in curve] for name, curve in whole["curves"].items()}
             return Outcome(seed, numbers, curves)
@@ -107,7 +107,7 @@ def figures_are_current(folder: Path, experiment: Experiment, seeds: int) -> boo
 
 
 def _remark(experiment: Experiment, seeds: int) -> str:
-    made = hashlib.sha256(repr(made_by(experiment)).encode()).hexdigest()[:16]
+    made = hashlib.sha256(repr(provenance(experiment)).encode()).hexdigest()[:16]
     return f"<!-- {seeds} seeds, {made} -->\n"
 
 
