@@ -91,7 +91,7 @@ def test_all_conditions_have_to_hold():
 
 
 def test_without_conditions_a_claim_cannot_be_checked():
-    assert judge("bias")(NUMBERS) == Finding(None, -3.0, "")
+    assert judge("bias")(NUMBERS) == Finding(None, -3.0)
     assert unchecked()(NUMBERS) == Finding(None)
 
 
@@ -104,27 +104,34 @@ def test_what_is_not_known_cannot_be_checked():
         judge(least("error", "bias"), below(3.0), that("bias", below(0.0)))(numbers),
     ):
         assert found.holds is None
-    assert judge("bias", below("error"))(numbers).words == "error: not known"
+    assert judge("bias", below("error")).words([numbers]) == "error: not known"
 
 
 def test_the_words_say_every_other_number_that_was_used_with_its_unit_once():
-    found = judge(
+    words = judge(
         ratio("scatter α = 50", "scatter α = 5 K|B"),
         above(3.0),
         that("scatter α = 50", above("bias")),
         beside=["time {slow|slow}", least("time slow")],
-    )(NUMBERS)
-    assert found.words == (
+    ).words([NUMBERS])
+    assert words == (
         "scatter α = 50: 100 %; scatter α = 5 K or B: 4.00 %; time slow: never; "
         "least time slow: 2.00 s; bias: −3.00"
     )
-    assert judge("bias", above("bias"))(NUMBERS).words == ""
+    assert judge("bias", above("bias")).words([NUMBERS]) == ""
+
+
+def test_the_words_say_the_median_over_the_seeds_and_the_range():
+    seeds = [{"bias": 0.0, "time [s]": value} for value in (1.0, math.nan, 3.0)]
+    assert judge("bias", beside="time").words(seeds) == "time: 3.00 s (1.00 to never)"
 
 
 def test_a_second_material_is_judged_beside_the_first():
-    found = judge("bias", below(0.0), elsewhere="elsewhere")(NUMBERS)
-    assert found.holds is True
-    assert found.words == "On the elsewhere it does not hold (4.00)"
+    two = judge("bias", below(0.0), elsewhere="elsewhere")
+    assert two(NUMBERS).holds is True
+    assert two.words([NUMBERS]) == "On the elsewhere it does not hold (4.00)"
+    seeds = [NUMBERS, {**NUMBERS, "elsewhere bias": -4.0}]
+    assert two.words(seeds) == "On the elsewhere it holds in 1 of 2 seeds (0 (−4.00 to 4.00))"
 
 
 def test_a_number_that_is_not_there_is_named():

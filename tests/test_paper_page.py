@@ -169,8 +169,8 @@ def test_the_json_holds_the_same(folder, report):
     assert outcome["findings"]["even"] == {
         "holds": True,
         "ours": 2,
-        "words": "never: never; remainder: 0",
     }
+    assert whole["claims"][0]["seen"] == "never: never; remainder: 0 (0 to 1.00)"
     assert sum(whole["verdicts"].values()) == len(whole["claims"]) == 4
 
 

@@ -9,10 +9,9 @@ from palpate.paper.report.verdicts import SIGNS, Judgement, Verdict, judgements
 CLAIM = Claim("key", "V", "words", unit="mm")
 
 
-def judged(*holds, ours=(), words=()):
+def judged(*holds, ours=()):
     numbers = [*ours, *[None] * (len(holds) - len(ours))]
-    said = [*words, *[""] * (len(holds) - len(words))]
-    findings = (Finding(*each) for each in zip(holds, numbers, said, strict=True))
+    findings = (Finding(*each) for each in zip(holds, numbers, strict=True))
     return Judgement("fig", CLAIM, tuple(findings))
 
 
@@ -46,11 +45,6 @@ def test_ours_is_the_median_with_the_range_and_the_unit():
 def test_what_was_not_measured_or_is_not_finite_is_left_out_of_ours():
     assert judged(True, True, ours=(float("nan"), 4.0)).ours_words == "4.00 mm"
     assert judged(True, True).ours_words == ""
-
-
-def test_words_that_differ_are_those_of_the_first_seed():
-    assert judged(True, True, words=("a", "a")).words == "a"
-    assert judged(True, True, words=("a", "b")).words == "First seed: a"
 
 
 def test_judging_an_experiment_holds_each_claim_against_each_seed():

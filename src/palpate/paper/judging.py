@@ -6,7 +6,7 @@ A judge is an expression: ``judge(ratio("scatter α = 0.1", "scatter α = 5"), a
 import itertools
 import math
 import operator
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from palpate.paper.quantities import (
@@ -16,7 +16,7 @@ from palpate.paper.quantities import (
     beginning_with,
     quantities,
     quantity,
-    readable,
+    said,
 )
 
 
@@ -54,13 +54,10 @@ class Finding:
         None: it cannot be checked.
     ours : float or None
         The number measured, in the claim's unit; None where nothing was, or for ever was waited.
-    words : str
-        The other numbers that the verdict was made from.
     """
 
     holds: bool | None
     ours: float | None = None
-    words: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,25 +75,29 @@ class Judge:
         compared = [each.values(numbers) for each in self.conditions]
         known = not any(math.isnan(each) for values in compared for each in values)
         held = [each.kept(*v) for each, v in zip(self.conditions, compared, strict=True)]
-        words = self._seen(numbers)
-        if self.elsewhere:
-            there = replace(self, elsewhere="")(beginning_with(self.elsewhere, numbers))
-            same = "holds" if there.holds else "does not hold"
-            number = "" if there.ours is None else f" ({readable(there.ours)})"
-            second = f"On the {self.elsewhere} it {same}{number}"
-            second += f": {there.words}" if there.words else ""
-            words = f"{words}. {second}" if words else second
         finite = value is not None and math.isfinite(value)
-        return Finding(all(held) if held and known else None, value if finite else None, words)
+        return Finding(all(held) if held and known else None, value if finite else None)
 
-    def _seen(self, numbers: Numbers) -> str:
-        """Everything that was used, but what stands in the column before."""
+    def words(self, every: Sequence[Numbers]) -> str:
+        """Say every number that was used over the seeds, but what stands in the column before."""
         used = [*([] if self.ours is None else self.ours.parts), *self.beside]
         for each in self.conditions:
             used += [*each.others, *([] if each.of in (None, self.ours) else [each.of])]
         ours = self.ours.name if self.ours else ""
         leaves = (leaf for each in used for leaf in each.leaves() if leaf.name != ours)
-        return "; ".join(dict.fromkeys(leaf.seen(numbers) for leaf in leaves))
+        words = "; ".join(dict.fromkeys(leaf.seen(every) for leaf in leaves))
+        return f"{words}{'. ' if words else ''}{self._there(every)}" if self.elsewhere else words
+
+    def _there(self, every: Sequence[Numbers]) -> str:
+        """Say what the second material has to say."""
+        judge = replace(self, elsewhere="")
+        numbers = [beginning_with(self.elsewhere, each) for each in every]
+        findings = [judge(each) for each in numbers]
+        held = sum(finding.holds is True for finding in findings)
+        ours = said(math.inf if each.ours is None else each.ours for each in findings)
+        verdict = f"holds in {held} of {len(every)} seeds" if held else "does not hold"
+        words = f"On the {self.elsewhere} it {'holds' if held == len(every) else verdict} ({ours})"
+        return f"{words}: {more}" if (more := judge.words(numbers)) else words
 
 
 def judge(

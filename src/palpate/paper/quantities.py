@@ -8,7 +8,7 @@ two. Names that differ in a word or two are written as one: "time α = {5|6}" is
 
 import math
 import statistics
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 Numbers = Mapping[str, float]
@@ -44,11 +44,11 @@ class Quantity:
         for part in self.parts:
             yield from part.leaves()
 
-    def seen(self, numbers: Numbers) -> str:
-        """Its name and value, with the unit of the numbers that it is of."""
-        value = self.of(numbers)
-        unit = _unit(next(iter(named(self.name, numbers)))) if math.isfinite(value) else ""
-        return f"{self.which}{self.name.replace('|', ' or ')}: {readable(value)} {unit}".rstrip()
+    def seen(self, every: Sequence[Numbers]) -> str:
+        """Its name and its value over the seeds, with the unit of the numbers that it is of."""
+        unit = _unit(next(iter(named(self.name, every[0]))))
+        words = said([self.of(numbers) for numbers in every], unit)
+        return f"{self.which}{self.name.replace('|', ' or ')}: {words}"
 
 
 Of = str | float | Quantity
@@ -157,7 +157,12 @@ def readable(value: float) -> str:
 
 def over_seeds(every: Iterable[Numbers], *names: str) -> str:
     """Median over the seeds of one number, or of several alike, and the range in brackets."""
-    quantities = [quantity(name) for name in names]
-    values = sorted(each.of(numbers) for numbers in every for each in quantities)
-    middle, low, high = map(readable, (statistics.median(values), values[0], values[-1]))
-    return middle if low == high else f"{middle} ({low} to {high})"
+    return said([each.of(numbers) for numbers in every for each in quantities(*names)])
+
+
+def said(values: Iterable[float], unit: str = "") -> str:
+    """Median of some values with their unit, and the range in brackets."""
+    known = sorted(values)
+    middle, low, high = map(readable, (statistics.median(known), known[0], known[-1]))
+    words = f"{middle} {unit}".rstrip() if math.isfinite(statistics.median(known)) else middle
+    return words if low == high else f"{words} ({low} to {high})"

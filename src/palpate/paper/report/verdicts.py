@@ -9,7 +9,7 @@ from typing import Any
 
 from palpate.paper.experiment import Claim, Experiment, Outcome
 from palpate.paper.judging import Finding
-from palpate.paper.quantities import readable
+from palpate.paper.quantities import said
 
 
 class Verdict(enum.Enum):
@@ -42,11 +42,14 @@ class Judgement:
         The paper's.
     findings : tuple of Finding
         One a seed, in their order.
+    words : str
+        What else was seen.
     """
 
     experiment: str
     claim: Claim
     findings: tuple[Finding, ...]
+    words: str = ""
 
     @property
     def checked(self) -> int:
@@ -89,19 +92,7 @@ class Judgement:
     @property
     def ours_words(self) -> str:
         """What was measured, with its unit; the range over the seeds in brackets."""
-        if self.ours is None:
-            return ""
-        median, low, high = (readable(value) for value in self.ours)
-        span = f" ({low} to {high})" if low != high else ""
-        return f"{median} {self.claim.unit}".rstrip() + span
-
-    @property
-    def words(self) -> str:
-        """What was seen; the first seed's where the seeds differ."""
-        said = [finding.words for finding in self.findings]
-        if len(set(said)) <= 1:
-            return said[0] if said else ""
-        return f"First seed: {said[0]}" if said[0] else ""
+        return "" if self.ours is None else said(self.ours, self.claim.unit)
 
     @property
     def remark(self) -> str:
@@ -132,8 +123,10 @@ class Judgement:
 
 def judgements(experiment: Experiment, outcomes: Sequence[Outcome]) -> tuple[Judgement, ...]:
     """Return what the outcomes of an experiment say of each of its claims."""
-    every = [experiment.findings(outcome) for outcome in outcomes]
-    return tuple(
-        Judgement(experiment.name, claim, tuple(findings[claim.key] for findings in every))
-        for claim in experiment.claims
-    )
+    every = [outcome.numbers for outcome in outcomes]
+
+    def judged(claim: Claim) -> Judgement:
+        judge = experiment.judges[claim.key]
+        return Judgement(experiment.name, claim, tuple(map(judge, every)), judge.words(every))
+
+    return tuple(judged(claim) for claim in experiment.claims)
