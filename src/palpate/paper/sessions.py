@@ -17,10 +17,15 @@ GATE = ContactGate(minimum_penetration=0.1e-3, make_force=0.5)
 SI = Scale()
 
 
-# As many as the experiments of a group press in one seed, and no more: each is megabytes.
-@lru_cache(maxsize=16)
 def session(material: str, trajectory: str, seed: int, seconds: float = 12.0) -> Measurement:
     """Press a material of the lab with the twin pantograph; kept, for experiments share it."""
+    # A default that is left out would be another entry of the cache.
+    return _pressed(material, trajectory, seed, seconds)
+
+
+# As many as the experiments of a group press in one seed, and no more: each is megabytes.
+@lru_cache(maxsize=16)
+def _pressed(material: str, trajectory: str, seed: int, seconds: float) -> Measurement:
     return Bench(MATERIALS[material], TRAJECTORIES[trajectory]).run(seed, seconds=seconds)
 
 
