@@ -87,6 +87,38 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
 
+    @classmethod
+    def of(
+        cls,
+        say: Say,
+        title: str,
+        first: tuple[str, ...],
+        columns: Mapping[str, str],
+        rows: Mapping[tuple[str, ...], tuple[str, ...]] | Iterable[tuple[str, ...]],
+        note: str = "",
+    ) -> "Table":
+        """Return a table of numbers over the seeds.
+
+        Parameters
+        ----------
+        say : callable
+            Says a number.
+        title, note : str
+            Above it and below.
+        first : tuple of str
+            Headings of what a row begins with.
+        columns : mapping
+            Names of the other columns' numbers by their headings, with places to be filled in.
+        rows : mapping or iterable
+            By what each row begins with, the words that fill those places; the same unless given.
+        """
+        filled = rows if isinstance(rows, Mapping) else {row: row for row in rows}
+        cells = (
+            (*row, *(say(name.format(*words)) for name in columns.values()))
+            for row, words in filled.items()
+        )
+        return cls(title, (*first, *columns), tuple(cells), note)
+
 
 @dataclass(frozen=True)
 class Experiment(ABC):

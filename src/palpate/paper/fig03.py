@@ -69,24 +69,22 @@ class TrajectoryFollowed(Experiment):
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """How each material is penetrated."""
-        shown = {
-            "mean depth": "mean depth, mm",
-            "least depth": "least depth, mm",
-            "peak speed": "peak speed, mm/s",
-            "rms lag": "lag, rms, mm",
-            "peak force": "peak force, N",
-            "bias left": "force bias left, mN",
-            "largest error": "largest s.e. of VP, %",
+        columns = {
+            "mean depth, mm": "mean depth {}",
+            "least depth, mm": "least depth {}",
+            "peak speed, mm/s": "peak speed {}",
+            "lag, rms, mm": "rms lag {}",
+            "peak force, N": "peak force {}",
+            "force bias left, mN": "bias left {}",
+            "largest s.e. of VP, %": "largest error {}",
         }
-        rows = tuple(
-            (LABELS[name], *(say(f"{what} {name}") for what in shown)) for name in MATERIALS
-        )
+        rows = {(LABELS[name],): (name,) for name in MATERIALS}
         note = (
             "Median over the seeds, range in brackets. Peak speed commanded: "
             f"{1e3 * _commanded_speed():.1f} mm/s. VP is variable projection, after 10 s."
         )
-        header = ("material", *shown.values())
-        return (Table("How the trajectory is followed", header, rows, note),)
+        title = "How the trajectory is followed"
+        return (Table.of(say, title, ("material",), columns, rows, note),)
 
 
 def _numbers(name: str, measurement: Measurement) -> dict[str, float]:

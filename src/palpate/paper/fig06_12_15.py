@@ -91,39 +91,32 @@ class Condition(Experiment):
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """From when on it holds, by what the paper leaves open."""
-        rows = tuple(
-            (
-                LABELS[name],
-                f"{covariance:g}",
-                gate,
-                say(f"holds from P₀ = {covariance:g}, {gate} {name}"),
-                say(f"broken P₀ = {covariance:g}, {gate} {name}"),
-            )
+        rows = {
+            (LABELS[name], f"{covariance:g}", gate): (name, f"{covariance:g}", gate)
             for name in self.materials
             for covariance in COVARIANCES
             for gate in GATES
-        )
-        header = ("material", "P₀", "samples taken", "holds from, ms", "violated, %")
+        }
+        columns = {
+            "holds from, ms": "holds from P₀ = {1}, {2} {0}",
+            "violated, %": "broken P₀ = {1}, {2} {0}",
+        }
         note = (
             f"Holds from: time after the first sample taken from which condition 10 holds for "
             f"{UNBROKEN:g} s without a break. Median over the seeds, range in brackets; “never” "
             "within the 10 s. The claims are judged by P₀ = 1000 and our samples."
         )
-        shown = Table("From when on condition 10 holds", header, rows, note)
+        title, first = "From when on condition 10 holds", ("material", "P₀", "samples taken")
+        shown = Table.of(say, title, first, columns, rows, note)
         return (shown, _speeds(say)) if "sponge" in self.materials else (shown,)
 
 
 def _speeds(say: Say) -> Table:
-    rows = tuple(
-        (
-            "the paper's" if slower == 1.0 else f"{slower:g} times slower",
-            *(say(f"error {slower:g} times slower {symbol}") for symbol in "KBn"),
-        )
-        for slower in SLOWER
-    )
-    header = ("speed", "error of K, %", "error of B, %", "error of n, %")
+    rows = {(f"{slower:g} times slower",): (f"{slower:g}",) for slower in SLOWER[1:]}
+    columns = {f"error of {symbol}, %": f"error {{}} times slower {symbol}" for symbol in "KBn"}
     note = "Single stage on the sponge with B = 10 K. Median over the seeds, range in brackets."
-    return Table("How the speed matters", header, rows, note)
+    rows = {("the paper's",): ("1",), **rows}
+    return Table.of(say, "How the speed matters", ("speed",), columns, rows, note)
 
 
 def _numbers(name: str, contact: Contact, result: Identification) -> dict[str, float]:

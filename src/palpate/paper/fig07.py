@@ -143,27 +143,23 @@ class ForgettingFactors(Experiment):
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """Return times and fluctuations by forgetting factor, and by initial covariance."""
-        header = ("", "K [s]", "B [s]", "n [s]", "late scatter of B [%]", "overshoot of B", "RMSE%")
+        columns = {f"{symbol} [s]": f"time {{}} {symbol}" for symbol in UNITS} | {
+            "late scatter of B [%]": "scatter {} B",
+            "overshoot of B": "overshoot {} B",
+            "RMSE%": "rmse {}",
+        }
         note = (
             "Seconds of contact until each parameter is within 5 % of the truth for good; scatter: "
             "standard deviation over the second half; overshoot: largest excursion beyond start "
             "and truth, in units of the truth."
         )
-
-        def rows(names: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-            shown = (
-                "time {} K",
-                "time {} B",
-                "time {} n",
-                "scatter {} B",
-                "overshoot {} B",
-                "rmse {}",
-            )
-            return tuple((name, *(say(each.format(name)) for each in shown)) for name in names)
-
-        return (
-            Table("Forgetting factor", header, rows((*PROFILES, "variable projection")), note),
-            Table("Initial covariance, α = 5", header, rows(tuple(COVARIANCES)), note),
+        shown = {
+            "Forgetting factor": (*PROFILES, "variable projection"),
+            "Initial covariance, α = 5": tuple(COVARIANCES),
+        }
+        return tuple(
+            Table.of(say, title, ("",), columns, [(name,) for name in names], note)
+            for title, names in shown.items()
         )
 
 

@@ -159,26 +159,21 @@ class Comparison(Experiment):
         return Table(title, ("method", "start", "RMSE%", "final values, SI"), rows, note)
 
     def _times(self, say: Say, title: str, prefix: str = "") -> Table:
-        shown = ["time {}", "spread {}", "settled {}"]
-        shown += [f"time P₀ = {size:g} {{}}" for size in SAME_COVARIANCES]
-        rows = tuple(
-            (
-                kind.method,
-                symbol,
-                *(say(f"{prefix}{what.format(kind.method)} {symbol}") for what in shown),
-            )
-            for kind in self.kinds
-            for symbol in kind.law_type.symbols
-        )
-        header = ("method", "parameter", "time [s]", "starts apart at the end [%]", "own end [s]")
-        same = (f"P₀ = {size:g}: time [s]" for size in SAME_COVARIANCES)
+        columns = {
+            "time [s]": f"{prefix}time {{}} {{}}",
+            "starts apart at the end [%]": f"{prefix}spread {{}} {{}}",
+            "own end [s]": f"{prefix}settled {{}} {{}}",
+        }
+        for size in SAME_COVARIANCES:
+            columns[f"P₀ = {size:g}: time [s]"] = f"{prefix}time P₀ = {size:g} {{}} {{}}"
+        rows = [(kind.method, symbol) for kind in self.kinds for symbol in kind.law_type.symbols]
         note = (
             "Seconds of contact until the estimates from all starts agree within 5 % and stay so; "
             "own end: until each is within 5 % of its own final value. "
             "First with each method's default P₀ (1e3 single stage, 1e8 Kelvin–Voigt and double "
             "stage, 1e10 extended Kelvin–Voigt, in SI), then with the same P₀ for all. " + OVER
         )
-        return Table(title, (*header, *same), rows, note)
+        return Table.of(say, title, ("method", "parameter"), columns, rows, note)
 
 
 OVER = "Median over the seeds, range in brackets."

@@ -98,24 +98,17 @@ class NearTruth(Experiment):
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """Return where the starts end."""
-        off = (f"{symbol} off [%]" for symbol in UNITS)
-        header = ("material", "starts off by", *off, "ends apart [%]", "convergence [s]")
-        rows = tuple(
-            (
-                name,
-                case,
-                *(say(f"error {name} {case} {symbol}") for symbol in UNITS),
-                say(f"apart {name} {case}"),
-                say(f"time {name} {case}"),
-            )
-            for name in MATERIALS
-            for case in CASES
-        )
+        columns = {f"{symbol} off [%]": f"error {{}} {{}} {symbol}" for symbol in UNITS} | {
+            "ends apart [%]": "apart {} {}",
+            "convergence [s]": "time {} {}",
+        }
+        rows = [(name, case) for name in MATERIALS for case in CASES]
         note = (
             "Each line is four starts, K and B and n off both ways, or two with n as it is; what "
             "is shown is the worst of them at the end."
         )
-        return (Table("Double stage: starts near the truth", header, rows, note),)
+        title, first = "Double stage: starts near the truth", ("material", "starts off by")
+        return (Table.of(say, title, first, columns, rows, note),)
 
 
 def _from(

@@ -101,15 +101,15 @@ class Hysteresis(Experiment):
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """Return the least force of each model, and the work it would have the robot do."""
-        shown = {
-            "least force": "least force [N]",
-            "time pulling": "time pulling [%]",
-            "energy given": "energy given [mJ]",
-            "rmse": "RMSE%",
+        columns = {
+            "least force [N]": "least force {}",
+            "time pulling [%]": "time pulling {}",
+            "energy given [mJ]": "energy given {}",
+            "RMSE%": "rmse {}",
         }
-        rows = tuple((name, *(say(f"{what} {name}") for what in shown)) for name in METHODS)
+        rows = [(name,) for name in METHODS]
         note = "The final law along the measured motion, samples inside the material from 2.5 s on."
-        return (Table("Near the surface", ("model", *shown.values()), rows, note),)
+        return (Table.of(say, "Near the surface", ("model",), columns, rows, note),)
 
 
 def _inside(contact: Contact) -> "NDArray[np.bool_]":

@@ -158,26 +158,16 @@ class Richness(Experiment):
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """Return convergence times by motion and initial covariance."""
-
-        def row(motion: str, norm: str, what: str) -> tuple[str, ...]:
-            return (
-                motion,
-                norm,
-                *(say(f"time {what}{motion} {symbol}") for symbol in self.symbols),
-            )
-
-        rows = [row(motion, "default", "") for motion in ("three sines", *MOTIONS)]
-        rows += [
-            row(motion, f"{size:g}", f"P₀ = {size:g} ")
-            for motion, sizes in self.norms.items()
-            for size in sizes
-        ]
-        header = ("motion", "P₀", *(f"{symbol} [s]" for symbol in self.symbols))
+        rows = {(motion, "default"): (motion, "") for motion in ("three sines", *MOTIONS)}
+        for motion, sizes in self.norms.items():
+            rows |= {(motion, f"{size:g}"): (motion, f"P₀ = {size:g} ") for size in sizes}
+        columns = {f"{symbol} [s]": f"time {{1}}{{0}} {symbol}" for symbol in self.symbols}
         note = (
             f"Seconds of contact until all starts agree within 5 %, of {SECONDS - START:g} s on "
             "the rig; 450 s are an ideal probe's with the same sensors."
         )
-        return (Table(f"Convergence by motion, {self.kind.method}", header, tuple(rows), note),)
+        title = f"Convergence by motion, {self.kind.method}"
+        return (Table.of(say, title, ("motion", "P₀"), columns, rows, note),)
 
 
 def _ends(what: str, result: Identification) -> dict[str, float]:

@@ -117,8 +117,10 @@ class Intermittent(Experiment):
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """Return force errors by zone, and how soon they are back after a change."""
-        zones = ("2–7 s", "7–12 s", "12–17 s", "17–22 s", "22–27 s")
-        header = ("method", *zones, "back, slowest [ms]")
+        columns = {"2–7 s": "mean error before {}{}"}
+        for k, visit in enumerate(("7–12 s", "12–17 s", "17–22 s", "22–27 s"), 1):
+            columns[visit] = f"mean error after change {{}}{{}} {k}"
+        columns["back, slowest [ms]"] = "back {}{}"
         note = (
             "Mean |force error| in each zone, N, without the half second of a change; back: until "
             "its mean over 5 ms is first below 0.1 N after a change, the slowest of four."
@@ -126,15 +128,9 @@ class Intermittent(Experiment):
         titles = {"": "Soft and hard zones"}
         titles[", a tenth stiffer"] = "Zones that differ by a tenth, ideal probe"
         return tuple(
-            Table(title, header, tuple(_row(say, name, which) for name in METHODS), note)
+            Table.of(say, title, ("method",), columns, {(m,): (m, which) for m in METHODS}, note)
             for which, title in titles.items()
         )
-
-
-def _row(say: Say, name: str, which: str) -> tuple[str, ...]:
-    visits = range(1, len(CHANGES) + 1)
-    errors = (say(f"mean error after change {name}{which} {k}") for k in visits)
-    return (name, say(f"mean error before {name}{which}"), *errors, say(f"back {name}{which}"))
 
 
 def _zones(time: Floats) -> list[NDArray[np.intp]]:
