@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from palpate.figures.style import LIGHT, style
+from palpate.force_laws import ForceLaw
 from palpate.paper.judges import JUDGES
 from palpate.paper.judging import Finding, Judge
 from palpate.paper.quantities import Numbers, over_seeds
@@ -205,6 +206,15 @@ def by_symbol(
     end = f" [{unit}]" if unit else ""
     pairs = zip(symbols, values, strict=True)
     return {f"{what} {symbol}{end}": float(value) for symbol, value in pairs}
+
+
+def by_parameter(
+    what: str, law: ForceLaw | type[ForceLaw], values: Iterable[float]
+) -> dict[str, float]:
+    """Name a law's parameters, or their errors, with the unit of each."""
+    units = (f" [{unit}]" if unit else "" for unit in law.units)
+    named = zip(law.symbols, units, values, strict=True)
+    return {f"{what} {symbol}{unit}": float(value) for symbol, unit, value in named}
 
 
 def rounded(values: "ArrayLike") -> list[float]:

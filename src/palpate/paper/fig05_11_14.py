@@ -11,7 +11,15 @@ from palpate.figures.style import LIGHT as THEME
 from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import MATERIALS, Homogeneous
-from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
+from palpate.paper.experiment import (
+    Curves,
+    Experiment,
+    Outcome,
+    Say,
+    Table,
+    by_parameter,
+    by_symbol,
+)
 from palpate.paper.panels import LABELS, UNITS, draw_lines, draw_truth, thinned
 from palpate.paper.quantities import Numbers, named, readable
 from palpate.paper.sessions import identified, pressed, session
@@ -76,11 +84,6 @@ class Repetitions(Experiment):
             truth = session(material, "three-sines", REPETITIONS * seed).truth.window(3.0)
             # The level of the excitation that the rig reached.
             numbers[f"motion {material} [mm]"] = 1e3 * float(np.std(truth.penetration))
-        if self.beside:
-            ratio = (
-                numbers[f"motion {self.material} [mm]"] / numbers[f"motion {self.beside[0]} [mm]"]
-            )
-            numbers["motion over the ball's"] = ratio
         return numbers, curves
 
     def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
@@ -141,18 +144,14 @@ def _truth(material: str) -> HuntCrossley:
 
 def _finals(method: str, results: Sequence[Identification]) -> dict[str, float]:
     """Final values and standard errors of every repetition, and their mean."""
-    numbers: dict[str, float] = {}
-    values = np.array([result.law.parameters for result in results])
-    for i, (symbol, unit) in enumerate(UNITS.items()):
-        end = f" [{unit}]" if unit else ""
-        numbers[f"mean final {method} {symbol}{end}"] = values[:, i].mean()
-        for k, result in enumerate(results):
-            numbers[f"final {method} {k} {symbol}{end}"] = values[k, i]
-            error = result.estimate.standard_errors[i]
-            numbers[f"standard error {method} {k} {symbol}{end}"] = error
-    mean = values.mean(axis=0)
-    numbers[f"B/K {method} [s/m]"] = mean[1] / mean[0]
-    return numbers
+    law = results[0].law
+    mean = np.mean([result.law.parameters for result in results], axis=0)
+    numbers = by_parameter(f"mean final {method}", law, mean)
+    for k, result in enumerate(results):
+        numbers |= by_parameter(f"final {method} {k}", law, result.law.parameters)
+        errors = result.estimate.standard_errors
+        numbers |= by_parameter(f"standard error {method} {k}", law, errors)
+    return numbers | {f"B/K {method} [s/m]": mean[1] / mean[0]}
 
 
 def _spread(what: str, results: Sequence[Identification]) -> dict[str, float]:

@@ -18,11 +18,26 @@ from palpate.estimators import (
 from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import MATERIALS, Homogeneous
-from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
+from palpate.paper.experiment import (
+    Curves,
+    Experiment,
+    Outcome,
+    Say,
+    Table,
+    by_parameter,
+    by_symbol,
+)
 from palpate.paper.panels import draw_course, draw_lines, traced
 from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import identified, pressed
-from palpate.paper.starts import convergence_times, from_starts, spread, starts_of, times_to
+from palpate.paper.starts import (
+    convergence_times,
+    from_starts,
+    names_of_starts,
+    spread,
+    starts_of,
+    times_to,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -96,7 +111,7 @@ class Comparison(Experiment):
             results = from_starts(contact, kind, starts)
             symbols = kind.law_type.symbols
             for name, law in starts.items():
-                numbers |= _parameters(f"start {kind.method} {name}", kind, law.parameters)
+                numbers |= by_parameter(f"start {kind.method} {name}", law, law.parameters)
             numbers |= _summary(kind, results, material)
             times = {"": list(results.values())}
             for size in SAME_COVARIANCES:
@@ -181,21 +196,12 @@ OVER = "Median over the seeds, range in brackets."
 
 def _names(kind: type[ContactEstimator]) -> tuple[str, ...]:
     """Of a method's starts."""
-    if not issubclass(kind, RecursiveLeastSquaresEstimator):
-        return (NO_START,)
-    return ("I", "II", "III") if kind.law_type is HuntCrossley else ("low", "high")
+    recursive = issubclass(kind, RecursiveLeastSquaresEstimator)
+    return names_of_starts(kind) if recursive else (NO_START,)
 
 
 def _said(say: Say, kind: type[ContactEstimator], what: str) -> str:
     return ", ".join(f"{symbol} = {say(f'{what} {symbol}')}" for symbol in kind.law_type.symbols)
-
-
-def _parameters(what: str, kind: type[ContactEstimator], values: Any) -> dict[str, float]:
-    law = kind.law_type
-    return {
-        f"{what} {symbol}" + (f" [{unit}]" if unit else ""): value
-        for symbol, unit, value in zip(law.symbols, law.units, values, strict=True)
-    }
 
 
 def _summary(
@@ -207,7 +213,7 @@ def _summary(
     for start, result in results.items():
         what, final = f"{kind.method} {start}", result.law.parameters
         numbers[f"rmse {what} [%]"] = result.prediction_rmse_percent
-        numbers |= _parameters(f"final {what}", kind, final)
+        numbers |= by_parameter(f"final {what}", result.law, final)
         least = result.trace.parameters[result.trace.taken][:few].min(axis=0)
         numbers |= by_symbol(f"first over final {what}", least / final, "", symbols)
         if isinstance(known, Homogeneous) and kind.law_type is type(known.law):

@@ -15,7 +15,14 @@ from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by
 from palpate.paper.panels import draw_course, draw_lines, draw_truth, traced
 from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import START, identified, pressed
-from palpate.paper.starts import Starts, convergence_times, from_starts, starts_of, times_to
+from palpate.paper.starts import (
+    Starts,
+    convergence_times,
+    from_starts,
+    names_of_starts,
+    starts_of,
+    times_to,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,7 +64,7 @@ class Richness(Experiment):
     @property
     def starts(self) -> tuple[str, ...]:
         """What the starts are called."""
-        return ("I", "II", "III") if self.kind is SingleStageRLS else ("low", "high")
+        return names_of_starts(self.kind)
 
     @property
     def norms(self) -> Mapping[str, tuple[float, ...]]:

@@ -53,7 +53,7 @@ PHANTOM_REPEATED = {
         above(1.0),
         beside="mean final double-stage n",
     ),
-    "harder": judge("motion over the ball's", below(0.98)),
+    "harder": judge(ratio("motion pvc", "motion ball"), below(0.98)),
 }
 
 

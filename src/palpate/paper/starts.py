@@ -7,6 +7,7 @@ import numpy as np
 
 from palpate.contact import Contact
 from palpate.estimators import (
+    ContactEstimator,
     RecursiveLeastSquaresEstimator,
     SingleStageRLS,
 )
@@ -52,6 +53,11 @@ def starts_of(contact: Contact, kind: type[RecursiveLeastSquaresEstimator]) -> S
         low = ExtendedKelvinVoigt(SMALL, SMALL, SMALL)
     steady = steady_state(identified(contact, kind(initial=low)))
     return {"low": low, "high": kind.law_type(*(HIGH * steady).tolist())}
+
+
+def names_of_starts(kind: type[ContactEstimator]) -> tuple[str, ...]:
+    """Return what :func:`starts_of` calls the starts of a method."""
+    return ("I", "II", "III") if kind.law_type is HuntCrossley else ("low", "high")
 
 
 def steady_state(result: Identification) -> Floats:
