@@ -120,11 +120,12 @@ def _computed(by: Callable[[list[float]], float], of: Iterable[Of]) -> Quantity:
 def named(name: str, numbers: Numbers) -> dict[str, float]:
     """Return the numbers that a name begins, or whose name it is; none of them if one is NaN."""
     head, _, last = name.rpartition(" ")
-    names = [f"{head} {each}".strip() for each in last.split("|")]
+    names = {f"{head} {each}".strip() for each in last.split("|")}
+    beginnings = tuple(f"{each} " for each in names)
     found = {
         key: math.inf if math.isnan(value) and _unit(key) in _TIMES else value
         for key, value in numbers.items()
-        if any(key == each or key.startswith(f"{each} ") for each in names)
+        if key in names or key.startswith(beginnings)
     }
     if not found:
         raise KeyError(f"no number begins with {name!r}")
