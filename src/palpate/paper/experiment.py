@@ -132,7 +132,8 @@ class Experiment(ABC):
     title : str
         What a person calls it.
     group : str
-        One process measures those of a group one after the other, for they press the same.
+        One process measures those of a group one after the other, for they press the same;
+        one of its own unless given.
     size : tuple of float
         Width and height of the figure, in.
     """

@@ -18,8 +18,6 @@ from palpate.writing import make_folder
 
 #: Told what has just been finished, and how many of how many outcomes and figures are.
 Progress = Callable[[str, int, int], None]
-
-
 #: A seed to measure, or outcomes to draw.
 Given = int | list[Outcome]
 #: What a process does, to which experiments, and what it is given.
@@ -145,7 +143,7 @@ class PaperRun:
 
 
 def _group(experiment: Experiment) -> str:
-    return experiment.group
+    return experiment.group or experiment.name
 
 
 def run_paper(
