@@ -1,0 +1,345 @@
+// Generalised Hunt–Crossley laws, with and without memory, as a method of the recursive estimator.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "palpate/contact_gate.hpp"
+#include "palpate/estimate.hpp"
+#include "palpate/force_laws.hpp"
+#include "palpate/forgetting.hpp"
+#include "palpate/projection/free_air.hpp"
+#include "palpate/sample.hpp"
+#include "palpate/status.hpp"
+#include "palpate/viscoelastic/solver.hpp"
+
+namespace palpate {
+
+struct ViscoelasticSettings {
+  // Which of viscoelastic::candidates compete, a bit each: those that the everyday bank tells apart.
+  viscoelastic::Offered offered = (1U << viscoelastic::everyday_candidates) - 1U;
+  double exponent = 0.0;  // n where it is known, as of a tip whose shape is; 0: it is looked for
+  bool offset = true;
+  double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²), as a tare leaves; 0: none was made
+  double sample_time = 1e-3;      // s; the shortest relaxation time is two of them
+
+  bool operator==(const ViscoelasticSettings&) const = default;
+};
+
+constexpr const char* validate(const ViscoelasticSettings& s) noexcept {
+  using viscoelastic::Grid;
+  if (s.offered == 0 || (s.offered >> viscoelastic::candidates.size()) != 0) {
+    return "method.offered must name at least one law";
+  }
+  const bool known = s.exponent >= Grid::lowest_exponent && s.exponent <= Grid::highest_exponent;
+  if (s.exponent != 0.0 && !known) {
+    return "method.exponent must be in [0.5, 3.25], or 0 where it is not known";
+  }
+  if (!(s.offset_deviation >= 0.0 && s.offset_deviation <= 1e60)) {
+    return "method.offset_deviation must be in [0, 1e60] units of force";
+  }
+  if (!(s.sample_time > 0.0 && s.sample_time <= 1e6)) {
+    return "method.sample_time must be in (0, 1e6] s";
+  }
+  return nullptr;
+}
+
+// `Sums` are those of the everyday tier or of the full one.
+template <class Sums>
+class ViscoelasticMethod {
+ public:
+  using Law = GeneralisedHuntCrossley;
+  using Settings = ViscoelasticSettings;
+  static constexpr std::size_t order = Law::size;
+
+  struct Row {
+    Sample sample;
+    double predicted;
+  };
+
+  static constexpr Forgetting::Settings default_forgetting = no_forgetting;
+  // The probing of a hand-sized robot.
+  static constexpr Scale default_scale{.penetration = 10e-3, .velocity = 20e-3, .force = 1.0};
+  static constexpr bool forgets = true;
+  static constexpr bool perturbs = false;
+  // The answer changes only when it is published.
+  static constexpr bool predicts_exactly = true;
+  // ξ⁷ w² and two branches of ξ³ at a weight of 1e26 are far from overflowing.
+  static constexpr double largest_input = 1e8;
+  // ξ⁻¹ of what is nearly at the surface would outweigh the rest; 10 µm of 10 mm.
+  static constexpr double least_depth = 1e-3;
+
+  ViscoelasticMethod(const Settings& settings, const Units& units) noexcept
+      : settings_(settings), units_(units), solver_(settings.sample_time, settings.offered, priors_of(settings)) {}
+
+  static ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {
+    return given;
+  }
+  static bool in_range(const Sample& s) noexcept {
+    return s.penetration > 0.0 && detail::within(s, largest_input);
+  }
+
+  Row prepare(const Sample& sample) noexcept { return prepare(sample, settings_.sample_time); }
+
+  Row prepare(const Sample& sample, double dt) noexcept {
+    advance(sample, dt);
+    return {sample, solver_.predict(sample)};
+  }
+
+  static double predict(const Row& row) noexcept { return row.predicted; }
+
+  Status learn(const Row& row, double, double forgetting_factor, double) noexcept {
+    if (row.sample.penetration < least_depth) return Status::held;
+    if (settling_ > 0.0 && !provisional_) return Status::held;
+    renew_offset();
+    solver_.take(row.sample, row.predicted, forgetting_factor);
+    return Status::updated;
+  }
+
+  // A sample out of contact: the branches relax, and it tells of the force's offset.
+  void free(const Sample& sample, double dt, double forgetting_factor) noexcept {
+    if (!detail::within(sample, largest_input)) return pass(dt);
+    advance(sample, dt);
+    air_.add(sample.penetration, sample.force, forgetting_factor);
+    air_is_new_ = true;
+  }
+
+  // Nobody knows where the probe was meanwhile; the next sample takes it to have gone there evenly.
+  void pass(double dt) noexcept { passed_ += dt; }
+
+  // The next sample does not follow upon the latest.
+  void interrupt() noexcept {
+    begun_ = false;
+    settling_ = passed_ = 0.0;
+  }
+
+  // With the old exponent as a prior; what the branches are is history of the same motion.
+  void reinitialise() noexcept {
+    const viscoelastic::Solution& now = solver_.solution();
+    if (now.known && !now.at_edge) {
+      // A spring, a sphere and a cone are half a step apart.
+      solver_.priors().centre = now.n;
+      solver_.priors().deviation = 0.3;
+    }
+    reinitialise_after_transient();
+  }
+
+  void reinitialise_after_transient() noexcept {
+    provisional_ = false;
+    solver_.offer(settings_.offered);
+    solver_.clear(0.0);
+  }
+
+  Law law(const Units& units) const noexcept { return law(solver_.solution(), units); }
+
+  double force(const Units& units, double x, double v) const noexcept {
+    const Sample sample{x * units.per_penetration, v * units.per_velocity, 0.0};
+    return units.force * detail::saturate(solver_.predict_after(sample, settings_.sample_time));
+  }
+
+  Fit<Law> fit(const Units& units) const noexcept {
+    const viscoelastic::Solution& now = solver_.solution();
+    const Law law = this->law(now, units);
+    Matrix<joint_size> joint = joint_covariance(now, law, units);
+    Fit<Law> fit{.law = law,
+                 .covariance = {},
+                 .offset = {now.value[viscoelastic::offset] * units.force, joint[order][order], {}},
+                 .surface = {},
+                 .flags = flags(now)};
+    for (std::size_t i = 0; i < order; ++i) {
+      for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
+      fit.offset.covariance[i] = joint[order][i];
+    }
+    return fit;
+  }
+
+  Snapshot<Law> snapshot(const Units& units) const noexcept {
+    const viscoelastic::Solution& now = solver_.solution();
+    const Law law = this->law(now, units);
+    const Matrix<joint_size> joint = joint_covariance(now, law, units);
+    Snapshot<Law> snapshot{law, {}, now.value[viscoelastic::offset] * units.force, 0.0};
+    for (std::size_t i = 0; i < order; ++i) snapshot.variances[i] = joint[i][i];
+    return snapshot;
+  }
+
+  const viscoelastic::Solver<Sums>& solver() const noexcept { return solver_; }
+
+ private:
+  using Times = typename Sums::Times;
+  // The law's parameters and, last, the offset.
+  static constexpr std::size_t joint_size = order + 1;
+
+  // A material that is touched when samples begin remembers what nobody saw. After so long what is
+  // left of that moves K by 0.3 % (docs/viscoelastic.md).
+  static constexpr double settling_time = 0.5;
+  // So many time steps without a sample are a break, not a step.
+  static constexpr double longest_gap = 20.0;
+  // Of depths below it there is no inverse.
+  static constexpr double surface_depth = 1e-9;
+
+  static viscoelastic::Priors priors_of(const Settings& s) noexcept {
+    viscoelastic::Priors priors{};
+    priors.exponent = s.exponent;
+    priors.offset = s.offset;
+    priors.air = {0.0, s.offset_deviation};
+    return priors;
+  }
+
+  void advance(const Sample& sample, double dt) noexcept {
+    const double depth = sample.penetration > surface_depth ? sample.penetration : 0.0;
+    const double step = dt + passed_;
+    passed_ = 0.0;
+    const bool gap = step > longest_gap * settings_.sample_time && solver_.samples().touching();
+    if (!begun_ || gap) {
+      begin(depth);
+      return;
+    }
+    solver_.samples().advance(depth, step);
+    if (!(settling_ > 0.0)) return;
+    settling_ -= step;
+    if (settling_ > 0.0 || !provisional_) return;
+    // What was learned stands until half as much is known without it.
+    provisional_ = false;
+    solver_.offer(settings_.offered);
+    solver_.clear(0.5 * solver_.samples().weight());
+  }
+
+  void begin(double depth) noexcept {
+    begun_ = true;
+    solver_.samples().begin(depth);
+    settling_ = depth > 0.0 ? settling_time : 0.0;
+    if (!(settling_ > 0.0) || solver_.samples().weight() > 0.0) return;
+    constexpr viscoelastic::Offered forgetful = 0b111;
+    const viscoelastic::Offered left = settings_.offered & forgetful;
+    provisional_ = left != 0;
+    if (provisional_) solver_.offer(left);
+  }
+
+  // The tighter of what a tare and free air say of the offset; free air where it contradicts it.
+  void renew_offset() noexcept {
+    if (!air_is_new_) return;
+    air_is_new_ = false;
+    if (!settings_.offset || !air_.known()) return;
+    constexpr double suspect = 3.0;
+    const double declared = settings_.offset_deviation;
+    const detail::OffsetPrior air = air_.prior(0.0);
+    tare_refuted_ = declared > 0.0 &&
+                    std::abs(air.mean) > suspect * std::hypot(declared, air.deviation);
+    const bool tare = declared > 0.0 && !tare_refuted_ && declared < air.deviation;
+    solver_.priors().air = tare ? detail::OffsetPrior{0.0, declared} : air;
+  }
+
+  std::uint8_t flags(const viscoelastic::Solution& now) const noexcept {
+    using namespace viscoelastic;
+    // Twice this and a sphere (1.5) is not distinct from a cone (2) or a spring (1).
+    constexpr double largest_exponent_error = 0.2;
+    // Of the elastic force, at the speed of the scale.
+    constexpr double largest_damping_error = 0.25;
+    std::uint8_t found = 0;
+    const double exponent = Grid::step * std::sqrt(now.covariance[exponent_node][exponent_node]);
+    const double damper = std::sqrt(now.covariance[damping][damping]);
+    const double spring = std::abs(now.value[stiffness] + now.value[memory]);
+    const bool searched = !now.law().linear && !(settings_.exponent > 0.0);
+    if (!now.known || (searched && !(exponent < largest_exponent_error))) {
+      found |= exponent_not_identifiable;
+    }
+    const bool damped = now.law().damping != Damping::none;
+    if (!now.known || (damped && !(damper < largest_damping_error * spring))) {
+      found |= damping_not_identifiable;
+    }
+    if (now.at_edge) found |= exponent_at_edge;
+    if (tare_refuted_) found |= tare_refuted;
+    if (provisional_) found |= started_in_contact;
+    return found;
+  }
+
+  double damping_exponent(const viscoelastic::Solution& s) const noexcept {
+    return s.law().damping == viscoelastic::Damping::half_space ? s.n - 1.0 : s.n;
+  }
+
+  Law law(const viscoelastic::Solution& s, const Units& u) const noexcept {
+    using namespace viscoelastic;
+    const double p = damping_exponent(s);
+    const double unit = u.force * detail::bounded_exp(-s.n * u.log_penetration);
+    const double damping_unit =
+        u.force / u.velocity * detail::bounded_exp(-p * u.log_penetration);
+    Law law{detail::saturate(s.value[stiffness] * unit),
+            s.n,
+            detail::saturate(s.value[damping] * damping_unit),
+            p,
+            detail::saturate(s.value[memory] * unit),
+            0.0,
+            0.0,
+            0.0};
+    if (s.law().memory == Memory::none) return law;
+    const Times& times = solver_.samples().branches().times();
+    if (s.law().memory == Memory::single) {
+      law.shortest_time = law.longest_time = times.time(s.place.second);
+      return law;
+    }
+    if (s.law().memory == Memory::power_law) {
+      law.spectrum_exponent = second_of(Memory::power_law, s.place.second);
+    }
+    // Each branch stands for the times that are nearer to it than to the next.
+    law.shortest_time = times.time(-0.5);
+    law.longest_time = times.time(static_cast<double>(Times::count) - 0.5);
+    return law;
+  }
+
+  // dK = U (dk − k ln x_r dn), and so for B and M.
+  Matrix<joint_size> joint_covariance(const viscoelastic::Solution& s, const Law& law,
+                                      const Units& u) const noexcept {
+    using namespace viscoelastic;
+    Matrix<joint_size> joint{};
+    if (!s.known) {
+      for (std::size_t i = 0; i < joint_size; ++i) joint[i][i] = detail::largest_variance;
+      return joint;
+    }
+    const Matrix<unknowns> root = detail::cholesky(s.covariance);
+    const double p = damping_exponent(s);
+    const double unit = detail::saturate(u.force * detail::bounded_exp(-s.n * u.log_penetration));
+    const double damping_unit = detail::saturate(
+        u.force / u.velocity * detail::bounded_exp(-p * u.log_penetration));
+    const double per_node = Grid::step;
+    const double by_depth = -u.log_penetration * per_node;
+    std::array<Vector<unknowns>, joint_size> rows{};
+    for (std::size_t j = 0; j < unknowns; ++j) {
+      const double n = root[exponent_node][j], second = root[second_node][j];
+      rows[0][j] = unit * root[stiffness][j] + law.stiffness * by_depth * n;
+      rows[1][j] = per_node * n;
+      rows[2][j] = damping_unit * root[damping][j] + law.damping * by_depth * n;
+      rows[3][j] = per_node * n;
+      rows[4][j] = unit * root[memory][j] + law.relaxation_stiffness * by_depth * n;
+      if (s.law().memory == Memory::power_law) {
+        rows[5][j] = second_of(Memory::power_law, 1.0) * second;
+      }
+      if (s.law().memory == Memory::single) {
+        rows[6][j] = rows[7][j] = law.longest_time * std::log(Times::ratio) * second;
+      }
+      rows[order][j] = u.force * root[offset][j];
+    }
+    for (std::size_t i = 0; i < joint_size; ++i) {
+      for (std::size_t j = i; j < joint_size; ++j) {
+        joint[i][j] = joint[j][i] = detail::dot(rows[i], rows[j]);
+      }
+    }
+    detail::bound_variances(joint, detail::largest_variance);
+    return joint;
+  }
+
+  Settings settings_;
+  Units units_;
+  viscoelastic::Solver<Sums> solver_;
+  detail::FreeAir air_;
+  double settling_ = 0.0;  // s until what nobody saw is forgotten
+  double passed_ = 0.0;    // s since the last sample that was not refused
+  bool begun_ = false;
+  bool provisional_ = false;  // what is learned is of the time before that
+  bool air_is_new_ = false;
+  bool tare_refuted_ = false;
+};
+
+}  // namespace palpate

@@ -1,0 +1,144 @@
+// Sums over samples that hold the branches' states, at every exponent of the grid.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "palpate/sample.hpp"
+#include "palpate/viscoelastic/branches.hpp"
+#include "palpate/viscoelastic/power_table.hpp"
+#include "palpate/viscoelastic/spectrum.hpp"
+#include "palpate/viscoelastic/window.hpp"
+
+namespace palpate::viscoelastic {
+
+// Of one column G = Σ wᵢ gᵢ at one exponent: the sums of G, GF, Gξⁿ, Gξⁿw, Gξⁿ⁻¹w and G².
+struct MemoryColumn {
+  double one, force, power, power_speed, slope_speed, square;
+};
+
+// Where a memory column is wanted: windows of sums of one power of ξⁿ, and of two.
+struct MemoryWindows {
+  Window single;
+  Window square;
+};
+
+// A number at each exponent of the grid.
+using NodeRow = std::array<double, Grid::exponents>;
+
+// The five sums of a branch with what is no branch.
+using Crossed = std::array<NodeRow, 5>;
+
+inline void add_crossed(Crossed& sums, const NodeRow& g, const Powers& p, const Sample& s,
+                        double weight) noexcept {
+  const double wf = weight * s.force, wv = weight * s.velocity;
+  const double* power = p.data() + Grid::first_exponent;
+  const double* slope = power - 4;  // ξⁿ⁻¹
+  for (std::size_t j = 0; j < Grid::exponents; ++j) {
+    const double once = weight * g[j], moving = wv * g[j];
+    sums[0][j] += once;
+    sums[1][j] += wf * g[j];
+    sums[2][j] += once * power[j];
+    sums[3][j] += moving * power[j];
+    sums[4][j] += moving * slope[j];
+  }
+}
+
+template <std::size_t Rows>
+void scale_rows(std::array<NodeRow, Rows>& rows, double factor) noexcept {
+  for (NodeRow& row : rows) {
+    for (double& sum : row) sum *= factor;
+  }
+}
+
+// The everyday tier: six times, four apart, and their mean alone.
+class FlatSums {
+ public:
+  using Times = Ladder<6, 2>;
+  static constexpr bool full = false;
+
+  void add(const Branches<Times>& branches, const Powers& p, const Sample& s,
+           double weight) noexcept {
+    NodeRow mean{};
+    for (const NodeRow& state : branches.states()) {
+      for (std::size_t j = 0; j < Grid::exponents; ++j) mean[j] += state[j];
+    }
+    constexpr double each = 1.0 / static_cast<double>(Times::count);
+    for (double& value : mean) value *= each;
+    add_crossed(crossed_, mean, p, s, weight);
+    for (std::size_t j = 0; j < Grid::exponents; ++j) square_[j] += weight * mean[j] * mean[j];
+  }
+
+  MemoryColumn column(const MemoryWindows& at, const Spectrum<Times::count>&) const noexcept {
+    return {at.single.of(crossed_[0].data()), at.single.of(crossed_[1].data()),
+            at.square.of(crossed_[2].data()), at.square.of(crossed_[3].data()),
+            at.square.of(crossed_[4].data()), at.square.of(square_.data())};
+  }
+
+  void scale(double factor) noexcept {
+    scale_rows(crossed_, factor);
+    for (double& sum : square_) sum *= factor;
+  }
+
+ private:
+  Crossed crossed_{};
+  NodeRow square_{};
+};
+
+// The full tier: twelve times, two apart, and all pairs of them.
+class PairSums {
+ public:
+  using Times = Ladder<12, 1>;
+  static constexpr bool full = true;
+
+  void add(const Branches<Times>& branches, const Powers& p, const Sample& s,
+           double weight) noexcept {
+    const auto& states = branches.states();
+    std::size_t pair = 0;
+    for (std::size_t i = 0; i < Times::count; ++i) {
+      add_crossed(crossed_[i], states[i], p, s, weight);
+      NodeRow weighted;
+      for (std::size_t j = 0; j < Grid::exponents; ++j) weighted[j] = weight * states[i][j];
+      for (std::size_t other = i; other < Times::count; ++other, ++pair) {
+        for (std::size_t j = 0; j < Grid::exponents; ++j) {
+          pairs_[pair][j] += weighted[j] * states[other][j];
+        }
+      }
+    }
+  }
+
+  MemoryColumn column(const MemoryWindows& at,
+                      const Spectrum<Times::count>& spectrum) const noexcept {
+    MemoryColumn sum{};
+    for (std::size_t i = spectrum.first; i < spectrum.end; ++i) {
+      const double weight = spectrum.weight[i];
+      const Crossed& crossed = crossed_[i];
+      sum.one += weight * at.single.of(crossed[0].data());
+      sum.force += weight * at.single.of(crossed[1].data());
+      sum.power += weight * at.square.of(crossed[2].data());
+      sum.power_speed += weight * at.square.of(crossed[3].data());
+      sum.slope_speed += weight * at.square.of(crossed[4].data());
+      for (std::size_t other = i; other < spectrum.end; ++other) {
+        const double both = weight * spectrum.weight[other] * (other == i ? 1.0 : 2.0);
+        sum.square += both * at.square.of(pairs_[pair_of(i, other)].data());
+      }
+    }
+    return sum;
+  }
+
+  void scale(double factor) noexcept {
+    for (Crossed& crossed : crossed_) scale_rows(crossed, factor);
+    scale_rows(pairs_, factor);
+  }
+
+ private:
+  // Rows of a triangle one after the other: i (2 count − i + 1)/2 stand before row i.
+  static constexpr std::size_t pair_of(std::size_t i, std::size_t other) noexcept {
+    return i * (2 * Times::count - i + 1) / 2 + other - i;
+  }
+
+  std::array<Crossed, Times::count> crossed_{};
+  std::array<NodeRow, Times::count*(Times::count + 1) / 2> pairs_{};
+};
+
+}  // namespace palpate::viscoelastic

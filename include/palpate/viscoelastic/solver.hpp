@@ -1,0 +1,264 @@
+// Which law it is, and its parameters, worked out a little at every sample: rounds in which every
+// candidate that is offered is fitted to all samples so far, and in between the chosen one alone.
+//
+// The least N_eff ln(RSS/N) + 2 p ln N_eff wins: Schwarz's criterion with twice the penalty, and as
+// many samples as noise of the residual's correlation leaves (docs/viscoelastic.md).
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "palpate/error_widening.hpp"
+#include "palpate/haar_levels.hpp"
+#include "palpate/matrix.hpp"
+#include "palpate/sample.hpp"
+#include "palpate/viscoelastic/law.hpp"
+#include "palpate/viscoelastic/prediction.hpp"
+#include "palpate/viscoelastic/samples.hpp"
+#include "palpate/viscoelastic/search.hpp"
+#include "palpate/viscoelastic/solution.hpp"
+
+namespace palpate::viscoelastic {
+
+// How one candidate stood at the last verdict.
+struct Standing {
+  double score;        // of the criterion; 0 for what was not offered
+  double mean_square;  // RSS/N, in units of force squared
+};
+
+template <class Sums>
+class Solver {
+ public:
+  using Times = typename Sums::Times;
+  static constexpr std::size_t count = Sums::full ? candidates.size() : everyday_candidates;
+
+  Solver(double sample_time, Offered offered, const Priors& priors) noexcept
+      : samples_(sample_time), offered_(offered), priors_(priors) {}
+
+  Samples<Sums>& samples() noexcept { return samples_; }
+  const Samples<Sums>& samples() const noexcept { return samples_; }
+  const Solution& solution() const noexcept { return solution_; }
+  const Priors& priors() const noexcept { return priors_; }
+  Priors& priors() noexcept { return priors_; }
+  const std::array<Standing, count>& standings() const noexcept { return standings_; }
+  double effective_samples() const noexcept { return effective_; }
+  double inflation() const noexcept { return inflation_; }
+  double since_verdict() const noexcept { return samples_since_round_; }
+
+  double predict(const Sample& s) const noexcept {
+    return chosen_.force(samples_.branches(), s);
+  }
+  double predict_after(const Sample& s, double dt) const noexcept {
+    return chosen_.force_after(samples_.branches(), s, dt);
+  }
+
+  // Takes the sample that the branches were advanced to, and works a little.
+  void take(const Sample& s, double predicted, double forgetting_factor) noexcept {
+    const double by_best =
+        best_ == solution_.candidate ? predicted : best_fit_.force(samples_.branches(), s);
+    samples_.take(s, forgetting_factor);
+    levels_.add({s.penetration}, detail::saturate(s.force - by_best), forgetting_factor);
+    samples_since_round_ += 1.0;
+    samples_since_fit_ += 1.0;
+    work();
+  }
+
+  // Forgets the samples; the answer stands until there are so many again.
+  void clear(double fewest) noexcept {
+    fewest_ = std::max(fewest, least_fewest);
+    samples_.clear();
+    levels_.clear();
+    stage_ = Stage::idle;
+    samples_since_round_ = samples_since_fit_ = 0.0;
+    searched_weight_ = 0.0;
+  }
+
+  void offer(Offered offered) noexcept { offered_ = offered; }
+
+ private:
+  enum class Stage : std::uint8_t { idle, searching, judging, refining, publishing };
+
+  // Fewer samples than three for each number of the widest law say nothing.
+  static constexpr double least_fewest = 20.0;
+
+  bool offers(std::size_t candidate) const noexcept {
+    return ((offered_ >> candidate) & 1U) != 0 && candidate < count;
+  }
+
+  // A law of five numbers and more fits any hundred samples.
+  bool competes(std::size_t candidate) const noexcept {
+    constexpr Offered forgetful = 0b111;
+    if (!offers(candidate)) return false;
+    if ((offered_ & forgetful) == 0 || samples_.weight() >= 100.0) return true;
+    return candidates[candidate].memory == Memory::none;
+  }
+
+  void work() noexcept {
+    switch (stage_) {
+      case Stage::idle: start(); break;
+      case Stage::searching:
+        if (search_.advance(samples_)) keep_found();
+        break;
+      case Stage::judging: judge(); break;
+      case Stage::refining:
+        if (search_.advance(samples_)) {
+          answers_[chosen_candidate_] = search_.best();
+          stage_ = Stage::publishing;
+        }
+        break;
+      case Stage::publishing: publish(); break;
+    }
+  }
+
+  void start() noexcept {
+    const double weight = samples_.weight();
+    if (weight < fewest_) return;
+    // A verdict after an eighth of the samples more; of the law itself the parameters after a 32nd,
+    // which moves them by a sixth of a standard error (1/√32).
+    if (!solution_.known || samples_since_round_ >= std::max(8.0, weight / 8.0) ||
+        searched_weight_ == 0.0) {
+      samples_since_round_ = 0.0;
+      widely_ = !(weight < 2.0 * searched_weight_);
+      if (widely_) searched_weight_ = weight;
+      next_ = 0;
+      stage_ = Stage::searching;
+      begin_next();
+    } else if (samples_since_fit_ >= std::max(8.0, weight / 32.0)) {
+      const Point& last = answers_[chosen_candidate_];
+      search_.begin_near(candidates[chosen_candidate_], priors_, last.place, stiffness_of(last));
+      stage_ = Stage::refining;
+    }
+  }
+
+  static double stiffness_of(const Point& point) noexcept {
+    return std::max(point.linear.value[stiffness], 0.0);
+  }
+
+  void begin_next() noexcept {
+    while (next_ < count && !competes(next_)) ++next_;
+    if (next_ == count) {
+      stage_ = Stage::judging;
+      return;
+    }
+    const Point& last = answers_[next_];
+    if (widely_ || last.linear.fitted == 0) {
+      search_.begin(candidates[next_], priors_, stiffness_of(last));
+    } else {
+      search_.begin_near(candidates[next_], priors_, last.place, stiffness_of(last));
+    }
+  }
+
+  void keep_found() noexcept {
+    answers_[next_] = search_.best();
+    ++next_;
+    begin_next();
+  }
+
+  // All candidates by the same samples.
+  void judge() noexcept {
+    const double weight = samples_.weight(), square = samples_.force_squared();
+    // Forces are no better than 1e-6 of them, and the sums hold no more.
+    const double least = 1e-12 * square + detail::tiny;
+    std::size_t best = count;
+    double least_square = 0.0;
+    standings_ = {};
+    for (std::size_t i = 0; i < count; ++i) {
+      if (!competes(i)) continue;
+      Point& answer = answers_[i];
+      answer = point_at(samples_, candidates[i], priors_, answer.place, stiffness_of(answer));
+      const double residual = std::max(square + answer.cost, least);
+      standings_[i].mean_square = residual / weight;
+      if (best == count || residual < least_square) {
+        best = i;
+        least_square = residual;
+      }
+    }
+    if (best == count) {
+      stage_ = Stage::idle;
+      return;
+    }
+    priors_.variance = least_square / std::max(weight - candidates[best].parameters(), 1.0);
+    measure_noise(least_square / weight);
+    effective_ = std::max(weight / inflation_, 3.0);
+    std::size_t chosen = best;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (!competes(i)) continue;
+      standings_[i].score = effective_ * std::log(standings_[i].mean_square / priors_.variance) +
+                            2.0 * candidates[i].parameters() * std::log(effective_);
+      if (standings_[i].score < standings_[chosen].score) chosen = i;
+    }
+    best_ = best;
+    best_fit_ = prediction_of(best);
+    chosen_candidate_ = chosen;
+    stage_ = Stage::publishing;
+  }
+
+  // How many times as many samples white noise would need to say what these do.
+  void measure_noise(double variance) noexcept {
+    const detail::ErrorWidening<1, 1> widening(levels_, {0.0}, variance);
+    const double wider = widening.root({{{1.0}}})[0][0];
+    inflation_ = std::max(wider * wider, 1.0);
+  }
+
+  Prediction<Times> prediction_of(std::size_t candidate) const noexcept {
+    const Point& answer = answers_[candidate];
+    const Candidate& law = candidates[candidate];
+    return {law, exponent_at(law, priors_, answer.place.exponent),
+            second_of(law.memory, answer.place.second), answer.linear.value};
+  }
+
+  void publish() noexcept {
+    const std::size_t chosen = chosen_candidate_;
+    const Candidate& law = candidates[chosen];
+    const Point& answer = answers_[chosen];
+    Solution& s = solution_;
+    s.candidate = chosen;
+    s.weight = samples_.weight();
+    const double residual = std::max(samples_.force_squared() + answer.cost, 0.0);
+    const double floor = 1e-12 * samples_.force_squared() / s.weight;
+    s.variance = std::max(residual / std::max(s.weight - law.parameters(), 1.0), floor);
+    s.n = exponent_at(law, priors_, answer.place.exponent);
+    s.place = answer.place;
+    s.value = answer.linear.value;
+    const Curvature<Sums> curvature(samples_, law, priors_, answer, stiffness_of(answer),
+                                    s.variance);
+    s.covariance = curvature.covariance();
+    for (auto& row : s.covariance) {
+      for (double& entry : row) entry *= inflation_;
+    }
+    constexpr double margin = 0.25, last = static_cast<double>(Grid::exponents - 1);
+    s.at_edge = !law.linear && !(priors_.exponent > 0.0) &&
+                (s.place.exponent < margin || s.place.exponent > last - margin);
+    s.known = true;
+    chosen_ = prediction_of(chosen);
+    samples_since_fit_ = 0.0;
+    stage_ = Stage::idle;
+  }
+
+  Samples<Sums> samples_;
+  Offered offered_;
+  Priors priors_;
+  std::array<Point, count> answers_{};
+  std::array<Standing, count> standings_{};
+  Search<Sums> search_{};
+  Solution solution_{};
+  Prediction<Times> chosen_{};    // of the solution
+  Prediction<Times> best_fit_{};  // of the candidate with the least residual
+  std::size_t best_ = 1;
+  std::size_t chosen_candidate_ = 1;
+  detail::HaarLevels<1> levels_;  // of the best fit's a-priori errors
+  double inflation_ = 1.0;
+  double effective_ = 0.0;
+  double samples_since_round_ = 0.0;
+  double samples_since_fit_ = 0.0;
+  double searched_weight_ = 0.0;
+  double fewest_ = least_fewest;
+  std::size_t next_ = 0;
+  Stage stage_ = Stage::idle;
+  bool widely_ = true;
+};
+
+}  // namespace palpate::viscoelastic
