@@ -92,8 +92,8 @@ class Search {
   void begin(const Candidate& law, const Priors& priors, double stiffness_before) noexcept {
     start(law, priors, {}, stiffness_before);
     row_ = 0;
-    // A grid's node is half a step off at most.
-    step_ = 0.5;
+    // Every second node is looked at, so that a minimum is a step off at most.
+    step_ = 1.0;
   }
 
   // From an answer of a little while ago.
@@ -142,7 +142,7 @@ class Search {
   }
 
   bool searches_exponent() const noexcept { return !law_.linear && !(priors_.exponent > 0.0); }
-  std::size_t rows() const noexcept { return searches_exponent() ? Grid::exponents : 1; }
+  std::size_t rows() const noexcept { return searches_exponent() ? Grid::exponents / 2 : 1; }
   double last_second() const noexcept {
     const std::size_t nodes = law_.memory == Memory::power_law ? slopes : Sums::Times::count;
     return law_.searches_memory() ? static_cast<double>(nodes - 1) : 0.0;
@@ -153,9 +153,9 @@ class Search {
   }
 
   void look_along_row(const Samples<Sums>& samples) noexcept {
-    const double last = last_second();
-    for (double second = 0.0; second <= last; second += 1.0) {
-      const Point found = at(samples, {static_cast<double>(row_), second});
+    const double last = last_second(), exponent = 2.0 * static_cast<double>(row_);
+    for (double second = 0.0; second <= last; second += 2.0) {
+      const Point found = at(samples, {exponent, second});
       if (found.cost < best_.cost) best_ = found;
     }
     ++row_;

@@ -60,7 +60,7 @@ class Solver {
     const double by_best =
         best_ == solution_.candidate ? predicted : best_fit_.force(samples_.branches(), s);
     samples_.take(s, forgetting_factor);
-    levels_.add({s.penetration}, detail::saturate(s.force - by_best), forgetting_factor);
+    levels_.add({s.penetration}, bounded(s.force - by_best), forgetting_factor);
     samples_since_round_ += 1.0;
     samples_since_fit_ += 1.0;
     work();
@@ -79,6 +79,13 @@ class Solver {
   void offer(Offered offered) noexcept { offered_ = offered; }
 
  private:
+  // Of a fit that meets new ground errors are no noise: beyond four deviations they count as four.
+  double bounded(double error) const noexcept {
+    if (!(priors_.variance > 0.0)) return detail::saturate(error);
+    const double limit = 4.0 * std::sqrt(priors_.variance);
+    return std::clamp(error, -limit, limit);
+  }
+
   enum class Stage : std::uint8_t { idle, searching, judging, refining, publishing };
 
   // Fewer samples than three for each number of the widest law say nothing.
@@ -121,7 +128,7 @@ class Solver {
     if (!solution_.known || samples_since_round_ >= std::max(8.0, weight / 8.0) ||
         searched_weight_ == 0.0) {
       samples_since_round_ = 0.0;
-      widely_ = !(weight < 2.0 * searched_weight_);
+      widely_ = !(weight < 1.5 * searched_weight_);
       if (widely_) searched_weight_ = weight;
       next_ = 0;
       stage_ = Stage::searching;
@@ -181,6 +188,10 @@ class Solver {
       return;
     }
     priors_.variance = least_square / std::max(weight - candidates[best].parameters(), 1.0);
+    // What another law left says nothing of the noise, if it left a tenth more than this one.
+    if (best != best_ && !(standings_[best_].mean_square < 1.1 * standings_[best].mean_square)) {
+      levels_.clear();
+    }
     measure_noise(least_square / weight);
     effective_ = std::max(weight / inflation_, 3.0);
     std::size_t chosen = best;
@@ -188,7 +199,9 @@ class Solver {
       if (!competes(i)) continue;
       standings_[i].score = effective_ * std::log(standings_[i].mean_square / priors_.variance) +
                             2.0 * candidates[i].parameters() * std::log(effective_);
-      if (standings_[i].score < standings_[chosen].score) chosen = i;
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      if (competes(i) && standings_[i].score < standings_[chosen].score) chosen = i;
     }
     best_ = best;
     best_fit_ = prediction_of(best);
@@ -196,11 +209,23 @@ class Solver {
     stage_ = Stage::publishing;
   }
 
-  // How many times as many samples white noise would need to say what these do.
+  // By how much the residual's correlation inflates a variance, Σ d_k D_k / σ² Σ D_k with the depth
+  // as the only slope: so many times fewer samples of white noise would say the same. Error bars
+  // widen by the same, and by how few blocks it is known from.
   void measure_noise(double variance) noexcept {
+    using detail::ResidualOf;
+    const detail::LevelNoise noise(levels_, variance, ResidualOf::earlier_samples);
+    double whole = levels_.rest()[0][0], wider = whole * noise.ratio[noise.used];
+    for (std::size_t k = 0; k < noise.used; ++k) {
+      const double information = levels_[k].information[0][0];
+      whole += information;
+      wider += information * noise.ratio[k];
+    }
+    const bool measured = noise.measured > 0 && whole > 0.0;
+    inflation_ = measured ? std::max(wider / whole, 1.0) : 1.0;
     const detail::ErrorWidening<1, 1> widening(levels_, {0.0}, variance);
-    const double wider = widening.root({{{1.0}}})[0][0];
-    inflation_ = std::max(wider * wider, 1.0);
+    const double root = widening.root({{{1.0}}})[0][0];
+    widening_ = std::max(root * root, 1.0);
   }
 
   Prediction<Times> prediction_of(std::size_t candidate) const noexcept {
@@ -213,7 +238,9 @@ class Solver {
   void publish() noexcept {
     const std::size_t chosen = chosen_candidate_;
     const Candidate& law = candidates[chosen];
-    const Point& answer = answers_[chosen];
+    // By the samples of now: since it was found others have come.
+    Point& answer = answers_[chosen];
+    answer = point_at(samples_, law, priors_, answer.place, stiffness_of(answer));
     Solution& s = solution_;
     s.candidate = chosen;
     s.weight = samples_.weight();
@@ -227,7 +254,7 @@ class Solver {
                                     s.variance);
     s.covariance = curvature.covariance();
     for (auto& row : s.covariance) {
-      for (double& entry : row) entry *= inflation_;
+      for (double& entry : row) entry *= widening_;
     }
     constexpr double margin = 0.25, last = static_cast<double>(Grid::exponents - 1);
     s.at_edge = !law.linear && !(priors_.exponent > 0.0) &&
@@ -250,7 +277,8 @@ class Solver {
   std::size_t best_ = 1;
   std::size_t chosen_candidate_ = 1;
   detail::HaarLevels<1> levels_;  // of the best fit's a-priori errors
-  double inflation_ = 1.0;
+  double inflation_ = 1.0;  // of N over N_eff
+  double widening_ = 1.0;   // of variances
   double effective_ = 0.0;
   double samples_since_round_ = 0.0;
   double samples_since_fit_ = 0.0;
