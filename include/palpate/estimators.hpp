@@ -10,7 +10,6 @@
 #include "palpate/methods/regression.hpp"
 #include "palpate/methods/regressions.hpp"
 #include "palpate/methods/variable_projection.hpp"
-#include "palpate/methods/viscoelastic.hpp"
 #include "palpate/recursive_estimator.hpp"
 
 namespace palpate {
@@ -27,9 +26,6 @@ using VariableProjection = RecursiveEstimator<VariableProjectionMethod<detail::C
 using VariableProjectionWithSurface =
     RecursiveEstimator<VariableProjectionMethod<detail::SurfaceSolver>>;
 using DriftTracking = RecursiveEstimator<DriftTrackingMethod>;
-// Six relaxation times, their mean alone; and twelve, with all pairs of them, some 17 kB.
-using ViscoelasticContact = RecursiveEstimator<ViscoelasticMethod<viscoelastic::FlatSums>>;
-using FullViscoelasticContact = RecursiveEstimator<ViscoelasticMethod<viscoelastic::PairSums>>;
 
 template <class Estimator>
 using WithChangeDetector =

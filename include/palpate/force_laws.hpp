@@ -84,8 +84,8 @@ struct GeneralisedHuntCrossley {
   double damping_exponent;      // p
   double relaxation_stiffness;  // M, N/mⁿ; 0: it does not remember
   double spectrum_exponent;     // α; 0 is a flat spectrum
-  double shortest_time;         // s
-  double longest_time;          // s; the same is a single relaxation time
+  double shortest_time;         // s; 0: the longest is the only one
+  double longest_time;          // s
 
   // With all branches relaxed.
   double force(double x, double v) const noexcept {

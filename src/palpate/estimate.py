@@ -126,7 +126,7 @@ class Estimate:
     @property
     def law(self) -> Any:  # of the estimator's law_type
         """The contact model, SI."""
-        return self._law_type(*self._value.parameters.tolist())
+        return self._law_type.from_parameters(self._value.parameters)
 
     @property
     def parameters(self) -> Floats:
@@ -154,14 +154,16 @@ class Estimate:
     def _with_error(self, number: Callable[[ForceLaw], float]) -> tuple[float, float]:
         """A number by the law, and its error by the delta method: √(gᵀ C g)."""
         law, errors = self.law, self.standard_errors
-        # By differences over a hundredth of an error, in which a law is as good as linear.
-        steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
-        gradient = np.empty(len(steps))
+        of = law.from_parameters
+        # By differences over a hundredth of an error, in which a law is as good as linear; what has
+        # none does not count.
+        steps = np.where(np.isfinite(errors), 0.01 * errors, 1.0)
+        gradient = np.zeros(len(steps))
         with np.errstate(all="ignore"):  # of a start that knows nothing the error may be infinite
-            for k, step in enumerate(steps.tolist()):
+            for k in np.flatnonzero(steps).tolist():
                 up, down = law.parameters, law.parameters
-                up[k], down[k] = up[k] + step, down[k] - step
-                gradient[k] = (number(type(law)(*up)) - number(type(law)(*down))) / (2.0 * step)
+                up[k], down[k] = up[k] + steps[k], down[k] - steps[k]
+                gradient[k] = (number(of(up)) - number(of(down))) / (2.0 * steps[k])
             variance = float(gradient @ self.covariance @ gradient)
         return number(law), math.sqrt(variance) if variance >= 0.0 else math.nan
 

@@ -73,7 +73,9 @@ class ViscoelasticMethod {
   static constexpr double least_depth = 1e-3;
 
   ViscoelasticMethod(const Settings& settings, const Units& units) noexcept
-      : settings_(settings), units_(units), solver_(settings.sample_time, settings.offered, priors_of(settings)) {}
+      : settings_(settings),
+        units_(units),
+        solver_(settings.sample_time, settings.offered, priors_of(settings)) {}
 
   static ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {
     return given;
@@ -277,7 +279,7 @@ class ViscoelasticMethod {
     if (s.law().memory == Memory::none) return law;
     const Times& times = solver_.samples().branches().times();
     if (s.law().memory == Memory::single) {
-      law.shortest_time = law.longest_time = times.time(s.place.second);
+      law.longest_time = times.time(s.place.second);
       return law;
     }
     if (s.law().memory == Memory::power_law) {
@@ -290,12 +292,12 @@ class ViscoelasticMethod {
   }
 
   // dK = U (dk − k ln x_r dn), and so for B and M.
-  Matrix<joint_size> joint_covariance(const viscoelastic::Solution& s, const Law& law,
+  [[gnu::noinline]] Matrix<joint_size> joint_covariance(const viscoelastic::Solution& s, const Law& law,
                                       const Units& u) const noexcept {
     using namespace viscoelastic;
     Matrix<joint_size> joint{};
     if (!s.known) {
-      for (std::size_t i = 0; i < joint_size; ++i) joint[i][i] = detail::largest_variance;
+      for (const std::size_t i : {0, 1, 2, 3, 8}) joint[i][i] = detail::largest_variance;
       return joint;
     }
     const Matrix<unknowns> root = detail::cholesky(s.covariance);
@@ -317,7 +319,7 @@ class ViscoelasticMethod {
         rows[5][j] = second_of(Memory::power_law, 1.0) * second;
       }
       if (s.law().memory == Memory::single) {
-        rows[6][j] = rows[7][j] = law.longest_time * std::log(Times::ratio) * second;
+        rows[7][j] = law.longest_time * std::log(Times::ratio) * second;
       }
       rows[order][j] = u.force * root[offset][j];
     }

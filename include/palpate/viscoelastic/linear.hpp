@@ -111,13 +111,13 @@ class Factored {
   PartSet fitted_ = 0;
 };
 
-inline Linear solve(const Normal& normal, PartSet wanted) noexcept {
+[[gnu::noinline]] inline Linear solve(const Normal& normal, PartSet wanted) noexcept {
   return Factored(normal, wanted).solve(normal.b);
 }
 
 // A damper that gives energy back is what a fit without memory may ask for, and is left to it; with
 // memory both have to be passive, and of what is, the better fit counts.
-inline Linear solve_passive(const Normal& normal, PartSet wanted) noexcept {
+[[gnu::noinline]] inline Linear solve_passive(const Normal& normal, PartSet wanted) noexcept {
   const Linear free = solve(normal, wanted);
   if (!has(wanted, memory)) return free;
   if (!(free.value[memory] < 0.0) && !(free.value[damping] < 0.0)) return free;

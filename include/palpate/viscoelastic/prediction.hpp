@@ -25,7 +25,7 @@ class Prediction {
         spectrum_(spectrum_of<Times>(law.memory, second)) {}
 
   // Once the branches have been advanced to the sample.
-  double force(const Branches<Times>& branches, const Sample& s) const noexcept {
+  [[gnu::noinline]] double force(const Branches<Times>& branches, const Sample& s) const noexcept {
     if (!(s.penetration > 0.0)) return value_[offset];
     double force = without_memory(s);
     if (!remembers()) return force;
@@ -36,7 +36,7 @@ class Prediction {
   }
 
   // As if the sample came `dt` after the last one.
-  double force_after(const Branches<Times>& branches, const Sample& s, double dt) const noexcept {
+  [[gnu::noinline]] double force_after(const Branches<Times>& branches, const Sample& s, double dt) const noexcept {
     if (!(s.penetration > 0.0)) return value_[offset];
     double force = without_memory(s);
     if (!remembers()) return force;

@@ -31,7 +31,7 @@ class Samples {
   explicit Samples(double sample_time) noexcept : branches_(sample_time) {}
 
   // A depth, 0 for none, after so much time. The branches feel every one.
-  void advance(double depth, double dt) noexcept {
+  [[gnu::noinline]] void advance(double depth, double dt) noexcept {
     touching_ = depth > 0.0;
     if (touching_) powers_ = powers_of(depth);
     branches_.advance(touching_ ? &powers_ : nullptr, dt);
@@ -45,7 +45,7 @@ class Samples {
   }
 
   // Takes the sample whose depth was advanced to.
-  void take(const Sample& s, double forgetting_factor) noexcept {
+  [[gnu::noinline]] void take(const Sample& s, double forgetting_factor) noexcept {
     if (forgetting_factor != 1.0) fade(forgetting_factor);
     weight_ += scale_;
     force_ += scale_ * s.force;
@@ -68,7 +68,7 @@ class Samples {
   bool touching() const noexcept { return touching_; }
 
   // Of a candidate at an exponent; `second` as of spectrum_of().
-  Normal normal(const Candidate& law, double n, double second) const noexcept {
+  [[gnu::noinline]] Normal normal(const Candidate& law, double n, double second) const noexcept {
     const auto [a, b] = unscaled(law, n, second);
     Normal result{};
     const double per = 1.0 / scale_;

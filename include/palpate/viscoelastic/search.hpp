@@ -76,7 +76,7 @@ Normal normal_with_priors(const Samples<Sums>& samples, const Candidate& law, co
 }
 
 template <class Sums>
-Point point_at(const Samples<Sums>& samples, const Candidate& law, const Priors& priors,
+[[gnu::noinline]] Point point_at(const Samples<Sums>& samples, const Candidate& law, const Priors& priors,
                const Place& place, double stiffness_before) noexcept {
   const Normal normal = normal_with_priors(samples, law, priors, place, stiffness_before);
   Point point{place, solve_passive(normal, parts_of(law, priors.offset)), 0.0};
@@ -105,7 +105,7 @@ class Search {
   }
 
   // A dozen evaluations or so; true when it is done.
-  bool advance(const Samples<Sums>& samples) noexcept {
+  [[gnu::noinline]] bool advance(const Samples<Sums>& samples) noexcept {
     if (row_ < rows()) {
       look_along_row(samples);
       if (!law_.searches_memory()) {

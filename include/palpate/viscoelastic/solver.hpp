@@ -67,7 +67,7 @@ class Solver {
   }
 
   // Forgets the samples; the answer stands until there are so many again.
-  void clear(double fewest) noexcept {
+  [[gnu::noinline]] void clear(double fewest) noexcept {
     fewest_ = std::max(fewest, least_fewest);
     samples_.clear();
     levels_.clear();
@@ -103,7 +103,8 @@ class Solver {
     return candidates[candidate].memory == Memory::none;
   }
 
-  void work() noexcept {
+  // Not inlined, like what it calls: a replay would hold the searches a dozen times.
+  [[gnu::noinline]] void work() noexcept {
     switch (stage_) {
       case Stage::idle: start(); break;
       case Stage::searching:
@@ -165,7 +166,7 @@ class Solver {
   }
 
   // All candidates by the same samples.
-  void judge() noexcept {
+  [[gnu::noinline]] void judge() noexcept {
     const double weight = samples_.weight(), square = samples_.force_squared();
     // Forces are no better than 1e-6 of them, and the sums hold no more.
     const double least = 1e-12 * square + detail::tiny;
@@ -212,7 +213,7 @@ class Solver {
   // By how much the residual's correlation inflates a variance, Σ d_k D_k / σ² Σ D_k with the depth
   // as the only slope: so many times fewer samples of white noise would say the same. Error bars
   // widen by the same, and by how few blocks it is known from.
-  void measure_noise(double variance) noexcept {
+  [[gnu::noinline]] void measure_noise(double variance) noexcept {
     using detail::ResidualOf;
     const detail::LevelNoise noise(levels_, variance, ResidualOf::earlier_samples);
     double whole = levels_.rest()[0][0], wider = whole * noise.ratio[noise.used];
@@ -235,7 +236,7 @@ class Solver {
             second_of(law.memory, answer.place.second), answer.linear.value};
   }
 
-  void publish() noexcept {
+  [[gnu::noinline]] void publish() noexcept {
     const std::size_t chosen = chosen_candidate_;
     const Candidate& law = candidates[chosen];
     // By the samples of now: since it was found others have come.

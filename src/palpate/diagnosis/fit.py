@@ -202,7 +202,7 @@ class Fit:
             step = 1e-5 * max(abs(value), 1e-3 * float(np.abs(law.parameters).max()))
             up, down = law.parameters, law.parameters
             up[k], down[k] = value + step, value - step
-            high, low = type(law)(*up), type(law)(*down)
+            high, low = law.from_parameters(up), law.from_parameters(down)
             columns.append(
                 [
                     (quantity(high) - quantity(low)) / (2.0 * step)

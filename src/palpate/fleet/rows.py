@@ -96,7 +96,8 @@ def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:
         for k, step in enumerate(steps.tolist()):
             up, down = law.parameters, law.parameters
             up[k], down[k] = up[k] + step, down[k] - step
-            high, low = _at_depth(type(law)(*up), depth), _at_depth(type(law)(*down), depth)
+            high = _at_depth(law.from_parameters(up), depth)
+            low = _at_depth(law.from_parameters(down), depth)
             gradients[k] = (high - low) / (2.0 * step)
         variances = np.einsum("iq,ij,jq->q", gradients, covariance, gradients)
         found = np.where(variances >= 0.0, np.sqrt(np.maximum(variances, 0.0)), np.nan)

@@ -6,7 +6,7 @@ Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, ClassVar, TypeVar, overload
+from typing import Any, ClassVar, Self, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +37,16 @@ class ForceLaw:
     def __post_init__(self) -> None:
         for name, value in self.as_dict().items():
             object.__setattr__(self, name, number(name, value))
+
+    @classmethod
+    def from_parameters(cls, parameters: "ArrayLike") -> Self:
+        """Return the law of these numbers, as :attr:`parameters` has them."""
+        return cls(*np.asarray(parameters, dtype=np.float64).tolist())
+
+    @classmethod
+    def from_dict(cls, numbers: dict[str, Any]) -> Self:
+        """Return the law of its numbers by name, as :meth:`as_dict` has them."""
+        return cls(**numbers)
 
     @classmethod
     def names(cls) -> list[str]:
@@ -108,7 +118,7 @@ class ForceLaw:
         """
         found = np.full((2, len(parameters)), np.nan)
         for k in np.flatnonzero(np.isfinite(parameters).all(axis=1)).tolist():
-            law = cls(*parameters[k].tolist())
+            law = cls.from_parameters(parameters[k])
             found[:, k] = law.stiffness_at(depth), law.damping_at(depth)
         return found[0], found[1]
 
@@ -158,10 +168,10 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
     law = FORCE_LAWS[kind]
     if set(given) != set(law.names()):
         raise InvalidParameterError(f"{kind} needs {', '.join(law.names())}, and no others")
-    return law(**given)
+    return law.from_dict(given)
 
 
-class _CompiledLaw(ForceLaw):
+class CompiledLaw(ForceLaw):
     """A law whose force is worked out by the compiled core."""
 
     __slots__ = ()
@@ -197,7 +207,7 @@ class _CompiledLaw(ForceLaw):
 
 @register
 @dataclass(frozen=True, slots=True)
-class KelvinVoigt(_CompiledLaw):
+class KelvinVoigt(CompiledLaw):
     """A linear spring and a linear damper in parallel.
 
     F = K x + B v  for x ≥ 0, else 0.   (eq. 1)
@@ -244,7 +254,7 @@ class KelvinVoigt(_CompiledLaw):
 
 @register
 @dataclass(frozen=True, slots=True)
-class ExtendedKelvinVoigt(_CompiledLaw):
+class ExtendedKelvinVoigt(CompiledLaw):
     """A stiffening spring and a linear damper in parallel.
 
     F = K₁ x + K₂ x² + B v  for x ≥ 0, else 0.   (eq. 14)
@@ -293,7 +303,7 @@ class ExtendedKelvinVoigt(_CompiledLaw):
 
 @register
 @dataclass(frozen=True, slots=True)
-class HuntCrossley(_CompiledLaw):
+class HuntCrossley(CompiledLaw):
     """A spring and a damper in parallel that both stiffen with depth.
 
     F = K xⁿ + B xⁿ v = K xⁿ (1 + b v)  for x > 0, else 0.   (eq. 2)
