@@ -14,6 +14,10 @@ from palpate.force_laws.relaxation import LONGEST, Relaxation, relaxation_of
 from palpate.validation import all_good, in_contact, instance, number, number_in, signals, together
 
 
+# The law's own numbers; those of its relaxation follow.
+_OWN = ("stiffness", "exponent", "damping", "damping_exponent", "relaxation_stiffness")
+
+
 @dataclass(frozen=True, slots=True)
 class RelaxationState:
     """What a material remembers: made by :meth:`GeneralisedHuntCrossley.rest`, and never changed.
@@ -297,6 +301,3 @@ class GeneralisedHuntCrossley(CompiledLaw):
         force = np.empty(x.size)
         _core.generalised_force_along(self.parameters, steps, x, v, numbers, force)
         return force
-
-
-_OWN = ("stiffness", "exponent", "damping", "damping_exponent", "relaxation_stiffness")
