@@ -1,6 +1,9 @@
 // Laws with memory: their force along a motion, and the estimators of them.
 #include <nanobind/stl/vector.h>
 
+#include <cmath>
+#include <limits>
+
 #include "bind_face.hpp"
 #include "palpate/viscoelastic/relaxation.hpp"
 #include "palpate/viscoelastic_estimators.hpp"
@@ -41,9 +44,16 @@ void force_along(const InputArray& parameters, const InputArray& time_steps,
       state.size() != branches.count() + 1) {
     throw nb::value_error("the arrays must have the samples' number, the state one a branch more");
   }
+  double passed = 0.0;  // since the last sample whose place is known
   for (std::size_t k = 0; k < count; ++k) {
     const double x = penetration.data()[k];
-    relax(law, branches, x, time_steps.data()[k], state.data());
+    passed += time_steps.data()[k];
+    if (!std::isfinite(x)) {
+      force.data()[k] = std::numeric_limits<double>::quiet_NaN();
+      continue;
+    }
+    relax(law, branches, x, passed, state.data());
+    passed = 0.0;
     force.data()[k] = relaxing_force(law, branches, x, velocity.data()[k], state.data());
   }
 }

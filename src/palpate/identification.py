@@ -410,8 +410,10 @@ class Identification(Presented):
         """Force by the final law, and offset, at every sample of a contact, N."""
         estimate = self.estimate
         depth = contact.penetration - estimate.surface
-        force: Floats = estimate.law.force(depth, contact.velocity) + estimate.offset
-        return force
+        force, steps, law = np.empty(len(contact)), contact.time_steps, estimate.law
+        for part in contact.segments():
+            force[part] = law.force_along(depth[part], contact.velocity[part], steps[part])
+        return force + estimate.offset
 
     @property
     def violated_fraction(self) -> float:

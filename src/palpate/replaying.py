@@ -33,6 +33,7 @@ def choices(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
     ways: dict[str, Callable[[Contact], object]] = {
         "scale": suggest_scale,
         "outlier_rejection": lambda _: OutlierRejection(),
+        "sample_time": lambda contact: contact.sample_time,
     }
     if not given.chooses_samples:
         ways["gate"] = choose_gate

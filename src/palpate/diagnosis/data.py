@@ -1,6 +1,8 @@
 """What the checks ask of a recording, worked out once."""
 
+import itertools
 import math
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -35,6 +37,13 @@ class Data:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def segments(self) -> Iterator[slice]:
+        """Slices of the separate contacts, in order."""
+        borders = np.flatnonzero(np.diff(self.segment)) + 1
+        for start, stop in itertools.pairwise([0, *borders.tolist(), len(self)]):
+            if stop > start:
+                yield slice(start, stop)
 
     @cached_property
     def sample_time(self) -> float:

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.covariance import robust_covariance
+from palpate.diagnosis.alike import as_hunt_crossley
 from palpate.diagnosis.band import Band, band_of
 from palpate.diagnosis.data import Data
 from palpate.estimate import Estimate
-from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.trace import Trace
 from palpate.validation import Floats
 
@@ -86,6 +87,11 @@ class Fit:
     def __init__(
         self, data: Data, trace: Trace, estimate: Estimate, depth: float | None = None
     ) -> None:
+        self._given = data, trace, estimate
+        if isinstance(estimate.law, GeneralisedHuntCrossley):
+            known = data.penetration[trace.taken[data.known]] - estimate.surface
+            middle = float(np.median(known[known > 0.0])) if (known > 0.0).any() else 1.0
+            data, estimate = as_hunt_crossley(data, estimate, depth or middle)
         self.data, self.estimate = data, estimate
         self.with_offset = estimate.offset_standard_error > 0.0
         names = estimate.law.names()
@@ -117,7 +123,12 @@ class Fit:
         return replace(band, samples=kept[band.samples])
 
     def at_depth(self, depth: float) -> "Fit":
-        """Return the same fit, which is not made again, with another working depth, m."""
+        """Return the same fit with another working depth, m.
+
+        It is made again only of a law that is taken for another, which is like it at that depth.
+        """
+        if isinstance(self._given[2].law, GeneralisedHuntCrossley):
+            return Fit(*self._given, depth)
         other = copy(self)
         other.depth = depth
         for name in ("gradients", "sizes"):  # cached, and of the depth

@@ -16,6 +16,7 @@ from palpate.estimators.recursive_least_squares import (  # isort: skip
     SingleStageRLS,
 )
 from palpate.estimators.drift_tracking import DriftTracking  # isort: skip
+from palpate.estimators.viscoelastic import LawVerdict, ViscoelasticContact  # isort: skip
 
 __all__ = [
     "ESTIMATORS",
@@ -25,10 +26,12 @@ __all__ = [
     "DriftTracking",
     "ExtendedKelvinVoigtRLS",
     "KelvinVoigtRLS",
+    "LawVerdict",
     "PythonEstimator",
     "RecursiveLeastSquaresEstimator",
     "SingleStageRLS",
     "VariableProjection",
+    "ViscoelasticContact",
     "estimator_named",
     "register",
 ]

@@ -160,7 +160,7 @@ def thinned_replay_learns_the_same(kind: Kind, settings: dict[str, Any]) -> None
 def own_steps_are_the_sample_time(kind: Kind, settings: dict[str, Any]) -> None:
     """A time step that is given is the same as one that is the sample time."""
     nominal, given, spread = kind(**settings), kind(**settings), kind(**settings)
-    signals, step = _tapping(), nominal.settings.get("sample_time", 1e-3)
+    signals, step = _tapping(), nominal.settings.get("sample_time") or 1e-3
     nominal.replay(*signals)
     given.replay(*signals, step)
     spread.replay(*signals, np.full(signals[0].size, step))

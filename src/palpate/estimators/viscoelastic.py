@@ -10,6 +10,7 @@ from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import CompiledEstimator
 from palpate.estimators.loop_settings import Rejection, loop_settings
+from palpate.estimators.registry import register
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.settings import (
     SAMPLE_TIME,
@@ -119,6 +120,7 @@ class LawVerdict:
     frequency: float
 
 
+@register
 class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     """Generalised Hunt–Crossley laws, with memory and without, and which of them it is.
 
@@ -157,9 +159,10 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         n, in [0.5, 3.25], where the shape of the tip tells it; None: it is looked for there.
     gate : ContactGate, optional
         Which samples are contact. Those above 0.1 % of the unit of penetration inform the estimate.
-    sample_time : float
+    sample_time : float, optional
         Time between samples where ``update`` is given none, s, in (0, 1e6], and nearly that where
-        it is: relaxation times are looked for from two of them on.
+        it is: relaxation times are looked for from two of them on. None: 1 ms, and in
+        :func:`identify` that of the data.
     scale : Scale, optional
         Units of the arithmetic, near the largest values to come. None: 10 mm, 20 mm/s and 1 N, and
         in :func:`identify` chosen from the data.
@@ -186,7 +189,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         offset_deviation: float | None = None,
         exponent: float | None = None,
         gate: ContactGate | None = None,
-        sample_time: float = SAMPLE_TIME,
+        sample_time: float | None = None,
         scale: Scale | None = None,
     ) -> None:
         instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
@@ -218,7 +221,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
                 outlier_rejection,
                 gate,
                 scale,
-                sample_time,
+                SAMPLE_TIME if sample_time is None else sample_time,
                 default_scale=_PROBING,
             ),
         )

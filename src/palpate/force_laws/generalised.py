@@ -217,7 +217,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         Parameters
         ----------
         penetration, velocity : array_like, shape (k,)
-            m and m/s.
+            m and m/s; a NaN is passed over.
         time_steps : float or array_like, shape (k,)
             Time since the sample before, s, > 0; the first one's is that since the state.
         state : RelaxationState, optional
@@ -233,7 +233,8 @@ class GeneralisedHuntCrossley(CompiledLaw):
         all_good("time_steps", steps, (steps > 0.0) & np.isfinite(steps), "positive and finite")
         if not x.size:
             return np.empty(0)
-        begun = self.rest(float(x[0])) if state is None else state
+        known = x[np.isfinite(x)]
+        begun = self.rest(float(known[0]) if known.size else 0.0) if state is None else state
         return self._go(self._numbers_of(begun), steps, x, v)
 
     def dynamic_stiffness(self, depth: "ArrayLike", frequency: "ArrayLike") -> Any:

@@ -70,6 +70,15 @@ class ForceLaw:
         """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays."""
         raise NotImplementedError
 
+    def force_along(
+        self, penetration: "ArrayLike", velocity: "ArrayLike", time_steps: "ArrayLike"
+    ) -> Floats:
+        """Force [N] along a motion, of samples so many seconds apart, shapes (k,).
+
+        The same as :meth:`force` of a law without memory.
+        """
+        return np.asarray(self.force(penetration, velocity))
+
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂θ in contact, shape (k, p), at penetrations > 0 [m] and velocities [m/s], (k,)."""
         raise NotImplementedError
