@@ -109,6 +109,13 @@ class RecursiveEstimator {
     enter(gate_.without_contact());
   }
 
+  // Brings an answer up to date that is worked out a little at every sample.
+  void settle() noexcept
+    requires requires(M& method) { method.settle(); }
+  {
+    method_.settle();
+  }
+
   // The force that the sensor would show by the present estimate, N; no law acts out of contact.
   double predict(double penetration, double velocity) const noexcept {
     return method_.force(units_, penetration, velocity);

@@ -94,6 +94,9 @@ def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced = "ful
         else:
             traces.append(estimator.replay(*channels, steps[part], at=at))
         clocks.append(time if at is None else time[at])
+    settle = getattr(estimator, "settle", None)
+    if settle is not None:  # its answer would be of most of the samples only
+        settle()
     if len(traces) == 1:
         return replace(traces[0], time=clocks[0])
     whole = Trace.joined(traces, len(estimator.law_type.symbols))

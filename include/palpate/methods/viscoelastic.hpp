@@ -115,7 +115,7 @@ class ViscoelasticMethod {
   // The next sample does not follow upon the latest.
   void interrupt() noexcept {
     begun_ = false;
-    settling_ = passed_ = 0.0;
+    settling_ = passed_ = last_step_ = 0.0;
   }
 
   // With the old exponent as a prior; what the branches are is history of the same motion.
@@ -133,6 +133,12 @@ class ViscoelasticMethod {
     provisional_ = false;
     solver_.offer(settings_.offered);
     solver_.clear(0.0);
+  }
+
+  // Works out now what is spread over the next samples otherwise.
+  void settle() noexcept {
+    renew_offset();
+    solver_.settle();
   }
 
   Law law(const Units& units) const noexcept { return law(solver_.solution(), units); }
@@ -177,7 +183,7 @@ class ViscoelasticMethod {
   // A material that is touched when samples begin remembers what nobody saw. After so long what is
   // left of that moves K by 0.3 % (docs/viscoelastic.md).
   static constexpr double settling_time = 0.5;
-  // So many time steps without a sample are a break, not a step.
+  // So many times the time step before are a break, not a step.
   static constexpr double longest_gap = 20.0;
   // Of depths below it there is no inverse.
   static constexpr double surface_depth = 1e-9;
@@ -194,7 +200,9 @@ class ViscoelasticMethod {
     const double depth = sample.penetration > surface_depth ? sample.penetration : 0.0;
     const double step = dt + passed_;
     passed_ = 0.0;
-    const bool gap = step > longest_gap * settings_.sample_time && solver_.samples().touching();
+    const double usual = std::max(settings_.sample_time, last_step_);
+    const bool gap = step > longest_gap * usual && solver_.samples().touching();
+    last_step_ = step;
     if (!begun_ || gap) {
       begin(depth);
       return;
@@ -338,6 +346,7 @@ class ViscoelasticMethod {
   detail::FreeAir air_;
   double settling_ = 0.0;  // s until what nobody saw is forgotten
   double passed_ = 0.0;    // s since the last sample that was not refused
+  double last_step_ = 0.0; // s
   bool begun_ = false;
   bool provisional_ = false;  // what is learned is of the time before that
   bool air_is_new_ = false;

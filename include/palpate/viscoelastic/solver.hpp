@@ -78,6 +78,21 @@ class Solver {
 
   void offer(Offered offered) noexcept { offered_ = offered; }
 
+  // A verdict and an answer by all samples so far, at once: everything that take() would spread.
+  [[gnu::noinline]] void settle() noexcept {
+    if (!(samples_.weight() > 0.0)) return;
+    fewest_ = 0.0;
+    stage_ = Stage::idle;
+    // Twice: the first verdict gives the noise by which the priors of the second weigh.
+    for (int round = 0; round < 2; ++round) {
+      searched_weight_ = 0.0;
+      do {
+        work();
+      } while (stage_ != Stage::idle);
+    }
+    fewest_ = least_fewest;
+  }
+
  private:
   // Of a fit that meets new ground errors are no noise: beyond four deviations they count as four.
   double bounded(double error) const noexcept {
@@ -216,11 +231,14 @@ class Solver {
   [[gnu::noinline]] void measure_noise(double variance) noexcept {
     using detail::ResidualOf;
     const detail::LevelNoise noise(levels_, variance, ResidualOf::earlier_samples);
-    double whole = levels_.rest()[0][0], wider = whole * noise.ratio[noise.used];
+    // Slower than the slowest that was measured, it is taken for that: error bars guess how it goes
+    // on, but a criterion that did would find no law of a short record.
+    const std::size_t slowest = noise.measured > 0 ? noise.measured - 1 : 0;
+    double whole = levels_.rest()[0][0], wider = whole * noise.ratio[slowest];
     for (std::size_t k = 0; k < noise.used; ++k) {
       const double information = levels_[k].information[0][0];
       whole += information;
-      wider += information * noise.ratio[k];
+      wider += information * noise.ratio[std::min(k, slowest)];
     }
     const bool measured = noise.measured > 0 && whole > 0.0;
     inflation_ = measured ? std::max(wider / whole, 1.0) : 1.0;

@@ -131,8 +131,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     relaxation time or a power law. One set of sums serves them all, and the least
     N_eff ln(RSS/N) + 2 p ln N_eff wins, as the samples come: Schwarz's criterion with twice the
     penalty, N_eff the samples that noise of the residual's correlation leaves of N. Verdict and
-    estimate are renewed a little at every sample: a verdict when there are an eighth more samples,
-    the estimate when there are a 32nd more. ``docs/viscoelastic.md`` says the rest.
+    estimate are worked out a little at every sample: a verdict when there are an eighth more
+    samples, the estimate when there are a 32nd more, and both at once by :meth:`settle`. ``docs/viscoelastic.md`` says the rest.
 
     What the material remembers is what the penetration made it: it is carried through loss of
     contact. Where samples begin in contact, nobody saw what it remembers: what the first half
