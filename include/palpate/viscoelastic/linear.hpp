@@ -115,11 +115,18 @@ class Factored {
   return Factored(normal, wanted).solve(normal.b);
 }
 
-// A damper that gives energy back is what a fit without memory may ask for, and is left to it; with
-// memory both have to be passive, and of what is, the better fit counts.
-[[gnu::noinline]] inline Linear solve_passive(const Normal& normal, PartSet wanted) noexcept {
+// A damper that gives energy back is what a Hunt–Crossley or Kelvin–Voigt fit may ask for, and is
+// left to it. On the other laws it is no damper but a sign of another: they have to be passive, and
+// of what is, the better fit counts.
+[[gnu::noinline]] inline Linear solve_passive(const Normal& normal, const Candidate& law,
+                                              bool with_offset) noexcept {
+  const PartSet wanted = parts_of(law, with_offset);
   const Linear free = solve(normal, wanted);
-  if (!has(wanted, memory)) return free;
+  if (!has(wanted, memory)) {
+    const bool may = law.damping != Damping::half_space || law.linear;
+    if (may || !(free.value[damping] < 0.0)) return free;
+    return solve(normal, wanted & ~bit(damping));
+  }
   if (!(free.value[memory] < 0.0) && !(free.value[damping] < 0.0)) return free;
   const Linear undamped = solve(normal, wanted & ~bit(damping));
   const bool sound = !(undamped.value[memory] < 0.0);

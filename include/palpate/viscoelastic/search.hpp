@@ -79,7 +79,7 @@ template <class Sums>
 [[gnu::noinline]] Point point_at(const Samples<Sums>& samples, const Candidate& law, const Priors& priors,
                const Place& place, double stiffness_before) noexcept {
   const Normal normal = normal_with_priors(samples, law, priors, place, stiffness_before);
-  Point point{place, solve_passive(normal, parts_of(law, priors.offset)), 0.0};
+  Point point{place, solve_passive(normal, law, priors.offset), 0.0};
   const double away = (exponent_at(law, priors, place.exponent) - priors.centre) / priors.deviation;
   point.cost = priors.variance * away * away - point.linear.gain;
   return point;
