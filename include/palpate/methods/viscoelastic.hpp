@@ -121,7 +121,7 @@ class ViscoelasticMethod {
   // With the old exponent as a prior; what the branches are is history of the same motion.
   void reinitialise() noexcept {
     const viscoelastic::Solution& now = solver_.solution();
-    if (now.known && !now.at_edge) {
+    if (now.known != 0 && now.at_edge == 0) {
       // A spring, a sphere and a cone are half a step apart.
       solver_.priors().centre = now.n;
       solver_.priors().deviation = 0.3;
@@ -191,7 +191,7 @@ class ViscoelasticMethod {
   static viscoelastic::Priors priors_of(const Settings& s) noexcept {
     viscoelastic::Priors priors{};
     priors.exponent = s.exponent;
-    priors.offset = s.offset;
+    priors.offset = s.offset ? 1 : 0;
     priors.air = {0.0, s.offset_deviation};
     return priors;
   }
@@ -253,14 +253,14 @@ class ViscoelasticMethod {
     const double damper = std::sqrt(now.covariance[damping][damping]);
     const double spring = std::abs(now.value[stiffness] + now.value[memory]);
     const bool searched = !now.law().linear && !(settings_.exponent > 0.0);
-    if (!now.known || (searched && !(exponent < largest_exponent_error))) {
+    if (now.known == 0 || (searched && !(exponent < largest_exponent_error))) {
       found |= exponent_not_identifiable;
     }
     const bool damped = now.law().damping != Damping::none;
-    if (!now.known || (damped && !(damper < largest_damping_error * spring))) {
+    if (now.known == 0 || (damped && !(damper < largest_damping_error * spring))) {
       found |= damping_not_identifiable;
     }
-    if (now.at_edge) found |= exponent_at_edge;
+    if (now.at_edge != 0) found |= exponent_at_edge;
     if (tare_refuted_) found |= tare_refuted;
     if (provisional_) found |= started_in_contact;
     return found;
@@ -304,7 +304,7 @@ class ViscoelasticMethod {
                                       const Units& u) const noexcept {
     using namespace viscoelastic;
     Matrix<joint_size> joint{};
-    if (!s.known) {
+    if (s.known == 0) {
       for (const std::size_t i : {0, 1, 2, 3, 8}) joint[i][i] = detail::largest_variance;
       return joint;
     }

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 
 #include "palpate/matrix.hpp"
 #include "palpate/viscoelastic/law.hpp"
@@ -12,10 +13,10 @@
 
 namespace palpate::viscoelastic {
 
-// Which of the parts are fitted, a bit each.
-using PartSet = unsigned;
+// Which of the parts are fitted, a bit each; of a word's size, so that no saved state has padding.
+using PartSet = std::uint64_t;
 
-constexpr PartSet bit(Part part) noexcept { return 1U << part; }
+constexpr PartSet bit(Part part) noexcept { return PartSet{1} << part; }
 constexpr bool has(PartSet set, Part part) noexcept { return (set & bit(part)) != 0; }
 
 constexpr PartSet parts_of(const Candidate& law, bool with_offset) noexcept {

@@ -17,12 +17,12 @@ template <class Times>
 class Prediction {
  public:
   Prediction() = default;
-  Prediction(const Candidate& law, double n, double second, const Vector<parts>& value) noexcept
-      : law_(law),
+  Prediction(std::size_t candidate, double n, double second, const Vector<parts>& value) noexcept
+      : candidate_(candidate),
         n_(n),
         value_(value),
         around_(window(Grid::place_of_exponent(n), Grid::exponents, {})),
-        spectrum_(spectrum_of<Times>(law.memory, second)) {}
+        spectrum_(spectrum_of<Times>(candidates[candidate].memory, second)) {}
 
   // Once the branches have been advanced to the sample.
   [[gnu::noinline]] double force(const Branches<Times>& branches, const Sample& s) const noexcept {
@@ -57,11 +57,12 @@ class Prediction {
 
   double without_memory(const Sample& s) const noexcept {
     const double power = std::exp(n_ * std::log(s.penetration));
-    const double damped = law_.damping == Damping::half_space ? power / s.penetration : power;
+    const bool half_space = candidates[candidate_].damping == Damping::half_space;
+    const double damped = half_space ? power / s.penetration : power;
     return value_[offset] + value_[stiffness] * power + value_[damping] * s.velocity * damped;
   }
 
-  Candidate law_{};
+  std::size_t candidate_ = 1;
   double n_ = 1.0;
   Vector<parts> value_{};
   Window around_{};

@@ -21,7 +21,7 @@ struct Priors {
   double centre = 1.3;     // n ~ N(1.3, 1), between a spring and a cone
   double deviation = 1.0;
   double dissipation = 1.0;  // c/k ~ N(0, 1): damping as large as the spring at the scale's speed
-  bool offset = true;
+  std::uint64_t offset = 1;  // whether there is one; a word, so that no saved state has padding
   detail::OffsetPrior air{0.0, 0.0};  // F₀ ~ N(mean, deviation²); 0: nothing is known
 
   // ρ_F = σ²/s² in samples. Where nothing is known the offset may be as large as the forces are,
@@ -66,7 +66,7 @@ Normal normal_with_priors(const Samples<Sums>& samples, const Candidate& law, co
                           const Place& place, double stiffness_before) noexcept {
   const double n = exponent_at(law, priors, place.exponent);
   Normal normal = samples.normal(law, n, second_of(law.memory, place.second));
-  if (priors.offset) {
+  if (priors.offset != 0) {
     normal.a[offset][offset] += priors.offset_weight();
     normal.b[offset] += priors.offset_weight() * priors.air.mean;
   }
@@ -79,7 +79,7 @@ template <class Sums>
 [[gnu::noinline]] Point point_at(const Samples<Sums>& samples, const Candidate& law, const Priors& priors,
                const Place& place, double stiffness_before) noexcept {
   const Normal normal = normal_with_priors(samples, law, priors, place, stiffness_before);
-  Point point{place, solve_passive(normal, law, priors.offset), 0.0};
+  Point point{place, solve_passive(normal, law, priors.offset != 0), 0.0};
   const double away = (exponent_at(law, priors, place.exponent) - priors.centre) / priors.deviation;
   point.cost = priors.variance * away * away - point.linear.gain;
   return point;

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 
 #include "palpate/matrix.hpp"
 #include "palpate/viscoelastic/law.hpp"
@@ -25,8 +26,8 @@ struct Solution {
   Matrix<unknowns> covariance{};
   double variance = 0.0;  // σ² of the force
   double weight = 0.0;    // samples that it is of
-  bool at_edge = false;   // of the range of exponents
-  bool known = false;     // false before the first
+  std::uint64_t at_edge = 0;  // whether it is, of the range of exponents
+  std::uint64_t known = 0;    // 0 before the first
 
   const Candidate& law() const noexcept { return candidates[candidate]; }
 };
@@ -54,7 +55,7 @@ class Curvature {
   Matrix<unknowns> covariance() const noexcept {
     const Normal normal =
         normal_with_priors(samples_, law_, priors_, minimum_.place, stiffness_before_);
-    const PartSet wanted = parts_of(law_, priors_.offset);
+    const PartSet wanted = parts_of(law_, priors_.offset != 0);
     const Factored factored(normal, wanted);
     const Matrix<parts> inverse = factored.inverse();
     Matrix<unknowns> result{};

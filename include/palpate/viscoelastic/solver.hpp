@@ -141,7 +141,7 @@ class Solver {
     if (weight < fewest_) return;
     // A verdict after an eighth of the samples more; of the law itself the parameters after a 32nd,
     // which moves them by a sixth of a standard error (1/√32).
-    if (!solution_.known || samples_since_round_ >= std::max(8.0, weight / 8.0) ||
+    if (solution_.known == 0 || samples_since_round_ >= std::max(8.0, weight / 8.0) ||
         searched_weight_ == 0.0) {
       samples_since_round_ = 0.0;
       widely_ = !(weight < 1.5 * searched_weight_);
@@ -250,7 +250,7 @@ class Solver {
   Prediction<Times> prediction_of(std::size_t candidate) const noexcept {
     const Point& answer = answers_[candidate];
     const Candidate& law = candidates[candidate];
-    return {law, exponent_at(law, priors_, answer.place.exponent),
+    return {candidate, exponent_at(law, priors_, answer.place.exponent),
             second_of(law.memory, answer.place.second), answer.linear.value};
   }
 
@@ -276,9 +276,9 @@ class Solver {
       for (double& entry : row) entry *= widening_;
     }
     constexpr double margin = 0.25, last = static_cast<double>(Grid::exponents - 1);
-    s.at_edge = !law.linear && !(priors_.exponent > 0.0) &&
-                (s.place.exponent < margin || s.place.exponent > last - margin);
-    s.known = true;
+    const bool outside = s.place.exponent < margin || s.place.exponent > last - margin;
+    s.at_edge = !law.linear && !(priors_.exponent > 0.0) && outside ? 1 : 0;
+    s.known = 1;
     chosen_ = prediction_of(chosen);
     samples_since_fit_ = 0.0;
     stage_ = Stage::idle;

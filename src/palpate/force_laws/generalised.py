@@ -288,6 +288,23 @@ class GeneralisedHuntCrossley(CompiledLaw):
         slope: Floats = elastic + self.damping_exponent * damper
         return slope
 
+    @overload
+    def damping_at(self, depth: float) -> float: ...
+    @overload
+    def damping_at(self, depth: "ArrayLike") -> Floats: ...
+    def damping_at(self, depth: "ArrayLike") -> float | Floats:
+        """∂F/∂v = B xᵖ at a depth > 0 [m]."""
+        x = in_contact(depth)[0]
+        slope = self.damping * x**self.damping_exponent
+        return slope if x.ndim else float(slope)
+
+    @classmethod
+    def many_at(cls, parameters: Floats, depth: float) -> tuple[Floats, Floats]:
+        """K n xⁿ⁻¹ and B xᵖ of many laws, a row each, once they have relaxed."""
+        stiffness, exponent, damping, growth = parameters.T[:4]
+        with np.errstate(over="ignore", invalid="ignore"):  # a start may be anything
+            return stiffness * exponent * depth ** (exponent - 1.0), damping * depth**growth
+
     def _numbers_of(self, state: RelaxationState) -> Floats:
         instance("state", state, RelaxationState)
         if len(state.branches) != len(self.branches()[0]):

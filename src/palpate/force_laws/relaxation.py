@@ -117,6 +117,8 @@ class PowerLawRelaxation(Relaxation):
 def relaxation_of(exponent: float, shortest: float, longest: float) -> Relaxation | None:
     """Return the kind of relaxation of a spectrum; None where its longest time is 0.
 
+    Where the shortest is not between 0 and the longest, that is the only one.
+
     Raises
     ------
     InvalidParameterError
@@ -124,7 +126,7 @@ def relaxation_of(exponent: float, shortest: float, longest: float) -> Relaxatio
     """
     if longest == 0.0:
         return None
-    if shortest == 0.0:
+    if not 0.0 < shortest < longest:
         return SingleRelaxation(longest)
     if exponent == 0.0:
         return FlatSpectrum(shortest, longest)
