@@ -88,7 +88,7 @@ void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exp
 }
 
 // The candidates at the last verdict: a row of candidate, score and RSS/N [N²]; samples, N_eff, the
-// chosen one, and the frequency of the motion, rad/s.
+// chosen one, and of the motion the mean depth, m, and the frequency, rad/s.
 template <class Estimator>
 nb::tuple evidence_of(const Estimator& core) {
   const auto& solver = core.method().solver();
@@ -100,10 +100,11 @@ nb::tuple evidence_of(const Estimator& core) {
     rows.append(nb::make_tuple(i, standings[i].score,
                                standings[i].mean_square * units.force * units.force));
   }
-  const double frequency =
-      std::sqrt(solver.samples().frequency_squared()) * units.velocity / units.penetration;
-  return nb::make_tuple(rows, solver.samples().weight(), solver.effective_samples(),
-                        solver.solution().candidate, frequency);
+  const auto motion = solver.samples().motion();
+  return nb::make_tuple(
+      rows, solver.samples().weight(), solver.effective_samples(), solver.solution().candidate,
+      motion.depth * units.penetration,
+      std::sqrt(motion.frequency_squared) * units.velocity / units.penetration);
 }
 
 }  // namespace

@@ -19,6 +19,8 @@ ADVICE = {
     2: "damping not identifiable: pass the same depths at different speeds, both ways",
     4: "exponent at the edge of its range: widen exponent_range, or check the surface",
     8: "surface at the edge of its range: widen surface_range, or record the approach",
+    128: "the samples begin in contact: what the material remembered nobody saw, and a law without "
+    "memory is all that they say yet",
     64: "offset beyond what the tare left: tare again out of contact, or check the surface",
     16: "not tracking yet: the start still waits for a motion that makes the exponent identifiable",
     32: "the material drifts faster than the walk allows, or the noise is correlated: the error "
@@ -145,14 +147,20 @@ class Estimate:
 
     def stiffness_at(self, depth: float) -> tuple[float, float]:
         """∂F/∂x at a depth [m] and at rest, and its standard error, N/m."""
-        return self._with_error(lambda law: law.stiffness_at(depth))
+        return self.with_error(lambda law: law.stiffness_at(depth))
 
     def damping_at(self, depth: float) -> tuple[float, float]:
         """∂F/∂v at a depth [m], and its standard error, N·s/m."""
-        return self._with_error(lambda law: law.damping_at(depth))
+        return self.with_error(lambda law: law.damping_at(depth))
 
-    def _with_error(self, number: Callable[[ForceLaw], float]) -> tuple[float, float]:
-        """A number by the law, and its error by the delta method: √(gᵀ C g)."""
+    def with_error(self, number: Callable[[Any], float]) -> tuple[float, float]:
+        """Any number by the law, and its standard error by the delta method: √(gᵀ C g).
+
+        Parameters
+        ----------
+        number : callable
+            Of the law, to a float.
+        """
         law, errors = self.law, self.standard_errors
         of = law.from_parameters
         # By differences over a hundredth of an error, in which a law is as good as linear; what has

@@ -239,7 +239,7 @@ class ViscoelasticMethod {
     tare_refuted_ = declared > 0.0 &&
                     std::abs(air.mean) > suspect * std::hypot(declared, air.deviation);
     const bool tare = declared > 0.0 && !tare_refuted_ && declared < air.deviation;
-    solver_.priors().air = tare ? detail::OffsetPrior{0.0, declared} : air;
+    solver_.know_offset(tare ? detail::OffsetPrior{0.0, declared} : air);
   }
 
   std::uint8_t flags(const viscoelastic::Solution& now) const noexcept {
@@ -261,7 +261,8 @@ class ViscoelasticMethod {
       found |= damping_not_identifiable;
     }
     if (now.at_edge != 0) found |= exponent_at_edge;
-    if (tare_refuted_) found |= tare_refuted;
+    const bool tared = settings_.offset_deviation > 0.0;
+    if (tare_refuted_ || (tared && solver_.offset_refuted())) found |= tare_refuted;
     if (provisional_) found |= started_in_contact;
     return found;
   }

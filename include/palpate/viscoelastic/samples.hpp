@@ -79,14 +79,20 @@ class Samples {
     return result;
   }
 
-  // Mean square speed over mean square way from the middle: the square of the motion's frequency.
-  double frequency_squared() const noexcept {
+  // Where the motion was, and how quick: its mean depth, and the square of its frequency, mean square
+  // speed over mean square way from there.
+  struct Motion {
+    double depth;
+    double frequency_squared;
+  };
+  Motion motion() const noexcept {
     const auto at = [&](PowerTable::Kind kind, double q) noexcept {
       return table_.at(kind, window(Grid::place_of_power(q), Grid::powers, {}));
     };
-    const double mean = at(PowerTable::plain, 1.0) / weight_;
-    const double way = at(PowerTable::plain, 2.0) - weight_ * mean * mean;
-    return way > 0.0 ? at(PowerTable::speed_squared, 0.0) / way : 0.0;
+    if (!(weight_ > 0.0)) return {0.0, 0.0};
+    const double depth = at(PowerTable::plain, 1.0) / weight_;
+    const double way = at(PowerTable::plain, 2.0) - weight_ * depth * depth;
+    return {depth, way > 0.0 ? at(PowerTable::speed_squared, 0.0) / way : 0.0};
   }
 
  private:

@@ -78,6 +78,12 @@ class Solver {
 
   void offer(Offered offered) noexcept { offered_ = offered; }
 
+  // What free air or a tare says of the offset, unless the contact has contradicted it.
+  void know_offset(const detail::OffsetPrior& prior) noexcept {
+    if (!offset_refuted_) priors_.air = prior;
+  }
+  bool offset_refuted() const noexcept { return offset_refuted_; }
+
   // A verdict and an answer by all samples so far, at once: everything that take() would spread.
   [[gnu::noinline]] void settle() noexcept {
     if (!(samples_.weight() > 0.0)) return;
@@ -221,8 +227,29 @@ class Solver {
     }
     best_ = best;
     best_fit_ = prediction_of(best);
+    doubt_offset(best);
     chosen_candidate_ = chosen;
     stage_ = Stage::publishing;
+  }
+
+  // The prior of F₀ is dropped where the samples of the contact alone are five deviations from it: a
+  // wrong tare, or a surface that is off, which looks like an offset, would bend the law.
+  [[gnu::noinline]] void doubt_offset(std::size_t best) noexcept {
+    if (priors_.offset == 0 || !(priors_.air.deviation > 0.0)) return;
+    Priors open = priors_;
+    open.air = {0.0, 0.0};
+    const Candidate& law = candidates[best];
+    const Point& answer = answers_[best];
+    const Normal normal =
+        normal_with_priors(samples_, law, open, answer.place, stiffness_of(answer));
+    const Factored factored(normal, answer.linear.fitted);
+    const double variance = priors_.variance * widening_ * factored.inverse()[offset][offset];
+    const double away = factored.solve(normal.b).value[offset] - priors_.air.mean;
+    const double deviation = std::hypot(std::sqrt(variance), priors_.air.deviation);
+    constexpr double largest = 5.0;
+    if (!(std::abs(away) > largest * deviation)) return;
+    priors_.air = {0.0, 0.0};
+    offset_refuted_ = true;
   }
 
   // By how much the residual's correlation inflates a variance, Σ d_k D_k / σ² Σ D_k with the depth
@@ -306,6 +333,7 @@ class Solver {
   std::size_t next_ = 0;
   Stage stage_ = Stage::idle;
   bool widely_ = true;
+  bool offset_refuted_ = false;
 };
 
 }  // namespace palpate::viscoelastic

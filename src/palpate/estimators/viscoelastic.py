@@ -1,17 +1,17 @@
 """Laws whose damper has an exponent of its own, and that may remember; and which of them it is."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-
 from palpate import _core
 from palpate.errors import InvalidParameterError
+from palpate.estimate import Estimate
 from palpate.estimators.contact_estimator import CompiledEstimator
 from palpate.estimators.loop_settings import Rejection, loop_settings
 from palpate.estimators.registry import register
-from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
 from palpate.settings import (
     SAMPLE_TIME,
     ChangeDetector,
@@ -21,7 +21,7 @@ from palpate.settings import (
     Forgetting,
     Scale,
 )
-from palpate.validation import instance, number_in, shown
+from palpate.validation import instance, number, number_in, shown
 
 _DEFAULTS = _core.defaults["ViscoelasticContact"]
 _PROBING = Scale(*_DEFAULTS["scale"])
@@ -109,15 +109,55 @@ class LawVerdict:
         Samples that the evidence is of, less what was forgotten.
     effective_samples : float
         N_eff: so many samples of white noise would say as much.
+    depth : float
+        Where the motion was on average, m.
     frequency : float
-        Of the motion, rad/s: root mean square speed over that of the way from its middle.
+        Of the motion, rad/s: root mean square speed over that of the way from its mean depth.
+    flags : tuple of str
+        What the samples leave open of the memory.
     """
 
     candidate: Candidate
     standings: tuple[Standing, ...]
     samples: float
     effective_samples: float
+    depth: float
     frequency: float
+    flags: tuple[str, ...] = ()
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Frequencies that the motion contained, rad/s: half to twice its own."""
+        return 0.5 * self.frequency, 2.0 * self.frequency
+
+
+@dataclass(frozen=True, slots=True)
+class DynamicStiffness:
+    """What a small oscillation feels: numbers that laws of any kind have in common.
+
+    Attributes
+    ----------
+    depth, frequency : float
+        m and rad/s.
+    stiffness, stiffness_error : float
+        K′ and its standard error, N/m.
+    damping, damping_error : float
+        B′ and its standard error, N·s/m.
+    loss_tangent : float
+        tan δ = ω B′/K′.
+    """
+
+    depth: float
+    frequency: float
+    stiffness: float
+    stiffness_error: float
+    damping: float
+    damping_error: float
+
+    @property
+    def loss_tangent(self) -> float:
+        """Tan δ = ω B′/K′."""
+        return self.frequency * self.damping / self.stiffness if self.stiffness else math.nan
 
 
 @register
@@ -228,14 +268,76 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 
     def verdict(self) -> LawVerdict:
         """Return which law it is, with the evidence of all that were offered."""
-        rows, samples, effective, chosen, frequency = self._evidence()
+        rows, samples, effective, chosen, depth, frequency = self._evidence()
         ranked = sorted(rows, key=lambda row: row[1])
         least = ranked[0][1] if ranked else 0.0
         standings = tuple(
-            Standing(CANDIDATES[index], score - least, float(np.sqrt(mean_square)))
+            Standing(CANDIDATES[index], score - least, math.sqrt(mean_square))
             for index, score, mean_square in ranked
         )
-        return LawVerdict(CANDIDATES[chosen], standings, samples, effective, frequency)
+        flags = _memory_flags(self.estimate(), samples * self._step)
+        return LawVerdict(
+            CANDIDATES[chosen], standings, samples, effective, depth, frequency, flags
+        )
+
+    def dynamic_stiffness(
+        self, depth: float | None = None, frequency: float | None = None
+    ) -> DynamicStiffness:
+        """Return stiffness and damping that a small oscillation feels, with standard errors.
+
+        By the delta method from the covariance of the law that was chosen; that another law might
+        have been is not in them.
+
+        Parameters
+        ----------
+        depth : float, optional
+            m, > 0; the motion's mean depth unless given.
+        frequency : float, optional
+            rad/s; the motion's own unless given.
+
+        Raises
+        ------
+        InvalidParameterError
+            The frequency is outside the band of the motion, half to twice its own: what happens
+            there its samples do not say. Or nothing has been learned yet.
+        """
+        verdict, estimate = self.verdict(), self.estimate()
+        low, high = verdict.band
+        if not (estimate.samples and high > 0.0 and verdict.depth > 0.0):
+            raise InvalidParameterError("frequency must be one of the motion: none is known yet")
+        omega = verdict.frequency if frequency is None else number("frequency", frequency)
+        if not low <= omega <= high:
+            raise InvalidParameterError(
+                f"frequency must be in the band of the motion, {low:.3g} to {high:.3g} rad/s, not "
+                f"{shown(frequency)}: a law says nothing of what its samples did not contain"
+            )
+        x = verdict.depth if depth is None else number_in("depth", depth, 0.0, 1e100, open_low=True)
+        stiffness = estimate.with_error(lambda law: law.dynamic_stiffness(x, omega).real)
+        damping = estimate.with_error(lambda law: law.dynamic_stiffness(x, omega).imag / omega)
+        return DynamicStiffness(x, omega, *stiffness, *damping)
+
+    @property
+    def _step(self) -> float:
+        given = self._settings["sample_time"]
+        return SAMPLE_TIME if given is None else float(given)
+
+
+def _memory_flags(estimate: Estimate, duration: float) -> tuple[str, ...]:
+    """What the samples of so many seconds leave open of the memory."""
+    law: GeneralisedHuntCrossley = estimate.law
+    if not law.remembers:
+        return ()
+    errors, flags = estimate.standard_errors, []
+    if not errors[4] < 0.25 * (law.stiffness + law.relaxation_stiffness):
+        flags.append("relaxation stiffness not identifiable: press quickly, and hold")
+    if isinstance(law.relaxation, SingleRelaxation):
+        time = law.relaxation.time
+        # A factor of e either way at two deviations.
+        if not errors[7] < 0.5 * time:
+            flags.append("relaxation time not identifiable: move at several speeds, and hold")
+        if time > 0.5 * duration:
+            flags.append("slow drift or relaxation: the time is longer than half of the samples")
+    return tuple(flags)
 
 
 def _offered(damping: str, memory: str) -> int:
