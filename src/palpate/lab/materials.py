@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from palpate.errors import InvalidParameterError
-from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.validation import Floats, instance, number, number_in
 
 #: Force [N] at a time [s], lateral position [m], penetration [m] and velocity [m/s]; to be
@@ -45,7 +45,7 @@ class Homogeneous:
     ----------
     law : force law
         The truth that identification should give back: stiffness > 0, damping ≥ 0, exponent in
-        (0, 10].
+        (0, 10]. One with memory is at rest where it is first met.
     name : str
         What a person calls the material.
     """
@@ -60,6 +60,8 @@ class Homogeneous:
     def touch(self) -> Touch:
         """Return the law as a function of time, lateral position, penetration and velocity."""
         law = self.law
+        if isinstance(law, GeneralisedHuntCrossley) and law.remembers:
+            return _remembering(law)
         return lambda time, lateral_position, penetration, velocity: law.force(
             penetration, velocity
         )
@@ -68,7 +70,10 @@ class Homogeneous:
         self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
     ) -> Floats:
         """Force [N] along a whole motion, shapes (k,)."""
-        return self.law.force(penetration, velocity)
+        if not time.size:
+            return np.empty(0)
+        steps = np.diff(time, prepend=time[0] - 1.0)  # at rest before the first
+        return self.law.force_along(penetration, velocity, steps)
 
     def describe(self) -> dict[str, Any]:
         """Return the law's kind and parameters, SI."""
@@ -229,6 +234,22 @@ class TimeVaryingMaterial:
         """Return every episode's truth, and the times [s]."""
         episodes = [material.describe() for material in self.materials]
         return {"kind": "time-varying", "times": list(self.times), "episodes": episodes}
+
+
+def _remembering(law: GeneralisedHuntCrossley) -> Touch:
+    """A law with memory as a function of time, from rest at the first penetration."""
+    state, last = None, math.nan
+
+    def force(time: float, lateral_position: float, penetration: float, velocity: float) -> float:
+        nonlocal state, last
+        if state is None:
+            state = law.rest(penetration)
+        elif time > last:
+            state = law.step(state, penetration, time - last)
+        last = time
+        return law.force(penetration, velocity, state)
+
+    return force
 
 
 def _selected(materials: tuple[Material, ...], edges: tuple[float, ...], *, by_time: bool) -> Touch:

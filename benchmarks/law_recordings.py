@@ -1,0 +1,148 @@
+"""Recordings made by others, a part of each held out from the choice of a law."""
+
+import csv
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate import ContactGate, Scale, ViscoelasticContact, prepare
+from palpate.validation import Floats
+
+BLOCKS = 10
+FEWEST = 60  # samples of contact
+LEAD = 2.0  # s before the window of the notes, in which a material remembers
+# A pause between segments, s, that ends what the branches know.
+PAUSE = 0.5
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A recording as its notes say that it is to be used."""
+
+    steps: Floats  # s; 0 at the first sample
+    penetration: Floats
+    velocity: Floats
+    force: Floats
+    good: NDArray[np.bool_]  # within the window of the notes
+
+    @property
+    def sample_time(self) -> float:
+        """Median time step, s."""
+        return float(np.median(self.steps[self.steps > 0.0]))
+
+    @property
+    def scale(self) -> Scale:
+        """Units near the largest values."""
+        parts = self.penetration, np.abs(self.velocity), self.force
+        return Scale(*(float(np.percentile(part[self.good], 99.0)) for part in parts))
+
+    @property
+    def breaks(self) -> NDArray[np.bool_]:
+        """Samples that do not follow upon the one before."""
+        long = np.maximum(20.0 * self.sample_time, PAUSE)
+        return (self.steps <= 0.0) | (self.steps > long)
+
+
+def read(path: Path) -> Recorded:
+    """Read a recording with the notes beside it."""
+    fit = json.loads(path.with_suffix(".json").read_text())["fit"]
+    contact = prepare(path)
+    channels = contact.time, contact.penetration, contact.velocity, contact.force
+    known = np.all(np.isfinite(channels), axis=0)
+    masked = np.ones(len(contact), dtype=bool)
+    if fit.get("mask"):
+        with path.open() as lines:
+            masked = np.array([float(row[fit["mask"]]) > 0.0 for row in csv.DictReader(lines)])
+    start, stop = fit.get("time", (-np.inf, np.inf))
+    known &= (contact.time >= start - LEAD) & (contact.time <= stop)
+    time, x, v, force = (channel[known] for channel in channels)
+    good = (x > fit["x_min"]) & (force > fit["F_min"]) & (time >= start) & masked[known]
+    return Recorded(np.diff(time, prepend=time[:1]), x, v, force, good)
+
+
+def learned(record: Recorded, train: NDArray[np.bool_], **settings: str) -> ViscoelasticContact:
+    """An estimator that has learned some of the samples; the branches feel them all."""
+    estimator = ViscoelasticContact(
+        gate=ContactGate(),
+        sample_time=record.sample_time,
+        scale=record.scale,
+        **settings,  # type: ignore[arg-type]
+    )
+    # What is not to be learned is out of contact by its force.
+    outside = (record.penetration > 0.0) & ~train
+    force = np.where(outside, -float(np.max(record.force)), record.force)
+    steps = np.where(record.steps > 0.0, record.steps, record.sample_time)
+    rows = zip(
+        record.breaks.tolist(),
+        record.penetration.tolist(),
+        record.velocity.tolist(),
+        force.tolist(),
+        steps.tolist(),
+        strict=True,
+    )
+    for broken, x, v, push, step in rows:
+        if broken:
+            estimator.leave_contact()
+        estimator.update(x, v, push, step)
+    estimator.settle()
+    return estimator
+
+
+def predicted(record: Recorded, estimator: ViscoelasticContact) -> Floats:
+    """Force by the law as it is now, from penetration and velocity alone, N."""
+    estimate, force = estimator.estimate(), np.empty(len(record.force))
+    borders = [*np.flatnonzero(record.breaks).tolist(), len(force)]
+    for start, stop in zip(borders[:-1], borders[1:], strict=True):
+        part = slice(start, stop)
+        steps = record.steps[part].copy()
+        steps[0] = record.sample_time
+        x, v = record.penetration[part], record.velocity[part]
+        force[part] = estimate.law.force_along(x, v, steps) + estimate.offset
+    return force
+
+
+def held_out(folder: Path, split: str) -> dict[str, float]:
+    """RMSE of what was held out over that of Hunt–Crossley, by recording."""
+    ratios = {}
+    for notes in sorted(folder.glob("*.json")):
+        path = notes.with_suffix(".csv")
+        # The first half of set E is one approach at one speed, of which no damping is known.
+        if not path.exists() or (split == "second half" and path.name.startswith("E_")):
+            continue
+        record = read(path)
+        places = np.flatnonzero(record.good)
+        if places.size < FEWEST:
+            continue
+        rank = np.full(record.good.size, -1)
+        rank[places] = np.arange(places.size)
+        block = rank * (2 if split == "second half" else BLOCKS) // places.size
+        train = record.good & (block % 2 == 0)
+        test = record.good & ~train
+        errors = []
+        for settings in ({"damping": "hunt-crossley", "memory": "none"}, {}):
+            left = record.force - predicted(record, learned(record, train, **settings))
+            errors.append(float(np.sqrt(np.mean(left[test] ** 2))))
+        ratios[path.stem] = errors[1] / errors[0]
+    return ratios
+
+
+def microrheology(folder: Path) -> list[tuple[str, float, float]]:
+    """How far K′ and B′ at 100 Hz are from the Fourier reference, of themselves."""
+    found = []
+    for path in sorted(folder.glob("F_microrheo_*.csv")):
+        notes = json.loads(path.with_suffix(".json").read_text())
+        reference = next(row for row in notes["dynamic_stiffness"] if row["freq_hz"] == 100.0)
+        record = read(path)
+        # Oscillations at 300 Hz, of 33 µs a sample, show the mass of the cantilever.
+        quick = (record.steps > 0.0) & (record.steps < 4e-5)
+        estimator = learned(record, record.good & ~quick, memory="any")
+        depth = float(np.median(record.penetration[record.good]))
+        omega = 200.0 * np.pi
+        whole = estimator.estimate().law.dynamic_stiffness(depth, omega)
+        stiffness = whole.real / reference["K_N_per_m"] - 1.0
+        damping = whole.imag / omega / reference["B_Ns_per_m"] - 1.0
+        found.append((path.stem, stiffness, damping))
+    return found
