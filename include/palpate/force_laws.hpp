@@ -93,14 +93,8 @@ struct GeneralisedHuntCrossley {
     return stiffness * std::pow(x, exponent) + damping * std::pow(x, damping_exponent) * v;
   }
   constexpr Vector<size> parameters() const noexcept {
-    return {stiffness,
-            exponent,
-            damping,
-            damping_exponent,
-            relaxation_stiffness,
-            spectrum_exponent,
-            shortest_time,
-            longest_time};
+    return {stiffness,         exponent,      damping,     damping_exponent, relaxation_stiffness,
+            spectrum_exponent, shortest_time, longest_time};
   }
   bool operator==(const GeneralisedHuntCrossley&) const = default;
 };

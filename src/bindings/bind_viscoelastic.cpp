@@ -60,10 +60,10 @@ void force_along(const InputArray& parameters, const InputArray& time_steps,
 
 using Plain = ViscoelasticContact;
 using Full = FullViscoelasticContact;
-using ViscoelasticFace = Handle<Plain, WithChangeDetector<Plain>, WithOutlierRejection<Plain>,
-                                WithOutlierRejection<WithChangeDetector<Plain>>, Full,
-                                WithChangeDetector<Full>, WithOutlierRejection<Full>,
-                                WithOutlierRejection<WithChangeDetector<Full>>>;
+using ViscoelasticFace =
+    Handle<Plain, WithChangeDetector<Plain>, WithOutlierRejection<Plain>,
+           WithOutlierRejection<WithChangeDetector<Plain>>, Full, WithChangeDetector<Full>,
+           WithOutlierRejection<Full>, WithOutlierRejection<WithChangeDetector<Full>>>;
 
 void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exponent, bool offset,
                        double offset_deviation, const Pair& forgetting,
@@ -101,10 +101,9 @@ nb::tuple evidence_of(const Estimator& core) {
                                standings[i].mean_square * units.force * units.force));
   }
   const auto motion = solver.samples().motion();
-  return nb::make_tuple(
-      rows, solver.samples().weight(), solver.effective_samples(), solver.solution().candidate,
-      motion.depth * units.penetration,
-      std::sqrt(motion.frequency_squared) * units.velocity / units.penetration);
+  return nb::make_tuple(rows, solver.samples().weight(), solver.effective_samples(),
+                        solver.solution().candidate, motion.depth * units.penetration,
+                        std::sqrt(motion.frequency_squared) * units.velocity / units.penetration);
 }
 
 }  // namespace
@@ -132,8 +131,8 @@ void bind_viscoelastic(nb::module_& module) {
       nb::make_tuple(viscoelastic::Grid::lowest_exponent, viscoelastic::Grid::highest_exponent);
   nb::list laws;  // damping, memory, whether n is 1 and not looked for
   for (const viscoelastic::Candidate& law : viscoelastic::candidates) {
-    laws.append(nb::make_tuple(static_cast<int>(law.damping), static_cast<int>(law.memory),
-                               law.linear));
+    laws.append(
+        nb::make_tuple(static_cast<int>(law.damping), static_cast<int>(law.memory), law.linear));
   }
   defaults["candidates"] = laws;
   module.attr("defaults")["ViscoelasticContact"] = defaults;

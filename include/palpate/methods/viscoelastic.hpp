@@ -19,7 +19,8 @@
 namespace palpate {
 
 struct ViscoelasticSettings {
-  // Which of viscoelastic::candidates compete, a bit each: those that the everyday bank tells apart.
+  // Which of viscoelastic::candidates compete, a bit each: those that the everyday bank tells
+  // apart.
   viscoelastic::Offered offered = (1U << viscoelastic::everyday_candidates) - 1U;
   double exponent = 0.0;  // n where it is known, as of a tip whose shape is; 0: it is looked for
   bool offset = true;
@@ -236,8 +237,8 @@ class ViscoelasticMethod {
     constexpr double suspect = 3.0;
     const double declared = settings_.offset_deviation;
     const detail::OffsetPrior air = air_.prior(0.0);
-    tare_refuted_ = declared > 0.0 &&
-                    std::abs(air.mean) > suspect * std::hypot(declared, air.deviation);
+    tare_refuted_ =
+        declared > 0.0 && std::abs(air.mean) > suspect * std::hypot(declared, air.deviation);
     const bool tare = declared > 0.0 && !tare_refuted_ && declared < air.deviation;
     solver_.know_offset(tare ? detail::OffsetPrior{0.0, declared} : air);
   }
@@ -275,8 +276,7 @@ class ViscoelasticMethod {
     using namespace viscoelastic;
     const double p = damping_exponent(s);
     const double unit = u.force * detail::bounded_exp(-s.n * u.log_penetration);
-    const double damping_unit =
-        u.force / u.velocity * detail::bounded_exp(-p * u.log_penetration);
+    const double damping_unit = u.force / u.velocity * detail::bounded_exp(-p * u.log_penetration);
     Law law{detail::saturate(s.value[stiffness] * unit),
             s.n,
             detail::saturate(s.value[damping] * damping_unit),
@@ -301,8 +301,9 @@ class ViscoelasticMethod {
   }
 
   // dK = U (dk − k ln x_r dn), and so for B and M.
-  [[gnu::noinline]] Matrix<joint_size> joint_covariance(const viscoelastic::Solution& s, const Law& law,
-                                      const Units& u) const noexcept {
+  [[gnu::noinline]] Matrix<joint_size> joint_covariance(const viscoelastic::Solution& s,
+                                                        const Law& law,
+                                                        const Units& u) const noexcept {
     using namespace viscoelastic;
     Matrix<joint_size> joint{};
     if (s.known == 0) {
@@ -312,8 +313,8 @@ class ViscoelasticMethod {
     const Matrix<unknowns> root = detail::cholesky(s.covariance);
     const double p = damping_exponent(s);
     const double unit = detail::saturate(u.force * detail::bounded_exp(-s.n * u.log_penetration));
-    const double damping_unit = detail::saturate(
-        u.force / u.velocity * detail::bounded_exp(-p * u.log_penetration));
+    const double damping_unit =
+        detail::saturate(u.force / u.velocity * detail::bounded_exp(-p * u.log_penetration));
     const double per_node = Grid::step;
     const double by_depth = -u.log_penetration * per_node;
     std::array<Vector<unknowns>, joint_size> rows{};
@@ -345,9 +346,9 @@ class ViscoelasticMethod {
   Units units_;
   viscoelastic::Solver<Sums> solver_;
   detail::FreeAir air_;
-  double settling_ = 0.0;  // s until what nobody saw is forgotten
-  double passed_ = 0.0;    // s since the last sample that was not refused
-  double last_step_ = 0.0; // s
+  double settling_ = 0.0;   // s until what nobody saw is forgotten
+  double passed_ = 0.0;     // s since the last sample that was not refused
+  double last_step_ = 0.0;  // s
   bool begun_ = false;
   bool provisional_ = false;  // what is learned is of the time before that
   bool air_is_new_ = false;

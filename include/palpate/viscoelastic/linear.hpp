@@ -29,8 +29,8 @@ constexpr PartSet parts_of(const Candidate& law, bool with_offset) noexcept {
 
 struct Linear {
   Vector<parts> value{};
-  double gain = 0.0;    // bᵀA⁻¹b: by so much Σ F² is reduced
-  PartSet fitted = 0;   // parts that have a sound pivot
+  double gain = 0.0;   // bᵀA⁻¹b: by so much Σ F² is reduced
+  PartSet fitted = 0;  // parts that have a sound pivot
 };
 
 // A = L Lᵀ of the fitted parts, from a unit diagonal; a part whose pivot is rounding is left out.

@@ -36,7 +36,8 @@ class Prediction {
   }
 
   // As if the sample came `dt` after the last one.
-  [[gnu::noinline]] double force_after(const Branches<Times>& branches, const Sample& s, double dt) const noexcept {
+  [[gnu::noinline]] double force_after(const Branches<Times>& branches, const Sample& s,
+                                       double dt) const noexcept {
     if (!(s.penetration > 0.0)) return value_[offset];
     double force = without_memory(s);
     if (!remembers()) return force;

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 
 #include "palpate/matrix.hpp"
 #include "palpate/sample.hpp"
@@ -32,16 +33,18 @@ class Samples {
 
   // A depth, 0 for none, after so much time. The branches feel every one.
   [[gnu::noinline]] void advance(double depth, double dt) noexcept {
-    touching_ = depth > 0.0;
-    if (touching_) powers_ = powers_of(depth);
-    branches_.advance(touching_ ? &powers_ : nullptr, dt);
+    touching_ = depth > 0.0 ? 1 : 0;
+    if (touching_ == 0) return branches_.advance(nullptr, dt);
+    const Powers powers = powers_of(depth);
+    branches_.advance(&powers, dt);
   }
 
   // The same where nothing is known of what came before: as if it had always been there.
   void begin(double depth) noexcept {
-    touching_ = depth > 0.0;
-    if (touching_) powers_ = powers_of(depth);
-    branches_.rest(touching_ ? &powers_ : nullptr);
+    touching_ = depth > 0.0 ? 1 : 0;
+    if (touching_ == 0) return branches_.rest(nullptr);
+    const Powers powers = powers_of(depth);
+    branches_.rest(&powers);
   }
 
   // Takes the sample whose depth was advanced to.
@@ -50,8 +53,10 @@ class Samples {
     weight_ += scale_;
     force_ += scale_ * s.force;
     force_squared_ += scale_ * s.force * s.force;
-    table_.add(powers_, s, scale_);
-    sums_.add(branches_, powers_, s, scale_);
+    // Once more: two square roots and some products are cheaper than to keep 36 numbers.
+    const Powers powers = powers_of(s.penetration);
+    table_.add(powers, s, scale_);
+    sums_.add(branches_, powers, s, scale_);
   }
 
   void clear() noexcept {
@@ -64,8 +69,7 @@ class Samples {
   double weight() const noexcept { return weight_ / scale_; }                // Σ 1
   double force_squared() const noexcept { return force_squared_ / scale_; }  // Σ F²
   const Branches<Times>& branches() const noexcept { return branches_; }
-  const Powers& powers() const noexcept { return powers_; }
-  bool touching() const noexcept { return touching_; }
+  bool touching() const noexcept { return touching_ != 0; }
 
   // Of a candidate at an exponent; `second` as of spectrum_of().
   [[gnu::noinline]] Normal normal(const Candidate& law, double n, double second) const noexcept {
@@ -79,8 +83,8 @@ class Samples {
     return result;
   }
 
-  // Where the motion was, and how quick: its mean depth, and the square of its frequency, mean square
-  // speed over mean square way from there.
+  // Where the motion was, and how quick: its mean depth, and the square of its frequency, mean
+  // square speed over mean square way from there.
   struct Motion {
     double depth;
     double frequency_squared;
@@ -159,9 +163,8 @@ class Samples {
   }
 
   Branches<Times> branches_;
-  Powers powers_{};  // of the depth that was advanced to
-  bool touching_ = false;
-  double scale_ = 1.0;  // what the latest sample weighs in the sums
+  std::uint64_t touching_ = 0;  // whether there was a depth
+  double scale_ = 1.0;          // what the latest sample weighs in the sums
   double weight_ = 0.0;
   double force_ = 0.0;
   double force_squared_ = 0.0;

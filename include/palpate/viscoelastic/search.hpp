@@ -16,9 +16,9 @@ namespace palpate::viscoelastic {
 
 // What is known beside the samples, in scaled units.
 struct Priors {
-  double variance = 0.0;   // σ² of the force, by which they weigh
-  double exponent = 0.0;   // where it is known; 0 where it is looked for
-  double centre = 1.3;     // n ~ N(1.3, 1), between a spring and a cone
+  double variance = 0.0;  // σ² of the force, by which they weigh
+  double exponent = 0.0;  // where it is known; 0 where it is looked for
+  double centre = 1.3;    // n ~ N(1.3, 1), between a spring and a cone
   double deviation = 1.0;
   double dissipation = 1.0;  // c/k ~ N(0, 1): damping as large as the spring at the scale's speed
   std::uint64_t offset = 1;  // whether there is one; a word, so that no saved state has padding
@@ -57,8 +57,7 @@ struct Point {
 
 constexpr double exponent_at(const Candidate& law, const Priors& priors, double place) noexcept {
   if (law.linear) return 1.0;
-  return priors.exponent > 0.0 ? priors.exponent
-                               : Grid::lowest_exponent + Grid::step * place;
+  return priors.exponent > 0.0 ? priors.exponent : Grid::lowest_exponent + Grid::step * place;
 }
 
 template <class Sums>
@@ -71,13 +70,15 @@ Normal normal_with_priors(const Samples<Sums>& samples, const Candidate& law, co
     normal.b[offset] += priors.offset_weight() * priors.air.mean;
   }
   const double spread = priors.dissipation * stiffness_before;
-  if (spread > 0.0) normal.a[damping][damping] += std::min(priors.variance / (spread * spread), 1e100);
+  if (spread > 0.0)
+    normal.a[damping][damping] += std::min(priors.variance / (spread * spread), 1e100);
   return normal;
 }
 
 template <class Sums>
-[[gnu::noinline]] Point point_at(const Samples<Sums>& samples, const Candidate& law, const Priors& priors,
-               const Place& place, double stiffness_before) noexcept {
+[[gnu::noinline]] Point point_at(const Samples<Sums>& samples, const Candidate& law,
+                                 const Priors& priors, const Place& place,
+                                 double stiffness_before) noexcept {
   const Normal normal = normal_with_priors(samples, law, priors, place, stiffness_before);
   Point point{place, solve_passive(normal, law, priors.offset != 0), 0.0};
   const double away = (exponent_at(law, priors, place.exponent) - priors.centre) / priors.deviation;
@@ -165,9 +166,9 @@ class Search {
   Place within(const Place& place) const noexcept {
     const double last = static_cast<double>(Grid::exponents - 1);
     const double margin = law_.memory == Memory::power_law ? 0.0 : step_;
-    return {std::clamp(place.exponent, step_, last - step_),
-            law_.searches_memory() ? std::clamp(place.second, margin, last_second() - margin)
-                                   : 0.0};
+    return {
+        std::clamp(place.exponent, step_, last - step_),
+        law_.searches_memory() ? std::clamp(place.second, margin, last_second() - margin) : 0.0};
   }
 
   // One of Newton's steps by differences; true when it is done.
@@ -206,8 +207,8 @@ class Search {
     }
     const double largest = std::max(std::abs(d1), std::abs(d2));
     const double shorter = largest > 1.5 ? 1.5 / largest : 1.0;
-    const Place next = within({centre.exponent + d1 * shorter * step_,
-                               centre.second + d2 * shorter * step_});
+    const Place next =
+        within({centre.exponent + d1 * shorter * step_, centre.second + d2 * shorter * step_});
     const Point there = at(samples, next);
     // A step that leads up, as from a saddle, is not taken; the next one is shorter.
     if (there.cost <= middle) {

@@ -24,8 +24,8 @@ struct Solution {
   Place place{};
   Vector<parts> value{};
   Matrix<unknowns> covariance{};
-  double variance = 0.0;  // σ² of the force
-  double weight = 0.0;    // samples that it is of
+  double variance = 0.0;      // σ² of the force
+  double weight = 0.0;        // samples that it is of
   std::uint64_t at_edge = 0;  // whether it is, of the range of exponents
   std::uint64_t known = 0;    // 0 before the first
 
@@ -118,8 +118,7 @@ class Curvature {
       sides += above.cost + below.cost;
       // A part that a bound holds on one side only has the slope of the other.
       for (std::size_t i = 0; i < parts; ++i) {
-        slope_[axis][i] =
-            (above.linear.value[i] - below.linear.value[i]) / (2.0 * step_[axis]);
+        slope_[axis][i] = (above.linear.value[i] - below.linear.value[i]) / (2.0 * step_[axis]);
       }
     }
     if (searches(0) && searches(1)) {

@@ -48,9 +48,7 @@ class Solver {
   double inflation() const noexcept { return inflation_; }
   double since_verdict() const noexcept { return samples_since_round_; }
 
-  double predict(const Sample& s) const noexcept {
-    return chosen_.force(samples_.branches(), s);
-  }
+  double predict(const Sample& s) const noexcept { return chosen_.force(samples_.branches(), s); }
   double predict_after(const Sample& s, double dt) const noexcept {
     return chosen_.force_after(samples_.branches(), s, dt);
   }
@@ -127,18 +125,24 @@ class Solver {
   // Not inlined, like what it calls: a replay would hold the searches a dozen times.
   [[gnu::noinline]] void work() noexcept {
     switch (stage_) {
-      case Stage::idle: start(); break;
+      case Stage::idle:
+        start();
+        break;
       case Stage::searching:
         if (search_.advance(samples_)) keep_found();
         break;
-      case Stage::judging: judge(); break;
+      case Stage::judging:
+        judge();
+        break;
       case Stage::refining:
         if (search_.advance(samples_)) {
-          answers_[chosen_candidate_] = search_.best();
+          keep(chosen_candidate_, search_.best());
           stage_ = Stage::publishing;
         }
         break;
-      case Stage::publishing: publish(); break;
+      case Stage::publishing:
+        publish();
+        break;
     }
   }
 
@@ -156,14 +160,27 @@ class Solver {
       stage_ = Stage::searching;
       begin_next();
     } else if (samples_since_fit_ >= std::max(8.0, weight / 32.0)) {
-      const Point& last = answers_[chosen_candidate_];
-      search_.begin_near(candidates[chosen_candidate_], priors_, last.place, stiffness_of(last));
+      const Answer& last = answers_[chosen_candidate_];
+      search_.begin_near(candidates[chosen_candidate_], priors_, last.place, last.stiffness);
       stage_ = Stage::refining;
     }
   }
 
-  static double stiffness_of(const Point& point) noexcept {
-    return std::max(point.linear.value[stiffness], 0.0);
+  // Of a candidate: where its minimum is, and k there, by which the prior of its damping weighs.
+  struct Answer {
+    Place place{};
+    double stiffness = 0.0;
+    std::uint64_t found = 0;  // 0 before the first
+  };
+
+  void keep(std::size_t candidate, const Point& found) noexcept {
+    answers_[candidate] = {found.place, std::max(found.linear.value[stiffness], 0.0), 1};
+  }
+
+  // By the samples of now.
+  Point fitted(std::size_t candidate) const noexcept {
+    const Answer& answer = answers_[candidate];
+    return point_at(samples_, candidates[candidate], priors_, answer.place, answer.stiffness);
   }
 
   void begin_next() noexcept {
@@ -172,16 +189,16 @@ class Solver {
       stage_ = Stage::judging;
       return;
     }
-    const Point& last = answers_[next_];
-    if (widely_ || last.linear.fitted == 0) {
-      search_.begin(candidates[next_], priors_, stiffness_of(last));
+    const Answer& last = answers_[next_];
+    if (widely_ || last.found == 0) {
+      search_.begin(candidates[next_], priors_, last.stiffness);
     } else {
-      search_.begin_near(candidates[next_], priors_, last.place, stiffness_of(last));
+      search_.begin_near(candidates[next_], priors_, last.place, last.stiffness);
     }
   }
 
   void keep_found() noexcept {
-    answers_[next_] = search_.best();
+    keep(next_, search_.best());
     ++next_;
     begin_next();
   }
@@ -196,9 +213,7 @@ class Solver {
     standings_ = {};
     for (std::size_t i = 0; i < count; ++i) {
       if (!competes(i)) continue;
-      Point& answer = answers_[i];
-      answer = point_at(samples_, candidates[i], priors_, answer.place, stiffness_of(answer));
-      const double residual = std::max(square + answer.cost, least);
+      const double residual = std::max(square + fitted(i).cost, least);
       standings_[i].mean_square = residual / weight;
       if (best == count || residual < least_square) {
         best = i;
@@ -226,23 +241,22 @@ class Solver {
       if (competes(i) && standings_[i].score < standings_[chosen].score) chosen = i;
     }
     best_ = best;
-    best_fit_ = prediction_of(best);
-    doubt_offset(best);
+    const Point best_point = fitted(best);
+    best_fit_ = prediction_of(best, best_point);
+    doubt_offset(best, best_point);
     chosen_candidate_ = chosen;
     stage_ = Stage::publishing;
   }
 
-  // The prior of F₀ is dropped where the samples of the contact alone are five deviations from it: a
-  // wrong tare, or a surface that is off, which looks like an offset, would bend the law.
-  [[gnu::noinline]] void doubt_offset(std::size_t best) noexcept {
+  // The prior of F₀ is dropped where the samples of the contact alone are five deviations from it:
+  // a wrong tare, or a surface that is off, which looks like an offset, would bend the law.
+  [[gnu::noinline]] void doubt_offset(std::size_t best, const Point& point) noexcept {
     if (priors_.offset == 0 || !(priors_.air.deviation > 0.0)) return;
     Priors open = priors_;
     open.air = {0.0, 0.0};
-    const Candidate& law = candidates[best];
-    const Point& answer = answers_[best];
     const Normal normal =
-        normal_with_priors(samples_, law, open, answer.place, stiffness_of(answer));
-    const Factored factored(normal, answer.linear.fitted);
+        normal_with_priors(samples_, candidates[best], open, point.place, answers_[best].stiffness);
+    const Factored factored(normal, point.linear.fitted);
     const double variance = priors_.variance * widening_ * factored.inverse()[offset][offset];
     const double away = factored.solve(normal.b).value[offset] - priors_.air.mean;
     const double deviation = std::hypot(std::sqrt(variance), priors_.air.deviation);
@@ -274,19 +288,17 @@ class Solver {
     widening_ = std::max(root * root, 1.0);
   }
 
-  Prediction<Times> prediction_of(std::size_t candidate) const noexcept {
-    const Point& answer = answers_[candidate];
+  Prediction<Times> prediction_of(std::size_t candidate, const Point& point) const noexcept {
     const Candidate& law = candidates[candidate];
-    return {candidate, exponent_at(law, priors_, answer.place.exponent),
-            second_of(law.memory, answer.place.second), answer.linear.value};
+    return {candidate, exponent_at(law, priors_, point.place.exponent),
+            second_of(law.memory, point.place.second), point.linear.value};
   }
 
   [[gnu::noinline]] void publish() noexcept {
     const std::size_t chosen = chosen_candidate_;
     const Candidate& law = candidates[chosen];
     // By the samples of now: since it was found others have come.
-    Point& answer = answers_[chosen];
-    answer = point_at(samples_, law, priors_, answer.place, stiffness_of(answer));
+    const Point answer = fitted(chosen);
     Solution& s = solution_;
     s.candidate = chosen;
     s.weight = samples_.weight();
@@ -296,7 +308,7 @@ class Solver {
     s.n = exponent_at(law, priors_, answer.place.exponent);
     s.place = answer.place;
     s.value = answer.linear.value;
-    const Curvature<Sums> curvature(samples_, law, priors_, answer, stiffness_of(answer),
+    const Curvature<Sums> curvature(samples_, law, priors_, answer, answers_[chosen].stiffness,
                                     s.variance);
     s.covariance = curvature.covariance();
     for (auto& row : s.covariance) {
@@ -306,7 +318,7 @@ class Solver {
     const bool outside = s.place.exponent < margin || s.place.exponent > last - margin;
     s.at_edge = !law.linear && !(priors_.exponent > 0.0) && outside ? 1 : 0;
     s.known = 1;
-    chosen_ = prediction_of(chosen);
+    chosen_ = prediction_of(chosen, answer);
     samples_since_fit_ = 0.0;
     stage_ = Stage::idle;
   }
@@ -314,7 +326,7 @@ class Solver {
   Samples<Sums> samples_;
   Offered offered_;
   Priors priors_;
-  std::array<Point, count> answers_{};
+  std::array<Answer, count> answers_{};
   std::array<Standing, count> standings_{};
   Search<Sums> search_{};
   Solution solution_{};
@@ -323,8 +335,8 @@ class Solver {
   std::size_t best_ = 1;
   std::size_t chosen_candidate_ = 1;
   detail::HaarLevels<1> levels_;  // of the best fit's a-priori errors
-  double inflation_ = 1.0;  // of N over N_eff
-  double widening_ = 1.0;   // of variances
+  double inflation_ = 1.0;        // of N over N_eff
+  double widening_ = 1.0;         // of variances
   double effective_ = 0.0;
   double samples_since_round_ = 0.0;
   double samples_since_fit_ = 0.0;

@@ -35,7 +35,8 @@ struct Growth {
 };
 
 // The window around a position, in steps from the first of `nodes` nodes.
-[[gnu::noinline]] inline Window window(double position, std::size_t nodes, const Growth& growth) noexcept {
+[[gnu::noinline]] inline Window window(double position, std::size_t nodes,
+                                       const Growth& growth) noexcept {
   const double last = static_cast<double>(nodes - 1);
   const double place = std::clamp(position, 0.0, last);
   const double nearest = std::round(place);
