@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -95,7 +96,7 @@ def predicted(record: Recorded, estimator: ViscoelasticContact) -> Floats:
     """Force by the law as it is now, from penetration and velocity alone, N."""
     estimate, force = estimator.estimate(), np.empty(len(record.force))
     borders = [*np.flatnonzero(record.breaks).tolist(), len(force)]
-    for start, stop in zip(borders[:-1], borders[1:], strict=True):
+    for start, stop in pairwise(borders):
         part = slice(start, stop)
         steps = record.steps[part].copy()
         steps[0] = record.sample_time

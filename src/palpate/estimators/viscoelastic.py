@@ -172,7 +172,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     N_eff ln(RSS/N) + 2 p ln N_eff wins, as the samples come: Schwarz's criterion with twice the
     penalty, N_eff the samples that noise of the residual's correlation leaves of N. Verdict and
     estimate are worked out a little at every sample: a verdict when there are an eighth more
-    samples, the estimate when there are a 32nd more, and both at once by :meth:`settle`. ``docs/viscoelastic.md`` says the rest.
+    samples, the estimate when there are a 32nd more, and both at once by :meth:`settle`.
+    ``docs/viscoelastic.md`` says the rest.
 
     What the material remembers is what the penetration made it: it is carried through loss of
     contact. Where samples begin in contact, nobody saw what it remembers: what the first half
@@ -183,10 +184,10 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     damping : "auto", "hunt-crossley", "half-space" or "none"
         The damper: p = n, p = n − 1, or none, which takes a memory. "auto": as the samples say.
     memory : "auto", "none", "flat", "single", "power-law" or "any"
-        The relaxation. "auto": none, or a flat spectrum of six times from one to 4096 sample times.
-        "any": whichever of all. "any", "single" and "power-law" keep twelve times and all
-        their products, which takes several times as long a sample. A kind
-        that is named is taken for granted: the law has it, whatever the samples say.
+        The relaxation. "auto": none, or a flat spectrum of six relaxation times from two to 2048
+        sample times. "any": whichever of all that there are. A kind that is named is taken for
+        granted: the law has it, whatever the samples say. "any", "single" and "power-law" keep
+        twelve times and all their products, which takes several times as long a sample.
     forgetting : ConstantForgetting or FadingForgetting, optional
         None forgets nothing. What the material remembers is not forgotten.
     change_detector, outlier_rejection

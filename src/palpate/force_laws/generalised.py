@@ -13,7 +13,6 @@ from palpate.force_laws.laws import CompiledLaw, Floats, register
 from palpate.force_laws.relaxation import LONGEST, Relaxation, relaxation_of
 from palpate.validation import all_good, in_contact, instance, number, number_in, signals, together
 
-
 # The law's own numbers; those of its relaxation follow.
 _OWN = ("stiffness", "exponent", "damping", "damping_exponent", "relaxation_stiffness")
 
