@@ -43,8 +43,8 @@ class Recorded:
     @property
     def breaks(self) -> NDArray[np.bool_]:
         """Samples that do not follow upon the one before."""
-        long = np.maximum(20.0 * self.sample_time, PAUSE)
-        return (self.steps <= 0.0) | (self.steps > long)
+        long = max(20.0 * self.sample_time, PAUSE)
+        return np.asarray((self.steps <= 0.0) | (self.steps > long))
 
 
 def read(path: Path) -> Recorded:

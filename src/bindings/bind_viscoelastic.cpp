@@ -109,7 +109,10 @@ nb::tuple evidence_of(const Estimator& core) {
 }  // namespace
 
 void bind_viscoelastic(nb::module_& module) {
-  module.def("relaxation_branches", &branches_of);
+  module.def("relaxation_branches", &branches_of, nb::arg("parameters"),
+             nb::sig("def relaxation_branches(parameters: numpy.typing.NDArray[numpy.float64]) -> "
+                     "tuple[numpy.typing.NDArray[numpy.float64], "
+                     "numpy.typing.NDArray[numpy.float64]]"));
   module.def("generalised_force_along", &force_along);
   bind_face<ViscoelasticFace>(module, "ViscoelasticContact")
       .def("__init__", &make_viscoelastic, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
@@ -117,10 +120,14 @@ void bind_viscoelastic(nb::module_& module) {
       .def("settle", alone<ViscoelasticFace>([](auto& core) { core.settle(); }),
            "Work out verdict and estimate by all samples so far, at once: a few hundred "
            "microseconds, of what is spread over the next samples otherwise.")
-      .def("_evidence", [](ViscoelasticFace& self) {
-        self.wait_until_free();
-        return self.with([](auto& core) { return evidence_of(core); });
-      });
+      .def(
+          "_evidence",
+          [](ViscoelasticFace& self) {
+            self.wait_until_free();
+            return self.with([](auto& core) { return evidence_of(core); });
+          },
+          nb::sig("def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, int, "
+                  "float, float]"));
 
   nb::dict defaults;
   const ViscoelasticSettings settings;

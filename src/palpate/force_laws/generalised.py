@@ -98,8 +98,11 @@ class GeneralisedHuntCrossley(CompiledLaw):
     @classmethod
     def from_parameters(cls, parameters: "ArrayLike") -> Self:
         """Return the law of eight numbers, as :attr:`parameters` has them."""
-        *own, alpha, shortest, longest = np.asarray(parameters, dtype=np.float64).tolist()
-        return cls(*own, relaxation_of(alpha, shortest, longest))
+        stiffness, n, damping, p, relaxing, alpha, shortest, longest = np.asarray(
+            parameters, dtype=np.float64
+        ).tolist()
+        relaxation = relaxation_of(alpha, shortest, longest)
+        return cls(stiffness, n, damping, p, relaxing, relaxation)
 
     @classmethod
     def from_dict(cls, numbers: dict[str, Any]) -> Self:

@@ -16,7 +16,7 @@ class Relaxation:
 
     @property
     def spectrum(self) -> tuple[float, float, float]:
-        """α of w ∝ τ^−α d(ln τ), the shortest time, or 0 where there is one only, and the longest, s."""
+        """α of w ∝ τ^−α d(ln τ), and the shortest and the longest time, s."""
         raise NotImplementedError
 
 
