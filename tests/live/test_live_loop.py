@@ -331,7 +331,7 @@ def test_a_source_that_counts_too_is_added_up():
 
 
 class Wide(palpate.HuntCrossley):
-    symbols = ("a", "b", "c", "d", "e")
+    symbols = tuple("abcdefghi")
 
 
 class WideEstimator(palpate.VariableProjection):
@@ -339,7 +339,7 @@ class WideEstimator(palpate.VariableProjection):
 
 
 def test_a_law_for_which_there_is_no_room_is_a_clear_line():
-    with pytest.raises(palpate.InvalidParameterError, match="more than 4 parameters"):
+    with pytest.raises(palpate.InvalidParameterError, match="more than 8 parameters"):
         looped([], OnlinePreparation(), WideEstimator())
 
 
