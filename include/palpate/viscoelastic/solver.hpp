@@ -12,6 +12,7 @@
 #include <cstdint>
 
 #include "palpate/error_widening.hpp"
+#include "palpate/force_laws.hpp"
 #include "palpate/haar_levels.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/sample.hpp"
@@ -59,6 +60,7 @@ class Solver {
         best_ == solution_.candidate ? predicted : best_fit_.force(samples_.branches(), s);
     samples_.take(s, forgetting_factor);
     levels_.add({s.penetration}, bounded(s.force - by_best), forgetting_factor);
+    taken_ += 1.0;
     samples_since_round_ += 1.0;
     samples_since_fit_ += 1.0;
     work();
@@ -70,7 +72,7 @@ class Solver {
     samples_.clear();
     levels_.clear();
     stage_ = Stage::idle;
-    samples_since_round_ = samples_since_fit_ = 0.0;
+    taken_ = samples_since_round_ = samples_since_fit_ = 0.0;
     searched_weight_ = 0.0;
   }
 
@@ -148,7 +150,7 @@ class Solver {
 
   void start() noexcept {
     const double weight = samples_.weight();
-    if (weight < fewest_) return;
+    if (taken_ < fewest_) return;
     // A verdict after an eighth of the samples more; of the law itself the parameters after a 32nd,
     // which moves them by a sixth of a standard error (1/√32).
     if (solution_.known == 0 || samples_since_round_ >= std::max(8.0, weight / 8.0) ||
@@ -207,7 +209,7 @@ class Solver {
   [[gnu::noinline]] void judge() noexcept {
     const double weight = samples_.weight(), square = samples_.force_squared();
     // Forces are no better than 1e-6 of them, and the sums hold no more.
-    const double least = 1e-12 * square + detail::tiny;
+    const double least = 1e-12 * square + 1e-300;
     std::size_t best = count;
     double least_square = 0.0;
     standings_ = {};
@@ -338,6 +340,7 @@ class Solver {
   double inflation_ = 1.0;        // of N over N_eff
   double widening_ = 1.0;         // of variances
   double effective_ = 0.0;
+  double taken_ = 0.0;  // samples since they were forgotten
   double samples_since_round_ = 0.0;
   double samples_since_fit_ = 0.0;
   double searched_weight_ = 0.0;
