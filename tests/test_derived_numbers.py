@@ -199,7 +199,7 @@ def test_a_loss_that_is_not_the_dampers_is_said():
     energy = identify(contact).energy
     accounted = energy.predicted.value / energy.measured.value
     assert accounted < 0.9
-    assert energy.remarks == (f"the law's damper accounts for {accounted:.0%} of what was lost",)
+    assert energy.remarks == (f"the law accounts for {accounted:.0%} of what was lost",)
 
 
 def test_a_probe_that_only_goes_in_closes_no_loop():

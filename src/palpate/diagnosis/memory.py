@@ -52,7 +52,7 @@ def memory(fit: Fit) -> list[Cause]:
         f"the material remembers for about {rounded(time, 2)} s: its stiffness is that at "
         f"{rounded(1.0 / fit.period, 2)} Hz"
     )
-    remedy = "move as fast as the task will, or hold longer; no law here has memory"
+    remedy = "--method viscoelastic identifies the memory; or move as fast as the task will"
     return [replace(cause.moving(fit, moves), parameter=0.0, sentence=sentence, remedy=remedy)]
 
 
