@@ -1,11 +1,15 @@
 """What a reader should know before trusting the numbers of an identification."""
 
+from contextlib import suppress
+
 import numpy as np
 
 from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis.left_out import count_of_outliers
-from palpate.estimators import ContactEstimator
+from palpate.digits import rounded, with_error
+from palpate.errors import InvalidParameterError
+from palpate.estimators import ContactEstimator, ViscoelasticContact
 from palpate.metrics import has_prediction_error, violated_fraction
 from palpate.refusals import not_finite
 from palpate.trace import Trace
@@ -19,6 +23,8 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
         flags.append(f"only {estimate.samples} samples in contact")
     if law.as_dict().get("damping", 0.0) < 0.0:
         flags.append("negative damping: this law gives energy back, which no passive material does")
+    if isinstance(estimator, ViscoelasticContact):
+        flags += _memory_flags(estimator)
     if estimator.needs_condition_10 and violated > 0.0:
         flags.append(f"condition 10 violated in {violated:.1%} of the contact")
     if not has_prediction_error(trace, contact.force, contact.time_steps):
@@ -37,3 +43,23 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
                 words += f": {not_finite(contact)}"
             flags.append(f"{count} samples refused: {words}")
     return flags
+
+
+def _memory_flags(estimator: ViscoelasticContact) -> list[str]:
+    """Say of what a law with memory has a stiffness, and what is open of it."""
+    if not estimator.estimate().law.remembers:
+        return []
+    verdict, felt = estimator.verdict(), ""
+    with suppress(InvalidParameterError):  # of a probe that never moved there is no frequency
+        told = estimator.dynamic_stiffness()
+        felt = (
+            f"; an oscillation of {rounded(told.frequency, 3)} rad/s about "
+            f"{rounded(1e3 * told.depth, 3)} mm feels "
+            f"{with_error(told.stiffness, told.stiffness_error, unit='N/m')} and "
+            f"{with_error(told.damping, told.damping_error, unit='N·s/m')}"
+        )
+    words = (
+        f"the material remembers ({verdict.candidate}): force and stiffness are those once it has "
+        f"relaxed{felt}"
+    )
+    return [words, *verdict.flags]
