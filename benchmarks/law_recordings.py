@@ -137,10 +137,12 @@ def microrheology(folder: Path) -> list[tuple[str, float, float]]:
         notes = json.loads(path.with_suffix(".json").read_text())
         reference = next(row for row in notes["dynamic_stiffness"] if row["freq_hz"] == 100.0)
         record = read(path)
-        # Oscillations at 300 Hz, of 33 µs a sample, show the mass of the cantilever.
-        quick = (record.steps > 0.0) & (record.steps < 4e-5)
-        estimator = learned(record, record.good & ~quick, memory="any")
-        depth = float(np.median(record.penetration[record.good]))
+        with path.open() as lines:
+            rates = [float(row["freq_hz"] or "nan") for row in csv.DictReader(lines)]
+        # The oscillations alone; those at 300 Hz show the mass of the cantilever.
+        train = record.good & (np.array(rates) <= 100.0)
+        estimator = learned(record, train, memory="any")
+        depth = float(np.median(record.penetration[train]))
         omega = 200.0 * np.pi
         whole = estimator.estimate().law.dynamic_stiffness(depth, omega)
         stiffness = whole.real / reference["K_N_per_m"] - 1.0

@@ -118,8 +118,8 @@ void bind_viscoelastic(nb::module_& module) {
       .def("__init__", &make_viscoelastic, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
            nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg())
       .def("settle", alone<ViscoelasticFace>([](auto& core) { core.settle(); }),
-           "Work out verdict and estimate by all samples so far, at once: a few hundred "
-           "microseconds, of what is spread over the next samples otherwise.")
+           "Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all laws, "
+           "1 ms: what is spread over the next samples otherwise.")
       .def(
           "_evidence",
           [](ViscoelasticFace& self) {
