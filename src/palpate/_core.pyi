@@ -443,7 +443,7 @@ class ViscoelasticContact:
 
     def settle(self) -> None:
         """
-        Work out verdict and estimate by all samples so far, at once: a few hundred microseconds, of what is spread over the next samples otherwise.
+        Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all laws, 1 ms: what is spread over the next samples otherwise.
         """
 
     def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, int, float, float]: ...

@@ -14,6 +14,7 @@
 #include "palpate/projection/free_air.hpp"
 #include "palpate/sample.hpp"
 #include "palpate/status.hpp"
+#include "palpate/viscoelastic/in_si.hpp"
 #include "palpate/viscoelastic/solver.hpp"
 
 namespace palpate {
@@ -152,7 +153,8 @@ class ViscoelasticMethod {
   Fit<Law> fit(const Units& units) const noexcept {
     const viscoelastic::Solution& now = solver_.solution();
     const Law law = this->law(now, units);
-    Matrix<joint_size> joint = joint_covariance(now, law, units);
+    const Matrix<viscoelastic::joint_size> joint =
+        viscoelastic::covariance_in_si<Times>(now, law, units);
     Fit<Law> fit{.law = law,
                  .covariance = {},
                  .offset = {now.value[viscoelastic::offset] * units.force, joint[order][order], {}},
@@ -168,7 +170,8 @@ class ViscoelasticMethod {
   Snapshot<Law> snapshot(const Units& units) const noexcept {
     const viscoelastic::Solution& now = solver_.solution();
     const Law law = this->law(now, units);
-    const Matrix<joint_size> joint = joint_covariance(now, law, units);
+    const Matrix<viscoelastic::joint_size> joint =
+        viscoelastic::covariance_in_si<Times>(now, law, units);
     Snapshot<Law> snapshot{law, {}, now.value[viscoelastic::offset] * units.force, 0.0};
     for (std::size_t i = 0; i < order; ++i) snapshot.variances[i] = joint[i][i];
     return snapshot;
@@ -178,9 +181,6 @@ class ViscoelasticMethod {
 
  private:
   using Times = typename Sums::Times;
-  // The law's parameters and, last, the offset.
-  static constexpr std::size_t joint_size = order + 1;
-
   // A material that is touched when samples begin remembers what nobody saw. After so long what is
   // left of that moves K by 0.3 % (docs/viscoelastic.md).
   static constexpr double settling_time = 0.5;
@@ -243,6 +243,10 @@ class ViscoelasticMethod {
     solver_.know_offset(tare ? detail::OffsetPrior{0.0, declared} : air);
   }
 
+  Law law(const viscoelastic::Solution& now, const Units& units) const noexcept {
+    return viscoelastic::law_in_si(now, solver_.samples().branches().times(), units);
+  }
+
   std::uint8_t flags(const viscoelastic::Solution& now) const noexcept {
     using namespace viscoelastic;
     // Twice this and a sphere (1.5) is not distinct from a cone (2) or a spring (1).
@@ -266,80 +270,6 @@ class ViscoelasticMethod {
     if (tare_refuted_ || (tared && solver_.offset_refuted())) found |= tare_refuted;
     if (provisional_) found |= started_in_contact;
     return found;
-  }
-
-  double damping_exponent(const viscoelastic::Solution& s) const noexcept {
-    return s.law().damping == viscoelastic::Damping::half_space ? s.n - 1.0 : s.n;
-  }
-
-  Law law(const viscoelastic::Solution& s, const Units& u) const noexcept {
-    using namespace viscoelastic;
-    const double p = damping_exponent(s);
-    const double unit = u.force * detail::bounded_exp(-s.n * u.log_penetration);
-    const double damping_unit = u.force / u.velocity * detail::bounded_exp(-p * u.log_penetration);
-    Law law{detail::saturate(s.value[stiffness] * unit),
-            s.n,
-            detail::saturate(s.value[damping] * damping_unit),
-            p,
-            detail::saturate(s.value[memory] * unit),
-            0.0,
-            0.0,
-            0.0};
-    if (s.law().memory == Memory::none) return law;
-    const Times& times = solver_.samples().branches().times();
-    if (s.law().memory == Memory::single) {
-      law.longest_time = times.time(s.place.second);
-      return law;
-    }
-    if (s.law().memory == Memory::power_law) {
-      law.spectrum_exponent = second_of(Memory::power_law, s.place.second);
-    }
-    // Each branch stands for the times that are nearer to it than to the next.
-    law.shortest_time = times.time(-0.5);
-    law.longest_time = times.time(static_cast<double>(Times::count) - 0.5);
-    return law;
-  }
-
-  // dK = U (dk − k ln x_r dn), and so for B and M.
-  [[gnu::noinline]] Matrix<joint_size> joint_covariance(const viscoelastic::Solution& s,
-                                                        const Law& law,
-                                                        const Units& u) const noexcept {
-    using namespace viscoelastic;
-    Matrix<joint_size> joint{};
-    if (s.known == 0) {
-      for (const std::size_t i : {0, 1, 2, 3, 8}) joint[i][i] = detail::largest_variance;
-      return joint;
-    }
-    const Matrix<unknowns> root = detail::cholesky(s.covariance);
-    const double p = damping_exponent(s);
-    const double unit = detail::saturate(u.force * detail::bounded_exp(-s.n * u.log_penetration));
-    const double damping_unit =
-        detail::saturate(u.force / u.velocity * detail::bounded_exp(-p * u.log_penetration));
-    const double per_node = Grid::step;
-    const double by_depth = -u.log_penetration * per_node;
-    std::array<Vector<unknowns>, joint_size> rows{};
-    for (std::size_t j = 0; j < unknowns; ++j) {
-      const double n = root[exponent_node][j], second = root[second_node][j];
-      rows[0][j] = unit * root[stiffness][j] + law.stiffness * by_depth * n;
-      rows[1][j] = per_node * n;
-      rows[2][j] = damping_unit * root[damping][j] + law.damping * by_depth * n;
-      rows[3][j] = per_node * n;
-      rows[4][j] = unit * root[memory][j] + law.relaxation_stiffness * by_depth * n;
-      if (s.law().memory == Memory::power_law) {
-        rows[5][j] = second_of(Memory::power_law, 1.0) * second;
-      }
-      if (s.law().memory == Memory::single) {
-        rows[7][j] = law.longest_time * std::log(Times::ratio) * second;
-      }
-      rows[order][j] = u.force * root[offset][j];
-    }
-    for (std::size_t i = 0; i < joint_size; ++i) {
-      for (std::size_t j = i; j < joint_size; ++j) {
-        joint[i][j] = joint[j][i] = detail::dot(rows[i], rows[j]);
-      }
-    }
-    detail::bound_variances(joint, detail::largest_variance);
-    return joint;
   }
 
   Settings settings_;

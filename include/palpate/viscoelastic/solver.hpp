@@ -11,13 +11,11 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/error_widening.hpp"
-#include "palpate/force_laws.hpp"
-#include "palpate/haar_levels.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/sample.hpp"
 #include "palpate/viscoelastic/law.hpp"
 #include "palpate/viscoelastic/prediction.hpp"
+#include "palpate/viscoelastic/residual_noise.hpp"
 #include "palpate/viscoelastic/samples.hpp"
 #include "palpate/viscoelastic/search.hpp"
 #include "palpate/viscoelastic/solution.hpp"
@@ -46,8 +44,6 @@ class Solver {
   Priors& priors() noexcept { return priors_; }
   const std::array<Standing, count>& standings() const noexcept { return standings_; }
   double effective_samples() const noexcept { return effective_; }
-  double inflation() const noexcept { return inflation_; }
-  double since_verdict() const noexcept { return samples_since_round_; }
 
   double predict(const Sample& s) const noexcept { return chosen_.force(samples_.branches(), s); }
   double predict_after(const Sample& s, double dt) const noexcept {
@@ -59,7 +55,7 @@ class Solver {
     const double by_best =
         best_ == solution_.candidate ? predicted : best_fit_.force(samples_.branches(), s);
     samples_.take(s, forgetting_factor);
-    levels_.add({s.penetration}, bounded(s.force - by_best), forgetting_factor);
+    noise_.add(s.penetration, s.force - by_best, priors_.variance, forgetting_factor);
     taken_ += 1.0;
     samples_since_round_ += 1.0;
     samples_since_fit_ += 1.0;
@@ -70,7 +66,7 @@ class Solver {
   [[gnu::noinline]] void clear(double fewest) noexcept {
     fewest_ = std::max(fewest, least_fewest);
     samples_.clear();
-    levels_.clear();
+    noise_.clear();
     stage_ = Stage::idle;
     taken_ = samples_since_round_ = samples_since_fit_ = 0.0;
     searched_weight_ = 0.0;
@@ -100,13 +96,6 @@ class Solver {
   }
 
  private:
-  // Of a fit that meets new ground errors are no noise: beyond four deviations they count as four.
-  double bounded(double error) const noexcept {
-    if (!(priors_.variance > 0.0)) return detail::saturate(error);
-    const double limit = 4.0 * std::sqrt(priors_.variance);
-    return std::clamp(error, -limit, limit);
-  }
-
   enum class Stage : std::uint8_t { idle, searching, judging, refining, publishing };
 
   // Fewer samples than three for each number of the widest law say nothing.
@@ -229,10 +218,10 @@ class Solver {
     priors_.variance = least_square / std::max(weight - candidates[best].parameters(), 1.0);
     // What another law left says nothing of the noise, if it left a tenth more than this one.
     if (best != best_ && !(standings_[best_].mean_square < 1.1 * standings_[best].mean_square)) {
-      levels_.clear();
+      noise_.clear();
     }
-    measure_noise(least_square / weight);
-    effective_ = std::max(weight / inflation_, 3.0);
+    noise_.measure(least_square / weight);
+    effective_ = std::max(weight / noise_.inflation(), 3.0);
     std::size_t chosen = best;
     for (std::size_t i = 0; i < count; ++i) {
       if (!competes(i)) continue;
@@ -259,35 +248,14 @@ class Solver {
     const Normal normal =
         normal_with_priors(samples_, candidates[best], open, point.place, answers_[best].stiffness);
     const Factored factored(normal, point.linear.fitted);
-    const double variance = priors_.variance * widening_ * factored.inverse()[offset][offset];
+    const double variance =
+        priors_.variance * noise_.widening() * factored.inverse()[offset][offset];
     const double away = factored.solve(normal.b).value[offset] - priors_.air.mean;
     const double deviation = std::hypot(std::sqrt(variance), priors_.air.deviation);
     constexpr double largest = 5.0;
     if (!(std::abs(away) > largest * deviation)) return;
     priors_.air = {0.0, 0.0};
     offset_refuted_ = true;
-  }
-
-  // By how much the residual's correlation inflates a variance, Σ d_k D_k / σ² Σ D_k with the depth
-  // as the only slope: so many times fewer samples of white noise would say the same. Error bars
-  // widen by the same, and by how few blocks it is known from.
-  [[gnu::noinline]] void measure_noise(double variance) noexcept {
-    using detail::ResidualOf;
-    const detail::LevelNoise noise(levels_, variance, ResidualOf::earlier_samples);
-    // Slower than the slowest that was measured, it is taken for that: error bars guess how it goes
-    // on, but a criterion that did would find no law of a short record.
-    const std::size_t slowest = noise.measured > 0 ? noise.measured - 1 : 0;
-    double whole = levels_.rest()[0][0], wider = whole * noise.ratio[slowest];
-    for (std::size_t k = 0; k < noise.used; ++k) {
-      const double information = levels_[k].information[0][0];
-      whole += information;
-      wider += information * noise.ratio[std::min(k, slowest)];
-    }
-    const bool measured = noise.measured > 0 && whole > 0.0;
-    inflation_ = measured ? std::max(wider / whole, 1.0) : 1.0;
-    const detail::ErrorWidening<1, 1> widening(levels_, {0.0}, variance);
-    const double root = widening.root({{{1.0}}})[0][0];
-    widening_ = std::max(root * root, 1.0);
   }
 
   Prediction<Times> prediction_of(std::size_t candidate, const Point& point) const noexcept {
@@ -314,7 +282,7 @@ class Solver {
                                     s.variance);
     s.covariance = curvature.covariance();
     for (auto& row : s.covariance) {
-      for (double& entry : row) entry *= widening_;
+      for (double& entry : row) entry *= noise_.widening();
     }
     constexpr double margin = 0.25, last = static_cast<double>(Grid::exponents - 1);
     const bool outside = s.place.exponent < margin || s.place.exponent > last - margin;
@@ -336,9 +304,7 @@ class Solver {
   Prediction<Times> best_fit_{};  // of the candidate with the least residual
   std::size_t best_ = 1;
   std::size_t chosen_candidate_ = 1;
-  detail::HaarLevels<1> levels_;  // of the best fit's a-priori errors
-  double inflation_ = 1.0;        // of N over N_eff
-  double widening_ = 1.0;         // of variances
+  ResidualNoise noise_;  // of the best fit's a-priori errors
   double effective_ = 0.0;
   double taken_ = 0.0;  // samples since they were forgotten
   double samples_since_round_ = 0.0;

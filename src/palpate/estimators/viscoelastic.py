@@ -2,16 +2,24 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any, Literal
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
-from palpate.estimate import Estimate
 from palpate.estimators.contact_estimator import CompiledEstimator
+from palpate.estimators.law_verdicts import (
+    CANDIDATES,
+    DAMPINGS,
+    EVERYDAY,
+    MEMORIES,
+    DynamicStiffness,
+    LawVerdict,
+    Standing,
+    memory_flags,
+)
 from palpate.estimators.loop_settings import Rejection, loop_settings
 from palpate.estimators.registry import register
-from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
+from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.settings import (
     SAMPLE_TIME,
     ChangeDetector,
@@ -28,136 +36,6 @@ _PROBING = Scale(*_DEFAULTS["scale"])
 
 Damping = Literal["auto", "hunt-crossley", "half-space", "none"]
 Memory = Literal["auto", "any", "none", "flat", "single", "power-law"]
-
-# By the values of the compiled enumerations.
-_DAMPINGS = ("none", "hunt-crossley", "half-space")
-_MEMORIES = ("none", "flat", "single", "power-law")
-
-
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """A law that may be offered.
-
-    Attributes
-    ----------
-    damping : "none", "hunt-crossley" or "half-space"
-        Whether there is a damper, and its exponent: p = n, or p = n − 1.
-    memory : "none", "flat", "single" or "power-law"
-        How the material relaxes.
-    linear : bool
-        Whether n is 1: with p = n − 1 the Kelvin–Voigt law.
-    """
-
-    damping: str
-    memory: str
-    linear: bool = False
-
-    def __str__(self) -> str:
-        law = {
-            "none": "spring",
-            "hunt-crossley": "Hunt–Crossley",
-            "half-space": "Kelvin–Voigt" if self.linear else "half-space",
-        }[self.damping]
-        memories = {
-            "none": "",
-            "flat": " with a flat spectrum",
-            "single": " with one relaxation time",
-            "power-law": " with power-law relaxation",
-        }
-        return law + memories[self.memory]
-
-
-#: Every law that can be offered; the first five are told apart by the everyday bank.
-CANDIDATES: tuple[Candidate, ...] = tuple(
-    Candidate(_DAMPINGS[damping], _MEMORIES[memory], linear)
-    for damping, memory, linear in _DEFAULTS["candidates"]
-)
-_EVERYDAY = 5
-
-
-@dataclass(frozen=True, slots=True)
-class Standing:
-    """How a law that was offered stood at the last verdict.
-
-    Attributes
-    ----------
-    candidate : Candidate
-        The law.
-    score : float
-        N_eff ln(RSS/N) + 2 p ln N_eff, less that of the law that was chosen: from 0 on, the more
-        the worse. Ten are strong evidence.
-    rms_error : float
-        Root of RSS/N, N.
-    """
-
-    candidate: Candidate
-    score: float
-    rms_error: float
-
-
-@dataclass(frozen=True, slots=True)
-class LawVerdict:
-    """Which law it is, and by what.
-
-    Attributes
-    ----------
-    candidate : Candidate
-        The law that was chosen.
-    standings : tuple of Standing
-        Of the laws that were offered, the best first; empty before the first verdict.
-    samples : float
-        Samples that the evidence is of, less what was forgotten.
-    effective_samples : float
-        N_eff: so many samples of white noise would say as much.
-    depth : float
-        Where the motion was on average, m.
-    frequency : float
-        Of the motion, rad/s: root mean square speed over that of the way from its mean depth.
-    flags : tuple of str
-        What the samples leave open of the memory.
-    """
-
-    candidate: Candidate
-    standings: tuple[Standing, ...]
-    samples: float
-    effective_samples: float
-    depth: float
-    frequency: float
-    flags: tuple[str, ...] = ()
-
-    @property
-    def band(self) -> tuple[float, float]:
-        """Frequencies that the motion contained, rad/s: half to twice its own."""
-        return 0.5 * self.frequency, 2.0 * self.frequency
-
-
-@dataclass(frozen=True, slots=True)
-class DynamicStiffness:
-    """What a small oscillation feels: numbers that laws of any kind have in common.
-
-    Attributes
-    ----------
-    depth, frequency : float
-        m and rad/s.
-    stiffness, stiffness_error : float
-        K′ and its standard error, N/m.
-    damping, damping_error : float
-        B′ and its standard error, N·s/m.
-    loss_tangent : float
-        tan δ = ω B′/K′.
-    """
-
-    depth: float
-    frequency: float
-    stiffness: float
-    stiffness_error: float
-    damping: float
-    damping_error: float
-
-    @property
-    def loss_tangent(self) -> float:
-        """Tan δ = ω B′/K′."""
-        return self.frequency * self.damping / self.stiffness if self.stiffness else math.nan
 
 
 @register
@@ -276,7 +154,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             Standing(CANDIDATES[index], score - least, math.sqrt(mean_square))
             for index, score, mean_square in ranked
         )
-        flags = _memory_flags(self.estimate(), samples * self._step)
+        flags = memory_flags(self.estimate(), samples * self._step)
         return LawVerdict(
             CANDIDATES[chosen], standings, samples, effective, depth, frequency, flags
         )
@@ -323,31 +201,13 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         return SAMPLE_TIME if given is None else float(given)
 
 
-def _memory_flags(estimate: Estimate, duration: float) -> tuple[str, ...]:
-    """What the samples of so many seconds leave open of the memory."""
-    law: GeneralisedHuntCrossley = estimate.law
-    if not law.remembers:
-        return ()
-    errors, flags = estimate.standard_errors, []
-    if not errors[4] < 0.25 * (law.stiffness + law.relaxation_stiffness):
-        flags.append("relaxation stiffness not identifiable: press quickly, and hold")
-    if isinstance(law.relaxation, SingleRelaxation):
-        time = law.relaxation.time
-        # A factor of e either way at two deviations.
-        if not errors[7] < 0.5 * time:
-            flags.append("relaxation time not identifiable: move at several speeds, and hold")
-        if time > 0.5 * duration:
-            flags.append("slow drift or relaxation: the time is longer than half of the samples")
-    return tuple(flags)
-
-
 def _offered(damping: str, memory: str) -> int:
     """Which candidates compete, a bit each."""
-    _one_of("damping", damping, ("auto", *_DAMPINGS))
-    _one_of("memory", memory, ("auto", "any", *_MEMORIES))
+    _one_of("damping", damping, ("auto", *DAMPINGS))
+    _one_of("memory", memory, ("auto", "any", *MEMORIES))
     bits = 0
     for index, law in enumerate(CANDIDATES):
-        known = index < _EVERYDAY if memory == "auto" else memory in ("any", law.memory)
+        known = index < EVERYDAY if memory == "auto" else memory in ("any", law.memory)
         if known and damping in ("auto", law.damping):
             bits |= 1 << index
     if not bits:
