@@ -261,6 +261,9 @@ def test_an_identification_predicts_and_is_diagnosed_with_its_memory():
     plain = palpate.identify(contact)
     assert result.fit_rmse_percent < 0.3 * plain.fit_rmse_percent
     assert result.diagnosis.verdict.stiffness == "trust"
+    assert str(result.law_verdict).startswith("law: half-space with a flat spectrum, before ")
+    assert result.as_dict()["law_verdict"]["standings"][0]["score"] == 0.0
+    assert plain.law_verdict is None
     relaxed = law.relaxed()
     depth = result.diagnosis.working_depth.depth
     # Of the relaxed material: sums and branches part a percent of the memory.

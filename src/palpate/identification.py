@@ -27,7 +27,7 @@ from palpate.diagnosis.fit import DEEP
 from palpate.error_bars import joint_covariance
 from palpate.errors import RecordingError
 from palpate.estimate import Estimate
-from palpate.estimators import ContactEstimator
+from palpate.estimators import ContactEstimator, LawVerdict, ViscoelasticContact
 from palpate.flags import flags_of
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.places import at_places
@@ -341,6 +341,12 @@ class Identification(Presented):
     def fixed(self) -> tuple[str, ...]:
         """The law's parameters that were given, such as a known exponent, and not identified."""
         return self.estimate.fixed
+
+    @property
+    def law_verdict(self) -> LawVerdict | None:
+        """Which law it is, and by what evidence, by a method that chooses one; None by others."""
+        estimator = self.estimator
+        return estimator.verdict() if isinstance(estimator, ViscoelasticContact) else None
 
     @property
     def standard_errors(self) -> Floats:

@@ -63,6 +63,8 @@ def _print_result(result: Identification, console: Terminal) -> None:
         print_stretches(result, console)
     console.print()
     print_law(result, console)
+    if result.law_verdict is not None:
+        say(console, str(result.law_verdict))
     say(console, _quality(result))
     print_places(result, console)
     _print_surface(result, console)

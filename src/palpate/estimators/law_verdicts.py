@@ -2,8 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from palpate import _core
+from palpate.digits import rounded
 from palpate.estimate import Estimate
 from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
 
@@ -103,6 +105,33 @@ class LawVerdict:
     depth: float
     frequency: float
     flags: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers and words; the standings in their order."""
+        return {
+            "law": str(self.candidate),
+            "standings": [
+                {"law": str(each.candidate), "score": each.score, "rms_error": each.rms_error}
+                for each in self.standings
+            ],
+            "samples": self.samples,
+            "effective_samples": self.effective_samples,
+            "depth": self.depth,
+            "frequency": self.frequency,
+            "flags": list(self.flags),
+        }
+
+    def __str__(self) -> str:
+        if not self.standings:
+            return f"law: {self.candidate}, for want of samples"
+        words = f"law: {self.candidate}"
+        if len(self.standings) > 1:
+            next_best = self.standings[1]
+            words += f", before {next_best.candidate} by {rounded(next_best.score, 3)}"
+        return (
+            f"{words}; evidence of {rounded(self.effective_samples, 3)} independent samples of "
+            f"{rounded(self.samples, 4)}"
+        )
 
     @property
     def band(self) -> tuple[float, float]:

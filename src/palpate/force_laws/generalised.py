@@ -116,6 +116,21 @@ class GeneralisedHuntCrossley(CompiledLaw):
         return dict(zip(self.names(), (*own, *spectrum), strict=True))
 
     @property
+    def spectrum_exponent(self) -> float:
+        """α of the relaxation; 0 where there is none."""
+        return self.as_dict()["spectrum_exponent"]
+
+    @property
+    def shortest_time(self) -> float:
+        """The shortest relaxation time, s; 0 where there is one only, or none."""
+        return self.as_dict()["shortest_time"]
+
+    @property
+    def longest_time(self) -> float:
+        """The longest relaxation time, s; 0 where there is none."""
+        return self.as_dict()["longest_time"]
+
+    @property
     def remembers(self) -> bool:
         """Whether its force depends on more than the present."""
         return self.relaxation is not None and self.relaxation_stiffness != 0.0
