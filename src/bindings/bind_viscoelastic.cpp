@@ -88,7 +88,8 @@ void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exp
 }
 
 // The candidates at the last verdict: a row of candidate, score and RSS/N [N²]; samples, N_eff, the
-// chosen one, and of the motion the mean depth, m, and the frequency, rad/s.
+// chosen one; of the motion the mean depth, m, and the frequency, rad/s; and whether it began in
+// contact.
 template <class Estimator>
 nb::tuple evidence_of(const Estimator& core) {
   const auto& solver = core.method().solver();
@@ -103,7 +104,8 @@ nb::tuple evidence_of(const Estimator& core) {
   const auto motion = solver.samples().motion();
   return nb::make_tuple(rows, solver.samples().weight(), solver.effective_samples(),
                         solver.solution().candidate, motion.depth * units.penetration,
-                        std::sqrt(motion.frequency_squared) * units.velocity / units.penetration);
+                        std::sqrt(motion.frequency_squared) * units.velocity / units.penetration,
+                        core.method().began_in_contact());
 }
 
 }  // namespace
@@ -118,7 +120,8 @@ void bind_viscoelastic(nb::module_& module) {
       .def("__init__", &make_viscoelastic, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
            nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg())
       .def("settle", alone<ViscoelasticFace>([](auto& core) { core.settle(); }),
-           "Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all laws, "
+           "Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all "
+           "laws, "
            "1 ms: what is spread over the next samples otherwise.")
       .def(
           "_evidence",
@@ -127,7 +130,7 @@ void bind_viscoelastic(nb::module_& module) {
             return self.with([](auto& core) { return evidence_of(core); });
           },
           nb::sig("def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, int, "
-                  "float, float]"));
+                  "float, float, bool]"));
 
   nb::dict defaults;
   const ViscoelasticSettings settings;

@@ -179,6 +179,9 @@ class ViscoelasticMethod {
 
   const viscoelastic::Solver<Sums>& solver() const noexcept { return solver_; }
 
+  // Whether any of the contacts was there when its samples began.
+  bool began_in_contact() const noexcept { return began_in_contact_; }
+
  private:
   using Times = typename Sums::Times;
   // A material that is touched when samples begin remembers what nobody saw. After so long what is
@@ -222,6 +225,7 @@ class ViscoelasticMethod {
     begun_ = true;
     solver_.samples().begin(depth);
     settling_ = depth > 0.0 ? settling_time : 0.0;
+    began_in_contact_ = began_in_contact_ || depth > 0.0;
     if (!(settling_ > 0.0) || solver_.samples().weight() > 0.0) return;
     constexpr viscoelastic::Offered forgetful = 0b111;
     const viscoelastic::Offered left = settings_.offered & forgetful;
@@ -280,6 +284,7 @@ class ViscoelasticMethod {
   double passed_ = 0.0;     // s since the last sample that was not refused
   double last_step_ = 0.0;  // s
   bool begun_ = false;
+  bool began_in_contact_ = false;
   bool provisional_ = false;  // what is learned is of the time before that
   bool air_is_new_ = false;
   bool tare_refuted_ = false;

@@ -168,8 +168,12 @@ class DynamicStiffness:
         return self.frequency * self.damping / self.stiffness if self.stiffness else math.nan
 
 
-def memory_flags(estimate: Estimate, duration: float) -> tuple[str, ...]:
-    """What the samples of so many seconds leave open of the memory."""
+# A third of the half second that is given up where samples begin in contact: 5 % of a branch are left.
+_FORGOTTEN = 0.5 / 3.0
+
+
+def memory_flags(estimate: Estimate, duration: float, begun: bool) -> tuple[str, ...]:
+    """What the samples of so many seconds leave open of the memory; `begun`: begun in contact."""
     law: GeneralisedHuntCrossley = estimate.law
     if not law.remembers:
         return ()
@@ -183,4 +187,9 @@ def memory_flags(estimate: Estimate, duration: float) -> tuple[str, ...]:
             flags.append("relaxation time not identifiable: move at several speeds, and hold")
         if time > 0.5 * duration:
             flags.append("slow drift or relaxation: the time is longer than half of the samples")
+        if begun and time > _FORGOTTEN:
+            flags.append(
+                "the samples begin in contact, and longer than half a second is remembered: record "
+                "from before the touch"
+            )
     return tuple(flags)

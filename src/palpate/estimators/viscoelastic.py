@@ -147,14 +147,14 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 
     def verdict(self) -> LawVerdict:
         """Return which law it is, with the evidence of all that were offered."""
-        rows, samples, effective, chosen, depth, frequency = self._evidence()
+        rows, samples, effective, chosen, depth, frequency, begun = self._evidence()
         ranked = sorted(rows, key=lambda row: row[1])
         least = ranked[0][1] if ranked else 0.0
         standings = tuple(
             Standing(CANDIDATES[index], score - least, math.sqrt(mean_square))
             for index, score, mean_square in ranked
         )
-        flags = memory_flags(self.estimate(), samples * self._step)
+        flags = memory_flags(self.estimate(), samples * self._step, begun)
         return LawVerdict(
             CANDIDATES[chosen], standings, samples, effective, depth, frequency, flags
         )
