@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -17,6 +18,14 @@ FEWEST = 60  # samples of contact
 LEAD = 2.0  # s before the window of the notes, in which a material remembers
 # A pause between segments, s, that ends what the branches know.
 PAUSE = 0.5
+
+
+def folder_of_recordings() -> Path | None:
+    """Where the recordings are, if they are there."""
+    given = os.environ.get("PALPATE_DATA")
+    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
+    folder = Path(given) if given else beside
+    return folder if any(folder.glob("*.json")) else None
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ checkout, and are left out where they are absent.
 """
 
 import math
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ from cyclopts import App, Parameter
 from rich.console import Console
 
 from benchmarks import machine, report
-from benchmarks.law_recordings import held_out, microrheology
+from benchmarks.law_recordings import folder_of_recordings, held_out, microrheology
 from benchmarks.report import Limit, Row, Section
 from palpate import (
     ContactGate,
@@ -268,14 +267,6 @@ def measure_recordings(folder: Path) -> Section:
             Row(f"{name}: B′ at 100 Hz", PERCENT * abs(damping), "%", limit=Limit(10.0)),
         ]
     return Section("Recordings made by others: RMSE of the held-out part over that of HC", rows)
-
-
-def folder_of_recordings() -> Path | None:
-    """Where the recordings are, if they are there."""
-    given = os.environ.get("PALPATE_DATA")
-    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
-    folder = Path(given) if given else beside
-    return folder if any(folder.glob("*.json")) else None
 
 
 @app.default

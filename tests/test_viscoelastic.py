@@ -253,6 +253,25 @@ def test_a_change_of_the_material_restarts_it():
     assert estimator.estimate().law.force(10e-3, 0.0) == pytest.approx(13.0, rel=0.02)
 
 
+def test_a_change_of_a_material_that_remembers_restarts_it_with_its_memory():
+    law = law_of("hunt-crossley", 0.5, BOX)
+    x, v = motion()
+    x, v = np.append(x, x[400:]), np.append(v, v[400:])
+    force = law.force_along(x, v, DT)
+    force[4400:] *= 1.3
+    force += NOISE * np.random.default_rng(4).standard_normal(x.size)
+    estimator = ViscoelasticContact(
+        gate=GATE, scale=UNITS, change_detector=palpate.ChangeDetector()
+    )
+    trace = estimator.replay(x, v, force)
+    estimator.settle()
+    [alarm] = np.flatnonzero(trace.status == Status.RESTARTED)
+    assert 0 <= alarm - 4400 < 30
+    assert estimator.verdict().candidate.memory == "flat"
+    told, exact = estimator.dynamic_stiffness(10e-3, 15.0), law.dynamic_stiffness(10e-3, 15.0)
+    assert told.stiffness == pytest.approx(1.3 * exact.real, rel=5e-3)
+
+
 def test_an_identification_predicts_and_is_diagnosed_with_its_memory():
     law = law_of("half-space", 0.5, BOX)
     x, v, force = pressed(law)

@@ -168,7 +168,7 @@ class DynamicStiffness:
         return self.frequency * self.damping / self.stiffness if self.stiffness else math.nan
 
 
-# A third of the half second that is given up where samples begin in contact: 5 % of a branch are left.
+# Of the half second that is given up where samples begin in contact a third: 5 % of it are left.
 _FORGOTTEN = 0.5 / 3.0
 
 
