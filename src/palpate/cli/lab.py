@@ -134,7 +134,7 @@ def _material(name: str, given: dict[str, float]) -> "Material":
     if set(given) != set(wanted):
         options = ", ".join(f"--{field.replace('_', '-')}" for field in wanted)
         raise InvalidParameterError(f"{name} needs {options}, and no others")
-    return Homogeneous(FORCE_LAWS[name](**given), name)
+    return Homogeneous(FORCE_LAWS[name].from_dict(given), name)
 
 
 def _trajectory(name: str) -> "Trajectory":
