@@ -9,14 +9,25 @@ from palpate.estimate import Estimate
 from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley
 
 
-class _Alike(Estimate):
-    """An estimate of which the law is taken for another."""
+class Alike(Estimate):
+    """An estimate of which the law is taken for another.
 
-    __slots__ = ("_alike",)
+    Attributes
+    ----------
+    own_errors : tuple of float
+        Standard errors of force, stiffness and damping at the depth, by the law that it was.
+    """
 
-    def __init__(self, estimate: Estimate, law: HuntCrossley) -> None:
+    __slots__ = ("_alike", "own_errors")
+
+    def __init__(self, estimate: Estimate, law: HuntCrossley, depth: float) -> None:
         super().__init__(estimate._value, estimate._law_type, estimate.fixed)
         self._alike = law
+        self.own_errors = (
+            estimate.with_error(lambda law: float(law.force(depth, 0.0)))[1],
+            estimate.stiffness_at(depth)[1],
+            estimate.damping_at(depth)[1],
+        )
 
     @property
     def law(self) -> HuntCrossley:
@@ -43,4 +54,4 @@ def as_hunt_crossley(data: Data, estimate: Estimate, depth: float) -> tuple[Data
         beside[part] = law.force_along(x[part], v[part], own) - alike.force(x[part], v[part])
     corrected = copy(data)
     corrected.force = data.force - beside
-    return corrected, _Alike(estimate, alike)
+    return corrected, Alike(estimate, alike, depth)

@@ -59,7 +59,9 @@ def draw(
 
 def _on_a_page(new_figure: "type[Figure]", result: Identification, look: Look) -> "Figure":
     names = list(result.law.as_dict())
-    rows = [names[i : i + _IN_A_ROW] for i in range(0, len(names), _IN_A_ROW)]
+    drawn = _drawn_of(result, names)
+    length = math.ceil(len(drawn) / math.ceil(len(drawn) / _IN_A_ROW))
+    rows = [drawn[i : i + length] for i in range(0, len(drawn), length)]
     columns = math.lcm(6, *(len(row) for row in rows))
     heights = [1.25, 0.95, *(0.85 for _ in rows), 0.85]
     figure = new_figure(figsize=look.sheet.size(2.7 * sum(heights)), layout="constrained")
@@ -85,6 +87,15 @@ def _on_a_page(new_figure: "type[Figure]", result: Identification, look: Look) -
     title = [verdict_of(result), fit_of(result), at_depth(result)]
     set_titles(figure, look.sheet, title, _caption(result), lines=1)
     return figure
+
+
+def _drawn_of(result: Identification, names: list[str]) -> list[str]:
+    """The parameters that have a course: all but what was never looked for."""
+    if result.law_verdict is None:
+        return names
+    # p goes with n; and what has no error is the choice of a law, and not its number.
+    errors = zip(names, result.standard_errors.tolist(), strict=True)
+    return [name for name, error in errors if error > 0.0 and name != "damping_exponent"] or names
 
 
 def _in_a_column(new_figure: "type[Figure]", result: Identification, look: Look) -> "Figure":
