@@ -154,7 +154,12 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             Standing(CANDIDATES[index], score - least, math.sqrt(mean_square))
             for index, score, mean_square in ranked
         )
-        flags = memory_flags(self.estimate(), samples * self._step, begun)
+        flags = memory_flags(
+            self.estimate(),
+            samples * self._step,
+            begun=begun,
+            everyday=self._settings["memory"] in ("auto", "flat"),
+        )
         return LawVerdict(
             CANDIDATES[chosen], standings, samples, effective, depth, frequency, flags
         )
