@@ -66,7 +66,7 @@ using ViscoelasticFace =
            WithOutlierRejection<Full>, WithOutlierRejection<WithChangeDetector<Full>>>;
 
 void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exponent, bool offset,
-                       double offset_deviation, const Pair& forgetting,
+                       double offset_deviation, double surface_deviation, const Pair& forgetting,
                        const std::optional<Detector>& changes,
                        const std::optional<double>& outliers, const Triple& gate,
                        const Triple& scale, double sample_time) {
@@ -75,6 +75,7 @@ void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exp
                                     .exponent = exponent,
                                     .offset = offset,
                                     .offset_deviation = offset_deviation / scale[2],
+                                    .surface_deviation = surface_deviation / scale[0],
                                     .sample_time = sample_time};
   const Loop loop{forgetting, {no_perturbation.gain, no_perturbation.sensitivity},
                   changes,    outliers,
@@ -118,7 +119,7 @@ void bind_viscoelastic(nb::module_& module) {
   module.def("generalised_force_along", &force_along);
   bind_face<ViscoelasticFace>(module, "ViscoelasticContact")
       .def("__init__", &make_viscoelastic, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
-           nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg())
+           nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg())
       .def("settle", alone<ViscoelasticFace>([](auto& core) { core.settle(); }),
            "Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all "
            "laws, "

@@ -26,7 +26,10 @@ struct ViscoelasticSettings {
   double exponent = 0.0;  // n where it is known, as of a tip whose shape is; 0: it is looked for
   bool offset = true;
   double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²), as a tare leaves; 0: none was made
-  double sample_time = 1e-3;      // s; the shortest relaxation time is two of them
+  // Of the surface, in scaled units: one that is off looks like an offset of as many units of
+  // force.
+  double surface_deviation = 0.0;
+  double sample_time = 1e-3;  // s; the shortest relaxation time is two of them
 
   bool operator==(const ViscoelasticSettings&) const = default;
 };
@@ -42,6 +45,9 @@ constexpr const char* validate(const ViscoelasticSettings& s) noexcept {
   }
   if (!(s.offset_deviation >= 0.0 && s.offset_deviation <= 1e60)) {
     return "method.offset_deviation must be in [0, 1e60] units of force";
+  }
+  if (!(s.surface_deviation >= 0.0 && s.surface_deviation <= 1e60)) {
+    return "method.surface_deviation must be in [0, 1e60] units of penetration";
   }
   if (!(s.sample_time > 0.0 && s.sample_time <= 1e6)) {
     return "method.sample_time must be in (0, 1e6] s";
@@ -196,7 +202,9 @@ class ViscoelasticMethod {
     viscoelastic::Priors priors{};
     priors.exponent = s.exponent;
     priors.offset = s.offset ? 1 : 0;
-    priors.air = {0.0, s.offset_deviation};
+    if (s.offset_deviation > 0.0) {
+      priors.air = {0.0, std::hypot(s.offset_deviation, s.surface_deviation)};
+    }
     return priors;
   }
 
@@ -244,7 +252,9 @@ class ViscoelasticMethod {
     tare_refuted_ =
         declared > 0.0 && std::abs(air.mean) > suspect * std::hypot(declared, air.deviation);
     const bool tare = declared > 0.0 && !tare_refuted_ && declared < air.deviation;
-    solver_.know_offset(tare ? detail::OffsetPrior{0.0, declared} : air);
+    detail::OffsetPrior prior = tare ? detail::OffsetPrior{0.0, declared} : air;
+    prior.deviation = std::hypot(prior.deviation, settings_.surface_deviation);
+    solver_.know_offset(prior);
   }
 
   Law law(const viscoelastic::Solution& now, const Units& units) const noexcept {

@@ -72,8 +72,9 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         As in :class:`VariableProjection`.
     offset : bool
         Estimate a constant force offset beside the law.
-    offset_deviation : float, optional
-        What a tare left of that offset, N, > 0; as in :class:`VariableProjection`.
+    offset_deviation, surface_deviation : float, optional
+        What a tare left of that offset, N, > 0, and how well the position of the surface is known,
+        m, > 0; as in :class:`VariableProjection`.
     exponent : float, optional
         n, in [0.5, 3.25], where the shape of the tip tells it; None: it is looked for there.
     gate : ContactGate, optional
@@ -95,6 +96,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     __slots__ = ("_settings",)
     method = "viscoelastic"
     law_type = GeneralisedHuntCrossley
+    knows_offset = True
 
     def __init__(
         self,
@@ -106,6 +108,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         outlier_rejection: Rejection = None,
         offset: bool = _DEFAULTS["offset"],
         offset_deviation: float | None = None,
+        surface_deviation: float | None = None,
         exponent: float | None = None,
         gate: ContactGate | None = None,
         sample_time: float | None = None,
@@ -121,6 +124,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             "outlier_rejection": outlier_rejection,
             "offset": offset,
             "offset_deviation": offset_deviation,
+            "surface_deviation": surface_deviation,
             "exponent": exponent,
             "gate": gate,
             "sample_time": sample_time,
@@ -131,9 +135,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             _offered(damping, memory),
             0.0 if exponent is None else number_in("exponent", exponent, low, high),
             offset,
-            0.0
-            if offset_deviation is None
-            else number_in("offset_deviation", offset_deviation, 0.0, 1e30, open_low=True),
+            _positive("offset_deviation", offset_deviation),
+            _positive("surface_deviation", surface_deviation),
             (forgetting or ConstantForgetting())._plain(),
             *loop_settings(
                 change_detector,
@@ -221,6 +224,10 @@ def _offered(damping: str, memory: str) -> int:
             f"memory={memory!r}"
         )
     return bits
+
+
+def _positive(name: str, value: float | None) -> float:
+    return 0.0 if value is None else number_in(name, value, 0.0, 1e30, open_low=True)
 
 
 def _one_of(name: str, value: Any, allowed: Iterable[str]) -> None:
