@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis
 from palpate.estimators import ESTIMATORS, ContactEstimator
-from palpate.estimators.loop_settings import Rejection
+from palpate.estimators.loop_settings import Rejection, known_exponent
 from palpate.identification import Identification
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate
@@ -98,7 +98,7 @@ def compare(
         How outliers are left out; False takes them all.
     exponent : float, optional
         Where the shape of the tip tells it, such as 1.5 for a sphere: kept by every method whose
-        law has one.
+        law has one. A method that cannot keep one so small or large is left out.
     trace : "full", False or float
         As for :func:`identify`.
     watch : callable
@@ -107,20 +107,28 @@ def compare(
     Returns
     -------
     dict
-        An :class:`Identification` for each name in ``ESTIMATORS``.
+        An :class:`Identification` for each name in ``ESTIMATORS`` but those left out.
     """
     traced = checked_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)
     chosen = choose_gate(contact) if gate is None else gate
     data = Data(contact)  # checked once for all methods
     results = {}
-    for name in watch(list(ESTIMATORS)):
+    kept = known_exponent(exponent)
+    able = [name for name, kind in ESTIMATORS.items() if _keeps(kind, kept)]
+    for name in watch(able):
         kind = ESTIMATORS[name]
         estimator = kind()
-        shared: dict[str, object] = {"outlier_rejection": outlier_rejection, "exponent": exponent}
+        shared: dict[str, object] = {"outlier_rejection": outlier_rejection, "exponent": kept}
         if gate is not None or not kind.chooses_samples:
             shared["gate"] = chosen
         own = {setting: value for setting, value in shared.items() if setting in estimator.settings}
         estimator = estimator.replace(**own)
         results[name] = Identification.of(data, estimator, trace=traced)
     return results
+
+
+def _keeps(kind: type[ContactEstimator], exponent: float | None) -> bool:
+    """Whether a method can keep an exponent."""
+    low, high = kind.exponents
+    return exponent is None or low <= exponent <= high

@@ -97,6 +97,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     method = "viscoelastic"
     law_type = GeneralisedHuntCrossley
     knows_offset = True
+    exponents = _DEFAULTS["exponent_range"]
 
     def __init__(
         self,
@@ -130,7 +131,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             "sample_time": sample_time,
             "scale": scale,
         }
-        low, high = _DEFAULTS["exponent_range"]
+        low, high = self.exponents
         super().__init__(
             _offered(damping, memory),
             0.0 if exponent is None else number_in("exponent", exponent, low, high),
