@@ -232,10 +232,11 @@ class ViscoelasticMethod {
   void begin(double depth) noexcept {
     begun_ = true;
     solver_.samples().begin(depth);
-    settling_ = depth > 0.0 ? settling_time : 0.0;
+    constexpr viscoelastic::Offered forgetful = 0b111;
+    const bool may_remember = (settings_.offered & ~forgetful) != 0;
+    settling_ = depth > 0.0 && may_remember ? settling_time : 0.0;
     began_in_contact_ = began_in_contact_ || depth > 0.0;
     if (!(settling_ > 0.0) || solver_.samples().weight() > 0.0) return;
-    constexpr viscoelastic::Offered forgetful = 0b111;
     const viscoelastic::Offered left = settings_.offered & forgetful;
     provisional_ = left != 0;
     if (provisional_) solver_.offer(left);

@@ -62,7 +62,8 @@ template <class Times>
                                                       const Units& u) noexcept {
   Matrix<joint_size> joint{};
   if (s.known == 0) {
-    for (const std::size_t i : {0, 1, 2, 3, 8}) joint[i][i] = detail::largest_variance;
+    for (const std::size_t i : {0, 2, 8}) joint[i][i] = detail::largest_variance;
+    if (s.given == 0) joint[1][1] = joint[3][3] = detail::largest_variance;
     return joint;
   }
   const Matrix<unknowns> root = detail::cholesky(s.covariance);

@@ -28,6 +28,7 @@ struct Solution {
   double weight = 0.0;        // samples that it is of
   std::uint64_t at_edge = 0;  // whether it is, of the range of exponents
   std::uint64_t known = 0;    // 0 before the first
+  std::uint64_t given = 0;    // whether the exponent is
 
   const Candidate& law() const noexcept { return candidates[candidate]; }
 };

@@ -35,7 +35,11 @@ class Solver {
   static constexpr std::size_t count = Sums::full ? candidates.size() : everyday_candidates;
 
   Solver(double sample_time, Offered offered, const Priors& priors) noexcept
-      : samples_(sample_time), offered_(offered), priors_(priors) {}
+      : samples_(sample_time), offered_(offered), priors_(priors) {
+    if (!(priors.exponent > 0.0)) return;
+    solution_.n = priors.exponent;
+    solution_.given = 1;
+  }
 
   Samples<Sums>& samples() noexcept { return samples_; }
   const Samples<Sums>& samples() const noexcept { return samples_; }
@@ -109,6 +113,8 @@ class Solver {
   bool competes(std::size_t candidate) const noexcept {
     constexpr Offered forgetful = 0b111;
     if (!offers(candidate)) return false;
+    // Where n is known, that it is 1 is no law of its own.
+    if (candidates[candidate].linear && priors_.exponent > 0.0) return false;
     if ((offered_ & forgetful) == 0 || samples_.weight() >= 100.0) return true;
     return candidates[candidate].memory == Memory::none;
   }
