@@ -124,9 +124,12 @@ def test_a_figure_leads_with_stiffness_and_damping_at_working_depth(method):
     assert (force, loop) == ("Force", "Force over penetration")
     assert stiffness.startswith("Stiffness at 2.5")
     assert damping.startswith("Damping at 2.5")
-    named = zip(result.law.as_dict(), result.law.symbols, others[:-2], strict=True)
-    for name, symbol, title in named:
-        assert title.startswith(f"{name.replace('_', ' ').capitalize()} {symbol}:")
+    named = zip(result.law.as_dict(), result.law.symbols, strict=True)
+    heads = [f"{name.replace('_', ' ').capitalize()} {symbol}:" for name, symbol in named]
+    if method == "viscoelastic":  # what no sample says has no course
+        heads = heads[:3]
+    assert len(heads) == len(others[:-2])
+    assert all(title.startswith(head) for head, title in zip(heads, others, strict=False))
     assert others[-2].startswith("Residual, measured − final law")
     needed = method == "single-stage"
     assert others[-1].startswith("Condition 10" if needed else "Prediction error")
