@@ -89,7 +89,10 @@ def run(
         addresses = {name: each.name for name, each in boards.items()}
         session = Session(ring.address, board.name, addresses, "")
         kept.callback(source.close)
-        loop = Loop(source, preparation, estimator or default_estimator(), ring)
+        chosen = estimator or default_estimator()
+        if chosen.settings.get("sample_time", source.sample_time) is None:
+            chosen = chosen.replace(sample_time=source.sample_time)
+        loop = Loop(source, preparation, chosen, ring)
         interruption.stops(loop)
         with _started(sinks, session, loop, board) as started, undisturbed():
             # All is there before the first sample: none waits while others begin.
