@@ -74,6 +74,8 @@ def _badness(result: "Identification", common: NDArray[np.bool_]) -> tuple[int, 
 
 
 def _exclusion(one: "Identification", other: "Identification") -> str | None:
+    if one.law.remembers or other.law.remembers:
+        return None  # the stiffness of a relaxed material is no other's
     first, second = one.diagnosis.working_depth, other.diagnosis.working_depth
     words = []
     for name, a, b in (

@@ -58,6 +58,11 @@ class ForceLaw:
         return {name: getattr(self, name) for name in self.names()}
 
     @property
+    def remembers(self) -> bool:
+        """Whether its force depends on more than the present."""
+        return False
+
+    @property
     def parameters(self) -> Floats:
         """The parameters in their order, SI."""
         return np.array(list(self.as_dict().values()))
