@@ -87,7 +87,7 @@ class Solver {
   // A verdict and an answer by all samples so far, at once: everything that take() would spread.
   [[gnu::noinline]] void settle() noexcept {
     if (!(samples_.weight() > 0.0)) return;
-    fewest_ = 0.0;
+    fewest_ = least_fewest;
     stage_ = Stage::idle;
     // Twice: the first verdict gives the noise by which the priors of the second weigh.
     for (int round = 0; round < 2; ++round) {
@@ -96,7 +96,6 @@ class Solver {
         work();
       } while (stage_ != Stage::idle);
     }
-    fewest_ = least_fewest;
   }
 
  private:
@@ -264,6 +263,16 @@ class Solver {
     offset_refuted_ = true;
   }
 
+  // σ² by what a fit leaves. Few samples fit exactly: two more, with an error of 1 % of the rms
+  // force, keep their error bars from vanishing.
+  double variance_of(const Point& fit, double freedom) const noexcept {
+    constexpr double fewest_degrees = 10.0;
+    const double square = samples_.force_squared(), each = square / samples_.weight();
+    const double residual = std::max(square + fit.cost, 0.0);
+    if (freedom >= fewest_degrees) return std::max(residual / freedom, 1e-12 * each);
+    return (residual + 2e-4 * each) / (std::max(freedom, 0.0) + 2.0);
+  }
+
   Prediction<Times> prediction_of(std::size_t candidate, const Point& point) const noexcept {
     const Candidate& law = candidates[candidate];
     return {candidate, exponent_at(law, priors_, point.place.exponent),
@@ -278,9 +287,7 @@ class Solver {
     Solution& s = solution_;
     s.candidate = chosen;
     s.weight = samples_.weight();
-    const double residual = std::max(samples_.force_squared() + answer.cost, 0.0);
-    const double floor = 1e-12 * samples_.force_squared() / s.weight;
-    s.variance = std::max(residual / std::max(s.weight - law.parameters(), 1.0), floor);
+    s.variance = variance_of(answer, s.weight - law.parameters());
     s.n = exponent_at(law, priors_, answer.place.exponent);
     s.place = answer.place;
     s.value = answer.linear.value;
