@@ -294,8 +294,11 @@ class Solver {
     const Curvature<Sums> curvature(samples_, law, priors_, answer, answers_[chosen].stiffness,
                                     s.variance);
     s.covariance = curvature.covariance();
+    // Between the rungs one time is interpolated: without this, 80 to 82 % of 100 bars of K′ held
+    // the truth at 40 dB.
+    const double between = law.memory == Memory::single ? 1.3 * 1.3 : 1.0;
     for (auto& row : s.covariance) {
-      for (double& entry : row) entry *= noise_.widening();
+      for (double& entry : row) entry *= between * noise_.widening();
     }
     constexpr double margin = 0.25, last = static_cast<double>(Grid::exponents - 1);
     const bool outside = s.place.exponent < margin || s.place.exponent > last - margin;
