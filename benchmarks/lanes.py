@@ -22,10 +22,12 @@ from benchmarks.motion import Floats
 from benchmarks.report import Limit, Row, Section
 from benchmarks.timing import Case, Clock, clock
 from palpate import (
+    Contact,
     ContactEstimator,
     ExtendedKelvinVoigtRLS,
     KelvinVoigtRLS,
     SingleStageRLS,
+    identify_many,
     lab,
 )
 from palpate.lanes import instruction_sets, replay_lanes
@@ -137,6 +139,61 @@ def measure_threads(running: Clock, rows: Arrays, rounds: int) -> Section:
     )
 
 
+def _table(rows: Arrays, threads: int) -> None:
+    x, v, force = rows
+    identify_many(
+        penetration=x,
+        velocity=v,
+        force=force,
+        sample_time=1e-3,
+        method="single-stage",
+        diagnosis="none",
+        threads=threads,
+    )
+
+
+def _table_alone(rows: Arrays) -> float:
+    start = thread_time()
+    _table(rows, 1)
+    return (thread_time() - start) / len(rows[0])
+
+
+def _table_by_the_clock(rows: Arrays, threads: int) -> float:
+    start = perf_counter()
+    _table(rows, threads)
+    return (perf_counter() - start) / len(rows[0])
+
+
+def _contacts(contacts: list[Contact]) -> float:
+    start = thread_time()
+    identify_many(contacts, method="single-stage", diagnosis="none")
+    return (thread_time() - start) / len(contacts)
+
+
+def measure_rows(running: Clock, rows: Arrays, rounds: int) -> Section:
+    """Time whole rows of a table: gate, scale, outliers, law, errors, depth and flags."""
+    time = 1e-3 * np.arange(rows[0].shape[1])
+    some = [
+        Contact(time, penetration=x, velocity=v, force=force)
+        for x, v, force in zip(*(array[:200] for array in rows), strict=True)
+    ]
+    cases: dict[str, Case] = {
+        "contacts": partial(_contacts, some),
+        "arrays": partial(_table_alone, rows),
+        "one": partial(_table_by_the_clock, rows, 1),
+        "two": partial(_table_by_the_clock, rows, 2),
+    }
+    best = running.best("rows of a table", cases, rounds, passes=1)
+    two = best["one"] / best["two"]
+    limit = Limit(TWO_THREADS, at_least=True)
+    table = [
+        Row("a Contact at a time", 1.0 / best["contacts"], "/s"),
+        Row("arrays", 1.0 / best["arrays"], "/s", best["contacts"] / best["arrays"], "contacts"),
+        Row("arrays, two threads", 1.0 / best["two"], "/s", two, "one, by the clock", limit),
+    ]
+    return Section('identify_many(…, method="single-stage", diagnosis="none")', table)
+
+
 def agreement(rows: Arrays) -> Section:
     """Say how far lanes and one at a time are apart, and whether all sets give the same bits."""
     alone = replay_lanes(*rows, SingleStageRLS(), instruction_set="scalar")
@@ -188,6 +245,7 @@ def main(
             measure_single_stage(running, rows, size.rounds),
             *measure_others(running, rows, max(size.rounds // 3, 1)),
             measure_threads(running, rows, size.rounds),
+            measure_rows(running, rows, max(size.rounds // 3, 1)),
             agreement(rows),
         ]
     console = Console(highlight=False)

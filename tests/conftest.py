@@ -1,6 +1,8 @@
 """Fixtures of every test module; the table itself is in ``cases.py``."""
 
+import gc
 import os
+import signal
 import sys
 
 import hypothesis
@@ -11,6 +13,15 @@ from palpate import cli
 
 # Tables are as wide as in a pipe, whoever runs the tests: parallel runs say their own width.
 os.environ.pop("COLUMNS", None)
+
+# Whoever runs in the background of a shell inherits that Ctrl-C is ignored, and hands it on: tests
+# send it to what they start.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Thousands of tests, and what they import, are there to the end: a twentieth of the time went into
+# looking through them for garbage again and again.
+gc.set_threshold(100_000)
 
 # The same examples in every run, and no clock: a slow machine is not a defect.
 hypothesis.settings.register_profile("palpate", deadline=None, derandomize=True)

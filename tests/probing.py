@@ -137,6 +137,5 @@ def correlation(covariance: Floats) -> Floats:
 
 def fed(estimator: ContactEstimator, motion: Motion, force: Floats) -> ContactEstimator:
     """The same estimator after these samples; without a trace, which would solve at every one."""
-    for sample in zip(motion.x.tolist(), motion.v.tolist(), force.tolist(), strict=True):
-        estimator.update(*sample)
+    estimator.replay(motion.x, motion.v, force, at=())
     return estimator

@@ -32,7 +32,9 @@ def wide():
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("columns", [40, 60, pytest.param(80, marks=pytest.mark.slow), 120])
+@pytest.mark.parametrize(
+    "columns", [40, *(pytest.param(c, marks=pytest.mark.slow) for c in (60, 80)), 120]
+)
 def test_no_line_is_wider_than_the_terminal_and_no_number_is_lost(
     run, monkeypatch, wide, command, columns
 ):

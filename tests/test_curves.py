@@ -114,9 +114,9 @@ def test_of_400_curves_the_answer_is_scipys_minimum(name: str, surface: bool) ->
 
 @pytest.mark.slow
 def test_with_a_kink_at_every_sample_the_minimum_is_missed_in_one_of_100() -> None:
-    curves = random_curves(approach_and_retract, 400, surface=True, exponents=(0.5, 1.0), seed=5)
+    curves = random_curves(approach_and_retract, 100, surface=True, exponents=(0.5, 1.0), seed=5)
     above = excess(curves, 24, **UNKNOWN)
-    assert np.count_nonzero(above > 1e-4) <= 4
+    assert np.count_nonzero(above > 1e-4) <= 1
     assert above.max() < 1.0
 
 

@@ -83,13 +83,13 @@ def briefly(monkeypatch):
     monkeypatch.setattr(lab.Bench, "run", short)
 
 
-# They draw, which takes long; other tests draw the same.
-DRAWING = {ROOT / "docs" / "results.md", ROOT / "docs" / "figures.md"}
+# They draw, or start processes, which takes long; other tests do the same.
+LONG = {ROOT / "docs" / name for name in ("results.md", "figures.md", "fleet.md")}
 
 
 @pytest.mark.parametrize(
     "page",
-    [pytest.param(p, marks=pytest.mark.slow) if p in DRAWING else p for p in PAGES if SNIPPETS[p]],
+    [pytest.param(p, marks=pytest.mark.slow) if p in LONG else p for p in PAGES if SNIPPETS[p]],
     ids=lambda page: str(page.relative_to(ROOT)),
 )
 def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys):

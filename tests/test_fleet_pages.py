@@ -5,6 +5,7 @@ import pytest
 from fleets import rows
 
 from palpate import InvalidParameterError
+from palpate.flags import NEGATIVE_STIFFNESS
 from palpate.fleet.columns import table_of_rows
 from palpate.fleet.maps import map_of
 from palpate.fleet.results import Results, read_results
@@ -36,6 +37,9 @@ def test_repeats_are_of_one_folder_where_no_place_is_known():
     [found] = repeats_of(table, "stiffness")
     assert (found.name, found.count, found.mean) == ("this folder", 3, 11.0)
     assert found.error == pytest.approx(3.0**-0.5)
+    [found] = repeats_of(rows([10.0, 20.0, 30.0, np.nan], [1.0] * 4), "stiffness")
+    assert (found.count, found.total) == (3, 4)
+    assert found.error == pytest.approx(10.0 * 3.0**-0.5)  # their scatter is ten times their errors
     assert repeats_of(rows([10.0, 11.0], [1.0, 1.0], index=[0, 1]), "stiffness") == []
 
 
@@ -78,11 +82,48 @@ def test_a_map_has_values_and_errors_over_places():
 def test_a_map_at_one_depth_is_by_the_law_and_its_covariance():
     law = {"stiffness": 4000.0, "damping": 50.0, "exponent": 1.3}
     matrix = np.diag([100.0**2, 0.0, 0.0])
-    made = [{"x": 0.0, "depth": 2e-3, "covariance": matrix.reshape(-1).tolist(), **law}]
+    row = {"depth": 2e-3, "covariance": matrix.reshape(-1).tolist(), **law}
+    made = [{"x": 1e-3 * k, "largest_depth": deep, **row} for k, deep in enumerate((6e-3, 4e-3))]
     found = map_of(table_of_rows(made, Settings()), ["x"], of="force", depth=5e-3)
     assert found.value[0] == pytest.approx(4000.0 * 5e-3**1.3)
     assert found.error[0] == pytest.approx(100.0 * 5e-3**1.3)
     assert "at 5 mm" in found.summary
+    assert np.isnan(found.value[1])
+    assert "1 place was not pressed so deep" in found.summary
+    made = [{**each, "largest_depth": np.nan} for each in made]
+    found = map_of(table_of_rows(made, Settings()), ["x"], of="force", depth=5e-3)
+    assert "no force at 5 mm at any of 2 places; 2 places were not pressed" in found.summary
+
+
+def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
+    """By a verdict where there is one, else by what the checks of the data found, or by flags."""
+    table = rows(
+        [1.0, 2.0, 3.0, 4.0],
+        [0.1] * 4,
+        x=[0.0, 1.0, 2.0, 2.0],
+        y=[0.0, 1.0, 2.0, 2.0],
+        findings=[["do-not-trust: signs: ..."], ["with-care: spikes: ..."], ["note: tare: "], None],
+        verdict_stiffness=[None, None, "do-not-trust", "trust"],
+        flags=[[], ["damping not identifiable: ..."], [], []],
+    )
+    found = map_of(table, ["x", "y"])
+    assert found.mistrusted.tolist() == [True, False, True, False]
+    pulls = rows([1.0], [0.1], x=[0.0], flags=[[NEGATIVE_STIFFNESS]])
+    assert map_of(pulls, ["x"]).mistrusted.all()
+    assert map_of(rows([1.0, 1.0], [2.0, 0.1], x=[0.0, 1.0]), ["x"]).mistrusted.tolist() == [
+        True,
+        False,
+    ]
+    for words in (
+        "do-not-trust, signs: 1 of the places",
+        "with-care, spikes: 1",
+        "1 lies on others",
+    ):
+        assert words in found.summary
+    assert "tare" not in found.summary
+    assert map_of(table, ["x"], of="damping").mistrusted.tolist() == [True, True, False, False]
+    unchecked = rows([1.0], [0.1], x=[0.0], checked=["none"])
+    assert "the data were not checked" in map_of(unchecked, ["x"]).summary
 
 
 @pytest.mark.parametrize(
@@ -132,6 +173,22 @@ def test_scattered_places_and_those_without_a_number_are_drawn_as_dots(tmp_path)
     left = figure.axes[0]
     assert len(left.collections[0].get_offsets()) == 30
     assert len(left.lines[0].get_xdata()) == 1
+    findings = [["do-not-trust: signs: "]] * 2 + [[]] * 29
+    table = rows(value, np.full(31, 3.0), x=x, y=y, findings=findings)
+    for by in (["x", "y"], ["x"]):
+        left = draw_map(map_of(table, by)).axes[0]
+        labels = left.get_legend_handles_labels()[1]
+        assert sorted(labels) == ["no number", "not to be trusted"]
+
+
+def test_a_strip_is_drawn_so_that_its_width_is_seen():
+    pytest.importorskip("matplotlib")
+    from palpate.figures import draw_map
+
+    x, y = np.arange(6.0).tolist(), [0.0, 1.0] * 3
+    for length, aspect in ((1.0, 1.0), (1e3, "auto")):
+        table = rows([5.0] * 6, [1.0] * 6, x=[length * each for each in x], y=y)
+        assert draw_map(map_of(table, ["x", "y"])).axes[0].get_aspect() == aspect
 
 
 def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path):
@@ -148,6 +205,9 @@ def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path):
     assert "<b>.csv" not in page
     assert "Outliers" not in page
     assert "Findings of the diagnosis" not in page
+    assert "not checked" not in page
+    unchecked = written(tmp_path / "n", rows([1.0] * 6, [0.1] * 6, checked=["none"] * 6))
+    assert "Neither the data nor the fits were checked" in fleet_page(unchecked)
     assert read_results(folder).num_rows == 37
 
 

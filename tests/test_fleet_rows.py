@@ -40,6 +40,8 @@ def test_a_row_says_what_identify_says():
         assert row[f"{name}_at_depth_standard_error"] == quantity.standard_error
         assert row[f"{name}_at_depth_systematic"] == quantity.systematic
     assert row["verdict"] == result.diagnosis.verdict.overall
+    assert row["checked"] == "full"
+    assert row["largest_depth"] == result.largest_depth
     assert row["flags"] == list(result.flags)
     assert (row["source"], row["index"], row["error"]) == ("touch", 0, None)
     assert (row["version"], row["fit"]) == (palpate.__version__, "recursion")
@@ -104,6 +106,8 @@ def test_arrays_are_fitted_together_as_the_recursion_fits_each():
             assert abs(row[name] - value) < 0.1 * error
         there = own.diagnosis.working_depth
         assert row["depth"] == pytest.approx(there.depth, rel=0.02)  # gates differ in a sample
+        assert row["largest_depth"] == own.largest_depth
+        assert row["checked"] == "none"
         error = row["stiffness_at_depth_standard_error"]
         expected = LAW.stiffness_at(row["depth"])
         assert abs(row["stiffness_at_depth"] - expected) < 5.0 * error
@@ -127,9 +131,12 @@ def test_a_row_of_arrays_without_contact_says_so_and_spoils_no_other():
 def test_arrays_take_the_recursion_where_the_whole_curve_fit_does_not_do():
     x, v, f = curves(2)
     options = {"penetration": x, "velocity": v, "force": f, "sample_time": STEP}
-    for method, diagnosis in ((SingleStageRLS(), "none"), (None, "full")):
+    for method, diagnosis, fit in (
+        (SingleStageRLS(), "none", "lanes"),
+        (None, "full", "recursion"),
+    ):
         rows = identify_many(**options, method=method, diagnosis=diagnosis).to_pylist()
-        assert {row["fit"] for row in rows} == {"recursion"}
+        assert {row["fit"] for row in rows} == {fit}
     assert {row["verdict"] for row in rows} <= {"trust", "with-care", "do-not-trust"}
 
 
@@ -223,9 +230,7 @@ def force_maps():
 def test_curves_of_a_force_map_are_rows_with_their_places():
     pytest.importorskip("afmformats")
     surface = {"surface": "estimate"}
-    settings = Settings(
-        diagnosis="none", estimator={**surface, "exponent": 1.5}, preparation=surface
-    )
+    settings = Settings(estimator={**surface, "exponent": 1.5}, preparation=surface)
     name = str(force_maps()[0])
     batch = tasks_table([name] * 4, ["map"] * 4, [2, 0, 1, 9])
     rows = identify_batch(batch, settings).to_pylist()
@@ -237,4 +242,6 @@ def test_curves_of_a_force_map_are_rows_with_their_places():
         assert row["exponent"] == 1.5
         assert row["surface_standard_error"] > 0.0
         assert abs(row["x"]) < 2e-3  # the stage's travel
+        assert row["checked"] == "input"
+        assert row["flags"] == []  # the tip went through far more air than into the sample
     assert identify_batch(batch.slice(1, 1), settings).to_pylist()[0]["x"] == rows[1]["x"]

@@ -41,7 +41,7 @@ def test_a_folder_of_all_kinds_becomes_a_row_each(run, recordings, tmp_path):
     status, out, err = run("fleet", recordings, "-o", results, "--workers", 1, "--report")
     assert (status, err) == (0, "")
     assert "9 contacts in" in out
-    assert "1 of the rows failed" in out
+    assert "1 of 9 rows failed" in out
     table = read_results(results)
     names = [os.path.basename(name) for name in table.column("source").to_pylist()]  # noqa: PTH119
     assert names == ["array.zarr"] * 5 + ["bad.csv"] + [f"touch-{k:03d}.csv" for k in range(3)]
@@ -55,7 +55,8 @@ def test_a_folder_of_all_kinds_becomes_a_row_each(run, recordings, tmp_path):
     before = {path: path.stat().st_mtime_ns for path in results.glob("part-*")}
     status, out, err = run("fleet", recordings, "-o", results, "--json")  # starts no worker
     assert (status, err) == (0, "")
-    assert json.loads(out)["reused"] == 9
+    counts = [json.loads(out)[name] for name in ("reused", "rows", "failures", "identified")]
+    assert counts == [9, 0, 1, 8]
     assert {path: path.stat().st_mtime_ns for path in results.glob("part-*")} == before
 
     status, _, err = run("fleet", recordings, "-o", results, "--method", "single-stage")
@@ -72,6 +73,16 @@ def begun(recordings, folder, **settings):
 def finished(results, most=None):
     for batch in results.waiting()[:most]:
         results.write(batch, *timed_batch(batch.table(), results.settings))
+
+
+@pytest.mark.slow
+def test_a_fleet_of_which_nothing_was_identified_fails(run, tmp_path):
+    (tmp_path / "bad.csv").write_text("time_s,penetration_m\n1,2\n")
+    for _ in range(2):  # the second time by what is there
+        status, out, err = run("fleet", tmp_path / "bad.csv", "-o", tmp_path / "r", "--workers", 1)
+        assert status == 2
+        assert "1 of 1 rows failed: MissingChannelError" in out
+        assert err == "palpate: nothing was identified: none of the 1 rows has numbers\n"
 
 
 def test_a_folder_that_was_begun_goes_on_and_comes_to_the_same(recordings, tmp_path):
@@ -154,12 +165,15 @@ def test_arrays_in_other_units_are_identified_in_si(tmp_path):
         np.testing.assert_allclose(one[name], other[name], rtol=1e-6)  # 1e-3 is no binary number
 
 
-def test_a_scheduler_that_is_not_there_is_said_in_a_line(run, recordings, tmp_path, monkeypatch):
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "tls://127.0.0.1:9"])
+def test_a_scheduler_that_is_not_there_is_said_in_a_line(
+    address, run, recordings, tmp_path, monkeypatch
+):
     monkeypatch.setattr(clusters, "PATIENCE", 0.5)
-    arguments = ("--scheduler", "tcp://127.0.0.1:9")
+    arguments = ("--scheduler", address)
     status, _, err = run("fleet", recordings, "-o", tmp_path / "results", *arguments)
     assert status == 2
-    assert err.startswith("palpate: tcp://127.0.0.1:9: no scheduler of Dask answers")
+    assert err.startswith(f"palpate: {address}: no scheduler of Dask answers")
     assert err.count("\n") == 1
 
 
@@ -333,3 +347,22 @@ def test_nothing_listens_beyond_this_machine(many, tmp_path):
     finally:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=60)
+
+
+@pytest.mark.slow
+def test_a_worker_that_ends_before_it_has_started_is_started_anew(monkeypatch):
+    nanny = pytest.importorskip("distributed.nanny")
+    starting, failures = nanny.Nanny.instantiate, iter([])
+
+    async def instantiate(self):
+        for failure in failures:
+            raise failure
+        return await starting(self)
+
+    monkeypatch.setattr(nanny.Nanny, "instantiate", instantiate)
+    monkeypatch.setattr(clusters, "_ASK_AGAIN", 0.5)
+    with clusters.client_of(workers=2) as client:
+        failures = iter([RuntimeError("killed while it was started")])
+        client.cluster.sync(client.cluster.workers[0].close)
+        client.wait_for_workers(2, timeout=30.0)
+        assert client.submit(sum, [2, 3]).result(timeout=30.0) == 5

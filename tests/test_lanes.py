@@ -182,6 +182,33 @@ def test_gates_and_scales_may_be_a_contact_s_own():
         assert (apart <= 1e-9 * (np.abs(alone.parameters) + alone.standard_errors)).all()
 
 
+@pytest.mark.parametrize("name", instruction_sets())
+def test_samples_without_condition_10_are_counted_as_a_trace_has_them(name):
+    x, v, force = _rows(20, 300)
+    v *= 6.0  # so that it is violated now and then, and by starts that are still on their way
+    settings = {"forgetting": ConstantForgetting(0.97)}
+    found = replay_lanes(
+        x, v, force, SingleStageRLS(**settings), count_violated=True, instruction_set=name
+    )
+    counts = []
+    for row in zip(x, v, force, strict=True):
+        trace = SingleStageRLS(**settings).replay(*row)
+        counts.append(np.count_nonzero(~trace.validity[trace.taken]))
+    assert found.violated.tolist() == counts
+    assert len(set(counts)) > 10  # neither none nor all, everywhere
+    assert replay_lanes(x, v, force, SingleStageRLS()).violated is None
+
+
+@pytest.mark.parametrize("kind", [SingleStageRLS, DoubleStageRLS])
+def test_statuses_are_those_of_a_trace(kind):
+    rows = _rows(8, 200)
+    estimator = kind(outlier_rejection=OutlierRejection())
+    found = replay_lanes(*rows, estimator, keep_statuses=True, threads=2)
+    assert found.instruction_set == "scalar"
+    for statuses, *row in zip(found.statuses, *rows, strict=True):
+        assert statuses.tolist() == estimator.replace().replay(*row).status.tolist()
+
+
 def test_arrays_of_other_types_and_layouts_are_taken():
     x, v, force = _rows(20, 100, hostile=False)
     single = [array.astype(np.float32) for array in (x, v, force)]

@@ -1,7 +1,9 @@
 """``import palpate`` offers its names without importing NumPy before one is asked for."""
 
+import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -33,7 +35,10 @@ def test_what_is_not_there_is_an_attribute_error():
 @pytest.mark.slow
 def test_every_module_can_be_the_first_to_be_imported():
     root = Path(palpate.__file__).parent
-    for path in sorted(root.rglob("*.py")):
-        if path.name != "__main__.py":
-            name = ".".join(path.relative_to(root.parent).with_suffix("").parts)
-            python(f"import {name.removesuffix('.__init__')}")
+    names = [
+        ".".join(path.relative_to(root.parent).with_suffix("").parts).removesuffix(".__init__")
+        for path in sorted(root.rglob("*.py"))
+        if path.name != "__main__.py"
+    ]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        assert len(list(pool.map(lambda name: python(f"import {name}"), names))) == len(names)

@@ -122,6 +122,7 @@ def test_a_thinned_trace_is_saved_and_read_back(trace, table, tmp_path, monkeypa
     from palpate.reports import saving
 
     monkeypatch.setattr(saving, "has_parquet", lambda: table == "trace.parquet")
+    monkeypatch.setattr(saving, "page", lambda *_: "")  # which is drawn for seconds
     result = identify(CONTACT, trace=trace)
     result.save(tmp_path)
     found = palpate.load_result(tmp_path / "result.json").trace

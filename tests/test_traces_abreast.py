@@ -64,6 +64,13 @@ SETTINGS = {
 }
 
 
+def near(found, wanted, *, within, of_it=0.0):
+    """As pytest.approx, which takes a second for each of these traces: NaN is near to nothing."""
+    with np.errstate(invalid="ignore"):  # of infinities, which have to be the same
+        off = np.abs(found - wanted)
+    return np.all((found == wanted) | (off <= np.maximum(within, of_it * np.abs(wanted))))
+
+
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("settings", SETTINGS)
 def test_it_agrees_with_estimates_asked_for_one_by_one(motion, settings):
@@ -77,8 +84,8 @@ def test_it_agrees_with_estimates_asked_for_one_by_one(motion, settings):
     assert np.all((off <= TOLERANCE * each.standard_errors) | (off == 0.0))
     # Of clean data the residual, and so the errors, are what rounding left of the sums.
     wide = 0.05 if motion == "clean" else TOLERANCE
-    assert trace.standard_errors == pytest.approx(each.standard_errors, rel=wide)
-    assert trace.validity_margin == pytest.approx(each.validity_margin, abs=5e-3, rel=5e-3)
+    assert near(trace.standard_errors, each.standard_errors, within=1e-12, of_it=wide)
+    assert near(trace.validity_margin, each.validity_margin, within=5e-3, of_it=5e-3)
     # A prediction is off by what the law is, a hundredth of its error, which is far below this.
     looped = VariableProjection(**SETTINGS[settings])
     expected = []
@@ -89,7 +96,10 @@ def test_it_agrees_with_estimates_asked_for_one_by_one(motion, settings):
             expected[-1] = looped.predict(x, v)
     sane = np.abs(signals.force[np.isfinite(signals.force)])
     largest = sane[sane < 1e100].max()
-    assert trace.predicted_force == pytest.approx(expected, abs=1e-3 * largest, nan_ok=True)
+    expected = np.array(expected)
+    known = ~np.isnan(expected)
+    assert np.isnan(trace.predicted_force[~known]).all()
+    assert near(trace.predicted_force[known], expected[known], within=1e-3 * largest, of_it=1e-6)
 
 
 def test_traces_in_pieces_teach_the_same():

@@ -4,6 +4,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from benchmarks.fleets import alone
 from benchmarks.fleets.curves import SAMPLES, write_array
 from benchmarks.fleets.processes import watching
 from benchmarks.report import Limit, Row, Section
@@ -38,6 +39,11 @@ def measure(count: int, folder: Path | None = None) -> Section:
             Limit(1.85, at_least=True) if count >= _WANTED else None,
         ),
     ]  # fmt: skip
+    if count >= _WANTED:
+        bare = alone.ratio()
+        rows += [
+            Row("two processes against one, the fit alone: what this machine allows", bare, "×")
+        ]
     notes = ["penetration, velocity and force; surface unknown; diagnosis none; from the first "
              "batch to the last file on disk"]  # fmt: skip
     return Section("Zarr to Parquet", rows, notes)

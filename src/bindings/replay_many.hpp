@@ -101,7 +101,9 @@ bool replay_many(Handle& handle, const InputRows& penetration, const InputRows& 
                  const InputRows& force, const std::optional<InputRows>& gates,
                  const std::optional<InputRows>& scales, const OutputArray& parameters,
                  const OutputArray& covariance, const OutputArray& others,
-                 const StatusArray& status, const CountArray& counts, std::size_t threads,
+                 const StatusArray& status, const CountArray& counts,
+                 const std::optional<CountArray>& violated,
+                 const std::optional<StatusArray>& statuses, std::size_t threads,
                  const char* instruction_set) {
   const lanes::Contacts contacts{penetration.data(),
                                  velocity.data(),
@@ -109,7 +111,9 @@ bool replay_many(Handle& handle, const InputRows& penetration, const InputRows& 
                                  penetration.shape(0),
                                  penetration.shape(1),
                                  gates ? gates->data() : nullptr,
-                                 scales ? scales->data() : nullptr};
+                                 scales ? scales->data() : nullptr,
+                                 violated ? violated->data() : nullptr,
+                                 statuses ? statuses->data() : nullptr};
   const EstimateColumns out{parameters.data(), covariance.data(), others.data(), status.data(),
                             counts.data()};
   const lanes::Kernels* kernels = kernels_named(instruction_set);
@@ -117,7 +121,7 @@ bool replay_many(Handle& handle, const InputRows& penetration, const InputRows& 
   return handle.with([&]<class Estimator>(Estimator& core) {
     const typename Estimator::Settings settings = core.settings();
     check_own_settings(settings, contacts);
-    const bool in_lanes = kernels && lanes::in_lanes<Estimator>(settings);
+    const bool in_lanes = kernels && !statuses && lanes::in_lanes<Estimator>(settings);
     const auto write = [&out](std::size_t contact, const Estimator& estimator) {
       out.write(contact, estimator);
     };

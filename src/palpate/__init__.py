@@ -16,7 +16,7 @@ else:
         if name == "__version__":
             from importlib.metadata import version
 
-            return version("palpate")
+            return globals().setdefault(name, version("palpate"))  # read from a file
         if find_spec(f"palpate.{name}"):  # a module, for one of the package's own
             return import_module(f"palpate.{name}")
         public = import_module("palpate._public")

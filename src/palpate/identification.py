@@ -153,27 +153,42 @@ class Identification(Presented):
     def diagnosis(self) -> Diagnosis:
         """What may be wrong, and how far to trust it; worked out when it is first asked for."""
         data = self.data or Data(self.contact)
-        return diagnose_parts(data, self.trace, self.estimate, depths=self._depths)
+        return diagnose_parts(data, self.trace, self.estimate, depths=self.depths)
 
     @cached_property
-    def _depths(self) -> tuple[float, ...]:
-        """Working depth, and the 90th percentile of the penetration, m.
+    def depths(self) -> tuple[float, ...]:
+        """Working depth, and the 90th percentile of the penetration, m; none without firm contact.
 
         Of the samples taken that a gate would take: a method that chooses its samples takes light
-        ones too, and a probe that rests at the surface would leave its working depth there.
+        ones too, and a probe that rests at the surface would leave its working depth there. The
+        diagnosis is made at these; asking for them does not make it.
         """
-        contact, inside = self.contact, self.trace.taken
-        if self.estimator.chooses_samples:
-            gate = choose_gate(contact)
-            firm = contact.penetration > gate.minimum_penetration
-            inside = inside & firm & (contact.force > gate.make_force)
-        penetration = contact.penetration[inside] - self.estimate.surface
+        penetration = self._firm_penetration
         depths = np.percentile(penetration, (50.0, DEEP)).tolist() if penetration.size else []
         if not all(depth > 0.0 for depth in depths):
             depths = []
         if self.depth is not None:
             depths[:1] = [self.depth]
         return tuple(depths)
+
+    @property
+    def largest_depth(self) -> float:
+        """The largest penetration below the surface in firm contact, m; NaN without any.
+
+        Beyond it the law is extrapolated.
+        """
+        largest = float(np.max(self._firm_penetration, initial=0.0))
+        return largest if largest > 0.0 else math.nan
+
+    @cached_property
+    def _firm_penetration(self) -> Floats:
+        contact, inside = self.contact, self.trace.taken
+        if self.estimator.chooses_samples:
+            gate = choose_gate(contact)
+            firm = contact.penetration > gate.minimum_penetration
+            inside = inside & firm & (contact.force > gate.make_force)
+        penetration: Floats = contact.penetration[inside] - self.estimate.surface
+        return penetration
 
     @property
     def working_depths(self) -> tuple[WorkingDepth, ...]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
+from palpate._core import Status
 from palpate.errors import InvalidParameterError
 from palpate.estimators import CompiledEstimator, ContactEstimator
 from palpate.force_laws import ForceLaw
@@ -20,6 +21,7 @@ from palpate.validation import Floats, instance, shown, unmasked, whole_in
 
 #: Forces an instruction set, for a comparison: one of :func:`instruction_sets`.
 ENVIRONMENT = "PALPATE_INSTRUCTION_SET"
+_TAKEN = (Status.UPDATED, Status.GUARDED, Status.RESTARTED)
 #: Samples between two looks for an interrupt, some tenths of a second.
 _SAMPLES_A_CALL = 20_000_000
 
@@ -47,6 +49,11 @@ class LaneEstimates:
     samples, guarded, restarts, rejected : numpy.ndarray of uint64, shape (k,)
         Samples taken; of them those that the covariance guard touched; how often a change was
         detected; samples left out as outliers.
+    violated : numpy.ndarray of uint64, shape (k,), optional
+        Samples taken at which condition 10 did not hold, by the estimate after them; None unless
+        they were to be counted.
+    statuses : numpy.ndarray of uint8, shape (k, m), optional
+        A :class:`Status` a sample; None unless they were to be kept.
     instruction_set : str
         What they were computed with; ``"scalar"`` where the lanes do not take the settings and the
         contacts went one at a time.
@@ -66,6 +73,8 @@ class LaneEstimates:
     guarded: NDArray[np.uint64]
     restarts: NDArray[np.uint64]
     rejected: NDArray[np.uint64]
+    violated: NDArray[np.uint64] | None
+    statuses: NDArray[np.uint8] | None
     instruction_set: str
 
     def __len__(self) -> int:
@@ -95,6 +104,8 @@ def replay_lanes(
     *,
     gates: "ArrayLike | None" = None,
     scales: "ArrayLike | None" = None,
+    count_violated: bool = False,
+    keep_statuses: bool = False,
     threads: int = 1,
     instruction_set: str | None = None,
 ) -> LaneEstimates:
@@ -120,6 +131,10 @@ def replay_lanes(
         and ``break_force`` [N].
     scales : array_like, shape (k, 3), optional
         Units of the arithmetic a contact in place of the estimator's: m, m/s and N.
+    count_violated : bool
+        Count the samples at which condition 10 did not hold, of laws that it concerns.
+    keep_statuses : bool
+        Keep what was done with every sample. Lanes do not know: all rows then go one at a time.
     threads : int
         How many share the rows, 1 to 1024.
     instruction_set : str, optional
@@ -141,7 +156,9 @@ def replay_lanes(
     }
     workers = whole_in("threads", threads, 1, 1024)
     chosen = _instruction_set(instruction_set)
-    out = _Columns.empty(count, len(estimator.law_type.symbols))
+    out = _Columns.empty(
+        (count, samples), len(estimator.law_type.symbols), count_violated, keep_statuses
+    )
     used = "scalar"
     for part in _parts(count, samples, workers):
         signals = [np.ascontiguousarray(array[part], dtype=np.float64) for array in rows.values()]
@@ -166,19 +183,25 @@ class _Columns:
     others: Floats  # offset, its variance, surface, its variance, validity margin
     status: NDArray[np.uint8]  # and flags
     counts: NDArray[np.uint64]  # samples, guarded, restarts, rejected
+    violated: NDArray[np.uint64] | None
+    statuses: NDArray[np.uint8] | None
 
     @classmethod
-    def empty(cls, count: int, size: int) -> "_Columns":
+    def empty(cls, shape: tuple[int, int], size: int, violated: bool, statuses: bool) -> "_Columns":
+        count = shape[0]
         return cls(
             np.empty((count, size)),
             np.empty((count, size, size)),
             np.empty((count, 5)),
             np.empty((count, 2), np.uint8),
             np.empty((count, 4), np.uint64),
+            np.zeros(count, np.uint64) if violated else None,
+            np.empty(shape, np.uint8) if statuses else None,
         )
 
     def of(self, part: slice) -> list[Any]:
-        return [getattr(self, field.name)[part] for field in fields(self)]
+        columns = (getattr(self, field.name) for field in fields(self))
+        return [None if column is None else column[part] for column in columns]
 
     def estimates(self, law_type: type[ForceLaw], instruction_set: str) -> LaneEstimates:
         offset, offset_variance, surface, surface_variance, margin = self.others.T.copy()
@@ -199,6 +222,8 @@ class _Columns:
             guarded=guarded,
             restarts=restarts,
             rejected=rejected,
+            violated=self.violated,
+            statuses=self.statuses,
             instruction_set=instruction_set,
         )
 
@@ -277,8 +302,13 @@ def _one_by_one(
         if scales is not None:
             changes["scale"] = Scale(*scales[row].tolist())
         fresh = estimator.replace(**changes)
-        for sample in zip(*(array[row].tolist() for array in signals), strict=True):
-            fresh.update(*sample)
+        samples = zip(*(array[row].tolist() for array in signals), strict=True)
+        for k, sample in enumerate(samples):
+            status = fresh.update(*sample)
+            if out.statuses is not None:
+                out.statuses[contact, k] = int(status)
+            if out.violated is not None and status in _TAKEN and not fresh.estimate().valid:
+                out.violated[contact] += np.uint64(1)
         now = fresh.estimate()
         out.parameters[contact] = now.parameters
         out.covariance[contact] = now.covariance

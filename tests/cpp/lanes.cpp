@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "contact_rows.hpp"
 #include "palpate/lanes/elementary.hpp"
 #include "palpate/lanes/replay_contacts.hpp"
+#include "palpate/lanes/screening.hpp"
 #include "random_numbers.hpp"
 #include "soundness.hpp"
 
@@ -302,4 +304,63 @@ TEST("settings that lanes do not take go through the estimator itself, bit for b
   check.operator()<DoubleStageRLS>({});
   check.operator()<WithChangeDetector<SingleStageRLS>>({});
   check.operator()<WithOutlierRejection<SingleStageRLS>>({});
+}
+
+TEST("samples without condition 10 are counted in lanes as one at a time") {
+  ContactRows rows = hostile_rows<HuntCrossley>(24, 400, 11);
+  for (double& velocity : rows.velocity) velocity *= 6.0;  // so that it is violated now and then
+  SingleStageRLS::Settings settings;
+  settings.forgetting = {0.97, 0.0};
+  const auto nothing = [](std::size_t, const SingleStageRLS&) {};
+  std::vector<std::uint64_t> alone(rows.count), together(rows.count);
+  lanes::Contacts contacts = rows.view();
+  contacts.violated = alone.data();
+  lanes::replay_one_by_one<SingleStageRLS>(settings, contacts, 0, rows.count, nothing);
+  CHECK(std::count(alone.begin(), alone.end(), 0U) < 12);
+  contacts.violated = together.data();
+  for_each_instruction_set([&](const lanes::Kernels& kernels) {
+    lanes::replay_contacts<SingleStageRLS>(settings, contacts, 0, rows.count, kernels, nothing);
+    CHECK(together == alone);
+  });
+}
+
+TEST("counting changes no bit of what is learned") {
+  const ContactRows rows = hostile_rows<HuntCrossley>(24, 400, 12);
+  std::vector<std::uint64_t> violated(rows.count);
+  lanes::Contacts counting = rows.view();
+  counting.violated = violated.data();
+  for_each_instruction_set([&](const lanes::Kernels& kernels) {
+    const auto found = replayed<SingleStageRLS>({}, counting, kernels);
+    const auto expected = replayed<SingleStageRLS>({}, rows.view(), kernels);
+    for (std::size_t contact = 0; contact < rows.count; ++contact) {
+      CHECK(same_bits(found[contact], expected[contact]));
+    }
+  });
+}
+
+TEST("of a contact that is screened as sound a rejection takes what its gate lets in") {
+  const ContactRows rows = hostile_rows<HuntCrossley>(40, 500, 13);
+  using Rejecting = WithOutlierRejection<SingleStageRLS>;
+  Rejecting::Settings settings;
+  settings.gate = {0.0, 0.5, 0.4};
+  std::vector<std::uint8_t> touching(rows.samples);
+  std::size_t sound = 0;
+  for (std::size_t contact = 0; contact < rows.count; ++contact) {
+    const std::size_t start = contact * rows.samples;
+    const Signals in{&rows.penetration[start], &rows.velocity[start], &rows.force[start], nullptr,
+                     rows.samples};
+    Rejecting estimator(settings);
+    std::size_t apart = 0;
+    const bool none = lanes::screened(in, settings.sample_time, settings.gate, settings.outliers,
+                                      touching.data());
+    for (std::size_t k = 0; k < rows.samples; ++k) {
+      const Sample sample = rows.at(contact, k);
+      const Status status = estimator.update(sample.penetration, sample.velocity, sample.force);
+      if (taken(status) != (touching[k] == 1)) ++apart;
+    }
+    if (none) CHECK(apart == 0 && estimator.estimate().rejected == 0);
+    sound += none ? 1 : 0;
+  }
+  CHECK(sound >= 5);
+  CHECK(sound < rows.count);
 }

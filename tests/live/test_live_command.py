@@ -40,6 +40,11 @@ def recording(tmp_path):
         (["lab:jelly"], "material must be one of ball"),
         (["lab:ball,waltz"], "motion must be one of"),
         (["lab:ball", "--method", "magic"], "magic"),
+        (["lab:ball", "--exponent", "90"], "exponent"),
+        (
+            ["lab:ball", "--exponent", "1.5", "--method", "kelvin-voigt"],
+            "the law of kelvin-voigt has none",
+        ),
         (["lab:ball", "--direction", "down"], "--direction must be three numbers"),
         (["lab:ball", "--tare", "soon"], "--tare must be a number"),
         (["lab:ball", "--rate", "0"], "--rate must be in"),
@@ -68,6 +73,15 @@ def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
     assert "0 lost before the loop" in done.stdout
     assert re.search(r"contact · 20\d\d.* N/m, .* N·s/m at .* mm", done.stdout)
     assert f"recorded 2000 rows to {copy}" in done.stdout
+
+
+@pytest.mark.slow
+def test_a_known_exponent_is_kept(recording, tmp_path):
+    copy = tmp_path / "copy.mcap"
+    done = live(recording, "--record", copy, "--exponent", "1.5", "--speed", 20, *BARE)
+    assert (done.returncode, done.stderr) == (0, "")
+    exponents = palpate.open_recording(copy).numbers("/estimate.parameters[2]")
+    assert set(exponents[1000:]) == {1.5}
 
 
 @pytest.mark.parametrize("output", [pytest.param("closed", marks=pytest.mark.slow), "full"])

@@ -283,10 +283,14 @@ def test_another_estimator_and_what_there_is_not():
         (1000, Command("stop")),
     ]
     loop, rows = looped(
-        arrivals(TIMES, POSITIONS, FORCES), OnlinePreparation(), default_estimator(), commands
+        arrivals(TIMES, POSITIONS, FORCES),
+        OnlinePreparation(),
+        default_estimator().replace(exponent=1.5),
+        commands,
     )
     status = loop.status()
     assert status["method"] == "single-stage"
+    assert loop.estimator.settings["exponent"] == 1.5  # the tip is the same
     assert len(rows) == 1000
     assert status["record"] == {"wish": 1, "on": True, "path": None, "since": 800}
     said = " ".join(loop.said)

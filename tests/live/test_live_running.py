@@ -86,6 +86,18 @@ def test_ctrl_c_ends_the_loop_and_its_sinks_in_order(tmp_path, number):
     assert path.read_text() == f"{int(out)} 0 True"
 
 
+def ended_by_ctrl_c(process):
+    """What it wrote to its standard error, and how often Ctrl-C had to come again."""
+    for again in range(4):
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        try:
+            return process.communicate(timeout=15)[1], again
+        except subprocess.TimeoutExpired:
+            continue
+    os.killpg(process.pid, signal.SIGKILL)
+    raise AssertionError(f"Ctrl-C did not end it: {process.communicate()[1]}")
+
+
 def test_ctrl_c_while_the_sinks_begin_is_quiet_too(tmp_path):
     script, path = tmp_path / "session.py", tmp_path / "seen"
     script.write_text(SESSION.format(here=str(HERE), tests=str(HERE.parent), path=str(path)))
@@ -95,8 +107,9 @@ def test_ctrl_c_while_the_sinks_begin_is_quiet_too(tmp_path):
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
         )  # fmt: skip
         time.sleep(wait)
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-        _, error = process.communicate(timeout=30)
+        error, again = ended_by_ctrl_c(process)
+        # Python itself loses one that comes within a callback of an import, and says so.
+        assert again <= error.count("Exception ignored in: <function _get_module_lock")
         # Of the script itself, which has no main that says nothing.
         assert error.count("Traceback") <= 1
         assert "spawn_main" not in error

@@ -16,6 +16,13 @@
 
 namespace palpate::detail {
 
+// What is added to Σ r² about a point: a constant, and a form that is linear in the distance.
+struct CurveTangent {
+  CurvePoint at{};
+  double squares = 0.0;
+  Vector<5> gradient{};  // of −½ Σ r²
+};
+
 // The samples of one cost: firm ones, and beside them the light ones where these join.
 struct CurveData {
   static constexpr std::size_t most = 2;
@@ -23,10 +30,12 @@ struct CurveData {
   std::size_t used;
   double force_squared;    // Σ F²
   double per_point = 1.0;  // samples that a point stands for: block means stand for many
+  std::array<double, most> weight{1.0, 1.0};  // of the samples of a part
+  CurveTangent tangent{};
 
   double count() const noexcept {
     double sum = 0.0;
-    for (std::size_t i = 0; i < used; ++i) sum += static_cast<double>(parts[i].count);
+    for (std::size_t i = 0; i < used; ++i) sum += weight[i] * static_cast<double>(parts[i].count);
     return sum;
   }
 };
@@ -72,7 +81,13 @@ class CurveCost {
     CurveState state{point, {}, {}, 0.0};
     for (std::size_t i = 0; i < data_.used; ++i) {
       state.part[i] = curve_sums(data_.parts[i], point, model_.finds_surface(), *model_.kernels);
-      state.sums.include(state.part[i]);
+      state.sums.include(state.part[i], data_.weight[i]);
+    }
+    const CurveTangent& tangent = data_.tangent;
+    state.sums.squares += tangent.squares;
+    for (std::size_t i = 0; i < 5; ++i) {
+      state.sums.squares -= 2.0 * tangent.gradient[i] * (point[i] - tangent.at[i]);
+      state.sums.gradient[i] += tangent.gradient[i];
     }
     state.variance = variance(state.sums.squares);
     return state;

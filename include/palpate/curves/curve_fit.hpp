@@ -16,6 +16,7 @@
 #include "palpate/curves/curve_cost.hpp"
 #include "palpate/curves/curve_kernels.hpp"
 #include "palpate/curves/curve_minimum.hpp"
+#include "palpate/curves/curve_polish.hpp"
 #include "palpate/curves/curve_selection.hpp"
 #include "palpate/curves/curve_starts.hpp"
 #include "palpate/projection/priors.hpp"
@@ -70,6 +71,9 @@ inline void take_logarithms(const CurveModel& model, const CurveSamples& samples
   model.kernels->logarithms(samples.x, samples.log, CurveSamples::padded(samples.count));
 }
 
+// Exponents of different valleys.
+inline constexpr double valleys_apart = 0.3;
+
 // The lowest of the minima that the coarse search leads to, and the lowest in a valley of another
 // exponent.
 struct CurveMinima {
@@ -109,7 +113,6 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
   // Means bend the cost: what is within so many σ² of the lowest may be the lowest of all.
   const double margin = (known ? 60.0 : 20.0) * variance / means.data().per_point;
   const CurveDescent descent(cost);
-  constexpr double apart = 0.3;  // exponents of different valleys
   CurveMinimum best{}, rival{};
   best.cost = rival.cost = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < count; ++i) {
@@ -124,7 +127,8 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
     const CurveMinimum here = descent.from(found[i].at, most_passes, tolerance);
     const bool lower = here.cost < best.cost;
     const CurveMinimum other = lower ? best : here;
-    if (std::abs((lower ? here : best).at[2] - other.at[2]) > apart && other.cost < rival.cost) {
+    if (std::abs((lower ? here : best).at[2] - other.at[2]) > valleys_apart &&
+        other.cost < rival.cost) {
       rival = other;
     }
     if (lower) {
@@ -139,43 +143,6 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
 
 inline CurveMinimum global_minimum(const CurveModel& model, const CurveData& data) noexcept {
   return lowest_minima(model, data).best;
-}
-
-// For n near 1 and below every sample that the surface passes makes a kink, and J has many minima:
-// looked for along the direction in which the surface is known worst.
-inline CurveMinimum polished(const CurveModel& model, const CurveData& data,
-                             CurveMinimum best) noexcept {
-  constexpr double steps[] = {0.3, 0.7, 1.2, 1.8, 2.5};
-  constexpr double tolerance = 1e-8;
-  const CurveCost cost(model, data);
-  const CurveDescent descent(cost);
-  for (int round = 0; round < 2; ++round) {
-    const CurvePoint centre = best.at;
-    const CurveCost::Slope slope = cost.slope(best.state);
-    const CurveStep along = solve_open(slope.information, slope.information,
-                                       {0.0, 0.0, 0.0, 0.0, 1.0}, model.open(), 1e-12);
-    if (!(along.by[4] > 0.0)) return best;
-    const double deviation = std::sqrt(best.state.variance / along.by[4]);
-    // At n = 1 and below descents are slow, from kink to kink.
-    const int passes = centre[2] < 1.0 ? 40 : 25;
-    bool better = false;
-    for (const double step : steps) {
-      for (const double side : {-1.0, 1.0}) {
-        CurvePoint start = centre;
-        for (std::size_t i = 0; i < 5; ++i) start[i] += side * step * deviation * along.by[i];
-        const CurveAbandon abandon{best.at, best.cost, 1e-4 * deviation};
-        const CurveMinimum here = descent.from(descent.bounded(start), passes, tolerance, abandon);
-        if (here.cost < best.cost) {
-          better = better || here.cost < best.cost - 1e-6 * best.state.variance;
-          best = here;
-        } else {
-          best.latest = false;
-        }
-      }
-    }
-    if (!better) break;
-  }
-  return best;
 }
 
 class CurveFitter {
@@ -291,13 +258,22 @@ class CurveFitter {
   CurveMinimum with_surface() const noexcept {
     // Above it J is smooth enough; so much may what is below still lie under its first minimum.
     constexpr double kinked = 1.5, margin = 6.0;
+    // By so much the condensed cost of a rival may be too high: 99 in 100 are nearer.
+    constexpr double rough = 0.1;
     const CurveData data = of(firm_);
     auto [best, rival] = lowest_minima(model_, data);
+    const double variance = best.state.variance;
     const auto kinks = [&](const CurveMinimum& found) noexcept {
-      return found.at[2] < kinked && found.cost <= best.cost + margin * best.state.variance;
+      return found.at[2] < kinked && found.cost <= best.cost + margin * variance;
     };
-    if (kinks(rival)) rival = polished(model_, data, rival);
-    if (kinks(best)) best = polished(model_, data, best);
+    // The selection has been copied from these columns, and the errors do not use them yet.
+    const CurveSamples free{memory_.column(0), memory_.column(1),  memory_.column(2),
+                            memory_.column(3), memory_.column(12), 0};
+    const CurvePolish polished(model_, data, free);
+    if (kinks(rival)) {
+      rival = polished(rival, {best.cost + rough * variance, best.at[2], valleys_apart});
+    }
+    if (kinks(best)) best = polished(best, {best.cost});
     best.latest = false;
     return rival.cost < best.cost ? rival : best;
   }

@@ -29,6 +29,9 @@ struct CurveAbandon {
   CurvePoint at{};    // the known minimum …
   double cost = 0.0;  // … and J there
   double near = 0.0;  // of its surface; 0: no descent is abandoned
+  // The exponent of a valley that is looked through by itself, and how far it reaches.
+  double elsewhere = 0.0;
+  double apart = 0.0;
 };
 
 // x of A x = b for the open coordinates, and whether A is positive definite; scaled to a unit
@@ -82,9 +85,12 @@ inline CurveStep solve_open(const Matrix<5>& a, const Matrix<5>& sizes, const Ve
 
 class CurveDescent {
  public:
-  explicit CurveDescent(const CurveCost& cost) noexcept
+  explicit CurveDescent(const CurveCost& cost) noexcept : CurveDescent(cost, cost.model().open()) {}
+
+  // With a coordinate that is not open held where each descent starts.
+  CurveDescent(const CurveCost& cost, const std::array<bool, 5>& open) noexcept
       : cost_(cost),
-        open_(cost.model().open()),
+        open_(open),
         lowest_(cost.model().lowest()),
         highest_(cost.model().highest()) {}
 
@@ -92,7 +98,7 @@ class CurveDescent {
   CurveMinimum from(const CurvePoint& start, int most_passes, double tolerance,
                     const CurveAbandon& abandon = {}) const noexcept {
     CurveMinimum found{cost_.at(start), start, 0.0, 1, false, true};
-    double damping = 0.0;
+    double damping = 0.0, fall = 0.0, fall_before = 0.0;
     while (true) {
       const CurveState& here = found.state;
       const CurveCost::Slope slope = cost_.slope(here);
@@ -108,11 +114,17 @@ class CurveDescent {
       }
       found.at = here.at;
       if (found.passes >= most_passes) break;
-      if (abandon.near > 0.0 && step.newton && !step.cut) {
+      if (std::abs(here.at[2] - abandon.elsewhere) < abandon.apart) break;
+      if (abandon.near > 0.0 && !step.cut) {
         const double ahead = here.at[4] + step.by[4];
-        const double below = cost_.value(here, here.variance) - 10.0 * gain;
+        const double above = cost_.value(here, here.variance) - abandon.cost;
         if (std::abs(ahead - abandon.at[4]) < abandon.near) break;
-        if (found.passes >= 8 && here.at[2] > 1.0 && below > abandon.cost) break;
+        // Not even if all that follow were like the better of the last two, once the first have
+        // come down into the valley; what Newton's step promises of a bent valley may be ten times
+        // too little.
+        const double left = static_cast<double>(most_passes - found.passes);
+        const double hope = std::max(10.0 * gain, left * std::max(fall, fall_before));
+        if (found.passes >= 5 && hope < above) break;
       }
       const CurvePoint target = moved(here.at, step.by);
       const CurvePoint trial = bounded(target);
@@ -134,6 +146,8 @@ class CurveDescent {
         better = cost_.value(there, here.variance) < before;
       }
       if (better) {
+        fall_before = fall;
+        fall = before - cost_.value(there, here.variance);
         found.state = there;
         damping = damping > 1e-3 ? 0.1 * damping : 0.0;
       } else {

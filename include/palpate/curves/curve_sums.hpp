@@ -44,13 +44,13 @@ struct CurveSums {
   Matrix<5> information{};  // JᵀJ
   Matrix<5> curvature{};    // Σ r ∇²f
 
-  void include(const CurveSums& other) noexcept {
-    squares += other.squares;
+  void include(const CurveSums& other, double weight) noexcept {
+    squares += weight * other.squares;
     for (std::size_t i = 0; i < 5; ++i) {
-      gradient[i] += other.gradient[i];
+      gradient[i] += weight * other.gradient[i];
       for (std::size_t j = 0; j < 5; ++j) {
-        information[i][j] += other.information[i][j];
-        curvature[i][j] += other.curvature[i][j];
+        information[i][j] += weight * other.information[i][j];
+        curvature[i][j] += weight * other.curvature[i][j];
       }
     }
   }

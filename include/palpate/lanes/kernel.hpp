@@ -18,7 +18,8 @@ inline namespace PALPATE_LANES_SET {
 inline constexpr int group_lanes = 2 * register_lanes;
 static_assert(block_lanes % group_lanes == 0);
 
-template <class Row>
+// `Counting`: samples taken at which condition 10 did not hold are counted.
+template <class Row, bool Counting = false>
 void advance(const LaneSignals& in, const LaneSettings& settings, LaneState<Row::order>& state,
              ScalarStep<Row::order> scalar_step, void* context) noexcept {
   SampleBlock block;
@@ -28,14 +29,14 @@ void advance(const LaneSignals& in, const LaneSettings& settings, LaneState<Row:
     const int count = left < SampleBlock::length ? static_cast<int>(left) : SampleBlock::length;
     fill<Row>(block, in, first, count, lanes, settings);
     for (int lane = 0; lane < lanes; lane += group_lanes) {
-      LaneGroup<Row, group_lanes>(settings, state, lane, scalar_step, context)
-          .run(block, first, count);
+      LaneGroup<Row, group_lanes, Counting>(settings, state, lane, scalar_step, context)
+          .run(block, in, first, count);
     }
   }
 }
 
 inline constexpr Kernels kernels{&advance<KelvinVoigtRow>, &advance<ExtendedKelvinVoigtRow>,
-                                 &advance<SingleStageRow>};
+                                 &advance<SingleStageRow>, &advance<SingleStageRow, true>};
 
 }  // namespace PALPATE_LANES_SET
 }  // namespace palpate::lanes

@@ -167,7 +167,7 @@ struct Learned {
 };
 
 // `Lanes` contacts from `lane` on, through a block of samples.
-template <class Row, int Lanes>
+template <class Row, int Lanes, bool Counting>
 class LaneGroup {
  public:
   static constexpr int order = Row::order;
@@ -181,7 +181,8 @@ class LaneGroup {
         scalar_step_(scalar_step),
         context_(context) {}
 
-  PALPATE_LANES_INLINE void run(const SampleBlock& block, std::size_t first, int count) noexcept {
+  PALPATE_LANES_INLINE void run(const SampleBlock& block, const LaneSignals& in, std::size_t first,
+                                int count) noexcept {
     Learned<order, Lanes> now;
     now.load(state_, lane_);
     Doubles departure = Doubles::load(state_.departure + lane_);
@@ -189,11 +190,15 @@ class LaneGroup {
     const Doubles ceiling = Doubles::load(settings_.ceiling + lane_);
     const Doubles initial_departure = Doubles::load(settings_.departure + lane_);
     const Doubles one = Doubles::all(1.0);
+    [[maybe_unused]] const Doubles zero = Doubles::all(0.0);
     const unsigned far_within = now.far_within(initial_departure).bits();
     unsigned contact = (state_.contact >> lane_) & full;
+    [[maybe_unused]] Doubles violated = zero;
+    if constexpr (Counting) violated = Doubles::load(state_.violated + lane_);
     int whole = 0, last_whole = -1;  // samples that every lane took
 
     for (int k = 0; k < count; ++k) {
+      fetch_next<Lanes>(in, lane_, first, k);
       const unsigned touching = ((block.makes[k] | (block.keeps[k] & contact << lane_)) >> lane_);
       const unsigned learning = touching & (block.in_range[k] >> lane_) & full;
       const unsigned leaving = (block.finite[k] >> lane_) & ~touching;
@@ -212,6 +217,9 @@ class LaneGroup {
         if ((sound & learning) == full) [[likely]] {
           now.take(next);
           departure = advanced;
+          if constexpr (Counting) {
+            violated = violated + select(Row::violated(now.parameters, phi), one, zero);
+          }
           ++whole;
           last_whole = k;
           contact = full;
@@ -230,10 +238,15 @@ class LaneGroup {
           departure = Doubles::load(state_.departure + lane_);
         }
         count_taken(taken, first + static_cast<std::size_t>(k));
+        if constexpr (Counting) {
+          const Mask<Lanes> off = Row::violated(now.parameters, phi) & Mask<Lanes>::of_bits(taken);
+          violated = violated + select(off, one, zero);
+        }
         contact |= taken;
       }
       contact &= ~leaving;
     }
+    if constexpr (Counting) violated.store(state_.violated + lane_);
     finish(now, departure, contact, whole, first, last_whole);
   }
 

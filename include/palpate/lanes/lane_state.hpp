@@ -50,7 +50,8 @@ struct LaneState {
   double last[block_lanes];       // of them, the last one's index; −1 for none
   double guarded_last[block_lanes];
   std::uint64_t guarded[block_lanes];
-  unsigned contact;  // a bit a lane: in contact
+  double violated[block_lanes];  // samples taken without condition 10, by kernels that count them
+  unsigned contact;              // a bit a lane: in contact
 };
 
 // Takes one sample of one lane as the scalar recursion does, from the lane's φ and y. True where
@@ -68,6 +69,7 @@ struct Kernels {
   Kernel<2> kelvin_voigt;
   Kernel<3> extended_kelvin_voigt;
   Kernel<3> single_stage;
+  Kernel<3> single_stage_counting;  // where condition 10 did not hold
 };
 
 }  // namespace palpate::lanes

@@ -69,6 +69,13 @@ struct SingleStageRow {
     phi[1] = velocity;
     phi[2] = depth;
   }
+
+  // Where |v B/K| < 0.1, condition 10 of the paper, does not hold: θ₁ is B/K.
+  template <int Lanes>
+  PALPATE_LANES_INLINE static Mask<Lanes> violated(const Pack<Lanes> (&parameters)[order],
+                                                   const Pack<Lanes> (&phi)[order]) noexcept {
+    return abs(parameters[1] * phi[1]) >= Pack<Lanes>::all(0.1);
+  }
 };
 
 }  // namespace PALPATE_LANES_SET

@@ -27,6 +27,10 @@ struct Contacts {
   std::size_t samples;
   const double* gates = nullptr;
   const double* scales = nullptr;
+  // Where it is asked for: how many samples of each were taken without condition 10.
+  std::uint64_t* violated = nullptr;
+  // Where it is asked for: the status of every sample, by rows. Contacts then go one at a time.
+  std::uint8_t* statuses = nullptr;
 
   template <class Settings>
   Settings settings_of(Settings settings, std::size_t contact) const noexcept {
@@ -99,6 +103,7 @@ struct Access {
     to.samples[lane] = 0.0;
     to.last[lane] = to.guarded_last[lane] = -1.0;
     to.guarded[lane] = 0;
+    to.violated[lane] = 0.0;
   }
 
   // `velocity`: of the lane's samples, SI.
@@ -177,13 +182,13 @@ struct Access {
 namespace detail {
 
 template <class Estimator>
-constexpr auto kernel_of(const Kernels& kernels) noexcept {
+constexpr auto kernel_of(const Kernels& kernels, [[maybe_unused]] bool counting) noexcept {
   if constexpr (std::is_same_v<Estimator, KelvinVoigtRLS>) {
     return kernels.kelvin_voigt;
   } else if constexpr (std::is_same_v<Estimator, ExtendedKelvinVoigtRLS>) {
     return kernels.extended_kelvin_voigt;
   } else {
-    return kernels.single_stage;
+    return counting ? kernels.single_stage_counting : kernels.single_stage;
   }
 }
 
@@ -206,11 +211,13 @@ void replay_block(const Estimator& fresh, const Contacts& in, std::size_t first,
     Access::fill(estimators[lane], settings, lane);
     Access::begin(estimators[lane], state, lane);
   }
-  kernel_of<Estimator>(kernels)(signals, settings, state, &Access::step<Estimator, order>,
-                                estimators);
+  kernel_of<Estimator>(kernels, in.violated != nullptr)(
+      signals, settings, state, &Access::step<Estimator, order>, estimators);
   for (int lane = 0; lane < lanes; ++lane) {
+    const std::size_t contact = first + static_cast<std::size_t>(lane);
     Access::finish(state, lane, signals.velocity[lane], estimators[lane]);
-    sink(first + static_cast<std::size_t>(lane), estimators[lane]);
+    if (in.violated) in.violated[contact] = static_cast<std::uint64_t>(state.violated[lane]);
+    sink(contact, estimators[lane]);
   }
 }
 
@@ -225,9 +232,16 @@ void replay_one_by_one(const typename Estimator::Settings& settings, const Conta
   for (std::size_t contact = first; contact < last; ++contact) {
     Estimator estimator = own_settings ? Estimator(in.settings_of(settings, contact)) : fresh;
     const std::size_t start = contact * in.samples;
+    std::uint64_t violated = 0;
     for (std::size_t k = start; k < start + in.samples; ++k) {
-      estimator.update(in.penetration[k], in.velocity[k], in.force[k]);
+      const Status status = estimator.update(in.penetration[k], in.velocity[k], in.force[k]);
+      if (in.statuses) in.statuses[k] = static_cast<std::uint8_t>(status);
+      if (in.violated && taken(status) &&
+          !(validity_margin(estimator.law(), estimator.last_velocity()) > 0.0)) {
+        ++violated;
+      }
     }
+    if (in.violated) in.violated[contact] = violated;
     sink(contact, std::as_const(estimator));
   }
 }
@@ -238,7 +252,7 @@ template <class Estimator, class Sink>
 void replay_contacts(const typename Estimator::Settings& settings, const Contacts& in,
                      std::size_t first, std::size_t last, const Kernels& kernels, Sink&& sink) {
   if constexpr (has_lanes<Estimator>) {
-    if (in_lanes<Estimator>(settings)) {
+    if (!in.statuses && in_lanes<Estimator>(settings)) {
       const Estimator fresh(settings);
       Estimator estimators[block_lanes];
       for (std::size_t contact = first; contact < last; contact += block_lanes) {

@@ -279,7 +279,7 @@ class ReplayAbreast {
   }
 
   static double grown(double z) noexcept {
-    return std::abs(z) < lanes::largest_small ? lanes::small_exp(z) : bounded_exp(z);
+    return std::abs(z) < eight_lanes::largest_small ? eight_lanes::small_exp(z) : bounded_exp(z);
   }
 
   Snapshot<HuntCrossley> in_si(std::size_t lane, double offset) const noexcept {

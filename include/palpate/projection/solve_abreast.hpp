@@ -57,7 +57,7 @@ struct Abreast {
   Lane sound;  // 1; 0 where it is not regular
 };
 
-namespace lanes {
+namespace eight_lanes {
 
 // e^z to 1e-13 for |z| < 0.6.
 inline double small_exp(double z) noexcept {
@@ -130,11 +130,11 @@ inline Linear solve(double spp, double sppw, double sppww, double sp, double spw
   return r;
 }
 
-}  // namespace lanes
+}  // namespace eight_lanes
 
 // A round of Newton's method on J(n), as refine() in exponent_search.hpp.
 inline void newton_abreast(Abreast& a, const AbreastSettings& s) noexcept {
-  using namespace lanes;
+  using namespace eight_lanes;
   for (std::size_t l = 0; l < abreast; ++l) {
     const Point at{a, l, a.away[l]};
     const double spp = at.value(pp), sppw = at.value(ppw), sppww = at.value(ppww);
@@ -174,7 +174,7 @@ inline void newton_abreast(Abreast& a, const AbreastSettings& s) noexcept {
 // The answer at the exponents found: the linear part, the noise and the covariance, as answer() in
 // projection_fit.hpp and covariance_root() in covariance.hpp.
 inline void finish_abreast(Abreast& a, const AbreastSettings& s) noexcept {
-  using namespace lanes;
+  using namespace eight_lanes;
   constexpr double margin = definiteness_margin<4>;
   for (std::size_t l = 0; l < abreast; ++l) {
     const Point at{a, l, a.away[l]};

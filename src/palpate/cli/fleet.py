@@ -43,11 +43,11 @@ def fleet(
     as_json: AsJson = False,
     running: Running | None = None,
     reading: Reading | None = None,
-) -> None:
+) -> int:
     """Identify many contacts: a row for each, in a dataset of Parquet.
 
     What is done stays: after an interrupt the same command goes on. A recording that fails is a row
-    with its reason.
+    with its reason; the exit status is 2 where all of them do.
 
     For example:
 
@@ -93,6 +93,10 @@ def fleet(
         raise
     page = _report(output) if report else None
     _print(found, page, as_json=as_json)
+    if not found.identified:
+        complain(f"nothing was identified: none of the {found.failures} rows has numbers")
+        return 2
+    return 0
 
 
 def _settings(
@@ -150,6 +154,7 @@ def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
                 "contacts": found.contacts,
                 "reused": found.reused,
                 "rows": found.rows,
+                "identified": found.identified,
                 "failures": found.failures,
                 "reasons": found.reasons,
                 "seconds": found.seconds,
@@ -160,15 +165,21 @@ def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
     console = Terminal()
     new = found.contacts - found.reused
     if found.reused:
-        say(console, f"{found.reused} of {found.contacts} contacts reused from an earlier run")
+        of_all = f"{found.reused} of {_counted(found.contacts)}"
+        say(console, f"{of_all} reused from an earlier run")
     if new:
         rate = new / found.seconds if found.seconds > 0.0 else 0.0
-        words = f"{new} contacts in {found.seconds:.3g} s, {rate:.3g} a second"
+        words = f"{_counted(new)} in {found.seconds:.3g} s, {rate:.3g} a second"
         if found.rows != new:
             words += f": {found.rows} rows, one a place where the probe travels"
         say(console, words)
     for kind, count in sorted(found.reasons.items()):
-        say(console, f"{count} of the rows failed: {kind}; the column error says why")
+        rows = found.identified + found.failures
+        say(console, f"{count} of {rows} rows failed: {kind}; the column error says why")
     say_path(console, f"results: {found.folder}")
     if page is not None:
         say_path(console, f"report: {page}")
+
+
+def _counted(contacts: int) -> str:
+    return "1 contact" if contacts == 1 else f"{contacts} contacts"

@@ -146,6 +146,7 @@ def live(
     /,
     *,
     method: str = "variable-projection",
+    exponent: Annotated[float | None, Parameter(group=PREPARED)] = None,
     record: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
     publish: Annotated[tuple[Address, ...], Parameter(group=OUTPUT, negative="")] = (),
     console: Annotated[bool, Parameter(group=OUTPUT)] = True,
@@ -170,6 +171,9 @@ def live(
         that begins with zmq:, dds:, zenoh: or ros1:.
     method
         The estimator, such as single-stage; it can be changed in the page.
+    exponent
+        Exponent of the law where the shape of the tip tells it, such as 1.5 under a sphere; kept,
+        whatever method is chosen.
     record
         Record what comes and what is found to this MCAP file; one that is there is left, and the
         name has a number then.
@@ -185,7 +189,7 @@ def live(
     seconds = looping.seconds
     if seconds is not None:
         seconds = number_in("--seconds", seconds, 0.0, 1e9)
-    chosen = _estimator(method)
+    chosen = _estimator(method, exponent)
     taken = incoming.source(source)
     sinks = _sinks(record, publish, page or Page(), console=console, diagnosis=looping.diagnosis)
     run(
@@ -198,12 +202,16 @@ def live(
     )
 
 
-def _estimator(method: str) -> "ContactEstimator":
+def _estimator(method: str, exponent: float | None) -> "ContactEstimator":
+    from palpate.cli.reading import kept_exponent
     from palpate.estimators import estimator_named
     from palpate.live.running import default_estimator
 
     usual = default_estimator()
-    return usual if method == usual.method else estimator_named(method)()
+    found = usual if method == usual.method else estimator_named(method)()
+    if exponent is None:
+        return found
+    return found.replace(exponent=kept_exponent(exponent, type(found)))
 
 
 def _sinks(

@@ -209,18 +209,8 @@ class Reading:
         if self.surface == "estimate":
             settings["surface"] = "estimate"
         if self.exponent is not None:
-            settings["exponent"] = self._exponent_for(kind)
+            settings["exponent"] = kept_exponent(self.exponent, kind)
         return settings
-
-    def _exponent_for(self, kind: "type[ContactEstimator]") -> float | None:
-        """The exponent that was given, for a method whose law has one."""
-        from palpate.errors import InvalidParameterError
-
-        if "exponent" not in kind().settings:
-            raise InvalidParameterError(
-                f"--exponent is for a method that can keep one; the law of {kind.method} has none"
-            )
-        return self.exponent
 
     def gate(self, contact: "Contact") -> "ContactGate | None":
         """Return the gate asked for, the rest of it chosen from the data; None where none is."""
@@ -232,3 +222,14 @@ class Reading:
         return choose_gate(
             contact, minimum_penetration=self.min_penetration, minimum_force=self.min_force
         )
+
+
+def kept_exponent(exponent: float, kind: "type[ContactEstimator]") -> float:
+    """The exponent that was given, for a method whose law has one."""
+    from palpate.errors import InvalidParameterError
+
+    if "exponent" not in kind().settings:
+        raise InvalidParameterError(
+            f"--exponent is for a method that can keep one; the law of {kind.method} has none"
+        )
+    return exponent

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 _BINS = 40
 # Percentiles between which a histogram is drawn; what is beyond is counted in its title.
 _SPAN = (0.5, 99.5)
+# High over low from which values are drawn on a logarithmic axis: by then half of them can lie in
+# the first of the bars.
+_DECADES = 100.0
 
 
 def draw_distributions(
@@ -26,8 +29,8 @@ def draw_distributions(
 ) -> "Figure":
     """Draw histograms of what was identified, and of how well that is known.
 
-    Stiffness and damping at working depth and the exponent, where the law has one; below each its
-    standard error over its size.
+    Stiffness and damping at working depth and the exponent, where one was identified; below each
+    its standard error over its size.
 
     Parameters
     ----------
@@ -41,7 +44,7 @@ def draw_distributions(
     look = look_of(dark=dark, width=width)
     shown = [("stiffness at working depth", "stiffness_at_depth", "N/m")]
     shown.append(("damping at working depth", "damping_at_depth", "N·s/m"))
-    if "exponent" in table.schema.names:
+    if "exponent" in table.schema.names and _varies(table, "exponent"):
         shown.append(("exponent", "exponent", ""))
     with style(look.theme, look.sheet) as new_figure:
         count, narrow = len(shown), look.sheet.narrow
@@ -53,9 +56,12 @@ def draw_distributions(
             value = numbers(table, column)
             error = numbers(table, f"{column}_standard_error")
             scale = scale_of(_typical(value), unit)
-            _histogram(above, scale.factor * value, scale.label(name), name, look)
+            _histogram(
+                above, scale.factor * value, scale.label(name), name, look,
+                logarithmic=_spans_decades(value),
+            )  # fmt: skip
             with np.errstate(all="ignore"):
-                relative = np.abs(error / value)
+                relative = np.abs(error / value)[np.isfinite(value)]
             _histogram(below, relative, "standard error / value", "", look, logarithmic=True)
     return figure
 
@@ -96,6 +102,20 @@ def draw_repeats(
     return figure
 
 
+def _varies(table: "pa.Table", name: str) -> bool:
+    """Whether a parameter was identified; one that was given has no error."""
+    return bool((numbers(table, f"{name}_standard_error") > 0.0).any())
+
+
+def _spans_decades(values: Floats) -> bool:
+    """Whether most bars of a linear axis would be empty: cells and springs in one archive."""
+    known = values[np.isfinite(values)]
+    if not known.size or known.min() <= 0.0:
+        return False
+    low, high = np.percentile(known, _SPAN).tolist()
+    return bool(high > _DECADES * low)
+
+
 def _typical(values: Floats) -> float:
     known = np.abs(values[np.isfinite(values)])
     return float(np.percentile(known, 90.0)) if known.size else 0.0
@@ -120,6 +140,9 @@ def _histogram(
         beyond = known.size - inside.size
         if beyond and title:
             title = f"{title} ({beyond} beyond)"
+    missing = values.size - known.size
+    if missing and not title:
+        title = f"{missing} without a known error"
     axes.set(xlabel=label, ylabel="contacts")
     axes.locator_params(axis="y", nbins=5)
     head(axes, title, legend=False)

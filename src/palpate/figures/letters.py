@@ -1,5 +1,6 @@
 """Sentences broken into lines by the widths of their letters."""
 
+import functools
 import warnings
 
 
@@ -33,6 +34,14 @@ def wrapped(words: str, width: float, size: float, lines: int) -> str:
 
 def width_of(words: str, size: float) -> float:
     """Width of a line in letters of a size, points."""
+    from matplotlib import rcParams
+
+    return _width_in((*rcParams["font.family"], *rcParams["font.sans-serif"]), words, size)
+
+
+@functools.lru_cache(4096)  # a page's figures share most of their words
+def _width_in(fonts: tuple[str, ...], words: str, size: float) -> float:
+    """Width of a line in the fonts that matplotlib is set to."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 

@@ -1,6 +1,6 @@
 """A map: what was found over where it was found, with its error beside it."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
+# A strip that is longer than so many times its width is drawn wider, or nobody would see across it.
+_LONGEST = 20.0
 Indices = NDArray[np.intp]
 # Cells are drawn where the places fill a grid at least so far.
 _FILLED = 0.6
@@ -78,11 +80,29 @@ def _draw_line(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) -> 
     if what == "value":
         bars = np.where(np.isfinite(found.error), unit.factor * found.error, 0.0)
         axes.errorbar(x, y, bars, fmt="o", color=colour, markersize=size, linewidth=size / 4.0)
+        _mark_line(axes, x, y, found, look)
     else:
         axes.plot(x, y, "o", color=colour, markersize=size)
         axes.set_ylim(bottom=0.0)
     axes.set(xlabel=along.label(found.axes[0]), ylabel=_titled(found, what, unit))
     head(axes, found.quantity.capitalize() if what == "value" else "Its standard error")
+
+
+def _mark_line(axes: "Axes", x: Floats, y: Floats, found: Map, look: Look) -> None:
+    """Mark what is not to be trusted, and at the foot of the panel what has no number."""
+    options: dict[str, Any] = {"color": look.theme.lines[1], "linestyle": "none"}
+    known = np.isfinite(y)
+    if (marked := known & found.mistrusted).any():
+        axes.plot(
+            x[marked], y[marked], "s", fillstyle="none", markersize=look.points(8.0),
+            label="not to be trusted", **options,
+        )  # fmt: skip
+    if not known.all():
+        foot = axes.get_xaxis_transform()
+        axes.plot(
+            x[~known], np.full(np.count_nonzero(~known), 0.02), "x", transform=foot,
+            markersize=look.points(5.0), label="no number", **options,
+        )  # fmt: skip
 
 
 def _draw_plane(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) -> None:
@@ -113,7 +133,14 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) ->
             x[~known], y[~known], "x", color=look.theme.lines[1], markersize=look.points(5.0),
             label="no number",
         )  # fmt: skip
-    if found.units[0] == found.units[1] == "m":
+    marked = known & found.mistrusted
+    if marked.any():
+        axes.plot(
+            x[marked], y[marked], "s", color=look.theme.lines[1], fillstyle="none",
+            markersize=look.points(9.0), label="not to be trusted",
+        )  # fmt: skip
+    wide, high = np.ptp(x), np.ptp(y)
+    if found.units[0] == found.units[1] == "m" and max(wide, high) < _LONGEST * min(wide, high):
         axes.set_aspect("equal", adjustable="box")
     axes.grid(False)
     beyond = _beyond(values[known], low, high)

@@ -1,26 +1,29 @@
-"""Contacts of equal length as arrays: through the whole-curve fit, a block of rows at a time."""
+"""Contacts of equal length as arrays: through the whole-curve fit or the recursion in lanes."""
 
 import json
-from dataclasses import dataclass, field
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.curves import STATUS_WORDS, CurveFits, fit_curves
+from palpate.curves import STATUS_WORDS, CurveFits
 from palpate.diagnosis import Data
+from palpate.diagnosis.left_out import count_of_outliers
 from palpate.digits import rounded
 from palpate.errors import RecordingError
-from palpate.estimate import ADVICE
-from palpate.fleet.at_depth import LawsAtDepth, working_depths
-from palpate.fleet.columns import AT_DEPTH, empty_columns, table_of, table_of_rows
+from palpate.flags import ADVICE_OF, NEGATIVE_DAMPING, NEGATIVE_STIFFNESS
+from palpate.fleet.at_depth import AT_DEPTH, LawsAtDepth, working_depths
+from palpate.fleet.columns import empty_columns, table_of
+from palpate.fleet.curves import Curves
+from palpate.fleet.in_lanes import columns_in_lanes, goes_through_lanes
+from palpate.fleet.outliers import fitted
 from palpate.fleet.rows import failure, in_words, row_of
 from palpate.fleet.settings import Settings
-from palpate.preparation import prepare
-from palpate.preparation.resolution import resolution_of
+from palpate.preparation.resolution import resolutions_of
 from palpate.preparation.suggestions import choose_gate
-from palpate.preparation.velocity import velocity_of
 from palpate.refusals import FEWEST_ABOVE, nothing_taken
 from palpate.validation import Floats
 
@@ -32,74 +35,7 @@ _SHARED = (
     "surface", "surface_range", "exponent", "exponent_range", "offset", "offset_deviation",
     "surface_deviation", "noise", "scale",
 )  # fmt: skip
-_ADVICE = {bits: [words for bit, words in ADVICE.items() if bits & bit] for bits in range(256)}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Curves:
-    """Contacts of equal length, one row each; NaN marks a sample that is not there.
-
-    Attributes
-    ----------
-    time : numpy.ndarray, shape (samples,) or (k, samples)
-        s.
-    penetration, force : numpy.ndarray, shape (k, samples)
-        m and N.
-    velocity : numpy.ndarray, shape (k, samples), optional
-        m/s; worked out from the penetration where it is not given.
-    source : str
-        Where they are from.
-    index : numpy.ndarray of int64, shape (k,)
-        Which contact of the source each is.
-    places : dict
-        ``x``, ``y`` and ``z`` of each, m, where they are known.
-    """
-
-    time: Floats
-    penetration: Floats
-    force: Floats
-    velocity: Floats | None = None
-    source: str = ""
-    index: NDArray[np.int64] | None = None
-    places: dict[str, Floats] = field(default_factory=dict)
-
-    def __len__(self) -> int:
-        return len(self.penetration)
-
-    def clock(self, row: int) -> Floats:
-        """The times of a row, s."""
-        clock: Floats = self.time[row] if self.time.ndim == 2 else self.time
-        return clock
-
-    def known(self) -> "Curves":
-        """The same, with a velocity for each row."""
-        if self.velocity is not None:
-            return self
-        rows = [velocity_of(self.clock(k), x) for k, x in enumerate(self.penetration)]
-        velocity = np.array(rows).reshape(self.penetration.shape)
-        return Curves(
-            self.time, self.penetration, self.force, velocity, self.source, self.index, self.places
-        )
-
-    def contact(self, row: int, settings: Settings) -> Contact:
-        """One of them as a contact, prepared as the settings say.
-
-        Raises
-        ------
-        PalpateError
-            It cannot be.
-        """
-        x, f, t = self.penetration[row], self.force[row], self.clock(row)
-        there = np.isfinite(x) & np.isfinite(f) & np.isfinite(t)
-        velocity = None if self.velocity is None else self.velocity[row][there]
-        return prepare(
-            time=t[there],
-            penetration=x[there],
-            force=f[there],
-            velocity=velocity,
-            source=self.source,
-            **settings.preparation,
-        )
+_NAMES = ("source", "index", "part", "x", "y", "z")
 
 
 def fits_whole_curves(settings: Settings) -> bool:
@@ -135,13 +71,16 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
     RecordingError
         The probe never touches, or there is no free approach.
     """
-    span = float(contact.penetration.min()), float(contact.penetration.max())
+    low, high = float(np.nanmin(contact.penetration)), float(np.nanmax(contact.penetration))
+    # A tip that moves 60 µm through the air is pressed in by 0.1 µm: within an 80th of the range
+    # from its end, which alone would be called its edge.
+    span = low, high + (high - low) / 79.0
     chosen = {"surface_range": span, "offset_deviation": contact.tare_deviation}
     own = Settings(
         method=settings.method, estimator={**chosen, **settings.estimator}, diagnosis="none"
     )
     curve = Curves(
-        contact.time,
+        contact.sample_time * np.arange(float(len(contact))),  # times of a segment begin anew
         contact.penetration[None],
         contact.force[None],
         contact.velocity[None],
@@ -151,17 +90,17 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
     if row["error"] is not None:
         raise RecordingError(row["error"])
     if settings.diagnosis == "input":
-        row["findings"] = [in_words(each) for each in Data(contact).findings]
-    left_to_others = ("source", "index", "part", "x", "y", "z", "version", "settings", "method")
-    for name in left_to_others:
-        del row[name]
+        row["findings"] = _in_words(contact, row["surface"])
+    left_to_others = {*_NAMES, "method", "checked", "version", "settings"}
+    row = {name: value for name, value in row.items() if name not in left_to_others}
     return {**row, "prepared": json.dumps(dict(contact.provenance), ensure_ascii=False)}
 
 
 def identify_curves(curves: Curves, settings: Settings, *, threads: int = 1) -> "pa.Table":
     """Identify each of the curves: a table with a row for each, in their order.
 
-    By the whole-curve fit where the settings allow that, else one by one by the recursion.
+    By the whole-curve fit where the settings allow that, else by the recursion: in lanes what
+    these take, one by one the rest.
 
     Parameters
     ----------
@@ -172,48 +111,67 @@ def identify_curves(curves: Curves, settings: Settings, *, threads: int = 1) -> 
     threads : int
         That share the rows.
     """
-    whole = fits_whole_curves(settings)
-    table = _together(curves, settings, threads) if whole else _one_by_one(curves, settings)
-    return table
+    if fits_whole_curves(settings):
+        return _together(curves, settings, threads)
+    return _by_recursion(curves, settings, threads)
 
 
-def _one_by_one(curves: Curves, settings: Settings) -> "pa.Table":
-    rows = []
-    for k in range(len(curves)):
-        row: dict[str, Any] = _named(curves, k)
-        try:
-            row |= {**row_of(curves.contact(k, settings), settings), "prepared": None}
-        except Exception as error:
-            row |= failure(error)
-        rows.append(row)
-    return table_of_rows(rows, settings)
+def _by_recursion(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
+    """Through lanes what these can say all of; the others one by one."""
+    columns = _named(curves, settings)
+    left = np.ones(len(curves), dtype=np.bool_)
+    if goes_through_lanes(settings):
+        found, rows = columns_in_lanes(curves, settings, threads)
+        left[rows] = False
+        for name, values in found.items():
+            _put(columns[name], rows, values)
+        if settings.diagnosis == "input":
+            for k in rows.tolist():
+                columns["findings"][k] = _findings(curves, k, settings, math.nan)
+    for k in np.flatnonzero(left).tolist():
+        for name, value in _row(curves, k, settings).items():
+            columns[name][k] = value
+    return table_of(columns, settings)
 
 
-def _named(curves: Curves, row: int) -> dict[str, Any]:
-    index = None if curves.index is None else int(curves.index[row])
-    places = {axis: float(values[row]) for axis, values in curves.places.items()}
-    return {"source": curves.source, "index": index, **places}
+def _put(column: Any, rows: NDArray[np.int64], values: Any) -> None:
+    if isinstance(column, np.ndarray):
+        column[rows] = values
+        return
+    for k, value in zip(rows.tolist(), values, strict=True):
+        column[k] = value
 
 
-def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
-    curves = curves.known()
-    velocity = curves.velocity
-    assert velocity is not None
-    chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
-    if not settings.searches_surface and "surface_deviation" not in chosen:
-        chosen["surface_deviation"] = _resolutions(curves.penetration)
-    fits = fit_curves(curves.penetration, velocity, curves.force, threads=threads, **chosen)
+def _row(curves: Curves, row: int, settings: Settings) -> dict[str, Any]:
+    try:
+        return {**row_of(curves.contact(row, settings), settings), "prepared": None}
+    except Exception as error:
+        return failure(error)
+
+
+def _named(curves: Curves, settings: Settings) -> dict[str, Any]:
+    """Columns of which nothing is known but which contacts they are of."""
     columns = empty_columns(settings, len(curves))
     columns["source"] = [curves.source] * len(curves)
     if curves.index is not None:
         columns["index"] = curves.index
-    columns |= curves.places
+    return columns | curves.places
+
+
+def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
+    curves = curves.known()
+    chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
+    if not settings.searches_surface and "surface_deviation" not in chosen:
+        chosen["surface_deviation"] = resolutions_of(curves.penetration, threads=threads)
+    rejects = settings.estimator.get("outlier_rejection") is not False
+    fits, kept, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
+    columns = _named(curves, settings)
     columns |= _numbers(fits)
-    columns |= _at_depths(curves, fits)
+    columns |= _at_depths(kept, fits, threads)
     columns["samples"] = _samples(curves)
     columns["taken"] = fits.taken
     columns["fit"] = ["whole-curve"] * len(curves)
-    columns["flags"] = _flags(fits)
+    columns["flags"] = _flags(fits, left_out)
     errors = _errors(curves, fits, settings)
     for k, error in errors.items():
         for name, values in columns.items():
@@ -223,7 +181,7 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
         columns["error"][k], columns["error_kind"][k] = str(error), type(error).__name__
     if settings.diagnosis == "input":
         for k in range(len(curves)):
-            columns["findings"][k] = _findings(curves, k, settings)
+            columns["findings"][k] = _findings(curves, k, settings, columns["surface"][k])
     return table_of(columns, settings)
 
 
@@ -236,11 +194,6 @@ def _samples(curves: Curves) -> NDArray[np.int64]:
         there = np.isfinite(curves.penetration[k]) & np.isfinite(curves.force[k])
         whole[k] = np.count_nonzero(there)
     return whole
-
-
-def _resolutions(penetration: Floats) -> Floats:
-    """How well the surface of each is known, m; 0 where that is exactly, as far as can be seen."""
-    return np.array([resolution_of(row) or 0.0 for row in penetration])
 
 
 def _numbers(fits: CurveFits) -> dict[str, Any]:
@@ -257,9 +210,9 @@ def _numbers(fits: CurveFits) -> dict[str, Any]:
     return found
 
 
-def _at_depths(curves: Curves, fits: CurveFits) -> dict[str, Floats]:
-    depth = working_depths(curves.penetration, curves.force, fits)
-    found: dict[str, Floats] = {"depth": depth}
+def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Floats]:
+    depth, largest = working_depths(curves.penetration, curves.force, fits, threads=threads)
+    found: dict[str, Floats] = {"depth": depth, "largest_depth": largest}
     laws = LawsAtDepth.of(fits, depth)
     for name in AT_DEPTH:
         value, error = getattr(laws, name)
@@ -267,28 +220,30 @@ def _at_depths(curves: Curves, fits: CurveFits) -> dict[str, Floats]:
     return found
 
 
-def _flags(fits: CurveFits) -> list[Any]:
+def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
     few = fits.taken < 30  # ten samples a parameter
-    negative = fits.damping < 0.0
+    pulling, giving = fits.stiffness < 0.0, fits.damping < 0.0
     unsettled = fits.status == STATUS_WORDS.index("did not settle")
-    flags: list[Any] = [_ADVICE[bits] for bits in fits.flags.tolist()]
-    for k in np.flatnonzero(few | negative | unsettled).tolist():
+    flags: list[Any] = [ADVICE_OF[bits] for bits in fits.flags.tolist()]
+    for k in np.flatnonzero(few | pulling | giving | unsettled | (left_out > 0)).tolist():
         more = [f"only {fits.taken[k]} samples in contact"] if few[k] else []
-        if negative[k]:
-            words = "negative damping: this law gives energy back, which no passive material does"
-            more.append(words)
+        more += [NEGATIVE_STIFFNESS] if pulling[k] else []
+        more += [NEGATIVE_DAMPING] if giving[k] else []
         if unsettled[k]:
             more.append("the search for the least squares did not settle: others may fit better")
+        if left_out[k]:
+            count = int(left_out[k])
+            more.append(count_of_outliers(count, count + int(fits.taken[k])))
         flags[k] = [*flags[k], *more]
     return flags
 
 
 def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, RecordingError]:
     """Why some have no numbers: as :func:`palpate.identify` says it."""
-    found = {}
     where = f"{curves.source}: " if curves.source else ""
+    found = {k: RecordingError(f"{where}{words}") for k, words in curves.wrong_clocks().items()}
     for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
-        found[k] = RecordingError(_why_nothing(curves, k))
+        found.setdefault(k, RecordingError(_why_nothing(curves, k)))
     if settings.searches_surface:
         above = (curves.penetration < fits.surface[:, None]).sum(axis=1)
         for k in np.flatnonzero(above < FEWEST_ABOVE).tolist():
@@ -312,8 +267,16 @@ def _why_nothing(curves: Curves, row: int) -> str:
     return nothing_taken(contact, choose_gate(contact))
 
 
-def _findings(curves: Curves, row: int, settings: Settings) -> list[str]:
+def _findings(curves: Curves, row: int, settings: Settings, surface: float) -> list[str]:
     try:
-        return [in_words(each) for each in Data(curves.contact(row, settings)).findings]
+        contact = curves.contact(row, settings)
     except Exception as error:
         return [f"do-not-trust: file: {error}"]
+    return _in_words(contact, surface)
+
+
+def _in_words(contact: Contact, surface: float) -> list[str]:
+    """What the checks say of the data, the penetration counted from the surface that was found."""
+    if math.isfinite(surface):
+        contact = replace(contact, penetration=contact.penetration - surface)
+    return [in_words(each) for each in Data(contact).findings]

@@ -4,20 +4,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate import _core
 from palpate.curves import CurveFits
-from palpate.preparation.suggestions import NOISE_FACTOR
+from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 
 Numbers = tuple[Floats, Floats]
-#: Rows that are sorted together: 32 of 1000 samples stay in a core's own memory.
-_ROWS = 32
+#: At the working depth: what it is, and its unit.
+AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 
 
-def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Floats:
-    """Median penetration of each row where force is firm, m; NaN where it never is.
+def working_depths(
+    penetration: Floats, force: Floats, fits: CurveFits, *, threads: int = 1
+) -> Numbers:
+    """Median and largest penetration of each row where contact is firm, m; NaN where it never is.
 
-    Firm is beyond ten times the noise, kept between 1 % and 10 % of the largest force, as the gate
-    of :func:`palpate.choose_gate` has it.
+    Firm is what the gate of :func:`palpate.choose_gate` takes, at whose median
+    :func:`palpate.identify` works: not what the law leaves decides, but the noise.
 
     Parameters
     ----------
@@ -27,32 +30,12 @@ def working_depths(penetration: Floats, force: Floats, fits: CurveFits) -> Float
         N.
     fits : CurveFits
         Of these rows.
+    threads : int
+        That share the rows.
     """
-    found = np.full(len(penetration), np.nan)
-    for start in range(0, len(penetration), _ROWS):
-        some = slice(start, start + _ROWS)
-        x, f = penetration[some] - fits.surface[some, None], force[some] - fits.offset[some, None]
-        touching = (x > 0.0) & (f > 0.0)
-        largest = _percentile(np.where(touching, f, np.inf), touching.sum(axis=1), 0.99)
-        limit = np.clip(NOISE_FACTOR * fits.noise[some], 0.01 * largest, 0.10 * largest)
-        firm = touching & (f > limit[:, None])
-        found[some] = _percentile(np.where(firm, x, np.inf), firm.sum(axis=1), 0.5)
-    return found
-
-
-def _percentile(
-    values: Floats, counts: "np.ndarray[tuple[int], np.dtype[np.int64]]", part: float
-) -> Floats:
-    """A percentile of the first so many of each row, once sorted, by linear interpolation."""
-    order = np.sort(values, axis=1)
-    place = part * np.maximum(counts - 1, 0)
-    low = place.astype(np.int64)
-    high = np.minimum(low + 1, np.maximum(counts - 1, 0))
-    rows = np.arange(len(values))
-    left, right = order[rows, low], order[rows, high]
-    with np.errstate(invalid="ignore"):
-        found: Floats = left + (place - low) * (right - left)
-    return np.where(counts > 0, found, np.nan)
+    found = np.empty((len(penetration), 2))
+    _core.working_depths(penetration, force, fits.surface, found, threads)
+    return found[:, 0].copy(), found[:, 1].copy()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,3 +78,48 @@ def _error(gradient: list[Floats], fits: CurveFits) -> Floats:
     variance = np.einsum("ki,kij,kj->k", g, fits.covariance, g)
     found: Floats = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
     return found
+
+
+def numbers_at_depth(
+    law: type[ForceLaw], parameters: Floats, covariance: Floats, depth: Floats
+) -> dict[str, Floats]:
+    """Force, stiffness and damping at a depth, with errors by the delta method: √(gᵀ C g).
+
+    Parameters
+    ----------
+    law : type
+        The force law.
+    parameters, covariance : numpy.ndarray, shape (k, p) and (k, p, p)
+        Of the laws, SI.
+    depth : numpy.ndarray, shape (k,)
+        Of each, m.
+
+    Returns
+    -------
+    dict
+        Columns by name, shape (k,).
+    """
+    size = parameters.shape[1]
+    with np.errstate(all="ignore"):
+        errors = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
+        # By differences over a hundredth of an error, in which a law is as good as linear.
+        steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
+        values = _three(law, parameters, depth)
+        gradients = np.empty((size, *values.shape))
+        for k in range(size):
+            change = np.zeros_like(parameters)
+            change[:, k] = steps[:, k]
+            high, low = (_three(law, parameters + by, depth) for by in (change, -change))
+            gradients[k] = (high - low) / (2.0 * steps[:, k])
+        variances = np.einsum("iqk,kij,jqk->qk", gradients, covariance, gradients)
+        found = np.where(variances >= 0.0, np.sqrt(np.maximum(variances, 0.0)), np.nan)
+    columns = {}
+    for name, value, error in zip(AT_DEPTH, values, found, strict=True):
+        columns[f"{name}_at_depth"], columns[f"{name}_at_depth_standard_error"] = value, error
+    return columns
+
+
+def _three(law: type[ForceLaw], parameters: Floats, depth: Floats) -> Floats:
+    """Force, stiffness and damping, shape (3, k)."""
+    force = law.forces(parameters, depth[:, None], np.zeros((len(depth), 1)))
+    return np.stack([force[:, 0], *law.many_at(parameters, depth)])

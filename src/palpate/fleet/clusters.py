@@ -1,9 +1,11 @@
 """Where a fleet runs: processes of this machine, or the workers of a scheduler."""
 
+import asyncio
 import os
 import signal
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -15,6 +17,8 @@ from palpate.fleet.extras import cores, needed
 PATIENCE = 10.0
 LOOPBACK = "127.0.0.1"
 _ASK_AGAIN = 5.0  # s
+#: States of a nanny that starts no worker any more.
+_GONE = ("failed", "closed")
 _DASHBOARD = f"{LOOPBACK}:8787"
 #: One thread a worker: arithmetic that starts threads of its own would only wait for them.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -55,6 +59,7 @@ def client_of(
 @contextmanager
 def _named(distributed: Any, scheduler: str) -> Iterator[Any]:
     try:
+        _check_address(scheduler)
         client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError, TimeoutError) as error:
         words = " ".join(str(error).split()) or type(error).__name__
@@ -66,6 +71,19 @@ def _named(distributed: Any, scheduler: str) -> Iterator[Any]:
         yield client
     finally:
         client.close()
+
+
+def _check_address(scheduler: str) -> None:
+    """Reach a scheduler once: a client that is made of what does not answer ends in a traceback."""
+    comm = needed("distributed.comm", "a fleet")
+    keys = needed("distributed.security", "a fleet").Security().get_connection_args("client")
+
+    async def reach() -> None:
+        found = await comm.connect(scheduler, timeout=PATIENCE, **keys)
+        await found.close()
+
+    with ThreadPoolExecutor(1) as apart:  # from an event loop of the caller's
+        apart.submit(asyncio.run, reach()).result()
 
 
 @contextmanager
@@ -109,13 +127,20 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
 def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
     """Ask for the workers again and again: one that ends may not be started anew by its nanny.
 
-    Seen where a worker ended in the moment at which it was given a task; with none left, the rest
-    would wait for ever.
+    Seen where a worker ended in the moment at which it was given a task, and where it ended before
+    it had started: that nanny has failed, and counts as a worker none the less. With none left, the
+    rest would wait for ever.
     """
     ended = threading.Event()
 
     def ask() -> None:
         while not ended.wait(_ASK_AGAIN):
+            failed = [
+                name for name, each in dict(cluster.workers).items() if each.status.name in _GONE
+            ]
+            if failed:
+                with suppress(Exception):  # one that is started instead may end as early
+                    cluster.sync(cluster.scale_down, failed)
             with suppress(Exception):
                 cluster.scale(workers)
 

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from palpate.fleet.at_depth import AT_DEPTH
 from palpate.fleet.extras import needed
 from palpate.fleet.settings import Settings
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-#: At the working depth: what it is, and its unit.
-AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 WHOLE, TEXT, TEXTS, NUMBER, NUMBERS = "int64", "string", "texts", "float64", "numbers"
 
 
@@ -54,11 +53,13 @@ def columns_of(settings: Settings) -> list[Column]:
         Column("surface", NUMBER, "m", "of the penetration; NaN where it is not estimated"),
         Column("surface_standard_error", NUMBER, "m", "of the surface"),
         Column("depth", NUMBER, "m", "working depth: median penetration below the surface"),
+        Column("largest_depth", NUMBER, "m", "largest penetration below the surface, in contact"),
         *_at_depth(),
         Column("residual", NUMBER, "N", "standard deviation of what the law leaves of the force"),
         Column("samples", WHOLE, "", "of the contact"),
         Column("taken", WHOLE, "", "samples that the estimate is made of"),
         Column("flags", TEXTS, "", "what to know before trusting the numbers"),
+        Column("checked", TEXT, "", "which checks were asked for: none, input or full"),
         Column("findings", TEXTS, "", "severity, check and sentence; null where none was made"),
         *(
             Column(f"verdict{name}", TEXT, "", f"{words}; null without a full diagnosis")
@@ -130,6 +131,7 @@ def empty_columns(settings: Settings, count: int) -> dict[str, Any]:
     for each in columns_of(settings):
         nothing[each.name] = np.full(count, np.nan) if each.kind == NUMBER else [None] * count
     nothing["method"] = [settings.method] * count
+    nothing["checked"] = [settings.diagnosis] * count
     nothing["version"] = [settings.version] * count
     nothing["settings"] = [settings.digest] * count
     return nothing

@@ -8,7 +8,8 @@ from typing import Any
 
 from palpate.errors import MissingExtraError, RecordingError
 from palpate.fleet.extras import needed
-from palpate.fleet.stored import described_array, is_array
+from palpate.fleet.results import MANIFEST
+from palpate.fleet.stored import described_array, is_array, stamp_of
 from palpate.fleet.tasks import Source
 from palpate.recordings.formats import FORCE_CURVES, FORMATS
 from palpate.recordings.recording import printable
@@ -41,21 +42,21 @@ def sources_of(
     """
     found: dict[str, Source] = {}
     for name in names:
-        here = len(found)
         text = os.fspath(name)
         kind = _remote if "://" in text else _local
-        for source in kind(text, leave_out):
-            found.setdefault(source.name, source)
-        if len(found) == here and not any(_within(text, each) for each in found):
+        listed = [(_identity(source.name), source) for source in kind(text, leave_out)]
+        if not listed:
             raise RecordingError(
                 f"{text}: there is no recording here; recordings end in {', '.join(_ENDINGS)}"
             )
+        for identity, source in listed:
+            found.setdefault(identity, source)
     return list(found.values())
 
 
-def _within(text: str, name: str) -> bool:
-    """Whether a source that is listed already is what a name stands for."""
-    return name.startswith(text) or bool(glob.has_magic(text))
+def _identity(name: str) -> str:
+    """The same for every name of one file, which is one contact however it is named."""
+    return name if "://" in name else os.path.realpath(name)
 
 
 def _local(text: str, leave_out: Path | None) -> Iterator[Source]:
@@ -66,28 +67,59 @@ def _local(text: str, leave_out: Path | None) -> Iterator[Source]:
         return
     if not path.exists():
         raise RecordingError(f"{printable(path)}: there is no such file or folder")
+    if leave_out is not None and _same(path, leave_out):
+        raise RecordingError(f"{printable(path)}: is the folder of the results; choose another")
     yield from _at(path, leave_out, named=True)
 
 
-def _at(path: Path, leave_out: Path | None, *, named: bool = False) -> Iterator[Source]:
-    """What a path holds; a file that was named is one whatever its name ends with."""
-    if path.is_dir():
-        if is_array(str(path)):
-            yield described_array(str(path))
-        elif (path / _BAG).is_file():  # a bag of ROS 2 is a folder
-            yield Source(printable(path), "file", stamp=_stamp(path / _BAG))
-        elif leave_out is None or not _same(path, leave_out):
-            for each in sorted(path.iterdir()):
-                if not each.name.startswith((".", "_")):
-                    yield from _at(each, leave_out)
-    elif path.name.lower().endswith(".zarr.zip"):
-        yield described_array(str(path))
-    elif named or path.name.lower().endswith(_ENDINGS):
-        yield _file(str(path), path)
+def _at(
+    path: Path, leave_out: Path | None, above: tuple[str, ...] = (), *, named: bool = False
+) -> Iterator[Source]:
+    """What a path holds; a file that was named is one whatever its name ends with.
+
+    What cannot be read is a source too, of which a row will say that, unless it was named.
+    """
+    name = str(path)
+    if path.is_dir() and not is_array(name):
+        yield from _in_folder(path, leave_out, above)
+    elif is_array(name):
+        yield described_array(name) if named else _found_array(name)
+    elif named or (path.name.lower().endswith(_ENDINGS) and (path.is_file() or _dangling(path))):
+        yield _file(name, path)
+
+
+def _in_folder(path: Path, leave_out: Path | None, above: tuple[str, ...]) -> Iterator[Source]:
+    here = os.path.realpath(path)
+    if (path / _BAG).is_file():  # a bag of ROS 2 is a folder
+        yield Source(printable(path), "file", stamp=stamp_of(str(path)))
+        return
+    results = leave_out is not None and _same(path, leave_out)
+    if results or here in above or (path / MANIFEST).is_file():  # results, of whichever run
+        return
+    try:
+        inside = sorted(path.iterdir())
+    except OSError as error:
+        raise RecordingError(f"{printable(path)}: {error.strerror or error}") from None
+    for each in inside:
+        if not each.name.startswith((".", "_")):
+            yield from _at(each, leave_out, (*above, here))
+
+
+def _found_array(name: str) -> Source:
+    """An array that was found on the way: what is wrong with it is for its row to say."""
+    try:
+        return described_array(name)
+    except RecordingError:
+        return Source(name, "zarr", 1)
+
+
+def _dangling(path: Path) -> bool:
+    """Whether it is a link to what is not there; a pipe would be waited for without end."""
+    return path.is_symlink() and not path.exists()
 
 
 def _file(name: str, path: Path) -> Source:
-    stamp = _stamp(path)
+    stamp = stamp_of(str(path))
     if path.name.lower().endswith(_MAPS):
         return Source(name, "map", _curves_in(path), stamp=stamp)
     return Source(name, "file", stamp=stamp)
@@ -106,11 +138,6 @@ def _curves_in(path: Path) -> int | None:
         return count_curves(path)
     except RecordingError:
         return None
-
-
-def _stamp(path: Path) -> str:
-    status = path.stat()
-    return f"{status.st_size} {status.st_mtime_ns}"
 
 
 def _same(one: Path, other: Path) -> bool:
@@ -133,7 +160,7 @@ def _remote(text: str, leave_out: Path | None) -> Iterator[Source]:
         raise RecordingError(f"{text}: cannot be listed: {_line(error)}") from None
     arrays = _arrays_among(entries)
     for name in sorted(arrays):
-        yield described_array(f"{protocol}://{name}")
+        yield _found_array(f"{protocol}://{name}")
     for name, about in entries:
         if any(name.startswith(f"{array}/") for array in arrays):
             continue

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.estimators import ContactEstimator
-from palpate.fleet.arrays import Curves, identify_curves
+from palpate.fleet.arrays import identify_curves
 from palpate.fleet.columns import table_of_rows
+from palpate.fleet.curves import Curves
 from palpate.fleet.extras import cores
 from palpate.fleet.rows import Row, failure, rows_of
 from palpate.fleet.settings import DiagnosisDepth, Settings
@@ -40,7 +41,9 @@ def identify_many(
     """Identify many contacts: a table with a row for each.
 
     Contacts of equal length are best given as arrays: the default method then fits all of them at
-    once, by the whole-curve fit of :func:`palpate.curves.fit_curves`, hundreds of times as quick.
+    once, by the whole-curve fit of :func:`palpate.curves.fit_curves`, hundreds of times as quick;
+    recursions that a gate feeds, such as ``"single-stage"``, go through vector lanes, as
+    :func:`palpate.lanes.replay_lanes` has them, where the clock is even.
 
     Parameters
     ----------

@@ -1,14 +1,17 @@
 """What a fleet found, over where it was found."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
-from palpate.fleet.columns import AT_DEPTH
+from palpate.flags import NEGATIVE_STIFFNESS
+from palpate.fleet.at_depth import AT_DEPTH
 from palpate.fleet.rows import at_depth
 from palpate.force_laws import FORCE_LAWS
 from palpate.results.summary import depth_in_words
@@ -45,6 +48,13 @@ class Map:
         Of the results, of which some may have no place.
     failures : int
         Places without a number.
+    shallow : int
+        Of these, places that were not pressed to the depth.
+    mistrusted : numpy.ndarray of bool, shape (k,)
+        Places whose number is not to be trusted, by verdict, findings or flags; or, but for the
+        damping, is less than its error.
+    doubts : tuple of str
+        What is said of how many of the places, in words, beside notes.
     """
 
     quantity: str
@@ -58,6 +68,9 @@ class Map:
     depths: tuple[float, float]
     rows: int
     failures: int
+    shallow: int
+    mistrusted: NDArray[np.bool_]
+    doubts: tuple[str, ...]
 
     @property
     def where(self) -> str:
@@ -75,7 +88,8 @@ class Map:
         """What the map says, in a line."""
         known = self.value[np.isfinite(self.value)]
         if not known.size:
-            return f"no {self.quantity} at any of {len(self.value)} places"
+            nothing = f"no {self.quantity} {self.where} at any of {len(self.value)} places"
+            return "; ".join([nothing, *self._beside])
         error = float(np.nanmedian(self.error)) if np.isfinite(self.error).any() else np.nan
         low, high = (rounded(float(v), 3) for v in np.percentile(known, (5.0, 95.0)))
         middle = with_error(float(np.median(known)), error, unit=self.unit)
@@ -83,13 +97,25 @@ class Map:
             f"{self.quantity} {self.where}: median {middle} (of one place), 5 to 95 % of "
             f"{known.size} places {low} to {high} {self.unit}".rstrip()
         )
+        return "; ".join([words, *self._beside])
+
+    @property
+    def _beside(self) -> list[str]:
+        """What to know beside the numbers."""
+        words = []
+        failures = self.failures - self.shallow
+        if failures:
+            words.append(f"{failures} {'place has' if failures == 1 else 'places have'} no number")
+        if self.shallow:
+            were = "place was" if self.shallow == 1 else "places were"
+            words.append(f"{self.shallow} {were} not pressed so deep")
         left = self.rows - len(self.value)
-        if self.failures:
-            have = "place has" if self.failures == 1 else "places have"
-            words += f"; {self.failures} {have} no number"
         if left:
-            words += f"; {left} {'row has' if left == 1 else 'rows have'} no place"
-        return words
+            words.append(f"{left} {'row has' if left == 1 else 'rows have'} no place")
+        hidden = len(self.places) - len(np.unique(self.places, axis=0))
+        if hidden and len(self.axes) > 1:
+            words.append(f"{hidden} {'lies' if hidden == 1 else 'lie'} on others")
+        return [*words, *self.doubts]
 
 
 def map_of(
@@ -128,7 +154,14 @@ def map_of(
                 f"by: no row has a number in {axis}; {', '.join(known) or 'none'} of the places do"
             )
     value, error, depths = _values(results, of, depth)
-    there = np.isfinite(places).all(axis=1)
+    short = np.zeros(len(value), dtype=bool)
+    if depth is not None and of != "exponent":  # beyond, the law is extrapolated
+        short = np.isfinite(value) & ~(_numbers(results, "largest_depth") >= depth)
+        value, error = np.where(short, np.nan, value), np.where(short, np.nan, error)
+    mistrusted = mistrusted_of(results, of)
+    if of != "damping":  # which is often next to none, and then known no better than it is large
+        mistrusted |= error > np.abs(value)
+    there: NDArray[np.bool_] = np.all(np.isfinite(places), axis=1)
     fields = [results.schema.field(name) for name in axes]
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
     deep = depths[there & np.isfinite(depths)]
@@ -145,7 +178,49 @@ def map_of(
         span,
         results.num_rows,
         int(np.count_nonzero(~np.isfinite(value[there]))),
+        int(np.count_nonzero(short[there])),
+        mistrusted[there],
+        _doubts(results, there),
     )
+
+
+def mistrusted_of(results: "pa.Table", of: str) -> NDArray[np.bool_]:
+    """Say of each row whether its number is not to be trusted, by verdict, findings or flags."""
+    verdict = f"verdict_{of}" if of in ("stiffness", "damping") else "verdict"
+    marks = (f"{of} not", f"{of} at the edge", NEGATIVE_STIFFNESS)
+    columns = (results.column(name).to_pylist() for name in (verdict, "findings", "flags"))
+    return np.array(
+        [
+            mark == "do-not-trust"
+            or (mark is None and any(words.startswith("do-not-trust") for words in findings or ()))
+            or any(words.startswith(marks) for words in flags or ())
+            for mark, findings, flags in zip(*columns, strict=True)
+        ],
+        dtype=bool,
+    )
+
+
+def _doubts(results: "pa.Table", there: NDArray[np.bool_]) -> tuple[str, ...]:
+    """What the checks say of how many places, the worst and the most frequent first."""
+    kinds: Counter[tuple[str, str]] = Counter()
+    unchecked = 0
+    columns = (results.column(name).to_pylist() for name in ("checked", "findings"))
+    for checked, findings, inside in zip(*columns, there.tolist(), strict=True):
+        if inside:
+            unchecked += checked == "none"
+            kinds.update({_kind(words) for words in findings or ()})
+    said = sorted(
+        (severity, -count, check)
+        for (severity, check), count in kinds.items()
+        if severity != "note"
+    )
+    words = [f"{severity}, {check}: {-count} of the places" for severity, count, check in said]
+    return (*words, *(["the data were not checked"] if unchecked else []))
+
+
+def _kind(words: str) -> tuple[str, str]:
+    severity, check, *_ = words.split(": ")
+    return severity, check
 
 
 def _numbers(results: "pa.Table", name: str) -> Floats:

@@ -82,6 +82,19 @@ class Results:
         there = {int(found[1]) for each in _names(self.folder) if (found := _PART.fullmatch(each))}
         return [batch for batch in self.batches if batch.number not in there]
 
+    def error_kinds(self) -> list[str | None]:
+        """Why rows that are there have no numbers; None of one that has.
+
+        Raises
+        ------
+        FleetError
+            They cannot be read.
+        """
+        kinds: list[str | None] = []
+        if _parts(self.folder):
+            kinds = _joined(self.folder, self.folder, ["error_kind"])["error_kind"].to_pylist()
+        return kinds
+
     def write(self, batch: Batch, table: "pa.Table", seconds: Floats) -> None:
         """Write the rows of a batch, whole or not at all; its times first.
 
@@ -139,14 +152,14 @@ def manifest_of(folder: Path) -> dict[str, Any]:
     return _manifest(folder)
 
 
-def _joined(folder: Path, place: Path) -> "pa.Table":
+def _joined(folder: Path, place: Path, columns: list[str] | None = None) -> "pa.Table":
     pa = needed("pyarrow", "a table of contacts")
     parquet = needed("pyarrow.parquet", "a table of contacts")
     parts = _parts(place)
     if not parts:
         raise FleetError(f"{folder}: holds no results yet")
     try:
-        return pa.concat_tables([parquet.read_table(part) for part in parts])
+        return pa.concat_tables([parquet.read_table(part, columns=columns) for part in parts])
     except (OSError, pa.ArrowException) as error:
         words = " ".join(str(error).split())
         raise FleetError(f"{folder}: cannot be read: {words}") from None

@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Finding
-from palpate.fleet.columns import AT_DEPTH
+from palpate.fleet.at_depth import AT_DEPTH, numbers_at_depth
 from palpate.fleet.settings import Settings
 from palpate.force_laws import ForceLaw
 from palpate.identification import Identification
@@ -63,14 +63,14 @@ def row_of(contact: Contact, settings: Settings) -> Row:
     left = contact.force[result.trace.taken] - result.fitted_force[result.trace.taken]
     row["residual"] = float(np.sqrt(np.mean(left**2))) if left.size else math.nan
     row["taken"] = int(np.count_nonzero(result.trace.taken))
+    row["largest_depth"] = result.largest_depth
     row["flags"] = list(result.flags)
     row["prepared"] = json.dumps(dict(contact.provenance), ensure_ascii=False)
     if settings.diagnosis == "full":
         return row | _diagnosed(result)
     if settings.diagnosis == "input":
         row["findings"] = [in_words(finding) for finding in data.findings]
-    depths = result._depths  # of the diagnosis, which is not asked for here
-    return row | (at_depth(law, result.covariance, depths[0]) if depths else {})
+    return row | (at_depth(law, result.covariance, result.depths[0]) if result.depths else {})
 
 
 def failure(error: BaseException) -> Row:
@@ -86,24 +86,8 @@ def in_words(finding: Finding) -> str:
 
 def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:
     """Force, stiffness and damping at a depth, with errors by the delta method: √(gᵀ C g)."""
-    row: Row = {"depth": depth}
-    values = _at_depth(law, depth)
-    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    # By differences over a hundredth of an error, in which a law is as good as linear.
-    steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
-    gradients = np.empty((len(steps), len(values)))
-    with np.errstate(all="ignore"):
-        for k, step in enumerate(steps.tolist()):
-            up, down = law.parameters, law.parameters
-            up[k], down[k] = up[k] + step, down[k] - step
-            high = _at_depth(law.from_parameters(up), depth)
-            low = _at_depth(law.from_parameters(down), depth)
-            gradients[k] = (high - low) / (2.0 * step)
-        variances = np.einsum("iq,ij,jq->q", gradients, covariance, gradients)
-        found = np.where(variances >= 0.0, np.sqrt(np.maximum(variances, 0.0)), np.nan)
-    for name, value, error in zip(AT_DEPTH, values.tolist(), found.tolist(), strict=True):
-        row |= {f"{name}_at_depth": value, f"{name}_at_depth_standard_error": error}
-    return row
+    columns = numbers_at_depth(type(law), law.parameters[None], covariance[None], np.array([depth]))
+    return {"depth": depth, **{name: float(value[0]) for name, value in columns.items()}}
 
 
 def place_in_notes(notes: "dict[str, str]") -> Row:
@@ -129,10 +113,6 @@ def _parameters(law: ForceLaw, covariance: Floats) -> Row:
     for name, value, error in parts:
         row |= {name: value, f"{name}_standard_error": error}
     return row
-
-
-def _at_depth(law: ForceLaw, depth: float) -> Floats:
-    return np.array([law.force(depth, 0.0), law.stiffness_at(depth), law.damping_at(depth)])
 
 
 def _diagnosed(result: Identification) -> Row:

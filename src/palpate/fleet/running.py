@@ -48,19 +48,24 @@ class Fleet:
     reused : int
         Of these, what was there from an earlier run.
     failures : int
-        Rows that this run wrote with a reason in place of numbers.
+        Rows with a reason in place of numbers, those of earlier runs too.
+    identified : int
+        Rows with numbers, those of earlier runs too.
     rows : int
         That this run wrote.
     seconds : float
         From the first batch to the last.
     busy : float
         What the batches took together, s of one worker.
+    reasons : dict
+        How many rows failed with each class of error.
     """
 
     folder: Path
     contacts: int
     reused: int = 0
     failures: int = 0
+    identified: int = 0
     rows: int = 0
     seconds: float = 0.0
     busy: float = 0.0
@@ -119,6 +124,7 @@ def run_fleet(
     fleet = Fleet(folder, total, total - sum(batch.contacts for batch in waiting))
     report = progress or (lambda done, total: None)
     report(fleet.reused, total)
+    _count(fleet, results.error_kinds())
     if not waiting:
         return fleet
     with client_of(workers=workers, scheduler=scheduler, dashboard=dashboard) as client:
@@ -126,18 +132,20 @@ def run_fleet(
         done = fleet.reused
         for batch, (table, seconds) in _worked(client, waiting, settings):
             results.write(batch, table, seconds)
-            _count(fleet, table, seconds)
+            _count(fleet, table["error_kind"].to_pylist())
+            fleet.rows += table.num_rows
+            fleet.busy += float(seconds.sum())
             done += batch.contacts
             report(done, total)
         fleet.seconds = time.perf_counter() - begun
     return fleet
 
 
-def _count(fleet: Fleet, table: "pa.Table", seconds: Floats) -> None:
-    failed = [kind for kind in table["error_kind"].to_pylist() if kind is not None]
-    fleet.rows += table.num_rows
+def _count(fleet: Fleet, kinds: Sequence[str | None]) -> None:
+    """Count rows by why they have no numbers; None where they have."""
+    failed = [kind for kind in kinds if kind is not None]
     fleet.failures += len(failed)
-    fleet.busy += float(seconds.sum())
+    fleet.identified += len(kinds) - len(failed)
     for kind in failed:
         fleet.reasons[kind] = fleet.reasons.get(kind, 0) + 1
 

@@ -1,7 +1,9 @@
 """Contacts that are stored as arrays, curves × samples, by Zarr; and files in object storage."""
 
+import hashlib
 import math
 import os
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
@@ -10,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from palpate.errors import RecordingError
-from palpate.fleet.arrays import Curves
+from palpate.fleet.curves import Curves
 from palpate.fleet.extras import needed
 from palpate.fleet.tasks import Source
 from palpate.recordings.units import UNITS, plain_unit
@@ -49,8 +51,31 @@ def described_array(name: str) -> Source:
     """
     group = _opened(name)
     shape, chunks = _shape(group, name)
-    stamp = f"{shape} {chunks} {sorted(group.array_keys())} {group.attrs.get(_CLOCK)}"
-    return Source(name, "zarr", shape[0], shape[1], chunks[0], stamp)
+    if not shape[0]:
+        raise RecordingError(f"{name}: holds no contact: penetration and force have no row")
+    return Source(name, "zarr", shape[0], shape[1], chunks[0], stamp_of(name))
+
+
+def stamp_of(name: str) -> str:
+    """What would change if something was written again: how many files, sizes, latest time."""
+    if "://" in name:
+        fsspec = needed("fsspec", "object storage")
+        files, root = fsspec.core.url_to_fs(name)
+        known = files.find(root, detail=True).values()
+        marks = sorted(
+            f"{about['name']} {about.get('size')} {about.get('ETag') or about.get('mtime') or ''}"
+            for about in known
+        )
+        return hashlib.sha256("\n".join(marks).encode()).hexdigest()[:16]
+    try:
+        status = [os.stat(name)]  # noqa: PTH116 - of text
+        for folder, _, inside in os.walk(name):
+            status += [os.stat(f"{folder}/{each}") for each in inside]  # noqa: PTH116
+    except OSError as error:  # its row will say it
+        return str(error.strerror)
+    whole = [each for each in status if not stat.S_ISDIR(each.st_mode)]
+    size, latest = sum(each.st_size for each in whole), max(each.st_mtime_ns for each in status)
+    return f"{len(whole)} {size} {latest}"
 
 
 def curves_of(name: str, first: int, count: int) -> Curves:
@@ -156,6 +181,11 @@ def _shape(group: Any, name: str) -> tuple[tuple[int, int], tuple[int, int]]:
             f"{name}: penetration and force must be of one shape, curves × samples, not "
             f"{tuple(group['penetration'].shape)} and {shape}"
         )
+    for channel in known & set(_CHANNELS):
+        if group[channel].dtype.kind not in "fiu":
+            raise RecordingError(
+                f"{name}: {channel} is an array of {group[channel].dtype}, not of real numbers"
+            )
     for channel in ("velocity", "x", "y", "z"):
         wanted = shape if channel == "velocity" else shape[:1]
         if channel in known and tuple(group[channel].shape) != wanted:
@@ -174,12 +204,26 @@ def _in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
         raise RecordingError(f"{name}: {array.basename} is in {word}, not in {', '.join(known)}")
     taken = array[:] if kind == "time" and array.ndim == 1 else array[rows]
     values: Floats = np.asarray(taken, dtype=np.float64)
+    # As netCDF and xarray pack numbers: what is missing, then a factor, then an offset.
+    for missing in ("_FillValue", "missing_value"):
+        if isinstance(attributes.get(missing), int | float):
+            values = np.where(values == attributes[missing], np.nan, values)
+    factor, offset = (_packing(attributes, kind, name) for kind in ("scale_factor", "add_offset"))
+    if (factor, offset) != (1.0, 0.0):
+        values = values * factor + offset
     return values if known[word] == 1.0 else values * known[word]
+
+
+def _packing(attributes: Mapping[str, Any], kind: str, name: str) -> float:
+    value = attributes.get(kind, 1.0 if kind == "scale_factor" else 0.0)
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        raise RecordingError(f"{name}: its attribute {kind} is no number: {value!r}")
+    return float(value)
 
 
 def _even_clock(group: Any, samples: int, name: str) -> Floats:
     step = group.attrs.get(_CLOCK)
-    if not isinstance(step, int | float) or not 0.0 < step < math.inf:
+    if isinstance(step, bool) or not isinstance(step, int | float) or not 0.0 < step < math.inf:
         raise RecordingError(
             f"{name}: when its samples were taken is not said; give the group an array time, or an "
             f"attribute {_CLOCK}, s"

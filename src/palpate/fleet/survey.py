@@ -34,8 +34,11 @@ class Repeats:
         What they have in common: a folder, or a place.
     count : int
         How many have numbers.
+    total : int
+        How many there are.
     mean, error : float
-        Weighted by their errors, and its standard error, SI.
+        Weighted by their errors, and its standard error, SI: as wide as their scatter asks for,
+        where that is more than they say.
     ratio : float
         √(χ²/ν): their scatter over what their errors say.
     z : float
@@ -44,6 +47,7 @@ class Repeats:
 
     name: str
     count: int
+    total: int
     mean: float
     error: float
     ratio: float
@@ -91,11 +95,15 @@ def repeats_of(table: "pa.Table", quantity: str) -> list[Repeats]:
     error = np.where(np.isfinite(moved), np.hypot(error, moved), error)
     usable = np.isfinite(value) & np.isfinite(error) & (error > 0.0)
     groups: dict[str, list[int]] = defaultdict(list)
+    totals: Counter[str] = Counter()
     for row, name in enumerate(_things(table)):
+        totals[name] += 1
         if name and usable[row]:
             groups[name].append(row)
     return [
-        _judged(name, value[rows], error[rows]) for name, rows in groups.items() if len(rows) > 1
+        _judged(name, totals[name], value[rows], error[rows])
+        for name, rows in groups.items()
+        if len(rows) > 1
     ]
 
 
@@ -122,7 +130,7 @@ def _folder(source: str) -> str:
     return "this folder" if folder == "." else folder
 
 
-def _judged(name: str, value: Floats, error: Floats) -> Repeats:
+def _judged(name: str, total: int, value: Floats, error: Floats) -> Repeats:
     weight = 1.0 / error**2
     mean = float(weight @ value / weight.sum())
     freedom = len(value) - 1
@@ -130,7 +138,8 @@ def _judged(name: str, value: Floats, error: Floats) -> Repeats:
     spread = 2.0 / (9.0 * freedom)
     z = ((chi_square / freedom) ** (1.0 / 3.0) - (1.0 - spread)) / math.sqrt(spread)
     ratio = math.sqrt(chi_square / freedom)
-    return Repeats(name, len(value), mean, float(weight.sum() ** -0.5), ratio, z)
+    spread_error = max(ratio, 1.0) * float(weight.sum() ** -0.5)
+    return Repeats(name, len(value), total, mean, spread_error, ratio, z)
 
 
 def kinds_of(sentences: Iterable[Sequence[str] | None]) -> list[tuple[str, int, str]]:

@@ -120,21 +120,47 @@ class ForceLaw:
         return slope if depths.ndim else float(slope)
 
     @classmethod
-    def many_at(cls, parameters: Floats, depth: float) -> tuple[Floats, Floats]:
+    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
         """:meth:`stiffness_at` and :meth:`damping_at` a depth, of many laws at once.
 
         Parameters
         ----------
         parameters : numpy.ndarray, shape (k, p)
             A law a row; NaN gives NaN.
-        depth : float
+        depth : float or numpy.ndarray, shape (k,)
             m, > 0.
         """
         found = np.full((2, len(parameters)), np.nan)
+        depths = np.broadcast_to(depth, len(parameters))
         for k in np.flatnonzero(np.isfinite(parameters).all(axis=1)).tolist():
             law = cls.from_parameters(parameters[k])
-            found[:, k] = law.stiffness_at(depth), law.damping_at(depth)
+            found[:, k] = law.stiffness_at(float(depths[k])), law.damping_at(float(depths[k]))
         return found[0], found[1]
+
+    @classmethod
+    def forces(cls, parameters: Floats, penetration: Floats, velocity: Floats) -> Floats:
+        """:meth:`force` of many laws, N, shape (k, m).
+
+        Parameters
+        ----------
+        parameters : numpy.ndarray, shape (k, p)
+            A law a row.
+        penetration, velocity : numpy.ndarray, shape (k, m)
+            m and m/s.
+        """
+        found = np.full(penetration.shape, np.nan)
+        for k in np.flatnonzero(np.isfinite(parameters).all(axis=1)).tolist():
+            found[k] = cls.from_parameters(parameters[k]).force(penetration[k], velocity[k])
+        return found
+
+    @classmethod
+    def gradients(cls, parameters: Floats, penetration: Floats, velocity: Floats) -> Floats:
+        """:meth:`parameter_gradient` of many laws, as :meth:`forces`; shape (k, m, p)."""
+        found = np.full((*penetration.shape, parameters.shape[1]), np.nan)
+        for k in np.flatnonzero(np.isfinite(parameters).all(axis=1)).tolist():
+            law = cls.from_parameters(parameters[k])
+            found[k] = law.parameter_gradient(penetration[k], velocity[k])
+        return found
 
 
 Law = TypeVar("Law", bound=type[ForceLaw])
@@ -218,6 +244,23 @@ class CompiledLaw(ForceLaw):
         )
         return float(force) if force.ndim == 0 else force
 
+    @classmethod
+    def forces(cls, parameters: Floats, penetration: Floats, velocity: Floats) -> Floats:
+        """:meth:`force` of many laws, N, shape (k, m)."""
+        force = np.empty(penetration.shape)
+        if force.size:
+            given = (np.ascontiguousarray(each) for each in (parameters, penetration, velocity))
+            cls._compiled(*(each.reshape(-1) for each in given), force.reshape(-1))
+        return force
+
+    @classmethod
+    def gradients(cls, parameters: Floats, penetration: Floats, velocity: Floats) -> Floats:
+        """:meth:`parameter_gradient` of many laws; shape (k, m, p)."""
+        laws = object.__new__(cls)  # of columns, which go with rows of samples as numbers do
+        for name, column in zip(cls.names(), parameters.T, strict=True):
+            object.__setattr__(laws, name, column[:, None])
+        return laws.parameter_gradient(penetration, velocity)
+
 
 @register
 @dataclass(frozen=True, slots=True)
@@ -245,7 +288,7 @@ class KelvinVoigt(CompiledLaw):
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂(K, B) = (x, v)."""
-        return np.column_stack([penetration, velocity])
+        return np.stack([penetration, velocity], axis=-1)
 
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂x = K."""
@@ -261,7 +304,7 @@ class KelvinVoigt(CompiledLaw):
         return np.full(x.shape, self.damping) if x.ndim else self.damping
 
     @classmethod
-    def many_at(cls, parameters: Floats, depth: float) -> tuple[Floats, Floats]:
+    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
         """K and B of many laws, a row each."""
         return parameters[:, 0].copy(), parameters[:, 1].copy()
 
@@ -293,7 +336,7 @@ class ExtendedKelvinVoigt(CompiledLaw):
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂(K₁, K₂, B) = (x, x², v)."""
-        return np.column_stack([penetration, penetration**2, velocity])
+        return np.stack([penetration, penetration**2, velocity], axis=-1)
 
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂x = K₁ + 2 K₂ x."""
@@ -310,7 +353,7 @@ class ExtendedKelvinVoigt(CompiledLaw):
         return np.full(x.shape, self.damping) if x.ndim else self.damping
 
     @classmethod
-    def many_at(cls, parameters: Floats, depth: float) -> tuple[Floats, Floats]:
+    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
         """K₁ + 2 K₂ x and B of many laws, a row each."""
         return parameters[:, 0] + 2.0 * depth * parameters[:, 1], parameters[:, 2].copy()
 
@@ -350,7 +393,7 @@ class HuntCrossley(CompiledLaw):
         """∂F/∂(K, B, n) = (xⁿ, xⁿ v, F ln x)."""
         power = penetration**self.exponent
         force = power * (self.stiffness + self.damping * velocity)
-        return np.column_stack([power, power * velocity, np.log(penetration) * force])
+        return np.stack([power, power * velocity, np.log(penetration) * force], axis=-1)
 
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂x = n xⁿ⁻¹ (K + B v)."""
@@ -372,7 +415,7 @@ class HuntCrossley(CompiledLaw):
         return slope if x.ndim else float(slope)
 
     @classmethod
-    def many_at(cls, parameters: Floats, depth: float) -> tuple[Floats, Floats]:
+    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
         """K n xⁿ⁻¹ and B xⁿ of many laws, a row each."""
         stiffness, damping, exponent = parameters.T
         with np.errstate(over="ignore", invalid="ignore"):  # a start may be anything

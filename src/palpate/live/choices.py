@@ -11,8 +11,8 @@ from palpate.validation import number_in, shown
 SWITCHES = {"outlier_rejection": OutlierRejection, "change_detector": ChangeDetector}
 #: Numbers that only some methods have.
 NUMBERS = ("stiffness_drift", "dissipation_drift", "exponent_drift")
-#: Of the recording rather than the method: another method has them too.
-_KEPT = ("gate", "sample_time", "scale", "outlier_rejection", "change_detector")
+#: Of the recording or the tip rather than the method: another method has them too.
+_KEPT = ("gate", "sample_time", "scale", "exponent", "outlier_rejection", "change_detector")
 
 
 def main_settings(estimator: ContactEstimator) -> dict[str, Any]:

@@ -4,14 +4,9 @@ import math
 
 import numpy as np
 
+from palpate import _core
 from palpate.contact import Contact
-from palpate.preparation.spikes import step_of
-from palpate.preparation.suggestions import noise_of
 from palpate.validation import Floats
-
-LARGEST = 1e30  # m; beyond it no estimator is set
-# The zero of an encoder lies anywhere within a step, and stays there for a whole recording.
-OF_THE_NOISE = 2.0
 
 
 def suggest_surface_deviation(contact: Contact) -> float | None:
@@ -19,13 +14,20 @@ def suggest_surface_deviation(contact: Contact) -> float | None:
 
     None where the penetration has neither.
     """
-    return resolution_of(contact.penetration)
+    [found] = resolutions_of(contact.penetration[None]).tolist()
+    return None if math.isnan(found) else found
 
 
-def resolution_of(penetration: Floats) -> float | None:
-    """Twice the noise of a penetration, its rounding included, m; None where it has neither."""
-    x = penetration[np.isfinite(penetration)]
-    with np.errstate(over="ignore", invalid="ignore"):  # of absurd depths: ±1e308 m
-        noise = max(noise_of(x), step_of(x) / math.sqrt(12.0))
-    deviation = OF_THE_NOISE * noise
-    return deviation if 0.0 < deviation < LARGEST else None
+def resolutions_of(penetration: Floats, *, threads: int = 1) -> Floats:
+    """Twice the noise of each row, its rounding included, m; NaN where it has neither.
+
+    Parameters
+    ----------
+    penetration : numpy.ndarray, shape (k, samples)
+        m.
+    threads : int
+        That share the rows.
+    """
+    found = np.empty(len(penetration))
+    _core.resolutions(penetration, found, threads)
+    return found

@@ -3,17 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.preparation.suggestions import noise_of
+from palpate import _core
 from palpate.validation import Floats
-
-BEYOND = 8.0  # σ
-LEAST = 0.02  # of the channel's largest value
-STEPS = 1.5  # of the channel; a value that rounds up and down is no spike
-# Times the range of its four neighbours. The top of a sine at 66 Hz is 2 % above them, and a lever
-# that shakes for a tenth of a second is no noise of all the recording: neither is a spike.
-ALONE = 3.0
-# Distinct values are sought among so many samples; noise fills the gaps of a fine channel by then.
-MOST_DISTINCT = 20_000
 
 
 def spiked(values: Floats) -> NDArray[np.bool_]:
@@ -22,26 +13,35 @@ def spiked(values: Floats) -> NDArray[np.bool_]:
     Beyond max(8 σ, 2 %, 1.5 steps) of the median of five, and three times farther from it than its
     four neighbours lie from each other.
     """
-    spikes = np.zeros(values.size, dtype=bool)
-    if values.size < 5:
-        return spikes
-    limit = max(BEYOND * noise_of(values), LEAST * largest_of(values), STEPS * step_of(values))
-    windows = np.lib.stride_tricks.sliding_window_view(values, 5)
-    # Of the many samples that hardly leave their neighbours' mean none is a spike.
-    far = np.flatnonzero(np.abs(values[2:-2] - 0.5 * (values[1:-3] + values[3:-1])) > 0.5 * limit)
-    near = windows[far]
-    away = np.abs(near[:, 2] - np.median(near, axis=1))
-    apart = np.ptp(near[:, [0, 1, 3, 4]], axis=1)
-    spikes[far[(away > limit) & (away > ALONE * apart)] + 2] = True
-    return spikes
+    found: NDArray[np.bool_] = spikes_of_rows(values[None])[0]
+    return found
+
+
+def spikes_of_rows(
+    values: Floats, *, screened: bool = False, threads: int = 1
+) -> NDArray[np.bool_]:
+    """Say which samples of each row are spikes, among those that are finite.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, shape (k, m)
+        A channel, a row a recording.
+    screened : bool
+        Whether it is enough to look at rows in which a sample leaves its two neighbours as spikes
+        do from white noise.
+    threads : int
+        That share the rows.
+    """
+    found = np.zeros(values.shape, dtype=np.uint8)
+    _core.mark_spikes(values, screened, found, threads)
+    return found.view(np.bool_)
 
 
 def largest_of(values: Floats) -> float:
     """99.9th percentile of the values' size, so that a spike sets nothing."""
-    return float(np.percentile(np.abs(values), 99.9)) if values.size else 0.0
+    return _core.largest_of(values)
 
 
 def step_of(values: Floats) -> float:
     """Median gap between the distinct values of a channel; 0 of a constant one."""
-    distinct = np.unique(values[:MOST_DISTINCT])
-    return float(np.median(np.diff(distinct))) if distinct.size > 1 else 0.0
+    return _core.step_of(values)

@@ -12,7 +12,7 @@ from palpate.digits import rounded, with_error
 from palpate.figures.fleets import draw_distributions, draw_repeats
 from palpate.figures.maps import draw_map
 from palpate.fleet import survey
-from palpate.fleet.columns import AT_DEPTH
+from palpate.fleet.at_depth import AT_DEPTH
 from palpate.fleet.maps import map_of
 from palpate.fleet.results import REPORT, manifest_of, read_results, read_seconds
 from palpate.reports import html
@@ -32,7 +32,7 @@ _FEWEST = 5
 _FLAT = 0.05
 _OWN = """
 .wide td { overflow-wrap: anywhere; }
-td.number { white-space: nowrap; }
+.wide td:last-child { overflow-wrap: normal; }
 """
 
 
@@ -99,8 +99,9 @@ def _section(name: str, title: str, parts: Iterator[str]) -> Iterator[str]:
 
 def _tiles(table: "pa.Table") -> Iterator[str]:
     failed = sum(error is not None for error in table.column("error").to_pylist())
+    parts = any(part is not None for part in table.column("part").to_pylist())
     tiles = [
-        ("contacts", f"{table.num_rows}", "rows of the dataset"),
+        ("rows", f"{table.num_rows}", "one a place of a contact" if parts else "one a contact"),
         ("identified", f"{table.num_rows - failed}", _percent(table.num_rows - failed, table)),
         ("failed", f"{failed}", "each with its reason"),
     ]
@@ -120,12 +121,20 @@ def _tiles(table: "pa.Table") -> Iterator[str]:
     if verdicts:
         words = ", ".join(f"{html.badge(mark)} {count}" for mark, count in sorted(verdicts.items()))
         yield f"<p>Verdicts: {words}.</p>"
+    elif set(table.column("checked").to_pylist()) == {"none"}:
+        yield (
+            f"<p>{html.badge('with-care', 'not checked')} Neither the data nor the fits were "
+            "checked: that takes <code>--diagnosis input</code> or <code>full</code>.</p>"
+        )
     else:
-        yield '<p class="soft">No verdicts: they take <code>--diagnosis full</code>.</p>'
+        yield (
+            '<p class="soft">The data were checked, the fits were not, and there are no verdicts: '
+            "they take <code>--diagnosis full</code>.</p>"
+        )
 
 
 def _percent(count: int, table: "pa.Table") -> str:
-    return f"{100.0 * count / max(table.num_rows, 1):.3g} % of them"
+    return f"{100.0 * count / max(table.num_rows, 1):.3g}\N{NO-BREAK SPACE}%"
 
 
 def _distributions(table: "pa.Table") -> Iterator[str]:
@@ -133,7 +142,7 @@ def _distributions(table: "pa.Table") -> Iterator[str]:
     if np.count_nonzero(known) < _FEWEST:
         return
     words = (
-        "How stiffness and damping at the working depth and the exponent are distributed, and "
+        "How what was identified is distributed, stiffness and damping at the working depth, and "
         "below each how well it is known: its standard error over its value."
     )
     yield from drawing(
@@ -184,7 +193,7 @@ def _repeats(table: "pa.Table") -> Iterator[str]:
         rows = [
             [
                 escape(each.name),
-                f"{each.count}",
+                f"{each.count}" if each.count == each.total else f"{each.count} of {each.total}",
                 escape(with_error(each.mean, each.error, unit=unit)),
                 rounded(each.ratio, 3),
                 html.badge("trust" if each.agree else "with-care", "agree" if each.agree else
@@ -192,7 +201,7 @@ def _repeats(table: "pa.Table") -> Iterator[str]:
             ]
             for each in [*apart, *(e for e in found if e.agree)][:MOST]
         ]  # fmt: skip
-        header = ["repeats of", "contacts", "weighted mean", "scatter / errors", ""]
+        header = ["repeats of", "with numbers", "weighted mean", "scatter / errors", ""]
         yield from html.table(_listed(f"Repeats of the {quantity}", len(found)), header, rows)
 
 

@@ -1,0 +1,41 @@
+"""What the machine itself allows: the fit alone, in processes that share nothing but its cores.
+
+No scheduler, no files, no writing: two workers cannot be quicker against one than this.
+"""
+
+import multiprocessing
+import time
+from concurrent.futures import ProcessPoolExecutor
+
+from benchmarks.fleets.curves import curves
+
+_CURVES = 500
+_SECONDS = 4.0
+_START = 5.0  # s, in which a process starts and imports
+
+
+def ratio(processes: int = 2, *, seconds: float = _SECONDS) -> float:
+    """Curves a second of so many processes at once, over those of one; the best of three tries."""
+    best = [max(_rate(count, seconds) for _ in range(3)) for count in (processes, 1)]
+    return best[0] / best[1]
+
+
+def _rate(processes: int, seconds: float) -> float:
+    begin = time.monotonic() + _START
+    spawned = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=spawned) as pool:
+        return sum(pool.map(_fitted, [begin] * processes, [begin + seconds] * processes))
+
+
+def _fitted(begin: float, end: float) -> float:
+    """Curves a second between two moments of the monotonic clock, which all processes share."""
+    from palpate.curves import fit_curves
+
+    rows = curves(0, _CURVES)
+    fit_curves(*(each[:20] for each in rows), surface="estimate")
+    time.sleep(max(begin - time.monotonic(), 0.0))
+    begun, done = time.monotonic(), 0
+    while time.monotonic() < end:
+        fit_curves(*rows, surface="estimate")
+        done += _CURVES
+    return done / (time.monotonic() - begun)

@@ -1,0 +1,95 @@
+"""Order statistics of rows: NumPy's, to the bit, whatever the numbers are like."""
+
+import math
+
+import numpy as np
+import pytest
+
+from palpate.preparation.gates_of_rows import percentile_of_rows
+from palpate.preparation.resolution import resolutions_of
+from palpate.preparation.spikes import largest_of, spiked, spikes_of_rows, step_of
+from palpate.preparation.suggestions import LARGEST, noise_of
+
+# So many that cells are looked through, and so few that they are not.
+SIZES = [1, 2, 3, 4, 5, 6, 127, 128, 129, 1000, 2001]
+
+
+def channels(size):
+    """Numbers that are even, in heaps, equal, of one absurd size, rounded, or smooth."""
+    random = np.random.default_rng(size)
+    normal = random.standard_normal(size)
+    far, absurd = normal.copy(), normal.copy()
+    far[size // 2] = 1e300
+    absurd[size // 2], absurd[-1] = 1.7e308, -1.7e308
+    return {
+        "normal": normal,
+        "cubed": normal**5,
+        "equal": np.full(size, 0.3),
+        "zeros of either sign": np.where(normal > 0.0, 0.0, -0.0),
+        "one far away": far,
+        "the range of a double": absurd,
+        "tiny": normal * 5e-324,
+        "rounded": np.round(normal, 1),
+        "smooth": np.sin(np.arange(size) / 30.0),
+        "in two heaps": np.where(normal > 0.0, normal, 1e9 + normal),
+    }
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("part", [0.0, 0.5, 0.9, 0.99, 1.0])
+def test_percentiles_are_those_of_numpy(size, part):
+    rows = np.array(list(channels(size).values()))
+    used = np.random.default_rng(1).random(rows.shape) < 0.8
+    found = percentile_of_rows(rows, used, part)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for row, own, each in zip(rows, used, found, strict=True):
+            expected = np.quantile(row[own], part) if own.any() else math.nan
+            np.testing.assert_array_equal(each, expected)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_noise_and_steps_are_those_of_numpy(size):
+    for name, values in channels(size).items():
+        with np.errstate(over="ignore"):
+            fourth = np.abs(np.diff(values[np.abs(values) < LARGEST], n=4))
+            gaps = np.diff(np.unique(values))
+            step = np.median(gaps) if gaps.size else 0.0
+        noise = np.median(fourth) / 0.6745 / np.sqrt(70.0) if fourth.size else 0.0
+        assert noise_of(values) == noise, name
+        assert step_of(values) == step, name
+        assert largest_of(values) == np.percentile(np.abs(values), 99.9), name
+
+
+def test_samples_that_are_not_there_count_for_nothing():
+    values = np.random.default_rng(2).standard_normal(900)
+    with_holes = np.insert(
+        values, [0, 5, 5, 300, 900], [math.nan, math.inf, math.nan, -math.inf, 1]
+    )
+    with_holes[-1] = math.nan
+    assert noise_of(with_holes) == noise_of(values)
+    assert step_of(with_holes) == step_of(values)
+    assert resolutions_of(with_holes[None]).tolist() == resolutions_of(values[None]).tolist()
+    nothing = np.full(9, math.nan)
+    assert (noise_of(nothing), step_of(nothing), largest_of(nothing)) == (0.0, 0.0, 0.0)
+    assert np.isnan(resolutions_of(np.array([nothing, np.ones(9)]))).all()
+
+
+def test_a_spike_is_found_beside_samples_that_are_not_there():
+    random = np.random.default_rng(3)
+    values = np.sin(np.arange(500) / 40.0) + 1e-3 * random.standard_normal(500)
+    values[100] += 0.5
+    values[[97, 98, 103]] = math.nan, math.inf, math.nan
+    values[301:304] += 0.5  # three are a step
+    rows = np.stack([values, np.ones(500), np.full(500, math.nan)])
+    for screened in (True, False):
+        found = spikes_of_rows(rows, screened=screened, threads=2)
+        assert np.argwhere(found).tolist() == [[0, 100]]
+    assert np.flatnonzero(spiked(values)).tolist() == [100]
+
+
+@pytest.mark.parametrize("samples", [0, 1, 4])
+def test_rows_without_samples_say_nothing(samples):
+    rows = np.ones((3, samples))
+    assert np.isnan(resolutions_of(rows)).all()
+    assert not spikes_of_rows(rows).any()
+    assert len(resolutions_of(rows[:0])) == 0
