@@ -84,6 +84,6 @@ def test_a_sphere_on_a_hydroelastic_half_space_is_the_power_law_but_for_its_curv
         joint.set_translation_rate(context, v)
         results = plant.get_contact_results_output_port().Eval(context)
         force = abs(results.hydroelastic_contact_info(0).F_Ac_W().translational()[2])
-        # A mesh of a fortieth of the radius, and x/3R of curvature, which is taken out.
+        # A mesh of a fortieth of the radius (seen: -0.4 %); x/3R of curvature is taken out.
         expected = law.force(x, v) * (1.0 - x / (3.0 * radius))
-        assert force == pytest.approx(expected, rel=0.03)
+        assert force == pytest.approx(expected, rel=0.01)

@@ -70,6 +70,9 @@ class GeneralisedHuntCrossley(CompiledLaw):
         "N/mⁿ", "", "N·s/mᵖ⁺¹", "", "N/mⁿ", "", "s", "s",
     )  # fmt: skip
     symbols: ClassVar[tuple[str, ...]] = ("K", "n", "B", "p", "M", "α", "τ₁", "τ₂")
+    optional: ClassVar[tuple[str, ...]] = (
+        "relaxation_stiffness", "spectrum_exponent", "shortest_time", "longest_time",
+    )  # fmt: skip
     _compiled: ClassVar[Callable[..., None]] = _core.generalised_hunt_crossley_force
 
     def __post_init__(self) -> None:
@@ -134,6 +137,11 @@ class GeneralisedHuntCrossley(CompiledLaw):
             parameters, dtype=np.float64
         ).tolist()
         relaxation = relaxation_of(alpha, shortest, longest)
+        if relaxation is None and relaxing != 0.0:
+            raise InvalidParameterError(
+                "longest_time must be above 0 where relaxation_stiffness is not 0: alone it is the "
+                "one relaxation time, with shortest_time the end of a spectrum"
+            )
         return cls(stiffness, n, damping, p, relaxing, relaxation)
 
     @classmethod

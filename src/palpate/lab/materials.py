@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from palpate.errors import InvalidParameterError
-from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
+from palpate.force_laws import FlatSpectrum, ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.validation import Floats, instance, number, number_in
 
 #: Force [N] at a time [s], lateral position [m], penetration [m] and velocity [m/s]; to be
@@ -265,9 +265,12 @@ def _selected(materials: tuple[Material, ...], edges: tuple[float, ...], *, by_t
 
 def _check_real(law: ForceLaw) -> None:
     """Refuse what nothing is made of: a material that pulls the probe in, or gives energy."""
+    positive = ("exponent",) if law.remembers else ("stiffness", "exponent")  # a fluid has none
     for name, value in law.as_dict().items():
-        highest = 10.0 if name == "exponent" else 1e30
-        number_in(name, value, 0.0, highest, open_low=name in ("stiffness", "exponent"))
+        if name == "spectrum_exponent":
+            continue  # of either sign
+        highest = 10.0 if name in ("exponent", "damping_exponent") else 1e30
+        number_in(name, value, 0.0, highest, open_low=name in positive)
 
 
 def _check_sequence(name: str, materials: tuple[Material, ...], edges: tuple[float, ...]) -> None:
@@ -296,6 +299,10 @@ SPONGE = Homogeneous(HuntCrossley(300.0, 3000.0, 1.0), "sponge")
 PVC = Homogeneous(HuntCrossley(1e5, 2e5, 2.0), "PVC phantom")
 INCLUSION = Homogeneous(HuntCrossley(3e5, 3e5, 2.0), "PVC phantom with a hard inclusion")
 RELAXING_SPONGE = Relaxing(HuntCrossley(300.0, 300.0, 1.0), 150.0, 1.0, "relaxing sponge")
+# Half of its stiffness relaxes, as much in each decade of time, as Fung found of tissue.
+TISSUE = Homogeneous(
+    GeneralisedHuntCrossley(8000.0, 1.5, 2000.0, 1.5, 8000.0, FlatSpectrum(1e-3, 4.0)), "tissue"
+)
 SOFT_AND_HARD = SpaceVaryingMaterial((PVC, INCLUSION), (0.0,), "PVC phantom with a hard zone")
 SOFT_THEN_HARD = TimeVaryingMaterial((PVC, INCLUSION), (7.0,), "PVC phantom that hardens at 7 s")
 
@@ -305,6 +312,7 @@ MATERIALS: Mapping[str, Material] = {
     "sponge": SPONGE,
     "pvc": PVC,
     "inclusion": INCLUSION,
+    "tissue": TISSUE,
     "relaxing-sponge": RELAXING_SPONGE,
     "soft-and-hard": SOFT_AND_HARD,
     "soft-then-hard": SOFT_THEN_HARD,
