@@ -30,48 +30,32 @@ def print_law(result: Identification, console: Console) -> None:
 def parameters(result: Identification) -> list[str]:
     """Return a line for each parameter: ``K = 2002.0 ± 1.9 N/mⁿ``."""
     law = result.law
+    named = zip(
+        law.names(), law.symbols, law.parameters, result.standard_errors, law.units, strict=True
+    )
     return [
-        f"{law.symbols[k]} = "
-        + parameter(
-            float(law.parameters[k]),
-            float(result.standard_errors[k]),
-            unit=law.units[k],
-            fixed=law.names()[k] in result.fixed,
-        )
-        for k in _shown(result)
-    ]
-
-
-def _shown(result: Identification) -> list[int]:
-    """Places of the parameters that say something: not of a memory that there is none of."""
-    law, truth = result.law, stated_truth(result)
-    real = truth.as_dict() if truth is not None and truth.kind == law.kind else {}
-    return [
-        place
-        for place, (name, value) in enumerate(law.as_dict().items())
-        if name not in law.optional or value or real.get(name)
+        f"{symbol} = {parameter(value, error, unit=unit, fixed=name in result.fixed)}"
+        for name, symbol, value, error, unit in named
     ]
 
 
 def _truths(result: Identification) -> list[str]:
-    """The truth beside each parameter, where it is a law of the same kind.
-
-    How far away it is, where the two mean the same.
-    """
-    law, truth, shown = result.law, stated_truth(result), _shown(result)
+    """The truth beside each parameter, where it is a law of the same kind."""
+    law, truth = result.law, stated_truth(result)
     if truth is None or truth.kind != law.kind:
-        return [""] * len(shown)
+        return [""] * len(law.symbols)
+    # How far it is from the truth only where the two mean the same.
     errors = result.standard_errors if comparable(law, truth) else np.zeros(law.parameters.size)
-    return [beside_truth(law.parameters[k], truth.parameters[k], errors[k]) for k in shown]
+    pairs = zip(law.parameters, truth.parameters, errors, strict=True)
+    return [beside_truth(value, real, error) for value, real, error in pairs]
 
 
 def _correlations(result: Identification) -> str:
     symbols, found = result.law.symbols, result.correlations
-    # Of two that are one number, as n and p of Hunt and Crossley's damper, the first.
-    apart = [k for k in range(len(symbols)) if not (np.abs(found[k, :k]) > 1.0 - 1e-9).any()]
+    pairs = itertools.combinations(range(len(symbols)), 2)
     return ", ".join(
         f"{symbols[i]}–{symbols[j]} {_correlation(found[i, j])}"
-        for i, j in itertools.combinations(apart, 2)
+        for i, j in pairs
         if math.isfinite(found[i, j])
     )
 
