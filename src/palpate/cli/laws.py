@@ -3,7 +3,6 @@
 import itertools
 import math
 
-import numpy as np
 from rich.console import Console
 
 from palpate.cli.layout import Column, print_table, say
@@ -45,9 +44,12 @@ def _truths(result: Identification) -> list[str]:
     if truth is None or truth.kind != law.kind:
         return [""] * len(law.symbols)
     # How far it is from the truth only where the two mean the same.
-    errors = result.standard_errors if comparable(law, truth) else np.zeros(law.parameters.size)
-    pairs = zip(law.parameters, truth.parameters, errors, strict=True)
-    return [beside_truth(value, real, error) for value, real, error in pairs]
+    same = comparable(law, truth)
+    rows = zip(law.names(), law.parameters, truth.parameters, result.standard_errors, strict=True)
+    return [
+        beside_truth(value, real, error if name in same else 0.0)
+        for name, value, real, error in rows
+    ]
 
 
 def _correlations(result: Identification) -> str:

@@ -25,7 +25,7 @@ def stated_truth(result: Identification) -> ForceLaw | None:
 def truth_at_rest(result: Identification) -> ForceLaw | None:
     """Return the stated truth where its force, stiffness and damping at rest mean the same.
 
-    Where one of the two laws remembers and the other is of another kind, they do not.
+    Where one of the two laws remembers what the other does not, they do not.
     """
     law, truth = result.law, stated_truth(result)
     if truth is None or not (law.remembers or truth.remembers):
@@ -33,19 +33,22 @@ def truth_at_rest(result: Identification) -> ForceLaw | None:
     return truth if comparable(law, truth) else None
 
 
-def comparable(law: ForceLaw, truth: ForceLaw) -> bool:
-    """Whether the numbers of a law mean what the truth's of the same names do.
+def comparable(law: ForceLaw, truth: ForceLaw) -> set[str]:
+    """Return the parameters of a law that mean what the truth's of the same names do.
 
-    Of two generalised laws they do where the dampers are alike, B being in N·s/mᵖ⁺¹, and the same
-    relaxes: the same kind of spectrum, over the same times.
+    Those of a law of another kind do not; of two generalised laws they do where the same relaxes,
+    the same kind of spectrum over the same times; but B is in N·s/mᵖ⁺¹.
     """
+    names = set(law.names())
     if law.kind != truth.kind:
-        return False
+        return set()
     if not isinstance(law, GeneralisedHuntCrossley) or not isinstance(truth, type(law)):
-        return True
+        return names
+    if not _same_memory(law, truth):
+        return set()
     pair = (law, truth)
     dampers = {round(each.damping_exponent - each.exponent, 6) for each in pair if each.damping}
-    return len(dampers) < 2 and _same_memory(law, truth)
+    return names if len(dampers) < 2 else names - {"damping", "damping_exponent"}
 
 
 def felt_beside_truth(result: Identification) -> str:
@@ -65,7 +68,8 @@ def felt_beside_truth(result: Identification) -> str:
         f"{with_error(value, error, unit=unit)} ({beside_truth(value, exact, error)})"
         for value, error, exact, unit in parts
     )
-    other = "" if comparable(result.law, truth) else "the file's law is another; "
+    same = comparable(result.law, truth) == set(result.law.names())
+    other = "" if same else "the file's law is another; "
     return (
         f"{other}an oscillation of {rounded(felt.frequency, 3)} rad/s about "
         f"{rounded(1e3 * felt.depth, 3)} mm feels {words}"
