@@ -8,6 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import FlatSpectrum, ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.validation import Floats, instance, number, number_in
@@ -238,18 +239,21 @@ class TimeVaryingMaterial:
 
 def _remembering(law: GeneralisedHuntCrossley) -> Touch:
     """A law with memory as a function of time, from rest at the first penetration."""
-    state, last = None, math.nan
+    parameters, last, state = law.parameters, math.nan, np.empty(0)
+    # One sample in arrays of its own: twenty times as quick, a call, as the law's states.
+    step, depth, speed, force = (np.zeros(1) for _ in range(4))
 
-    def force(time: float, lateral_position: float, penetration: float, velocity: float) -> float:
-        nonlocal state, last
-        if state is None:
-            state = law.rest(penetration)
-        elif time > last:
-            state = law.step(state, penetration, time - last)
+    def touch(time: float, lateral_position: float, penetration: float, velocity: float) -> float:
+        nonlocal last, state
+        if not state.size:
+            rested, last = law.rest(penetration), time
+            state = np.array([rested.elastic, *rested.branches])
+        step[0], depth[0], speed[0] = max(time - last, 0.0), penetration, velocity
         last = time
-        return law.force(penetration, velocity, state)
+        _core.generalised_force_along(parameters, step, depth, speed, state, force)
+        return float(force[0])
 
-    return force
+    return touch
 
 
 def _selected(materials: tuple[Material, ...], edges: tuple[float, ...], *, by_time: bool) -> Touch:
