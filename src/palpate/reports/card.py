@@ -3,9 +3,9 @@
 from html import escape
 from pathlib import Path
 
-from palpate.digits import parameter
 from palpate.identification import Identification
 from palpate.reports.html import SIGNS
+from palpate.results.parameters import parameter_rows
 from palpate.results.summary import both, depth_in_words
 
 # A notebook has its own colours, and may be dark: only what both can carry.
@@ -39,15 +39,8 @@ def _depths(result: Identification) -> str:
 
 
 def _law(result: Identification) -> str:
-    law = result.law
-    parts = zip(
-        law.names(), law.symbols, law.parameters, result.standard_errors, law.units, strict=True
-    )
-    rows = [
-        [symbol, parameter(value, error, fixed=name in result.fixed), unit]
-        for name, symbol, value, error, unit in parts
-    ]
-    return _table([law.kind, "± standard error", "unit"], rows)
+    rows = [[row.symbol, row.words, row.unit] for row in parameter_rows(result)]
+    return _table([result.law.kind, "± standard error", "unit"], rows)
 
 
 def _table(header: list[str], rows: list[list[str]]) -> str:
