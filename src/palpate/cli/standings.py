@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.text import Text
 
 from palpate.cli.layout import Cell, Column, print_table, say
+from palpate.diagnosis.data import in_words
 from palpate.digits import rounded
 from palpate.estimators import LawVerdict, ViscoelasticContact
 from palpate.identification import Identification
@@ -33,7 +34,7 @@ def print_standings(results: Sequence[Identification], console: Console) -> None
     columns = [
         Column("which law"),
         Column("score", right=True),
-        Column("rms error\nN", right=True),
+        Column("rms error", right=True),
         Column("numbers", right=True),
         Column("which means"),
     ]
@@ -41,7 +42,7 @@ def print_standings(results: Sequence[Identification], console: Console) -> None
         [
             Text(str(each.candidate), style="" if row else "bold"),
             rounded(each.score, 3),
-            rounded(each.rms_error, 3),
+            in_words(each.rms_error, "N"),
             str(each.candidate.parameters),
             each.words,
         ]

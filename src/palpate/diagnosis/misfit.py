@@ -47,7 +47,9 @@ def misfit(fit: Fit) -> Finding | None:
     remedy = "palpate compare shows whether another law fits better"
     if better_law(fit) is not None:
         remedy = REMEDY
-    elif fit.laws is not None and not fit.laws.own:
+    elif fit.laws is not None and fit.laws.own:
+        remedy = "--law any tries more laws, and palpate compare other methods"
+    elif fit.laws is not None:
         remedy = f"no everyday law is clearly better, by {REMEDY}; palpate compare has all methods"
     return Finding(
         "misfit",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate.errors import InvalidParameterError
+from palpate.estimators import ViscoelasticContact
 from palpate.figures.look import Look, look_of
 from palpate.figures.scales import scale_of
 from palpate.figures.sheet import head, set_titles
@@ -15,6 +16,7 @@ from palpate.figures.style import style
 from palpate.figures.words import name_of
 from palpate.identification import Identification
 from palpate.quantities.oscillation import SmallOscillation, band_of
+from palpate.results.parameters import law_in_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,8 +27,8 @@ _POINTS = 25
 _STYLES = ("-", "--", "-.", ":")
 CAPTION = (
     "What a small oscillation feels at working depth, over the frequencies that the motion "
-    "contained; dark band: ±2 s.e. by noise, light: with what the findings would move. That another "
-    "law holds is in neither."
+    "contained; dark band: ±2 s.e. by noise, light: with what the findings would move. That "
+    "another law holds is in neither."
 )
 
 
@@ -109,22 +111,22 @@ def _draw(
         line = _STYLES[row % len(_STYLES)]
         axes.plot(hertz, value, color=colour, linestyle=line, label=_label(result))
     axes.set_xscale("log")
-    _mark_frequencies(axes, [each.frequency for each in courses[0][1]])
+    _mark_frequencies(axes, [each.frequency for _, course in courses for each in course])
     axes.set(xlabel="frequency [Hz]", ylabel=scale.label(symbol))
     axes.locator_params(axis="y", nbins=6)
 
 
-def _mark_frequencies(axes: "Axes", band: Sequence[float]) -> None:
+def _mark_frequencies(axes: "Axes", drawn: Sequence[float]) -> None:
     """Ticks at the ends of the band and its middle: a decade has none within a factor of four."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
-    hertz = [omega / (2.0 * math.pi) for omega in (band[0], band[len(band) // 2], band[-1])]
+    low, high = min(drawn) / (2.0 * math.pi), max(drawn) / (2.0 * math.pi)
+    hertz = [low, math.sqrt(low * high), high]
     axes.xaxis.set_major_locator(FixedLocator(hertz))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xticks(hertz, [f"{each:.3g}" for each in hertz])
 
 
 def _label(result: Identification) -> str:
-    verdict = result.law_verdict
-    chosen = result.law.remembers or result.method == "viscoelastic"
-    return str(verdict.candidate) if verdict is not None and chosen else result.method
+    chosen = isinstance(result.estimator, ViscoelasticContact)
+    return law_in_words(result) if chosen else f"{result.law.kind}, {result.method}"

@@ -1,9 +1,11 @@
 """The section of a report that says which law it is: the verdict, all laws, and K′ and B′."""
 
+import math
 from collections.abc import Iterator, Mapping
 from html import escape
 
 from palpate import figures
+from palpate.diagnosis.data import in_words
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.estimators import LawVerdict, ViscoelasticContact
@@ -13,7 +15,7 @@ from palpate.reports import html
 from palpate.reports.drawings import drawing
 
 _TITLE = "Laws by the same samples, the best first"
-_HEADER = ("law", "", "score", "rms error, N", "numbers")
+_HEADER = ("law", "", "score", "rms error", "numbers")
 
 
 def which_law(
@@ -46,9 +48,10 @@ def _sentence(result: Identification, verdict: LawVerdict) -> str:
     if len(verdict.standings) == 1:
         return f"{verdict.candidate}: the law that was asked for, so nothing was chosen."
     best, second = verdict.standings[0], verdict.standings[1]
+    best_law = str(best.candidate)
     words = "is the law that was chosen" if own else "explains these samples best"
     return (
-        f"{best.candidate} {words}, before {second.candidate} by a score of "
+        f"{best_law[:1].upper()}{best_law[1:]} {words}, before {second.candidate} by a score of "
         f"{rounded(second.score, 3)}; from 10 on that is strong evidence. "
         f"{rounded(verdict.samples, 4)} samples say as much as "
         f"{rounded(verdict.effective_samples, 3)} independent ones."
@@ -61,7 +64,7 @@ def _standings(verdict: LawVerdict) -> Iterator[str]:
             escape(str(each.candidate)),
             escape(each.words),
             rounded(each.score, 3),
-            rounded(each.rms_error, 3),
+            in_words(each.rms_error, "N"),
             str(each.candidate.parameters),
         ]
         for each in verdict.standings
@@ -79,7 +82,7 @@ def _oscillations(results: list[Identification]) -> Iterator[str]:
         results[0].dynamic_stiffness()
     except InvalidParameterError:
         return
-    low, high = (f"{each / 6.283185307179586:.3g}" for each in band_of(results[0]))
+    low, high = (f"{each / (2.0 * math.pi):.3g}" for each in band_of(results[0]))
     words = (
         "K′ and B′: the stiffness and the damping that a small oscillation feels at working depth, "
         f"from {low} to {high} Hz, which this motion contained. Laws of any kind have them in "

@@ -13,7 +13,7 @@ from palpate.ranking import rank
 from palpate.recordings.truth import truth_of
 from palpate.reports import html
 from palpate.results.following import following
-from palpate.results.parameters import correlated, parameter_rows
+from palpate.results.parameters import correlated, law_in_words, parameter_rows
 from palpate.results.summary import both, depth_in_words, felt, felt_at, number, whose_fit
 
 
@@ -39,10 +39,16 @@ def tiles(result: Identification) -> Iterator[str]:
         quantity: Quantity = getattr(there, name)
         words = f"{number(quantity)} {unit}"
         mark = f" · {html.badge(marks[name])}" if name in marks else ""
+        name = f"relaxed {name}" if result.law.remembers else name
         yield (
             f'<div class="tile"><small>{name} at {depth_in_words(there.depth)}{mark}</small>'
             f"<b>{escape(words)}</b></div>"
         )
+    if result.law.remembers and (at := felt_at([result])):
+        stiffness, damping = felt(result)
+        words = f"{number(stiffness)} N/m, {number(damping)} N·s/m"
+        name = escape(at.partition(": ")[2])
+        yield f'<div class="tile"><small>{name}</small><b>{escape(words)}</b></div>'
     yield "</div>"
 
 
@@ -80,7 +86,9 @@ def _law(result: Identification) -> Iterator[str]:
             apart = values.get(each.name, math.nan) - true
             row += [rounded(true, 5), _apart(apart, float(errors[each.index]))]
         rows.append([escape(cell) for cell in row])
-    yield from html.table(f"Contact model: {law.kind}, by {result.method}", header, rows)
+    yield from html.table(
+        f"Contact model: {law_in_words(result)}, by {result.method}", header, rows
+    )
     fits = whose_fit(result)
     measures = f"{fits[:1].upper()}{fits[1:]} the force to {rounded(result.fit_rmse_percent, 2)} %"
     predicted = result.prediction_rmse_percent
@@ -182,12 +190,11 @@ def comparison(compared: Mapping[str, Identification]) -> Iterator[str]:
     rows = []
     for name in ranking.order:
         other = compared[name]
-        law = other.law
         words = "<br>".join(escape(str(row)) for row in parameter_rows(other))
         rows.append(
             [
                 escape(name),
-                escape(law.kind),
+                escape(law_in_words(other)),
                 html.badge(other.diagnosis.verdict.overall),
                 *(escape(number(q)) for q in felt(other)),
                 f"{rounded(other.fit_rmse_percent, 2)} %",

@@ -64,6 +64,13 @@ def parameter_rows(result: "Identification") -> list[Row]:
     return [_number(result, k) for k in range(len(result.law.symbols))]
 
 
+def law_in_words(result: "Identification") -> str:
+    """Return the law that was chosen; the kind of law of a method that has but one."""
+    if isinstance(result.estimator, ViscoelasticContact):
+        return str(result.estimator.verdict().candidate)
+    return str(result.law.kind)
+
+
 def growth_of(law: GeneralisedHuntCrossley) -> str | None:
     """Return how the damper goes with the spring: ``n`` or ``n − 1``; None where by neither."""
     if law.damping_exponent == law.exponent:

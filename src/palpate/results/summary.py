@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 from palpate.diagnosis import Quantity
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
+from palpate.estimators import ViscoelasticContact
 from palpate.quantities.oscillation import in_hertz
 from palpate.results.following import following
-from palpate.results.parameters import correlated, parameter_rows
+from palpate.results.parameters import correlated, law_in_words, parameter_rows
 
 if TYPE_CHECKING:
     from palpate.identification import Identification
@@ -22,7 +23,7 @@ def line(result: "Identification") -> str:
     there = result.diagnosis.working_depth
     name = Path(result.contact.source).name or "a contact"
     return (
-        f"<Identification of {name} by {result.method}: {result.diagnosis.verdict.overall}; at "
+        f"<Identification of {name} by {whose(result)}: {result.diagnosis.verdict.overall}; at "
         f"{depth_in_words(there.depth)} stiffness {number(there.stiffness)} N/m, damping "
         f"{number(there.damping)} N·s/m>"
     )
@@ -32,6 +33,12 @@ def summary(result: "Identification") -> str:
     """What was identified, how well, and how far to trust it, as text."""
     lines = [*_head(result), "", *_depths(result), "", *_law(result), ""]
     return "\n".join([*lines, *map(str, following(result)), *_findings(result)])
+
+
+def whose(result: "Identification") -> str:
+    """The method, and the law that it chose where it chooses one."""
+    chosen = isinstance(result.estimator, ViscoelasticContact)
+    return f"{result.method}, {law_in_words(result)}" if chosen else result.method
 
 
 def number(quantity: Quantity) -> str:
@@ -60,7 +67,7 @@ def felt_at(results: "Sequence[Identification]") -> str:
         if result.law.remembers:
             with suppress(InvalidParameterError):
                 at = in_hertz(result.dynamic_stiffness().frequency)
-                return f"{result.method}: K′ and B′ at {at}, the motion's own: its law remembers"
+                return f"{result.method}: K′ and B′ at {at}, as its law remembers"
     return ""
 
 
@@ -105,7 +112,7 @@ def _depths(result: "Identification") -> list[str]:
 
 def _law(result: "Identification") -> list[str]:
     matrix, own = result.correlations, [k for k, _ in correlated(result)]
-    header = (result.law.kind, "estimate", "95 % interval", "unit")
+    header = (law_in_words(result), "estimate", "95 % interval", "unit")
     rows = [(*header, *(symbol for _, symbol in correlated(result)))]
     for row in parameter_rows(result):
         found = (matrix[row.index, k] if row.index in own else math.nan for k in own)
