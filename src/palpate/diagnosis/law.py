@@ -16,7 +16,7 @@ from palpate.estimators.law_verdicts import STRONG, Standing
 from palpate.force_laws import ForceLaw, HuntCrossley, KelvinVoigt
 
 # Of the rms error. Of 31 recordings made by others six heel strikes get 0.91 to 1.00 of it by
-# another law, which predicts what was held out no better; each of the 22 below 0.9 does.
+# another law, which predicts what was held out no better; each of the 21 below 0.9 does.
 BETTER = 0.9
 
 
