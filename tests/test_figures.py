@@ -112,6 +112,7 @@ def test_the_command_line_writes_an_svg(monkeypatch, capsys, tmp_path, subcomman
     assert sorted(file.name for file in tmp_path.iterdir()) == ["out.svg", "probe.csv"]
 
 
+@pytest.mark.usefixtures("unlaid")
 def test_the_command_line_writes_a_png(monkeypatch, capsys, tmp_path):
     path = tmp_path / "out.png"
     options = ("--figure", path, "--width", "88mm", "--json")
@@ -280,14 +281,23 @@ def assert_legible(figure) -> None:
     assert drawn.cut() == []
 
 
-@pytest.mark.parametrize("draw", drawings().values(), ids=drawings())
+# The others are drawn in a column by the slow tests.
+NARROW = ("a sponge", "outliers", "a change", "a comparison", "a design")
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        pytest.param(draw, id=name, marks=() if name in NARROW else pytest.mark.slow)
+        for name, draw in drawings().items()
+    ],
+)
 def test_in_a_column_no_legend_lies_on_data_and_no_text_on_text(draw):
     assert_legible(draw(width=COLUMN))
 
 
-@pytest.mark.parametrize("kind", ["a sponge", "a comparison"])
-def test_on_a_page_no_legend_lies_on_data_and_no_text_on_text(kind):
-    assert_legible(drawings()[kind]())
+def test_on_a_page_no_legend_lies_on_data_and_no_text_on_text():
+    assert_legible(drawings()["a sponge"]())
 
 
 @pytest.mark.slow
@@ -394,7 +404,8 @@ AWKWARD = {
 }  # fmt: skip
 
 
-QUICK = ("of one sample", "that never moves", "with samples not known")
+# With samples not known one is drawn in test_thinned_trace.py too.
+QUICK = ("of one sample", "that never moves")
 
 
 @pytest.mark.usefixtures("unlaid")
