@@ -76,7 +76,7 @@ def broken(material) -> Signals:
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Reports of identifications have no drawings, which take seconds and are looked at elsewhere."""
+    """Reports of identifications have no drawings, which take seconds; other tests look at them."""
     monkeypatch.setattr("palpate.reports.identification.drawing", lambda *_: iter(()))
 
 

@@ -60,7 +60,7 @@ with open(sys.argv[2]) as file:
             importlib.import_module(name)
         except ImportError:
             pass  # a part that somebody makes while it runs
-# Of the package each module is compiled once; and nothing that is here is looked through for garbage.
+# Each module of the package is compiled once; what is here is not looked through for garbage.
 sys.dont_write_bytecode, sys.pycache_prefix = False, sys.argv[3]
 gc.freeze()
 assert not any(name.partition(".")[0] == "palpate" for name in sys.modules)

@@ -176,7 +176,7 @@ def test_controls_act(live, browser):
         page.click("#hold")
         page.wait_for_selector("#state:not([data-state=held])")
         page.click("summary")
-        page.fill("#seconds", "0.5")
+        page.fill("#seconds", "2")
         page.click("#tare")
         page.wait_for_selector("#state[data-state=taring]", timeout=5000)
         page.wait_for_selector("#state:not([data-state=taring])")
