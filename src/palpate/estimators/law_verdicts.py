@@ -46,6 +46,22 @@ class Candidate:
         }
         return law + memories[self.memory]
 
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Names of the law's numbers that are its own: the others follow from these, or are none."""
+        names = ["stiffness"]
+        if not self.linear:
+            names.append("exponent")
+        if self.damping != "none":
+            names.append("damping")
+        if self.memory != "none":
+            names.append("relaxation_stiffness")
+        if self.memory == "power-law":
+            names.append("spectrum_exponent")
+        if self.memory == "single":
+            names.append("longest_time")
+        return tuple(names)
+
 
 #: Every law that can be offered; the first five are told apart by the everyday bank.
 CANDIDATES: tuple[Candidate, ...] = tuple(

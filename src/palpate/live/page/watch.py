@@ -172,7 +172,7 @@ class Watch:
         if not np.isfinite(parameters).all():
             return {}
         depth = np.linspace(0.0, deepest, _CURVE)
-        law = self._law(*parameters[0].tolist())
+        law = self._law.from_parameters(parameters[0])
         with np.errstate(all="ignore"):  # a start may have a negative exponent
             force = law.force(depth, np.zeros(_CURVE)) + float(
                 np.nan_to_num(column(row, "offset")[0])

@@ -1,0 +1,155 @@
+"""What follows from the loop's verdict, in the process that shows it: numbers, and words.
+
+They take most of a millisecond, which the loop has not.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from palpate._core import Status
+from palpate.digits import rounded, with_error
+from palpate.estimate import Estimate
+from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
+
+#: Scores that are so far apart are strong evidence.
+STRONG = 10.0
+#: Of each number its unit, and what it is called in a sentence.
+NUMBERS: Mapping[str, tuple[str, str]] = {
+    "stiffness": ("N/m", "K′"),
+    "damping": ("N·s/m", "B′"),
+    "loss_tangent": ("", "tan δ"),
+    "instantaneous_stiffness": ("N/m", "at once"),
+    "relaxed_stiffness": ("N/m", "relaxed"),
+    "relaxation_time": ("s", "relaxation time"),
+}
+_FELT = tuple(NUMBERS)[:5]
+
+Numbers = dict[str, tuple[float, float]]
+
+
+def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
+    """Return :data:`NUMBERS` that the law in force has, each with its standard error.
+
+    At the motion's own depth and frequency, outside whose band a law says nothing.
+
+    Parameters
+    ----------
+    verdict : mapping
+        ``verdict`` of the loop's board.
+    """
+    parameters, depth, omega = verdict["parameters"], verdict["depth"], verdict["frequency"]
+    if parameters is None or not (depth > 0.0 and omega > 0.0):
+        return {}
+    estimate = Estimate.from_law(
+        GeneralisedHuntCrossley.from_parameters(parameters),
+        verdict["covariance"],
+        status=Status.UPDATED,
+        samples=1,
+    )
+
+    def felt(law: GeneralisedHuntCrossley) -> tuple[float, ...]:
+        whole = law.dynamic_stiffness(depth, omega)
+        return (
+            whole.real,
+            whole.imag / omega,
+            whole.imag / whole.real if whole.real else math.nan,
+            law.instantaneous().stiffness_at(depth),
+            law.relaxed().stiffness_at(depth),
+        )
+
+    values, errors = estimate.with_errors(felt)
+    found = dict(zip(_FELT, zip(values.tolist(), errors.tolist(), strict=True), strict=True))
+    law: GeneralisedHuntCrossley = estimate.law
+    if not law.remembers:  # it is one stiffness, whenever
+        del found["instantaneous_stiffness"], found["relaxed_stiffness"]
+    elif isinstance(law.relaxation, SingleRelaxation):
+        found["relaxation_time"] = law.relaxation.time, float(estimate.standard_errors[7])
+    return found
+
+
+def standing(verdict: Mapping[str, Any]) -> str:
+    """By how much the law in force leads, in words."""
+    if not verdict["known"]:
+        return "no verdict yet" if verdict["parameters"] is None else "of before; no verdict yet"
+    lead, second = lead_of(verdict)
+    if not second:
+        return "the only law that competes"
+    if lead < STRONG:
+        return f"undecided: before {second} by {rounded(lead, 2)}, and ten are strong evidence"
+    return f"before {second} by {rounded(lead, 3)}"
+
+
+def lead_of(verdict: Mapping[str, Any]) -> tuple[float, str]:
+    """By how much the law in force leads before which other; NaN where there is none."""
+    own = [each["score"] for each in verdict["standings"] if each["law"] == verdict["law"]]
+    others = [each for each in verdict["standings"] if each["law"] != verdict["law"]]
+    if not (own and others):
+        return math.nan, ""
+    return float(others[0]["score"]) - float(own[0]), str(others[0]["law"])
+
+
+def in_words(verdict: Mapping[str, Any], numbers: Numbers) -> str:
+    """The verdict in a line of text."""
+    if verdict["parameters"] is None:
+        return "no law yet"
+    words = f"{verdict['law']} ({standing(verdict)})"
+    if numbers:
+        named = [
+            f"{NUMBERS[name][1]} {written(numbers, name)}" for name in ("stiffness", "damping")
+        ]
+        depth, omega = rounded(1e3 * verdict["depth"], 2), rounded(verdict["frequency"], 2)
+        words += f", {', '.join(named)} at {depth} mm and {omega} rad/s"
+    return words
+
+
+def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
+    """The verdict at the end of a run, in lines.
+
+    Parameters
+    ----------
+    verdict : mapping
+        As for :func:`numbers_of`.
+    """
+    numbers = numbers_of(verdict)
+    yield f"law: {in_words(verdict, {})}" + _evidence(verdict)
+    if numbers:
+        depth, omega = rounded(1e3 * verdict["depth"], 3), rounded(verdict["frequency"], 3)
+        named = [f"{NUMBERS[name][1]} {written(numbers, name)}" for name in numbers]
+        yield f"a small oscillation of {omega} rad/s about {depth} mm: {', '.join(named)}"
+    yield from verdict["flags"]
+
+
+def _evidence(verdict: Mapping[str, Any]) -> str:
+    if not verdict["known"]:
+        return ""
+    changes = int(verdict["changes"])
+    turned = f", changed {changes} times" if changes else ""
+    effective, samples = rounded(verdict["effective_samples"], 3), rounded(verdict["samples"], 4)
+    return f"; {effective} independent samples of {samples}{turned}"
+
+
+def written(numbers: Numbers, name: str) -> str:
+    """One of them with its error bar and unit."""
+    return with_error(*numbers[name], unit=NUMBERS[name][0])
+
+
+def fields_of(verdict: Mapping[str, Any]) -> dict[str, float | str]:
+    """The verdict as fields of a message: words, and plain numbers in SI."""
+    fields: dict[str, float | str] = {
+        "law": str(verdict["law"]) if verdict["parameters"] is not None else "",
+        "standing": standing(verdict),
+        "lead": lead_of(verdict)[0],
+        "samples": float(verdict["samples"]),
+        "independent_samples": float(verdict["effective_samples"]),
+        "since": float(verdict["since"]),
+        "changes": float(verdict["changes"]),
+        "depth": float(verdict["depth"]),
+        "frequency": float(verdict["frequency"]),
+    }
+    numbers = numbers_of(verdict)
+    for name in NUMBERS:
+        value, error = numbers.get(name, (math.nan, math.nan))
+        fields |= {name: value, f"{name}_standard_error": error}
+    fields["flags"] = "; ".join(verdict["flags"])
+    return fields
