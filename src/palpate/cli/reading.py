@@ -1,7 +1,7 @@
 """The options that say how a file is read, and which of its samples are used."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -105,8 +105,10 @@ class Reading:
     save_config: Annotated[Path | None, _KEPT] = None
     "Write the options to this TOML file, with what was found as comments."
 
-    def contact(self, files: Sequence[Path], method: str | None = None) -> "Contact":
-        """Read the files, each a contact with one object; a method is saved with the options."""
+    def contact(
+        self, files: Sequence[Path], choice: Mapping[str, str] | None = None
+    ) -> "Contact":
+        """Read the files, each a contact with one object; a choice of law and method is saved."""
         from palpate.preparation.joining import joined
 
         contact = joined([self._contact(file) for file in files])
@@ -114,7 +116,7 @@ class Reading:
             from palpate.results.toml import as_toml, how_made
             from palpate.writing import write_text
 
-            options = {**({} if method is None else {"method": method}), **self.options}
+            options = {**(choice or {}), **self.options}
             text = as_toml(options, how_made(contact, files))
             write_text(self.save_config, text, inputs=list(files))
         return contact

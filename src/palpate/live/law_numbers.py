@@ -10,10 +10,9 @@ from typing import Any
 from palpate._core import Status
 from palpate.digits import rounded, with_error
 from palpate.estimate import Estimate
+from palpate.estimators.law_verdicts import STRONG, UNDECIDED
 from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
 
-#: Scores that are so far apart are strong evidence.
-STRONG = 10.0
 #: Of each number its unit, and what it is called in a sentence.
 NUMBERS: Mapping[str, tuple[str, str]] = {
     "stiffness": ("N/m", "K′"),
@@ -39,7 +38,7 @@ def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
         ``verdict`` of the loop's board.
     """
     parameters, depth, omega = verdict["parameters"], verdict["depth"], verdict["frequency"]
-    if parameters is None or not (depth > 0.0 and omega > 0.0):
+    if parameters is None or not (depth and omega and depth > 0.0 and omega > 0.0):
         return {}
     estimate = Estimate.from_law(
         GeneralisedHuntCrossley.from_parameters(parameters),
@@ -75,8 +74,10 @@ def standing(verdict: Mapping[str, Any]) -> str:
     lead, second = lead_of(verdict)
     if not second:
         return "the only law that competes"
+    if lead < UNDECIDED:
+        return f"cannot be told from {second}: before it by {rounded(lead, 2)}"
     if lead < STRONG:
-        return f"undecided: before {second} by {rounded(lead, 2)}, and ten are strong evidence"
+        return f"not sure: before {second} by {rounded(lead, 2)}, and ten are strong evidence"
     return f"before {second} by {rounded(lead, 3)}"
 
 
@@ -140,12 +141,12 @@ def fields_of(verdict: Mapping[str, Any]) -> dict[str, float | str]:
         "law": str(verdict["law"]) if verdict["parameters"] is not None else "",
         "standing": standing(verdict),
         "lead": lead_of(verdict)[0],
-        "samples": float(verdict["samples"]),
-        "independent_samples": float(verdict["effective_samples"]),
+        "samples": _number(verdict["samples"]),
+        "independent_samples": _number(verdict["effective_samples"]),
         "since": float(verdict["since"]),
         "changes": float(verdict["changes"]),
-        "depth": float(verdict["depth"]),
-        "frequency": float(verdict["frequency"]),
+        "depth": _number(verdict["depth"]),
+        "frequency": _number(verdict["frequency"]),
     }
     numbers = numbers_of(verdict)
     for name in NUMBERS:
@@ -153,3 +154,7 @@ def fields_of(verdict: Mapping[str, Any]) -> dict[str, float | str]:
         fields |= {name: value, f"{name}_standard_error": error}
     fields["flags"] = "; ".join(verdict["flags"])
     return fields
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
