@@ -184,6 +184,9 @@ class Estimate:
         errors, sizes = self.standard_errors, np.abs(parameters)
         steps = np.where(np.isfinite(errors), 0.01 * errors, 1.0)
         steps = np.where(sizes > 0.0, np.minimum(steps, 0.5 * sizes), steps)
+        # Nor is an exponent moved by more than a half, where it may have left its range.
+        plain = [not unit for unit in law.units]
+        steps = np.where(plain, np.minimum(steps, 0.5), steps)
         gradient = np.zeros((len(values), len(steps)))
         with np.errstate(all="ignore"):  # of a start that knows nothing the error may be infinite
             for k in np.flatnonzero(steps).tolist():

@@ -105,9 +105,7 @@ class Reading:
     save_config: Annotated[Path | None, _KEPT] = None
     "Write the options to this TOML file, with what was found as comments."
 
-    def contact(
-        self, files: Sequence[Path], choice: Mapping[str, str] | None = None
-    ) -> "Contact":
+    def contact(self, files: Sequence[Path], choice: Mapping[str, str] | None = None) -> "Contact":
         """Read the files, each a contact with one object; a choice of law and method is saved."""
         from palpate.preparation.joining import joined
 

@@ -62,7 +62,9 @@ def estimator_by_law(
     if law is None:
         return given or VariableProjection, {}
     if not isinstance(law, str) or law not in law_names():
-        raise InvalidParameterError(f"law must be one of {', '.join(law_names())}, not {shown(law)}")
+        raise InvalidParameterError(
+            f"law must be one of {', '.join(law_names())}, not {shown(law)}"
+        )
     settings = _TOLD_APART.get(law)
     if given is ViscoelasticContact and law == USUAL:
         settings = {"damping": law, "memory": "none"}

@@ -49,7 +49,7 @@ class Candidate:
 
     @property
     def own(self) -> tuple[str, ...]:
-        """Names of the law's numbers that are its own: the others follow from these, or are none."""
+        """Names of its own numbers: the law's others follow from these, or are none."""
         has = {
             "stiffness": True,
             "exponent": not self.linear,

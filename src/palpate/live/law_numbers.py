@@ -4,7 +4,7 @@ They take most of a millisecond, which the loop has not.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from palpate._core import Status
@@ -67,18 +67,27 @@ def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
     return found
 
 
-def standing(verdict: Mapping[str, Any]) -> str:
-    """By how much the law in force leads, in words."""
+def certainty(verdict: Mapping[str, Any]) -> str:
+    """How sure the verdict is, in a word: none, before, alone, open, weak or strong."""
     if not verdict["known"]:
-        return "no verdict yet" if verdict["parameters"] is None else "of before; no verdict yet"
+        return "none" if verdict["parameters"] is None else "before"
     lead, second = lead_of(verdict)
     if not second:
-        return "the only law that competes"
-    if lead < UNDECIDED:
-        return f"cannot be told from {second}: before it by {rounded(lead, 2)}"
-    if lead < STRONG:
-        return f"not sure: before {second} by {rounded(lead, 2)}, and ten are strong evidence"
-    return f"before {second} by {rounded(lead, 3)}"
+        return "alone"
+    return "open" if lead < UNDECIDED else "weak" if lead < STRONG else "strong"
+
+
+def standing(verdict: Mapping[str, Any]) -> str:
+    """By how much the law in force leads, in words."""
+    lead, second = lead_of(verdict)
+    return {
+        "none": "no verdict yet",
+        "before": "of before: of the samples since there is no verdict yet",
+        "alone": "the only law that competes",
+        "open": f"cannot be told from {second}: before it by {rounded(lead, 2)}",
+        "weak": f"not sure: before {second} by {rounded(lead, 2)}, and ten are strong evidence",
+        "strong": f"before {second} by {rounded(lead, 3)}",
+    }[certainty(verdict)]
 
 
 def lead_of(verdict: Mapping[str, Any]) -> tuple[float, str]:
@@ -154,6 +163,36 @@ def fields_of(verdict: Mapping[str, Any]) -> dict[str, float | str]:
         fields |= {name: value, f"{name}_standard_error": error}
     fields["flags"] = "; ".join(verdict["flags"])
     return fields
+
+
+def told(verdict: Mapping[str, Any]) -> dict[str, Any]:
+    """The verdict with what follows from it, for the page; without the covariance.
+
+    Parameters
+    ----------
+    verdict : mapping
+        As for :func:`numbers_of`.
+    """
+    lead, second = lead_of(verdict)
+    return {
+        **{name: value for name, value in verdict.items() if name != "covariance"},
+        "certainty": certainty(verdict),
+        "standing": standing(verdict),
+        "lead": lead,
+        "second": second,
+        "numbers": numbers_of(verdict),
+        "spectrum": _spectrum(verdict["parameters"]),
+    }
+
+
+def _spectrum(parameters: Sequence[float] | None) -> tuple[float, float] | None:
+    """The shortest and the longest relaxation time of a spectrum, which are no estimates."""
+    if parameters is None:
+        return None
+    relaxation = GeneralisedHuntCrossley.from_parameters(parameters).relaxation
+    if relaxation is None or isinstance(relaxation, SingleRelaxation):
+        return None
+    return relaxation.spectrum[1:]
 
 
 def _number(value: float | None) -> float:

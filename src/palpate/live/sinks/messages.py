@@ -141,9 +141,12 @@ def described(status: dict[str, Any]) -> dict[str, str]:
         tared = "none"
     else:
         tared = "being measured" if tare is None else f"{tare:.6g} N was taken off online"
+    verdict = status.get("verdict")
+    told = {"law": str(verdict["law"])} if verdict and verdict["known"] else {}
     return {
         "source": str(status.get("source", "")),
         "method": str(status.get("method", "")),
+        **told,
         "parameters": ", ".join(f"{name} [{unit or '1'}]" for name, unit in units),
         "preparation": preparation or "as usual",
         "tare": tared,
