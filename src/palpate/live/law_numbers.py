@@ -4,8 +4,11 @@ They take most of a millisecond, which the loop has not.
 """
 
 import math
+from base64 import b64decode
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from palpate._core import Status
 from palpate.digits import rounded, with_error
@@ -42,7 +45,7 @@ def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
         return {}
     estimate = Estimate.from_law(
         GeneralisedHuntCrossley.from_parameters(parameters),
-        verdict["covariance"],
+        np.frombuffer(b64decode(verdict["covariance"])).reshape(len(parameters), -1),
         status=Status.UPDATED,
         samples=1,
     )

@@ -1,10 +1,13 @@
 """Which law it is, as the loop sees it: the law in force after each sample, and when it changed."""
 
 import math
+from base64 import b64encode
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from palpate.estimate import Estimate
 from palpate.estimators import ContactEstimator, ViscoelasticContact
 from palpate.estimators.law_verdicts import Candidate, LawVerdict
 from palpate.force_laws import GeneralisedHuntCrossley
@@ -56,21 +59,22 @@ class LawsInForce:
         """
         if not isinstance(estimator, ViscoelasticContact):
             return None
-        verdict, estimate = estimator.verdict(), estimator.estimate()
-        learned = estimate.samples > 0
+        verdict, estimate, offered = estimator.verdict(), estimator.estimate(), estimator.offered
+        learned = len(self.turns) > 0  # where an estimator starts is nothing that it knows
         return {
             **verdict.as_dict(),
             "known": bool(verdict.standings),
-            "offered": [str(law) for law in estimator.offered],
+            "offered": [str(law) for law in offered],
             "own": list(verdict.candidate.own),
             "fixed": list(estimate.fixed),
             "parameters": estimate.parameters.tolist() if learned else None,
-            "covariance": estimate.covariance.tolist() if learned else None,
+            # Of 64 numbers: as digits they would take JSON ten times as long.
+            "covariance": b64encode(estimate.covariance.tobytes()).decode() if learned else None,
             "flags": [
                 *estimate.flags,
                 *verdict.flags,
                 *self._unsettled(verdict.samples),
-                *_open(verdict, estimator),
+                *_open(verdict, estimate, offered),
             ],
             "since": self.turns[-1].time if self.turns else math.nan,
             "changes": self.changes,
@@ -103,21 +107,20 @@ def may_remember(estimator: ContactEstimator) -> bool:
     return any(law.memory != "none" for law in estimator.offered)
 
 
-def _open(verdict: LawVerdict, estimator: ViscoelasticContact) -> list[str]:
+def _open(verdict: LawVerdict, estimate: Estimate, offered: Sequence[Candidate]) -> list[str]:
     """Say what the samples so far leave open of the verdict itself."""
     stand = {each.candidate for each in verdict.standings}
     if not stand:
         return []
     flags = []
-    if any(law.memory != "none" and law not in stand for law in estimator.offered):
+    if any(law.memory != "none" and law not in stand for law in offered):
         flags.append("no law with memory competes yet: five numbers fit any hundred samples")
     if verdict.effective_samples < _FEW * verdict.samples:
         flags.append(
             "what the best law leaves is correlated: so is the sensor's noise, or none of the laws "
             "on offer holds, and their error bars do not say so; --law any offers all"
         )
-    numbers = estimator.estimate()
-    damping, error = numbers.parameters[_DAMPING], numbers.standard_errors[_DAMPING]
+    damping, error = estimate.parameters[_DAMPING], estimate.standard_errors[_DAMPING]
     if verdict.candidate.damping != "none" and abs(damping) < 1e-6 * error:
         flags.append("B is 0: laws that differ by their damper only are the same, and none is it")
     return flags

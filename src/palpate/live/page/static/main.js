@@ -182,6 +182,7 @@ function numberWords(now, { law, verdict }, k) {
   if (verdict?.parameters && verdict.own.includes(name) && verdict.fixed.includes(name)) {
     return `${rounded(verdict.parameters[k], 6)} (given)`;
   }
+  if (verdict && !verdict.parameters) return "unknown";
   if (verdict?.parameters && !verdict.own.includes(name)) return "not in this law";
   return withError(value, [now.errors?.[k] ?? NaN]);
 }
