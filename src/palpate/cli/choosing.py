@@ -1,7 +1,7 @@
 """What the options ``--law`` and ``--method`` come to."""
 
-from functools import cached_property
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:

@@ -72,6 +72,8 @@ def identify(
     contact = reading.contact(files, choosing.options)
     settings = reading.settings(contact, kind) | choosing.settings
     result = run(contact, kind(**settings)).wanting(wanted)
+    if result.wanted.frequency is not None:  # refused before anything is written
+        result.dynamic_stiffness(result.wanted.frequency)
     result = _in_parts(result if depth is None else result.at_depth(depth), changes=changes)
     drawing.save("draw", result, list(files))
     if destination is not None:

@@ -7,8 +7,10 @@ from rich.console import Console
 
 from palpate.cli.layout import Column, print_table, say
 from palpate.cli.truths import beside_truth, stated_truth
-from palpate.digits import parameter, with_error
+from palpate.digits import with_error
+from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.identification import Identification
+from palpate.results.parameters import correlated, parameter_rows
 
 
 def print_law(result: Identification, console: Console) -> None:
@@ -28,31 +30,32 @@ def print_law(result: Identification, console: Console) -> None:
 
 def parameters(result: Identification) -> list[str]:
     """Return a line for each parameter: ``K = 2002.0 ± 1.9 N/mⁿ``."""
-    law = result.law
-    named = zip(
-        law.names(), law.symbols, law.parameters, result.standard_errors, law.units, strict=True
-    )
-    return [
-        f"{symbol} = {parameter(value, error, unit=unit, fixed=name in result.fixed)}"
-        for name, symbol, value, error, unit in named
-    ]
+    return [str(row) for row in parameter_rows(result)]
 
 
 def _truths(result: Identification) -> list[str]:
     """The truth beside each parameter, where it is a law of the same kind."""
-    law, truth = result.law, stated_truth(result)
+    law, truth, rows = result.law, stated_truth(result), parameter_rows(result)
+    alike = law.as_hunt_crossley() if isinstance(law, GeneralisedHuntCrossley) else None
+    if truth is not None and alike is not None and truth.kind == alike.kind:
+        law = alike
     if truth is None or truth.kind != law.kind:
-        return [""] * len(law.symbols)
-    pairs = zip(law.parameters, truth.parameters, result.standard_errors, strict=True)
-    return [beside_truth(value, real, error) for value, real, error in pairs]
+        return [""] * len(rows)
+    values, real = law.as_dict(), truth.as_dict()
+    errors = result.standard_errors
+    return [
+        beside_truth(values[row.name], real[row.name], float(errors[row.index]))
+        if row.name in real and row.estimated
+        else ""
+        for row in rows
+    ]
 
 
 def _correlations(result: Identification) -> str:
-    symbols, found = result.law.symbols, result.correlations
-    pairs = itertools.combinations(range(len(symbols)), 2)
+    found, pairs = result.correlations, itertools.combinations(correlated(result), 2)
     return ", ".join(
-        f"{symbols[i]}–{symbols[j]} {_correlation(found[i, j])}"
-        for i, j in pairs
+        f"{one}–{other} {_correlation(found[i, j])}"
+        for (i, one), (j, other) in pairs
         if math.isfinite(found[i, j])
     )
 

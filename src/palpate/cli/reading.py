@@ -207,7 +207,7 @@ class Reading:
         if not self.reject_outliers:
             settings["outlier_rejection"] = False
         if self.surface == "estimate":
-            settings["surface"] = "estimate"
+            settings["surface"] = searched_surface(kind)
         if self.exponent is not None:
             settings["exponent"] = kept_exponent(self.exponent, kind)
         return settings
@@ -222,6 +222,18 @@ class Reading:
         return choose_gate(
             contact, minimum_penetration=self.min_penetration, minimum_force=self.min_force
         )
+
+
+def searched_surface(kind: "type[ContactEstimator]") -> str:
+    """The setting by which a method searches for the surface, where it can."""
+    from palpate.errors import InvalidParameterError
+
+    if "surface" not in kind().settings:
+        raise InvalidParameterError(
+            f"--surface estimate is for a method that can, not for {kind.method}: "
+            "--surface fit finds it before the law is looked for"
+        )
+    return "estimate"
 
 
 def kept_exponent(exponent: float, kind: "type[ContactEstimator]") -> float:

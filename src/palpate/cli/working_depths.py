@@ -14,6 +14,7 @@ from palpate.force_laws import ForceLaw
 from palpate.identification import Identification
 
 _BARS = "± repeatable ± what the findings would move"
+_RELAXED = "once the material has relaxed"
 _ROWS = (("force", "N"), ("stiffness", "N/m"), ("damping", "N·s/m"))
 
 
@@ -34,7 +35,8 @@ def print_working_depths(result: Identification, console: Console) -> None:
         names = [heading.replace("\n", ", ") for heading in headings]
         blocks = zip(names, *(row[1:] for row in rows), strict=True)
         print_table(console, columns, [list(block) for block in blocks])
-    say(console, f"{_BARS}; {LEGEND}" if truth else _BARS, "dim")
+    words = [_BARS, *([_RELAXED] if result.law.remembers else []), *([LEGEND] if truth else [])]
+    say(console, "; ".join(words), "dim")
 
 
 def whole_error(quantity: Quantity) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.diagnosis.finding import Finding
+from palpate.diagnosis.laws import Laws
 from palpate.digits import rounded
 from palpate.preparation.spikes import largest_of, step_of
 from palpate.preparation.suggestions import noise_of
@@ -34,6 +35,8 @@ class Data:
         self.velocity = contact.velocity[self.known]
         self.force = contact.force[self.known]
         self.segment = contact.segment[self.known]
+        #: By how they were told apart: methods of one contact share them.
+        self.laws: dict[str, Laws] = {}
 
     def __len__(self) -> int:
         return len(self.time)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
-from palpate.force_laws.laws import CompiledLaw, Floats, register
+from palpate.force_laws.laws import CompiledLaw, Floats, HuntCrossley, register
 from palpate.force_laws.relaxation import LONGEST, Relaxation, relaxation_of
 from palpate.validation import all_good, in_contact, instance, number, number_in, signals, together
 
@@ -143,6 +143,12 @@ class GeneralisedHuntCrossley(CompiledLaw):
         """Return the law before anything has relaxed: K + M, without memory."""
         whole = self.stiffness + self.relaxation_stiffness
         return replace(self, stiffness=whole, relaxation_stiffness=0.0, relaxation=None)
+
+    def as_hunt_crossley(self) -> HuntCrossley | None:
+        """Return the Hunt–Crossley law that this is: p = n, without memory; None of another."""
+        if self.remembers or self.damping_exponent != self.exponent:
+            return None
+        return HuntCrossley(self.stiffness, self.damping, self.exponent)
 
     def branches(self) -> tuple[Floats, Floats]:
         """Relaxation times [s] and weights of the branches that stand for the spectrum.
