@@ -156,7 +156,7 @@ def test_neither_silence_nor_a_long_time_out_of_contact_changes_the_verdict():
 def test_a_touch_that_begins_in_contact_is_flagged_until_it_is_known_without_it():
     # The position is not at rest before, so that what is remembered is not what it is taken for.
     times, x, force = pressed(MEMORY, 3.0, begins=0.3)
-    loop, said, verdict = watched(arrivals(times, x, force), at=range(200, 2400, 10))
+    _, said, verdict = watched(arrivals(times, x, force), at=range(200, 2400, 10))
     flagged = [any("begin in contact" in f for f in p["verdict"]["flags"]) for p in said.values()]
     laws = [page["verdict"]["law"] for page in said.values()]
     assert flagged[0]

@@ -15,6 +15,7 @@ from palpate.digits import rounded, with_error
 from palpate.estimate import Estimate
 from palpate.estimators.law_verdicts import STRONG, UNDECIDED
 from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
+from palpate.quantities.oscillation import in_hertz
 
 #: Of each number its unit, and what it is called in a sentence.
 NUMBERS: Mapping[str, tuple[str, str]] = {
@@ -111,8 +112,8 @@ def in_words(verdict: Mapping[str, Any], numbers: Numbers) -> str:
         named = [
             f"{NUMBERS[name][1]} {written(numbers, name)}" for name in ("stiffness", "damping")
         ]
-        depth, omega = rounded(1e3 * verdict["depth"], 2), rounded(verdict["frequency"], 2)
-        words += f", {', '.join(named)} at {depth} mm and {omega} rad/s"
+        depth, often = rounded(1e3 * verdict["depth"], 2), in_hertz(verdict["frequency"])
+        words += f", {', '.join(named)} at {depth} mm and {often}"
     return words
 
 
@@ -127,9 +128,9 @@ def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
     numbers = numbers_of(verdict)
     yield f"law: {in_words(verdict, {})}" + _evidence(verdict)
     if numbers:
-        depth, omega = rounded(1e3 * verdict["depth"], 3), rounded(verdict["frequency"], 3)
+        depth, often = rounded(1e3 * verdict["depth"], 3), in_hertz(verdict["frequency"])
         named = [f"{NUMBERS[name][1]} {written(numbers, name)}" for name in numbers]
-        yield f"a small oscillation of {omega} rad/s about {depth} mm: {', '.join(named)}"
+        yield f"a small oscillation of {often} about {depth} mm: {', '.join(named)}"
     yield from verdict["flags"]
 
 

@@ -103,7 +103,7 @@ function showNumbers({ numbers, depth, frequency, spectrum, certainty }) {
   const scale = scaleOf(depth ?? NaN, "m");
   const known = Number.isFinite(depth) && Number.isFinite(frequency) && numbers.stiffness;
   say($("law-at"), known ? `A small oscillation about ${rounded(depth * scale.factor, 3)} ${scale.unit}, ` +
-    `${rounded(frequency, 3)} rad/s, the motion's own` : " ");
+    `${rounded(frequency / (2 * Math.PI), 3)} Hz, the motion's own` : " ");
   [...$("law-numbers").children].forEach((row, k) => {
     const [name, , unit] = NUMBERS[k];
     const found = numbers[name];
