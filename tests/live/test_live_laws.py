@@ -143,6 +143,7 @@ def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict
         assert certainty(page) == "before"
         assert "of before" in in_words(page, {})
         assert page["effective_samples"] == 0.0
+        assert numbers_of(page) == {}
         assert page["changes"] == 0
 
 
@@ -225,12 +226,14 @@ def test_a_known_exponent_is_given_and_no_estimate():
     values = (
         [0.0] * 10 + page["verdict"]["parameters"] + estimator.estimate().standard_errors.tolist()
     )
-    said = words_of(page, Fields(0, tuple(estimator.law_type.names()), 0), values)
+    said = words_of(page, Fields(0, tuple(estimator.law_type.names()), 10**12), values)
     assert len(values) == 10 + 2 * size
     assert said["exponent"] == "1.5 (fixed)"
     assert "damping_exponent" not in said
     assert said["verdict_law"] == page["verdict"]["law"]
     assert isinstance(said["verdict_stiffness"], float)
+    since = 1000.0 + page["verdict"]["since"]
+    assert said["verdict_since"] == pytest.approx(since)  # by the robot's clock
     assert described(page)["law"] == page["verdict"]["law"]
 
 

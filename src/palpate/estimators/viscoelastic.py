@@ -203,11 +203,13 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         ------
         InvalidParameterError
             The frequency is outside the band of the motion, half to twice its own: what happens
-            there its samples do not say. Or nothing has been learned yet.
+            there its samples do not say. Or there is no verdict on
+            this material yet.
         """
         verdict, estimate = self.verdict(), self.estimate()
         low, high = verdict.band
-        if not (estimate.samples and high > 0.0 and verdict.depth > 0.0):
+        # Without a verdict the law is where it starts, or of a motion of before a change.
+        if not (verdict.standings and high > 0.0 and verdict.depth > 0.0):
             raise InvalidParameterError("frequency must be one of the motion: none is known yet")
         omega = verdict.frequency if frequency is None else number("frequency", frequency)
         if not low <= omega <= high:

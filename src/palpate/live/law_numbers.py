@@ -34,7 +34,8 @@ Numbers = dict[str, tuple[float, float]]
 def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
     """Return :data:`NUMBERS` that the law in force has, each with its standard error.
 
-    At the motion's own depth and frequency, outside whose band a law says nothing.
+    At the motion's own depth and frequency, outside whose band a law says nothing; none before the
+    first verdict, and until the next after a change of the material.
 
     Parameters
     ----------
@@ -42,7 +43,8 @@ def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
         ``verdict`` of the loop's board.
     """
     parameters, depth, omega = verdict["parameters"], verdict["depth"], verdict["frequency"]
-    if parameters is None or not (depth and omega and depth > 0.0 and omega > 0.0):
+    # The motion is that of the samples since; of a law of before it says no band.
+    if not (verdict["known"] and parameters and depth and omega and min(depth, omega) > 0.0):
         return {}
     estimate = Estimate.from_law(
         GeneralisedHuntCrossley.from_parameters(parameters),
@@ -88,7 +90,7 @@ def standing(verdict: Mapping[str, Any]) -> str:
         "none": "no verdict yet",
         "before": "of before: of the samples since there is no verdict yet",
         "alone": "the only law that competes",
-        "open": f"cannot be told from {second}: before it by {rounded(lead, 2)}",
+        "open": f"cannot be told from {second}: before it by {rounded(max(lead, 0.0), 2)}",
         "weak": f"not sure: before {second} by {rounded(lead, 2)}, and ten are strong evidence",
         "strong": f"before {second} by {rounded(lead, 3)}",
     }[certainty(verdict)]
@@ -148,15 +150,23 @@ def written(numbers: Numbers, name: str) -> str:
     return with_error(*numbers[name], unit=NUMBERS[name][0])
 
 
-def fields_of(verdict: Mapping[str, Any]) -> dict[str, float | str]:
-    """The verdict as fields of a message: words, and plain numbers in SI."""
+def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, float | str]:
+    """The verdict as fields of a message: words, and plain numbers in SI.
+
+    Parameters
+    ----------
+    verdict : mapping
+        As for :func:`numbers_of`.
+    origin : float
+        What the loop counts its times from, s.
+    """
     fields: dict[str, float | str] = {
         "law": str(verdict["law"]) if verdict["parameters"] is not None else "",
         "standing": standing(verdict),
         "lead": lead_of(verdict)[0],
         "samples": _number(verdict["samples"]),
         "independent_samples": _number(verdict["effective_samples"]),
-        "since": float(verdict["since"]),
+        "since": origin + float(verdict["since"]),
         "changes": float(verdict["changes"]),
         "depth": _number(verdict["depth"]),
         "frequency": _number(verdict["frequency"]),

@@ -122,5 +122,5 @@ def _open(verdict: LawVerdict, estimate: Estimate, offered: Sequence[Candidate])
         )
     damping, error = estimate.parameters[_DAMPING], estimate.standard_errors[_DAMPING]
     if verdict.candidate.damping != "none" and abs(damping) < 1e-6 * error:
-        flags.append("B is 0: laws that differ by their damper only are the same, and none is it")
+        flags.append("B is 0: laws that differ by their damper alone are the same here")
     return flags

@@ -175,7 +175,8 @@ def words_of(
         else:
             said[name] = _parameter(value, error, units[name], fixed=name in fixed)
     if verdict:
-        said |= {f"verdict_{name}": each for name, each in fields_of(verdict).items()}
+        origin = 1e-9 * fields.origin  # what the loop counts its times from
+        said |= {f"verdict_{name}": each for name, each in fields_of(verdict, origin).items()}
     for name in ("lost", "repeated", "disordered", "malformed", "unpaired", "refused"):
         said[name] = str(page["counts"].get(name, 0))
     return said

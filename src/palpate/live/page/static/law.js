@@ -56,7 +56,7 @@ function leadWords({ certainty, lead, second, samples, effective_samples: indepe
   const evidence = `${rounded(independent, 3)} independent samples of ${rounded(samples, 4)}.`;
   switch (certainty) {
     case "none": return "Press: the first verdict needs some samples in contact.";
-    case "before": return `Of before, as are its numbers; since then there are ${rounded(samples, 3)} samples, too few for a verdict.`;
+    case "before": return `Of before, as are the parameters; since then there are ${rounded(samples, 3)} samples, too few for a verdict.`;
     case "alone": return `No other law competes. ${evidence}`;
     case "open": return `It cannot be told from ${second}: only ${difference(lead)} before it. ${evidence}`;
     default: return `${difference(lead)} before ${second}; ten are strong evidence. ${evidence}`;
