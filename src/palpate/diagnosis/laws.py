@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from palpate.digits import rounded
 from palpate.estimators import LawVerdict, ViscoelasticContact
+from palpate.estimators.law_verdicts import EVERYDAY
 from palpate.force_laws import GeneralisedHuntCrossley
 
 REMEDY = "--law auto"
@@ -30,6 +31,16 @@ class Laws:
     verdict: LawVerdict
     own: bool = False
 
+    @property
+    def asked_for_memory(self) -> bool:
+        """Whether laws with memory were among them."""
+        return any(each.candidate.memory != "none" for each in self.verdict.standings)
+
+    @property
+    def of_all(self) -> bool:
+        """Whether they were more than the everyday ones."""
+        return len(self.verdict.standings) > EVERYDAY
+
     @classmethod
     def of(cls, estimator: ViscoelasticContact, *, own: bool = False) -> "Laws":
         """Of an estimator that has learned the samples."""
@@ -48,15 +59,14 @@ def remedy_of_memory(laws: Laws | None, time: float, sample_time: float) -> str:
     sample_time : float
         s.
     """
-    if laws is None:
+    if laws is None or not laws.asked_for_memory:
         return f"{REMEDY} tells whether a law with memory is better; or {FASTER}"
-    chosen = laws.verdict.candidate
-    if chosen.memory != "none":
-        if laws.own:
-            return f"that is beside the memory of the law: --law any has more kinds; or {FASTER}"
-        return f"{REMEDY} identifies the memory; or {FASTER}"
-    if time > _LONGEST * sample_time:
+    if laws.verdict.candidate.memory != "none":
+        if not laws.own:
+            return f"{REMEDY} identifies the memory; or {FASTER}"
+        return FASTER if laws.of_all else f"--law any has more kinds of memory; or {FASTER}"
+    if time > _LONGEST * sample_time and not laws.of_all:
         longest = rounded(_LONGEST * sample_time, 2)
         return f"longer than the {longest} s of {REMEDY}: as likely the drift of a sensor; {FASTER}"
-    better = f"{chosen}, which has none, is better" if not laws.own else "that has none is better"
-    return f"no law with memory helps, by {REMEDY}: {better}; {FASTER}"
+    better = "by the verdict on laws" if laws.own else f"by {REMEDY}: {laws.verdict.candidate} is"
+    return f"no law with memory is better, {better}; {FASTER}"

@@ -53,6 +53,8 @@ def memory(fit: Fit) -> list[Cause]:
         f"the material remembers for about {rounded(time, 2)} s: its stiffness is that at "
         f"{rounded(1.0 / fit.period, 2)} Hz"
     )
+    if fit.laws is not None and fit.laws.own and fit.laws.law.remembers:
+        sentence = f"the material remembers for about {rounded(time, 2)} s otherwise than the law"
     remedy = remedy_of_memory(fit.laws, time, data.sample_time)
     return [replace(cause.moving(fit, moves), parameter=0.0, sentence=sentence, remedy=remedy)]
 

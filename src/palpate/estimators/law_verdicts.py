@@ -171,7 +171,10 @@ class LawVerdict:
         words = f"law: {self.candidate}"
         if len(self.standings) > 1:
             next_best = self.standings[1]
-            words += f", before {next_best.candidate} by {rounded(next_best.score, 3)}"
+            if next_best.score < UNDECIDED:
+                words += f", which {next_best.candidate} cannot be told from"
+            else:
+                words += f", before {next_best.candidate} by {rounded(next_best.score, 3)}"
         else:
             words += ", the only one that was offered"
         return (
@@ -190,8 +193,9 @@ class LawVerdict:
             Standing(candidate(each), _number(each["score"]), _number(each["rms_error"]))
             for each in words["standings"]
         )
-        numbers = (_number(words[name]) for name in _NUMBERS)
-        return cls(candidate(words), tuple(standings), *numbers, tuple(words["flags"]))
+        samples, effective, depth, frequency = (_number(words[name]) for name in _NUMBERS)
+        flags = tuple(map(str, words["flags"]))
+        return cls(candidate(words), tuple(standings), samples, effective, depth, frequency, flags)
 
     def standing_of(self, damping: str, memory: str, *, linear: bool = False) -> Standing | None:
         """Return how a law stood; None where it was not offered."""

@@ -322,7 +322,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         return slope if x.ndim else float(slope)
 
     @classmethod
-    def many_at(cls, parameters: Floats, depth: float) -> tuple[Floats, Floats]:
+    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
         """K n xⁿ⁻¹ and B xᵖ of many laws, a row each, once they have relaxed."""
         stiffness, exponent, damping, growth = parameters.T[:4]
         with np.errstate(over="ignore", invalid="ignore"):  # a start may be anything

@@ -66,10 +66,10 @@ def oscillation_of(
         def slope(law: GeneralisedHuntCrossley, at: float) -> complex:
             return complex(law.dynamic_stiffness(at, omega))
 
-        stiffness = _by_law(result, x, lambda law, at: slope(law, at).real)
-        damping = _by_law(result, x, lambda law, at: slope(law, at).imag / omega)
-        stiffness = Quantity(*stiffness, there.stiffness.systematic)
-        damping = Quantity(*damping, there.damping.systematic)
+        real = _by_law(result, x, lambda law, at: slope(law, at).real)
+        imaginary = _by_law(result, x, lambda law, at: slope(law, at).imag / omega)
+        stiffness = Quantity(*real, there.stiffness.systematic)
+        damping = Quantity(*imaginary, there.damping.systematic)
     else:
         stiffness, damping = there.stiffness, there.damping
     return SmallOscillation(x, omega, stiffness, damping, _tangent(omega, stiffness, damping))

@@ -105,6 +105,8 @@ def _generalised(result: "Identification", law: GeneralisedHuntCrossley) -> Iter
         yield _number(result, damping, units.get(growth or ""))
         yield _number(result, p) if growth is None else _bound(law, p, growth)
     if not law.remembers:
+        if chosen is not None and chosen.memory != "none":
+            yield _bound(law, relaxing, "0, no memory is better")
         return
     yield _number(result, relaxing, "N/m" if linear else None)
     if isinstance(law.relaxation, SingleRelaxation):
