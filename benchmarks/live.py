@@ -32,6 +32,7 @@ from palpate.live.sinks.sink import Session, Sink
 from palpate.live.sinks.watching import Watching
 from palpate.live.sources.laboratory import Laboratory
 from palpate.live.statistics import Histogram
+from palpate.live.verdict_on_laws import verdict_on
 from palpate.preparation import OnlinePreparation
 
 TARE = 1.6  # s, of the 2 s that the laboratory rests
@@ -201,7 +202,7 @@ def _section(
         Row("recorded", size / 1e6 / minutes, "MB a minute"),
     ]  # fmt: skip
     notes = [f"{minutes:g} minutes; laboratory, diagnosis and browser are counted apart."]
-    if verdict := status["verdict"]:
+    if verdict := verdict_on(status):
         notes.append(f"law: {in_words(verdict, numbers_of(verdict))}")
     notes += [f"said: {words}" for words in status["said"]]
     return Section("Live at 1 kHz", rows, notes)

@@ -23,6 +23,7 @@ from palpate.live.ring import Writer
 from palpate.live.running import default_estimator
 from palpate.live.sinks.messages import described
 from palpate.live.sinks.publishing import words_of
+from palpate.live.verdict_on_laws import verdict_on
 from palpate.live.wires.estimates import Fields
 
 BOX = FlatSpectrum(2e-3, 2.048)
@@ -49,6 +50,11 @@ def pressed(law, seconds=2.0, *, begins=0.0, seed=0):
     return time.tolist(), x.tolist(), force.tolist()
 
 
+def read(loop):
+    """The verdict as a sink reads it from the board."""
+    return verdict_on(json.loads(json.dumps(loop.status())))
+
+
 def watched(script, law="auto", at=(), commands=()):
     """Run a loop; return it, and what its board said after so many samples and at the end."""
     kind, settings = estimator_by_law(law)
@@ -58,7 +64,7 @@ def watched(script, law="auto", at=(), commands=()):
 
     def asked():
         if loop.counts.taken in at:
-            said.setdefault(loop.counts.taken, loop.status())
+            said.setdefault(loop.counts.taken, {"verdict": read(loop)})
         if waiting and loop.counts.taken >= waiting[0][0]:
             return waiting.pop(0)[1]
         return None
@@ -68,7 +74,7 @@ def watched(script, law="auto", at=(), commands=()):
         loop.run()
     finally:
         ring.close()
-    return loop, said, json.loads(json.dumps(loop.status()))["verdict"]  # as a sink reads it
+    return loop, said, read(loop)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -220,21 +226,19 @@ def test_a_known_exponent_is_given_and_no_estimate():
     )
     loop.run()
     ring.close()
-    page = loop.status()
-    assert page["verdict"]["fixed"] == ["exponent"]
+    page, verdict = loop.status(), read(loop)
+    assert verdict["fixed"] == ["exponent"]
     size = len(estimator.law_type.symbols)
-    values = (
-        [0.0] * 10 + page["verdict"]["parameters"] + estimator.estimate().standard_errors.tolist()
-    )
+    values = [0.0] * 10 + verdict["parameters"] + estimator.estimate().standard_errors.tolist()
     said = words_of(page, Fields(0, tuple(estimator.law_type.names()), 10**12), values)
     assert len(values) == 10 + 2 * size
     assert said["exponent"] == "1.5 (fixed)"
     assert "damping_exponent" not in said
-    assert said["verdict_law"] == page["verdict"]["law"]
+    assert said["verdict_law"] == verdict["law"]
     assert isinstance(said["verdict_stiffness"], float)
-    since = 1000.0 + page["verdict"]["since"]
+    since = 1000.0 + verdict["since"]
     assert said["verdict_since"] == pytest.approx(since)  # by the robot's clock
-    assert described(page)["law"] == page["verdict"]["law"]
+    assert described(page)["law"] == verdict["law"]
 
 
 def test_the_law_in_force_costs_no_verdict():

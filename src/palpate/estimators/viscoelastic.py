@@ -1,12 +1,12 @@
 """Laws whose damper has an exponent of its own, and that may remember; and which of them it is."""
 
-import math
 from collections.abc import Iterable
 from typing import Any, Literal
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import CompiledEstimator
+from palpate.estimators.law_evidence import Evidence, verdict_of
 from palpate.estimators.law_verdicts import (
     CANDIDATES,
     DAMPINGS,
@@ -15,8 +15,6 @@ from palpate.estimators.law_verdicts import (
     Candidate,
     DynamicStiffness,
     LawVerdict,
-    Standing,
-    memory_flags,
 )
 from palpate.estimators.loop_settings import Rejection, loop_settings
 from palpate.estimators.registry import register
@@ -153,8 +151,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     @property
     def offered(self) -> tuple[Candidate, ...]:
         """The laws that compete."""
-        bits = _offered(self._settings["damping"], self._settings["memory"])
-        return tuple(law for index, law in enumerate(CANDIDATES) if bits >> index & 1)
+        return self.evidence().laws
 
     @property
     def candidate(self) -> Candidate | None:
@@ -165,24 +162,14 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         rows, *_, chosen, _, _, _ = self._evidence()
         return CANDIDATES[chosen] if rows else None
 
+    def evidence(self) -> Evidence:
+        """Return what a verdict is worked out from, in some microseconds: for another process."""
+        offered = _offered(self._settings["damping"], self._settings["memory"])
+        return Evidence(*self._evidence(), offered, self._step)
+
     def verdict(self) -> LawVerdict:
         """Return which law it is, with the evidence of all that were offered."""
-        rows, samples, effective, chosen, depth, frequency, begun = self._evidence()
-        ranked = sorted(rows, key=lambda row: row[1])
-        least = ranked[0][1] if ranked else 0.0
-        standings = tuple(
-            Standing(CANDIDATES[index], score - least, math.sqrt(mean_square))
-            for index, score, mean_square in ranked
-        )
-        flags = memory_flags(
-            self.estimate(),
-            samples * self._step,
-            begun=begun,
-            everyday=self._settings["memory"] in ("auto", "flat"),
-        )
-        return LawVerdict(
-            CANDIDATES[chosen], standings, samples, effective, depth, frequency, flags
-        )
+        return verdict_of(self.evidence(), self.estimate())
 
     def dynamic_stiffness(
         self, depth: float | None = None, frequency: float | None = None

@@ -4,17 +4,13 @@ They take most of a millisecond, which the loop has not.
 """
 
 import math
-from base64 import b64decode
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from palpate._core import Status
 from palpate.digits import rounded, with_error
-from palpate.estimate import Estimate
 from palpate.estimators.law_verdicts import STRONG, UNDECIDED
 from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
+from palpate.live.verdict_on_laws import estimate_of
 from palpate.quantities.oscillation import in_hertz
 
 #: Of each number its unit, and what it is called in a sentence.
@@ -40,18 +36,13 @@ def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
     Parameters
     ----------
     verdict : mapping
-        ``verdict`` of the loop's board.
+        Of :func:`verdict_on`.
     """
     parameters, depth, omega = verdict["parameters"], verdict["depth"], verdict["frequency"]
     # The motion is that of the samples since; of a law of before it says no band.
     if not (verdict["known"] and parameters and depth and omega and min(depth, omega) > 0.0):
         return {}
-    estimate = Estimate.from_law(
-        GeneralisedHuntCrossley.from_parameters(parameters),
-        np.frombuffer(b64decode(verdict["covariance"])).reshape(len(parameters), -1),
-        status=Status.UPDATED,
-        samples=1,
-    )
+    estimate = estimate_of(verdict)
 
     def felt(law: GeneralisedHuntCrossley) -> tuple[float, ...]:
         whole = law.dynamic_stiffness(depth, omega)

@@ -72,7 +72,7 @@ class Loop:
     said: list[str] = field(default_factory=list)
     #: What a person wants of the recorder, and how many wishes there were.
     record: dict[str, Any] = field(default_factory=lambda: {"wish": 0, "on": False})
-    laws: LawsInForce = field(default_factory=LawsInForce)
+    laws: LawsInForce = field(init=False)
     watchdog: Watchdog = field(init=False)
     generation: int = 0
     _changed: float = -math.inf
@@ -84,6 +84,7 @@ class Loop:
             size = math.hypot(*given)
             self._direction = tuple(float(each) / size for each in given)
         self._check_size(self.estimator)
+        self.laws = LawsInForce.of(self.estimator)
         self.watchdog = Watchdog.of(self.preparation, getattr(self.source, "pace", 1.0))
 
     def run(self) -> None:
@@ -291,7 +292,7 @@ class Loop:
     def _exchange(self, estimator: ContactEstimator, words: str) -> None:
         self._check_size(estimator)
         self.estimator = estimator
-        self.laws = LawsInForce()
+        self.laws = LawsInForce.of(estimator)
         self.generation += 1
         self._changed = -math.inf
         self.say(words)

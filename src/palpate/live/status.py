@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 from palpate.diagnosis.finding import defined
 from palpate.live.choices import main_settings
 from palpate.live.counts import summed
-from palpate.live.laws_in_force import may_remember, shown_parameters
 from palpate.live.states import State
 from palpate.preparation import OnlinePreparation
 
@@ -34,8 +33,8 @@ def status_of(loop: "Loop") -> dict[str, Any]:
             "symbols": law.symbols,
             "units": law.units,
             # Places of those that are shown: some law on offer has them as its own.
-            "shown": shown_parameters(loop.estimator),
-            "remembers": may_remember(loop.estimator),
+            "shown": loop.laws.shown,
+            "remembers": loop.laws.remembers,
         },
         "verdict": loop.laws.page(loop.estimator),
         "needs_condition_10": loop.estimator.needs_condition_10,

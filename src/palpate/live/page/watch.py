@@ -17,6 +17,7 @@ from palpate.live.page.history import SHOWN, History
 from palpate.live.ring import Reader
 from palpate.live.sinks.sink import Session
 from palpate.live.states import State
+from palpate.live.verdict_on_laws import verdict_on
 from palpate.validation import Floats
 
 ALIVE = 2.0  # s: the loop writes its board four times a second
@@ -185,7 +186,7 @@ class Watch:
 
     def _verdict(self) -> dict[str, Any] | None:
         """Which law it is, with what follows from it."""
-        verdict = self.loop.get("verdict")
+        verdict = verdict_on(self.loop)
         return told(verdict) if verdict else None
 
     def page(self, served: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from palpate.live.law_numbers import in_words, numbers_of
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sinks.watching import PLACE
 from palpate.live.states import State
+from palpate.live.verdict_on_laws import verdict_on
 from palpate.validation import Floats
 
 _FIRST, _COVARIANCE = PLACE["parameter_0"], PLACE["covariance_0"]
@@ -57,7 +58,7 @@ def at_depth(status: dict[str, Any], row: Floats, depth: float) -> str:
     square = covariance.reshape(MOST_PARAMETERS, MOST_PARAMETERS)[:size, :size]
     if not np.isfinite(parameters).all():
         return "nothing known yet"
-    if verdict := status.get("verdict"):
+    if verdict := verdict_on(status):
         return in_words(verdict, numbers_of(verdict))
     law = kind.from_parameters(parameters)
     estimate = Estimate.from_law(law, square, status=Status(int(row[PLACE["status"]])), samples=1)

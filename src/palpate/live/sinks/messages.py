@@ -6,6 +6,7 @@ from typing import Any
 
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sinks.watching import PLACE
+from palpate.live.verdict_on_laws import verdict_on
 
 #: Topics; a recording is identified again from the first.
 INPUT, ESTIMATE = "/input", "/estimate"
@@ -141,7 +142,7 @@ def described(status: dict[str, Any]) -> dict[str, str]:
         tared = "none"
     else:
         tared = "being measured" if tare is None else f"{tare:.6g} N was taken off online"
-    verdict = status.get("verdict")
+    verdict = verdict_on(status)
     told = {"law": str(verdict["law"])} if verdict and verdict["known"] else {}
     return {
         "source": str(status.get("source", "")),

@@ -15,6 +15,7 @@ from palpate.live.law_numbers import fields_of
 from palpate.live.sinks.sink import Session
 from palpate.live.sinks.watching import Watching
 from palpate.live.states import State
+from palpate.live.verdict_on_laws import verdict_on
 from palpate.live.wires.estimates import GENERATION, Fields
 from palpate.live.wires.ros_estimates import TOPICS, RosEncoder
 from palpate.validation import Floats
@@ -165,7 +166,7 @@ def words_of(
     said: dict[str, str | float] = {"method": str(page["method"]), "law": str(page["law"]["kind"])}
     shown = page["law"].get("shown", range(len(fields.parameters)))
     units = dict(zip(fields.parameters, page["law"]["units"], strict=True))
-    verdict = page.get("verdict")
+    verdict = verdict_on(page)
     own = verdict["own"] if verdict else fields.parameters
     fixed = verdict["fixed"] if verdict else ()
     for name in (fields.parameters[place] for place in shown):
