@@ -65,8 +65,8 @@ class LawsInForce:
         if now is self.now:
             return
         self.changes = 0 if now is None or self.now is None else self.changes + 1
-        self.now = now
-        self.turns.append(Turn(time, now and str(now), estimator.evidence().samples))
+        self.now, samples = now, estimator.evidence().samples
+        self.turns.append(Turn(time, None if now is None else str(now), samples))
 
     def page(self, estimator: ContactEstimator) -> dict[str, Any] | None:
         """Return what a verdict is worked out from, as JSON takes it; None where there is none.
