@@ -86,7 +86,7 @@ def test_a_force_that_may_be_late_is_said_beside_the_law_that_looks_like_it():
     found = identified("half-space")
     [named] = findings_of(found, "law")
     assert len(findings_of(found, "delay")) == 1
-    assert named.remedy == "--law auto, unless the force is late"
+    assert named.remedy == "--law auto; unless the force is late"
     assert findings_of(identify(faults.late(8e-3), trace=False), "law") == []
 
 

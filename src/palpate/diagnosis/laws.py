@@ -37,6 +37,11 @@ class Laws:
         return any(each.candidate.memory != "none" for each in self.verdict.standings)
 
     @property
+    def open_memory(self) -> bool:
+        """Whether these samples do not say how much relaxes, though they say that it does."""
+        return any("relaxation stiffness not identifiable" in f for f in self.verdict.flags)
+
+    @property
     def of_all(self) -> bool:
         """Whether they were more than the everyday ones."""
         return len(self.verdict.standings) > EVERYDAY

@@ -77,7 +77,9 @@ def _standings(verdict: LawVerdict) -> Iterator[str]:
 
 
 def _oscillations(results: list[Identification]) -> Iterator[str]:
-    """K′ and B′; nothing of a probe that was held still."""
+    """K′ and B′ where one of them remembers; nothing of a probe that was held still."""
+    if not any(result.law.remembers for result in results):
+        return  # the same at any frequency
     try:
         results[0].dynamic_stiffness()
     except InvalidParameterError:
