@@ -159,8 +159,9 @@ def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, floa
         "independent_samples": _number(verdict["effective_samples"]),
         "since": origin + float(verdict["since"]),
         "changes": float(verdict["changes"]),
-        "depth": _number(verdict["depth"]),
-        "frequency": _number(verdict["frequency"]),
+        # Of a probe that has not moved there is neither.
+        "depth": _number(verdict["depth"] or None),
+        "frequency": _number(verdict["frequency"] or None),
     }
     numbers = numbers_of(verdict)
     for name in NUMBERS:

@@ -167,7 +167,8 @@ def words_of(
     shown = page["law"].get("shown", range(len(fields.parameters)))
     units = dict(zip(fields.parameters, page["law"]["units"], strict=True))
     verdict = verdict_on(page)
-    own = verdict["own"] if verdict else fields.parameters
+    known = verdict and verdict["parameters"]
+    own = verdict["own"] if verdict and known else fields.parameters
     fixed = verdict["fixed"] if verdict else ()
     for name in (fields.parameters[place] for place in shown):
         value, error = named[name], named[f"{name}_standard_error"]
