@@ -78,10 +78,9 @@ def _values() -> Iterable[tuple[str, str, Iterable[str]]]:
     from palpate.lab import MATERIALS, TRAJECTORIES
     from palpate.paper import EXPERIMENTS
 
-    for command in ("identify", "fleet", "diagnose"):
+    for command in ("identify", "fleet", "diagnose", "live"):
         yield command, "law", law_names()
         yield command, "method", ESTIMATORS
-    yield "live", "method", ESTIMATORS
     yield "live", "source", [f"lab:{name}" for name in MATERIALS]
     yield "lab", "material", (*MATERIALS, *FORCE_LAWS)
     yield "lab", "trajectory", TRAJECTORIES

@@ -48,6 +48,19 @@ class Candidate:
         return law + memories[self.memory]
 
     @property
+    def own(self) -> tuple[str, ...]:
+        """Names of its own numbers: the law's others follow from these, or are none."""
+        has = {
+            "stiffness": True,
+            "exponent": not self.linear,
+            "damping": self.damping != "none",
+            "relaxation_stiffness": self.memory != "none",
+            "spectrum_exponent": self.memory == "power-law",
+            "longest_time": self.memory == "single",
+        }
+        return tuple(name for name, own in has.items() if own)
+
+    @property
     def parameters(self) -> int:
         """Numbers that are looked for, the offset among them."""
         found = 2 + (not self.linear) + (self.damping != "none")
