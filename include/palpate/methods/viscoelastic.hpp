@@ -15,45 +15,10 @@
 #include "palpate/sample.hpp"
 #include "palpate/status.hpp"
 #include "palpate/viscoelastic/in_si.hpp"
+#include "palpate/viscoelastic/settings.hpp"
 #include "palpate/viscoelastic/solver.hpp"
 
 namespace palpate {
-
-struct ViscoelasticSettings {
-  // Which of viscoelastic::candidates compete, a bit each: those that the everyday bank tells
-  // apart.
-  viscoelastic::Offered offered = (1U << viscoelastic::everyday_candidates) - 1U;
-  double exponent = 0.0;  // n where it is known, as of a tip whose shape is; 0: it is looked for
-  bool offset = true;
-  double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²), as a tare leaves; 0: none was made
-  // Of the surface, in scaled units: one that is off looks like an offset of as many units of
-  // force.
-  double surface_deviation = 0.0;
-  double sample_time = 1e-3;  // s; the shortest relaxation time is two of them
-
-  bool operator==(const ViscoelasticSettings&) const = default;
-};
-
-constexpr const char* validate(const ViscoelasticSettings& s) noexcept {
-  using viscoelastic::Grid;
-  if (s.offered == 0 || (s.offered >> viscoelastic::candidates.size()) != 0) {
-    return "method.offered must name at least one law";
-  }
-  const bool known = s.exponent >= Grid::lowest_exponent && s.exponent <= Grid::highest_exponent;
-  if (s.exponent != 0.0 && !known) {
-    return "method.exponent must be in [0.5, 3.25], or 0 where it is not known";
-  }
-  if (!(s.offset_deviation >= 0.0 && s.offset_deviation <= 1e60)) {
-    return "method.offset_deviation must be in [0, 1e60] units of force";
-  }
-  if (!(s.surface_deviation >= 0.0 && s.surface_deviation <= 1e60)) {
-    return "method.surface_deviation must be in [0, 1e60] units of penetration";
-  }
-  if (!(s.sample_time > 0.0 && s.sample_time <= 1e6)) {
-    return "method.sample_time must be in (0, 1e6] s";
-  }
-  return nullptr;
-}
 
 // `Sums` are those of the everyday tier or of the full one.
 template <class Sums>
@@ -80,10 +45,8 @@ class ViscoelasticMethod {
   // ξ⁻¹ of what is nearly at the surface would outweigh the rest; 10 µm of 10 mm.
   static constexpr double least_depth = 1e-3;
 
-  ViscoelasticMethod(const Settings& settings, const Units& units) noexcept
-      : settings_(settings),
-        units_(units),
-        solver_(settings.sample_time, settings.offered, priors_of(settings)) {}
+  ViscoelasticMethod(const Settings& settings, const Units&) noexcept
+      : settings_(settings), solver_(settings.sample_time, settings.offered, priors_of(settings)) {}
 
   static ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {
     return given;
@@ -131,7 +94,7 @@ class ViscoelasticMethod {
     const viscoelastic::Solution& now = solver_.solution();
     if (now.known != 0 && now.at_edge == 0) {
       // A spring, a sphere and a cone are half a step apart.
-      solver_.priors().centre = now.n;
+      solver_.priors().centre = now.fit.n;
       solver_.priors().deviation = 0.3;
     }
     reinitialise_after_transient();
@@ -163,7 +126,7 @@ class ViscoelasticMethod {
         viscoelastic::covariance_in_si<Times>(now, law, units);
     Fit<Law> fit{.law = law,
                  .covariance = {},
-                 .offset = {now.value[viscoelastic::offset] * units.force, joint[order][order], {}},
+                 .offset = {now.fit.value[viscoelastic::offset] * units.force, joint[order][order], {}},
                  .surface = {},
                  .flags = flags(now)};
     for (std::size_t i = 0; i < order; ++i) {
@@ -178,7 +141,7 @@ class ViscoelasticMethod {
     const Law law = this->law(now, units);
     const Matrix<viscoelastic::joint_size> joint =
         viscoelastic::covariance_in_si<Times>(now, law, units);
-    Snapshot<Law> snapshot{law, {}, now.value[viscoelastic::offset] * units.force, 0.0};
+    Snapshot<Law> snapshot{law, {}, now.fit.value[viscoelastic::offset] * units.force, 0.0};
     for (std::size_t i = 0; i < order; ++i) snapshot.variances[i] = joint[i][i];
     return snapshot;
   }
@@ -232,12 +195,11 @@ class ViscoelasticMethod {
   void begin(double depth) noexcept {
     begun_ = true;
     solver_.samples().begin(depth);
-    constexpr viscoelastic::Offered forgetful = 0b111;
-    const bool may_remember = (settings_.offered & ~forgetful) != 0;
+    const bool may_remember = (settings_.offered & ~viscoelastic::forgetful) != 0;
     settling_ = depth > 0.0 && may_remember ? settling_time : 0.0;
     began_in_contact_ = began_in_contact_ || depth > 0.0;
     if (!(settling_ > 0.0) || solver_.samples().weight() > 0.0) return;
-    const viscoelastic::Offered left = settings_.offered & forgetful;
+    const viscoelastic::Offered left = settings_.offered & viscoelastic::forgetful;
     provisional_ = left != 0;
     if (provisional_) solver_.offer(left);
   }
@@ -269,9 +231,9 @@ class ViscoelasticMethod {
     // Of the elastic force, at the speed of the scale.
     constexpr double largest_damping_error = 0.25;
     std::uint8_t found = 0;
-    const double exponent = Grid::step * std::sqrt(now.covariance[exponent_node][exponent_node]);
-    const double damper = std::sqrt(now.covariance[damping][damping]);
-    const double spring = std::abs(now.value[stiffness] + now.value[memory]);
+    const double exponent = Grid::step * std::sqrt(now.covariance.diagonal(exponent_node));
+    const double damper = std::sqrt(now.covariance.diagonal(damping));
+    const double spring = std::abs(now.fit.value[stiffness] + now.fit.value[memory]);
     const bool searched = !now.law().linear && !(settings_.exponent > 0.0);
     if (now.known == 0 || (searched && !(exponent < largest_exponent_error))) {
       found |= exponent_not_identifiable;
@@ -288,7 +250,6 @@ class ViscoelasticMethod {
   }
 
   Settings settings_;
-  Units units_;
   viscoelastic::Solver<Sums> solver_;
   detail::FreeAir air_;
   double settling_ = 0.0;   // s until what nobody saw is forgotten

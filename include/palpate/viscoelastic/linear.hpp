@@ -9,12 +9,12 @@
 
 #include "palpate/matrix.hpp"
 #include "palpate/viscoelastic/law.hpp"
-#include "palpate/viscoelastic/samples.hpp"
+#include "palpate/viscoelastic/normal.hpp"
 
 namespace palpate::viscoelastic {
 
-// Which of the parts are fitted, a bit each; of a word's size, so that no saved state has padding.
-using PartSet = std::uint64_t;
+// Which of the parts are fitted, a bit each.
+using PartSet = std::uint32_t;
 
 constexpr PartSet bit(Part part) noexcept { return PartSet{1} << part; }
 constexpr bool has(PartSet set, Part part) noexcept { return (set & bit(part)) != 0; }
@@ -33,34 +33,32 @@ struct Linear {
   PartSet fitted = 0;  // parts that have a sound pivot
 };
 
-// A = L Lᵀ of the fitted parts, from a unit diagonal; a part whose pivot is rounding is left out.
+// A = L Lᵀ of the fitted parts, from a unit diagonal; a part whose pivot is rounding is left out: its
+// row is that of the unit matrix, and its column empty.
 class Factored {
  public:
   Factored(const Normal& normal, PartSet wanted) noexcept {
-    for (const Part part : order) {
-      if (!has(wanted, part)) continue;
-      const double diagonal = normal.a[part][part];
+    for (std::size_t i = 0; i < parts; ++i) {
+      const double diagonal = normal.a[i][i];
       // Of sums that are squares; what is less than this is not there.
-      if (!(diagonal > 1e-150)) continue;
-      unit_[part] = 1.0 / std::sqrt(diagonal);
-      double pivot = 1.0;
+      const bool there = has(wanted, static_cast<Part>(i)) && diagonal > 1e-150;
+      unit_[i] = there ? 1.0 / std::sqrt(diagonal) : 0.0;
       Vector<parts> row{};
-      for (const Part before : order) {
-        if (before == part) break;
-        if (!has(fitted_, before)) continue;
-        double entry = normal.a[part][before] * unit_[part] * unit_[before];
-        for (const Part earlier : order) {
-          if (earlier == before) break;
-          entry -= row[earlier] * lower_[before][earlier];
-        }
-        row[before] = entry / lower_[before][before];
-        pivot -= row[before] * row[before];
+      double pivot = 1.0;
+      for (std::size_t j = 0; j < i; ++j) {
+        double entry = normal.a[i][j] * unit_[i] * unit_[j];
+        for (std::size_t k = 0; k < j; ++k) entry -= row[k] * lower_[j][k];
+        row[j] = entry * per_pivot_[j];
+        pivot -= row[j] * row[j];
       }
       // Sums of 1e4 samples, interpolated to 1e-9 and better, carry 1e-12.
-      if (!(pivot > 1e-11)) continue;
-      row[part] = std::sqrt(pivot);
-      lower_[part] = row;
-      fitted_ |= bit(part);
+      if (there && pivot > 1e-11) {
+        fitted_ |= bit(static_cast<Part>(i));
+        per_pivot_[i] = 1.0 / std::sqrt(pivot);
+        lower_[i] = row;
+      } else {
+        unit_[i] = 0.0;
+      }
     }
   }
 
@@ -68,25 +66,17 @@ class Factored {
 
   Linear solve(const Vector<parts>& b) const noexcept {
     Linear result{.fitted = fitted_};
-    Vector<parts> half{};
-    for (const Part part : order) {
-      if (!has(fitted_, part)) continue;
-      double rest = b[part] * unit_[part];
-      for (const Part before : order) {
-        if (before == part) break;
-        rest -= lower_[part][before] * half[before];
-      }
-      half[part] = rest / lower_[part][part];
-      result.gain += half[part] * half[part];
+    Vector<parts> half;
+    for (std::size_t i = 0; i < parts; ++i) {
+      double rest = b[i] * unit_[i];
+      for (std::size_t j = 0; j < i; ++j) rest -= lower_[i][j] * half[j];
+      half[i] = rest * per_pivot_[i];
+      result.gain += half[i] * half[i];
     }
-    for (std::size_t k = parts; k-- > 0;) {
-      const Part part = order[k];
-      if (!has(fitted_, part)) continue;
-      double rest = half[part];
-      for (std::size_t later = k + 1; later < parts; ++later) {
-        rest -= lower_[order[later]][part] * result.value[order[later]];
-      }
-      result.value[part] = rest / lower_[part][part];
+    for (std::size_t i = parts; i-- > 0;) {
+      double rest = half[i];
+      for (std::size_t j = i + 1; j < parts; ++j) rest -= lower_[j][i] * result.value[j];
+      result.value[i] = rest * per_pivot_[i];
     }
     for (std::size_t i = 0; i < parts; ++i) result.value[i] *= unit_[i];
     return result;
@@ -98,16 +88,14 @@ class Factored {
     for (std::size_t i = 0; i < parts; ++i) {
       Vector<parts> one{};
       one[i] = 1.0;
-      if (has(fitted_, static_cast<Part>(i))) result[i] = solve(one).value;
+      result[i] = solve(one).value;
     }
     return result;
   }
 
  private:
-  // What explains least is taken last, so that it is left out where it says what others do.
-  static constexpr std::array<Part, parts> order{offset, stiffness, damping, memory};
-
-  Matrix<parts> lower_{};
+  Matrix<parts> lower_{};  // less its diagonal
+  Vector<parts> per_pivot_{};
   Vector<parts> unit_{};
   PartSet fitted_ = 0;
 };
@@ -131,12 +119,12 @@ class Factored {
   if (!(free.value[memory] < 0.0) && !(free.value[damping] < 0.0)) return free;
   const Linear undamped = solve(normal, wanted & ~bit(damping));
   const bool sound = !(undamped.value[memory] < 0.0);
-  const Linear forgetful = solve(normal, wanted & ~bit(memory));
+  const Linear rested = solve(normal, wanted & ~bit(memory));
   // Without memory a law may have any damping; but this one stands among those that have memory.
-  const bool passive = !(forgetful.value[damping] < 0.0);
-  if (sound && passive) return undamped.gain > forgetful.gain ? undamped : forgetful;
+  const bool passive = !(rested.value[damping] < 0.0);
+  if (sound && passive) return undamped.gain > rested.gain ? undamped : rested;
   if (sound) return undamped;
-  if (passive) return forgetful;
+  if (passive) return rested;
   return solve(normal, wanted & ~(bit(memory) | bit(damping)));
 }
 

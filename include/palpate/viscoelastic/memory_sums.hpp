@@ -23,9 +23,6 @@ struct MemoryWindows {
   Window square;
 };
 
-// A number at each exponent of the grid.
-using NodeRow = std::array<double, Grid::exponents>;
-
 // The five sums of a branch with what is no branch.
 using Crossed = std::array<NodeRow, 5>;
 
@@ -33,7 +30,7 @@ inline void add_crossed(Crossed& sums, const NodeRow& g, const Powers& p, const 
                         double weight) noexcept {
   const double wf = weight * s.force, wv = weight * s.velocity;
   const double* power = p.data() + Grid::first_exponent;
-  const double* slope = power - 4;  // ξⁿ⁻¹
+  const double* slope = power - Grid::one;  // ξⁿ⁻¹
   for (std::size_t j = 0; j < Grid::exponents; ++j) {
     const double once = weight * g[j], moving = wv * g[j];
     sums[0][j] += once;
