@@ -46,7 +46,10 @@ class ViscoelasticMethod {
   static constexpr double least_depth = 1e-3;
 
   ViscoelasticMethod(const Settings& settings, const Units&) noexcept
-      : settings_(settings), solver_(settings.sample_time, settings.offered, priors_of(settings)) {}
+      : solver_(settings.sample_time, settings.offered, priors_of(settings)),
+        offset_deviation_(settings.offset_deviation),
+        surface_deviation_(settings.surface_deviation),
+        offered_(settings.offered) {}
 
   static ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {
     return given;
@@ -55,7 +58,7 @@ class ViscoelasticMethod {
     return s.penetration > 0.0 && detail::within(s, largest_input);
   }
 
-  Row prepare(const Sample& sample) noexcept { return prepare(sample, settings_.sample_time); }
+  Row prepare(const Sample& sample) noexcept { return prepare(sample, sample_time()); }
 
   Row prepare(const Sample& sample, double dt) noexcept {
     advance(sample, dt);
@@ -102,7 +105,7 @@ class ViscoelasticMethod {
 
   void reinitialise_after_transient() noexcept {
     provisional_ = false;
-    solver_.offer(settings_.offered);
+    solver_.offer(offered_);
     solver_.clear(0.0);
   }
 
@@ -116,7 +119,7 @@ class ViscoelasticMethod {
 
   double force(const Units& units, double x, double v) const noexcept {
     const Sample sample{x * units.per_penetration, v * units.per_velocity, 0.0};
-    return units.force * detail::saturate(solver_.predict_after(sample, settings_.sample_time));
+    return units.force * detail::saturate(solver_.predict_after(sample, sample_time()));
   }
 
   Fit<Law> fit(const Units& units) const noexcept {
@@ -161,6 +164,10 @@ class ViscoelasticMethod {
   // Of depths below it there is no inverse.
   static constexpr double surface_depth = 1e-9;
 
+  double sample_time() const noexcept {
+    return solver_.samples().branches().times().sample_time();
+  }
+
   static viscoelastic::Priors priors_of(const Settings& s) noexcept {
     viscoelastic::Priors priors{};
     priors.exponent = s.exponent;
@@ -175,7 +182,7 @@ class ViscoelasticMethod {
     const double depth = sample.penetration > surface_depth ? sample.penetration : 0.0;
     const double step = dt + passed_;
     passed_ = 0.0;
-    const double usual = std::max(settings_.sample_time, last_step_);
+    const double usual = std::max(sample_time(), last_step_);
     const bool gap = step > longest_gap * usual && solver_.samples().touching();
     last_step_ = step;
     if (!begun_ || gap) {
@@ -188,18 +195,18 @@ class ViscoelasticMethod {
     if (settling_ > 0.0 || !provisional_) return;
     // What was learned stands until half as much is known without it.
     provisional_ = false;
-    solver_.offer(settings_.offered);
+    solver_.offer(offered_);
     solver_.clear(0.5 * solver_.samples().weight());
   }
 
   void begin(double depth) noexcept {
     begun_ = true;
     solver_.samples().begin(depth);
-    const bool may_remember = (settings_.offered & ~viscoelastic::forgetful) != 0;
+    const bool may_remember = (offered_ & ~viscoelastic::forgetful) != 0;
     settling_ = depth > 0.0 && may_remember ? settling_time : 0.0;
     began_in_contact_ = began_in_contact_ || depth > 0.0;
     if (!(settling_ > 0.0) || solver_.samples().weight() > 0.0) return;
-    const viscoelastic::Offered left = settings_.offered & viscoelastic::forgetful;
+    const viscoelastic::Offered left = offered_ & viscoelastic::forgetful;
     provisional_ = left != 0;
     if (provisional_) solver_.offer(left);
   }
@@ -208,15 +215,15 @@ class ViscoelasticMethod {
   void renew_offset() noexcept {
     if (!air_is_new_) return;
     air_is_new_ = false;
-    if (!settings_.offset || !air_.known()) return;
+    if (solver_.priors().offset == 0 || !air_.known()) return;
     constexpr double suspect = 3.0;
-    const double declared = settings_.offset_deviation;
+    const double declared = offset_deviation_;
     const detail::OffsetPrior air = air_.prior(0.0);
     tare_refuted_ =
         declared > 0.0 && std::abs(air.mean) > suspect * std::hypot(declared, air.deviation);
     const bool tare = declared > 0.0 && !tare_refuted_ && declared < air.deviation;
     detail::OffsetPrior prior = tare ? detail::OffsetPrior{0.0, declared} : air;
-    prior.deviation = std::hypot(prior.deviation, settings_.surface_deviation);
+    prior.deviation = std::hypot(prior.deviation, surface_deviation_);
     solver_.know_offset(prior);
   }
 
@@ -234,7 +241,7 @@ class ViscoelasticMethod {
     const double exponent = Grid::step * std::sqrt(now.covariance.diagonal(exponent_node));
     const double damper = std::sqrt(now.covariance.diagonal(damping));
     const double spring = std::abs(now.fit.value[stiffness] + now.fit.value[memory]);
-    const bool searched = !now.law().linear && !(settings_.exponent > 0.0);
+    const bool searched = !now.law().linear && !(solver_.priors().exponent > 0.0);
     if (now.known == 0 || (searched && !(exponent < largest_exponent_error))) {
       found |= exponent_not_identifiable;
     }
@@ -243,18 +250,20 @@ class ViscoelasticMethod {
       found |= damping_not_identifiable;
     }
     if (now.at_edge != 0) found |= exponent_at_edge;
-    const bool tared = settings_.offset_deviation > 0.0;
+    const bool tared = offset_deviation_ > 0.0;
     if (tare_refuted_ || (tared && solver_.offset_refuted())) found |= tare_refuted;
     if (provisional_) found |= started_in_contact;
     return found;
   }
 
-  Settings settings_;
   viscoelastic::Solver<Sums> solver_;
   detail::FreeAir air_;
   double settling_ = 0.0;   // s until what nobody saw is forgotten
   double passed_ = 0.0;     // s since the last sample that was not refused
   double last_step_ = 0.0;  // s
+  double offset_deviation_;
+  double surface_deviation_;
+  viscoelastic::Offered offered_;
   bool begun_ = false;
   bool began_in_contact_ = false;
   bool provisional_ = false;  // what is learned is of the time before that

@@ -21,6 +21,7 @@ class Ladder {
 
   explicit Ladder(double sample_time) noexcept : shortest_(2.0 * sample_time) { set(sample_time); }
 
+  double sample_time() const noexcept { return 0.5 * shortest_; }
   double time(double rung) const noexcept { return shortest_ * std::pow(ratio, rung); }
 
   // What is left of a branch after a step, and what it takes of a change of ξⁿ during it.
@@ -47,14 +48,19 @@ class Ladder {
   }
 
  private:
-  // 1 − e^(−dt/τ) of the longest by expm1; half the time doubles the exponent, e ← e (2 − e).
+  // 1 − e^(−dt/τ) of the longest by expm1; half the time doubles the
+  // exponent, e ← e (2 − e) = e (1 + a), and squares what is left, a ← a².
   void set(double dt) noexcept {
     constexpr double longest = static_cast<double>(1ULL << Doublings * (Count - 1));
     dt_ = dt;
     double lost = -std::expm1(-std::max(dt, 1e-18 * shortest_) / (longest * shortest_));
+    double kept = 1.0 - lost;
     for (std::size_t i = Count; i-- > 0;) {
       lost_[i] = lost;
-      for (std::size_t doubling = 0; doubling < Doublings; ++doubling) lost *= 2.0 - lost;
+      for (std::size_t doubling = 0; doubling < Doublings; ++doubling) {
+        lost *= 1.0 + kept;
+        kept *= kept;
+      }
     }
   }
 
@@ -73,16 +79,15 @@ class Branches {
   // To a depth, 0 for none, after so much time.
   void advance(double depth, double dt) noexcept {
     const auto step = times_.over(dt);
+    if (depth == depth_) return decay(step);
     const NodeRow before = elastic_of(depth_), now = elastic_of(depth);
     depth_ = depth;
     NodeRow change;
     for (std::size_t j = 0; j < change.size(); ++j) change[j] = now[j] - before[j];
     for (std::size_t i = 0; i < Times::count; ++i) {
       const double kept = step.kept[i], gain = step.gain[i];
-      // What decays would end in subnormal numbers, on which processors are slow: below 1e-76 it
-      // is rounded away.
       for (std::size_t j = 0; j < change.size(); ++j) {
-        states_[i][j] = (states_[i][j] * kept + gain * change[j] + 1e-60) - 1e-60;
+        states_[i][j] = states_[i][j] * kept + gain * change[j];
       }
     }
   }
@@ -98,6 +103,14 @@ class Branches {
   double depth() const noexcept { return depth_; }
 
  private:
+  // What decays would end in subnormal numbers, on which processors are slow: below 1e-76 it is
+  // rounded away.
+  void decay(const typename Times::Step& step) noexcept {
+    for (std::size_t i = 0; i < Times::count; ++i) {
+      for (double& state : states_[i]) state = (state * step.kept[i] + 1e-60) - 1e-60;
+    }
+  }
+
   Times times_;
   double depth_ = 0.0;  // at the last sample
   std::array<NodeRow, Times::count> states_{};

@@ -20,13 +20,18 @@ namespace palpate::viscoelastic {
 template <class Sums>
 class Curvature {
  public:
-  Curvature(const Problem<Sums>& problem, const Point& minimum, double variance) noexcept
-      : problem_(problem), minimum_(minimum), variance_(variance) {
+  // `about` is what a search saw of the curvature, per node; 0 where it saw nothing.
+  Curvature(const Problem<Sums>& problem, const Point& minimum, double variance,
+            const Place& about) noexcept
+      : problem_(problem), minimum_(minimum), variance_(variance), centre_(minimum.place) {
+    choose_step(0, about.exponent);
+    choose_step(1, about.second);
     measure();
   }
 
-  Matrix<unknowns> covariance() const noexcept {
-    const Factored factored(problem_.normal(minimum_.place), problem_.wanted());
+  // From the normal equations at the minimum.
+  Matrix<unknowns> covariance(const Normal& normal) const noexcept {
+    const Factored factored(normal, problem_.wanted());
     const Matrix<parts> inverse = factored.inverse();
     Matrix<unknowns> result{};
     for (std::size_t i = 0; i < parts; ++i) {
@@ -70,17 +75,20 @@ class Curvature {
     return {axis == 0 ? at(-1.0, 0.0) : at(0.0, -1.0), axis == 0 ? at(1.0, 0.0) : at(0.0, 1.0)};
   }
 
-  void measure() noexcept {
-    centre_ = minimum_.place;
-    const double last = static_cast<double>(Grid::exponents - 1);
-    for (std::size_t axis = 0; axis < 2; ++axis) {
-      if (!searches(axis)) continue;
+  // About a standard error.
+  void choose_step(std::size_t axis, double curvature) noexcept {
+    if (!searches(axis)) return;
+    if (!(curvature > 0.0)) {
       const auto [below, above] = sides(axis);
-      const double curvature = above.cost - 2.0 * minimum_.cost + below.cost;
-      if (curvature > 0.0) {
-        step_[axis] = std::clamp(step_[axis] * std::sqrt(2.0 * variance_ / curvature), least, most);
-      }
+      curvature = (above.cost - 2.0 * minimum_.cost + below.cost) / (step_[axis] * step_[axis]);
     }
+    if (curvature > 0.0) {
+      step_[axis] = std::clamp(std::sqrt(2.0 * variance_ / curvature), least, most);
+    }
+  }
+
+  void measure() noexcept {
+    const double last = static_cast<double>(Grid::exponents - 1);
     if (searches(0)) centre_.exponent = std::clamp(centre_.exponent, step_[0], last - step_[0]);
     const double middle = at(0.0, 0.0).cost;
     Matrix<2> h{};

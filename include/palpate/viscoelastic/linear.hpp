@@ -33,52 +33,48 @@ struct Linear {
   PartSet fitted = 0;  // parts that have a sound pivot
 };
 
-// A = L Lᵀ of the fitted parts, from a unit diagonal; a part whose pivot is rounding is left out: its
-// row is that of the unit matrix, and its column empty.
+// A = L D Lᵀ of the fitted parts; a part whose pivot is rounding is left out: its row and its column
+// are empty.
 class Factored {
  public:
   Factored(const Normal& normal, PartSet wanted) noexcept {
     for (std::size_t i = 0; i < parts; ++i) {
       const double diagonal = normal.a[i][i];
-      // Of sums that are squares; what is less than this is not there.
-      const bool there = has(wanted, static_cast<Part>(i)) && diagonal > 1e-150;
-      unit_[i] = there ? 1.0 / std::sqrt(diagonal) : 0.0;
-      Vector<parts> row{};
-      double pivot = 1.0;
+      double pivot = diagonal;
+      Vector<parts> row{};  // L D
       for (std::size_t j = 0; j < i; ++j) {
-        double entry = normal.a[i][j] * unit_[i] * unit_[j];
-        for (std::size_t k = 0; k < j; ++k) entry -= row[k] * lower_[j][k];
-        row[j] = entry * per_pivot_[j];
-        pivot -= row[j] * row[j];
+        row[j] = normal.a[i][j];
+        for (std::size_t k = 0; k < j; ++k) row[j] -= row[k] * lower_[j][k];
+        lower_[i][j] = row[j] * per_pivot_[j];
+        pivot -= row[j] * lower_[i][j];
       }
-      // Sums of 1e4 samples, interpolated to 1e-9 and better, carry 1e-12.
-      if (there && pivot > 1e-11) {
-        fitted_ |= bit(static_cast<Part>(i));
-        per_pivot_[i] = 1.0 / std::sqrt(pivot);
-        lower_[i] = row;
+      // Of sums that are squares, what is less than 1e-150 is not there; sums of 1e4 samples,
+      // interpolated to 1e-9 and better, carry 1e-12.
+      const Part part = static_cast<Part>(i);
+      if (has(wanted, part) && diagonal > 1e-150 && pivot > 1e-11 * diagonal) {
+        fitted_ |= bit(part);
+        per_pivot_[i] = 1.0 / pivot;
       } else {
-        unit_[i] = 0.0;
+        lower_[i] = {};
       }
     }
   }
 
   PartSet fitted() const noexcept { return fitted_; }
 
-  Linear solve(const Vector<parts>& b) const noexcept {
-    Linear result{.fitted = fitted_};
-    Vector<parts> half;
-    for (std::size_t i = 0; i < parts; ++i) {
-      double rest = b[i] * unit_[i];
-      for (std::size_t j = 0; j < i; ++j) rest -= lower_[i][j] * half[j];
-      half[i] = rest * per_pivot_[i];
-      result.gain += half[i] * half[i];
+  // Of the first so many parts alone.
+  Linear solve(const Vector<parts>& b, std::size_t count = parts) const noexcept {
+    Linear result{.fitted = fitted_ & (bit(static_cast<Part>(count)) - 1U)};
+    Vector<parts> half{};
+    for (std::size_t i = 0; i < count; ++i) {
+      half[i] = b[i];
+      for (std::size_t j = 0; j < i; ++j) half[i] -= lower_[i][j] * half[j];
+      result.gain += half[i] * half[i] * per_pivot_[i];
     }
-    for (std::size_t i = parts; i-- > 0;) {
-      double rest = half[i];
-      for (std::size_t j = i + 1; j < parts; ++j) rest -= lower_[j][i] * result.value[j];
-      result.value[i] = rest * per_pivot_[i];
+    for (std::size_t i = count; i-- > 0;) {
+      result.value[i] = half[i] * per_pivot_[i];
+      for (std::size_t j = i + 1; j < count; ++j) result.value[i] -= lower_[j][i] * result.value[j];
     }
-    for (std::size_t i = 0; i < parts; ++i) result.value[i] *= unit_[i];
     return result;
   }
 
@@ -88,21 +84,16 @@ class Factored {
     for (std::size_t i = 0; i < parts; ++i) {
       Vector<parts> one{};
       one[i] = 1.0;
-      result[i] = solve(one).value;
+      if (has(fitted_, static_cast<Part>(i))) result[i] = solve(one).value;
     }
     return result;
   }
 
  private:
-  Matrix<parts> lower_{};  // less its diagonal
+  Matrix<parts> lower_{};  // less its diagonal of ones
   Vector<parts> per_pivot_{};
-  Vector<parts> unit_{};
   PartSet fitted_ = 0;
 };
-
-[[gnu::noinline]] inline Linear solve(const Normal& normal, PartSet wanted) noexcept {
-  return Factored(normal, wanted).solve(normal.b);
-}
 
 // A damper that gives energy back is what a Hunt–Crossley or Kelvin–Voigt fit may ask for, and is
 // left to it. On the other laws it is no damper but a sign of another: they have to be passive, and
@@ -110,22 +101,24 @@ class Factored {
 [[gnu::noinline]] inline Linear solve_passive(const Normal& normal, const Candidate& law,
                                               bool with_offset) noexcept {
   const PartSet wanted = parts_of(law, with_offset);
-  const Linear free = solve(normal, wanted);
+  const Factored factored(normal, wanted);
+  const Linear free = factored.solve(normal.b);
+  const auto without = [&](PartSet left_out) noexcept {
+    return Factored(normal, wanted & ~left_out).solve(normal.b);
+  };
   if (!has(wanted, memory)) {
     const bool may = law.damping != Damping::half_space || law.linear;
-    if (may || !(free.value[damping] < 0.0)) return free;
-    return solve(normal, wanted & ~bit(damping));
+    return may || !(free.value[damping] < 0.0) ? free : without(bit(damping));
   }
   if (!(free.value[memory] < 0.0) && !(free.value[damping] < 0.0)) return free;
-  const Linear undamped = solve(normal, wanted & ~bit(damping));
+  const Linear undamped = without(bit(damping));
   const bool sound = !(undamped.value[memory] < 0.0);
-  const Linear rested = solve(normal, wanted & ~bit(memory));
+  const Linear rested = factored.solve(normal.b, memory);
   // Without memory a law may have any damping; but this one stands among those that have memory.
   const bool passive = !(rested.value[damping] < 0.0);
   if (sound && passive) return undamped.gain > rested.gain ? undamped : rested;
   if (sound) return undamped;
-  if (passive) return rested;
-  return solve(normal, wanted & ~(bit(memory) | bit(damping)));
+  return passive ? rested : without(bit(memory) | bit(damping));
 }
 
 }  // namespace palpate::viscoelastic

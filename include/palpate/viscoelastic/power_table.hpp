@@ -33,29 +33,39 @@ struct Grid {
   }
 };
 
-// ξ^q at the grid's nodes.
-using Powers = std::array<double, Grid::powers>;
+// ξ^q at the grid's nodes, and a few beyond.
+using Powers = std::array<double, Grid::powers + 3>;
 // A number at each exponent of the grid.
 using NodeRow = std::array<double, Grid::exponents>;
+
+// Each ξ times what stands a step of one before it.
+template <std::size_t Size>
+void raise(std::array<double, Size>& powers, std::size_t begin, double depth) noexcept {
+  for (std::size_t j = begin; j < Size; ++j) powers[j] = powers[j - Grid::one] * depth;
+}
 
 inline Powers powers_of(double depth) noexcept {
   // Steps of a quarter: two square roots in place of an exponential.
   const double half = std::sqrt(depth), quarter = std::sqrt(half), inverse = 1.0 / depth;
+  const std::array<double, Grid::one> starts{inverse, half * inverse, 1.0, half};
   Powers p;
-  p[Grid::zero] = 1.0;
-  p[Grid::zero + 1] = quarter;
-  p[Grid::zero + 2] = half;
-  p[Grid::zero + 3] = half * quarter;
-  for (std::size_t j = 0; j < Grid::zero; ++j) p[j] = p[j + Grid::one] * inverse;
-  for (std::size_t j = 2 * Grid::zero; j < p.size(); ++j) p[j] = p[j - Grid::one] * depth;
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    p[2 * i] = starts[i];
+    p[2 * i + 1] = starts[i] * quarter;
+  }
+  raise(p, 8, depth);
   return p;
 }
 
 // ξⁿ at the grid's exponents alone; 0 where there is no depth.
 inline NodeRow elastic_of(double depth) noexcept {
   const double half = std::sqrt(depth), quarter = std::sqrt(half);
-  NodeRow row{half, half * quarter, depth, quarter * depth};
-  for (std::size_t j = Grid::one; j < row.size(); ++j) row[j] = row[j - Grid::one] * depth;
+  NodeRow row;
+  row[0] = half;
+  row[1] = half * quarter;
+  row[2] = depth;
+  row[3] = quarter * depth;
+  raise(row, 4, depth);
   return row;
 }
 
@@ -102,8 +112,8 @@ class PowerTable {
  private:
   // Nodes that some law asks for, each with a window about it: of ξ^q those of n and 2n, of ξ^q w and
   // ξ^q w² also of n − 1, 2n − 1 and 2n − 2; those with F of n, and with wF of n − 1 too.
-  static constexpr std::array<std::size_t, kinds> lowest{3, 0, 0, 3, 0};
-  static constexpr std::array<std::size_t, kinds> highest{32, 32, 32, 20, 20};
+  static constexpr std::array<std::size_t, kinds> lowest{2, 0, 0, 2, 0};
+  static constexpr std::array<std::size_t, kinds> highest{32, 32, 32, 21, 21};
   static constexpr std::array<std::size_t, kinds + 1> begins = [] {
     std::array<std::size_t, kinds + 1> places{};
     for (std::size_t kind = 0; kind < kinds; ++kind) {

@@ -30,11 +30,12 @@ template <class Times>
   if (!remembers(fit)) return force;
   const Window around = window(Grid::place_of_exponent(fit.n), Grid::exponents);
   const auto spectrum = spectrum_of<Times>(fit.law().memory, fit.second());
-  double memory_force = 0.0;
+  Vector<window_points> mean{};
   for (std::size_t i = spectrum.first; i < spectrum.end; ++i) {
-    memory_force += spectrum.weight[i] * around.of(branches.states()[i].data());
+    const double* states = branches.states()[i].data() + around.first;
+    for (std::size_t k = 0; k < window_points; ++k) mean[k] += spectrum.weight[i] * states[k];
   }
-  return force + fit.value[memory] * memory_force;
+  return force + fit.value[memory] * detail::dot(around.weights, mean);
 }
 
 // As if the sample came `dt` after the last one.

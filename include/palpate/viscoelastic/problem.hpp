@@ -80,8 +80,10 @@ struct Problem {
     return normal;
   }
 
-  [[gnu::noinline]] Point at(const Place& place) const noexcept {
-    Point point{place, solve_passive(normal(place), law, priors.offset != 0), 0.0};
+  [[gnu::noinline]] Point at(const Place& place) const noexcept { return at(place, normal(place)); }
+
+  Point at(const Place& place, const Normal& normal) const noexcept {
+    Point point{place, solve_passive(normal, law, priors.offset != 0), 0.0};
     const double away = (exponent(place) - priors.centre) / priors.deviation;
     point.cost = priors.variance * away * away - point.linear.gain;
     return point;

@@ -49,6 +49,8 @@ class Search {
 
   const Place& place() const noexcept { return place_; }
   double spring() const noexcept { return spring_; }  // k there
+  // Second derivatives of J along either axis, per node, where it was looked at last.
+  const Place& curvature() const noexcept { return curvature_; }
 
  private:
   static constexpr std::uint32_t rows = Grid::exponents / 2;
@@ -135,13 +137,20 @@ class Search {
   bool refine(const Problem<Sums>& problem, Point& middle) noexcept {
     const Place centre = within(problem, middle.place);
     if (centre != middle.place) middle = problem.at(centre);
-    const Place move = newton(slopes_about(problem, middle), centre);
+    const Slopes seen = slopes_about(problem, middle);
+    const Place move = newton(seen, centre);
+    curvature_ = {seen.h11 / (step_ * step_), seen.h22 / (step_ * step_)};
     constexpr double longest = 1.5;
     const double largest = std::max(std::abs(move.exponent), std::abs(move.second));
     const double taken = step_ * (largest > longest ? longest / largest : 1.0);
-    const Point there =
-        problem.at(within(problem, {centre.exponent + taken * move.exponent,
-                                    centre.second + taken * move.second}));
+    const Place next = within(problem, {centre.exponent + taken * move.exponent,
+                                        centre.second + taken * move.second});
+    if (largest < 0.5 && step_ <= least_step && !problem.searches_memory()) {
+      // The vertex of a parabola that is known so well needs no proof.
+      middle.place = next;
+      return true;
+    }
+    const Point there = problem.at(next);
     // A step that leads up, as from a saddle, is not taken; the next one is shorter.
     const bool better = there.cost <= middle.cost;
     if (better) middle = there;
@@ -163,6 +172,7 @@ class Search {
   Place place_{};  // the best so far, …
   double cost_ = 0.0;
   double spring_ = 0.0;
+  Place curvature_{};
   double step_ = 0.0;
   std::uint32_t row_ = 0;
   std::uint32_t round_ = 0;

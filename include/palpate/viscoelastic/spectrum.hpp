@@ -27,8 +27,8 @@ Spectrum<Times::count> spectrum_of(Memory memory, double second) noexcept {
     // comes out is the residual of a law.
     const Window around = window(second, Times::count);
     result.first = around.first;
-    result.end = around.first + around.count;
-    for (std::size_t i = 0; i < around.count; ++i) {
+    result.end = around.first + window_points;
+    for (std::size_t i = 0; i < window_points; ++i) {
       result.weight[around.first + i] = around.weights[i];
     }
     return result;
