@@ -97,7 +97,8 @@ TEST(
     for (int k = 7; k >= 0; --k) polynomial = polynomial * (t - 5.0) / 6.0 + 0.3 + 0.1 * k;
     return std::exp(rate * t) * polynomial;
   };
-  const Growth growth = Growth::by(std::exp(rate)), half_as_quick = Growth::by(std::exp(rate / 2.0));
+  const Growth growth = Growth::by(std::exp(rate)),
+               half_as_quick = Growth::by(std::exp(rate / 2.0));
   std::array<double, nodes> values{};
   for (std::size_t j = 0; j < nodes; ++j) values[j] = value(static_cast<double>(j));
   for (double t = 0.0; t <= 11.0; t += 0.0371) {

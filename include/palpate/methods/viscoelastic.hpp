@@ -127,11 +127,12 @@ class ViscoelasticMethod {
     const Law law = this->law(now, units);
     const Matrix<viscoelastic::joint_size> joint =
         viscoelastic::covariance_in_si<Times>(now, law, units);
-    Fit<Law> fit{.law = law,
-                 .covariance = {},
-                 .offset = {now.fit.value[viscoelastic::offset] * units.force, joint[order][order], {}},
-                 .surface = {},
-                 .flags = flags(now)};
+    Fit<Law> fit{
+        .law = law,
+        .covariance = {},
+        .offset = {now.fit.value[viscoelastic::offset] * units.force, joint[order][order], {}},
+        .surface = {},
+        .flags = flags(now)};
     for (std::size_t i = 0; i < order; ++i) {
       for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
       fit.offset.covariance[i] = joint[order][i];
@@ -164,9 +165,7 @@ class ViscoelasticMethod {
   // Of depths below it there is no inverse.
   static constexpr double surface_depth = 1e-9;
 
-  double sample_time() const noexcept {
-    return solver_.samples().branches().times().sample_time();
-  }
+  double sample_time() const noexcept { return solver_.samples().branches().times().sample_time(); }
 
   static viscoelastic::Priors priors_of(const Settings& s) noexcept {
     viscoelastic::Priors priors{};

@@ -66,8 +66,7 @@ class Curvature {
 
   Point at(double along, double across) const noexcept {
     if (along == 0.0 && across == 0.0 && centre_ == minimum_.place) return minimum_;
-    return problem_.at(
-        {centre_.exponent + along * step_[0], centre_.second + across * step_[1]});
+    return problem_.at({centre_.exponent + along * step_[0], centre_.second + across * step_[1]});
   }
 
   // Steps along an axis, back and on.

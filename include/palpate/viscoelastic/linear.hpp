@@ -33,8 +33,8 @@ struct Linear {
   PartSet fitted = 0;  // parts that have a sound pivot
 };
 
-// A = L D Lᵀ of the fitted parts; a part whose pivot is rounding is left out: its row and its column
-// are empty.
+// A = L D Lᵀ of the fitted parts; a part whose pivot is rounding is left out: its row and its
+// column are empty.
 class Factored {
  public:
   Factored(const Normal& normal, PartSet wanted) noexcept {

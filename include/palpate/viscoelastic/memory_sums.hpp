@@ -17,7 +17,8 @@ struct MemoryColumn {
   double one, force, power, power_speed, slope_speed, square;
 };
 
-// Where a memory column is wanted: windows of sums of one power of ξⁿ, and of two; of the same nodes.
+// Where a memory column is wanted: windows of sums of one power of ξⁿ, and of two; of the same
+// nodes.
 struct MemoryWindows {
   Window single;
   Window square;

@@ -91,15 +91,14 @@ class PowerTable {
     return sums_[begins[kind] + node - lowest[kind]];
   }
 
-  double weight() const noexcept { return at_node(plain, Grid::zero); }  // Σ 1
+  double weight() const noexcept { return at_node(plain, Grid::zero); }     // Σ 1
   double force_sum() const noexcept { return at_node(force, Grid::zero); }  // Σ F
 
   // How Σ ξ^q grows by the step at q.
   Growth growth(double q) const noexcept {
     const double place = Grid::place_of_power(q);
     const std::size_t node = place > 1.0 ? static_cast<std::size_t>(place) : 1;
-    const std::size_t last =
-        std::clamp(node, lowest[plain], Grid::powers - 2);
+    const std::size_t last = std::clamp(node, lowest[plain], Grid::powers - 2);
     const double ratio = at_node(plain, last + 1) / at_node(plain, last);
     const bool known = ratio > 1e-30 && ratio < 1e30;
     return known ? Growth::by(ratio) : Growth{};
@@ -110,8 +109,8 @@ class PowerTable {
   }
 
  private:
-  // Nodes that some law asks for, each with a window about it: of ξ^q those of n and 2n, of ξ^q w and
-  // ξ^q w² also of n − 1, 2n − 1 and 2n − 2; those with F of n, and with wF of n − 1 too.
+  // Nodes that some law asks for, each with a window about it: of ξ^q those of n and 2n, of ξ^q w
+  // and ξ^q w² also of n − 1, 2n − 1 and 2n − 2; those with F of n, and with wF of n − 1 too.
   static constexpr std::array<std::size_t, kinds> lowest{2, 0, 0, 2, 0};
   static constexpr std::array<std::size_t, kinds> highest{32, 32, 32, 21, 21};
   static constexpr std::array<std::size_t, kinds + 1> begins = [] {

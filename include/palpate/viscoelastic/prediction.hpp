@@ -16,7 +16,8 @@ inline double force_without_memory(const Fitted& fit, const Sample& s) noexcept 
   const double power = std::exp(fit.n * std::log(s.penetration));
   const bool half_space = fit.law().damping == Damping::half_space;
   const double damped = half_space ? power / s.penetration : power;
-  return fit.value[offset] + fit.value[stiffness] * power + fit.value[damping] * s.velocity * damped;
+  return fit.value[offset] + fit.value[stiffness] * power +
+         fit.value[damping] * s.velocity * damped;
 }
 
 inline bool remembers(const Fitted& fit) noexcept { return fit.value[memory] != 0.0; }

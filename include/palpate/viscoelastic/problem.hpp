@@ -1,5 +1,5 @@
-// A candidate and what there is to fit it by: J of an exponent and of what is second, the linear part
-// projected out.
+// A candidate and what there is to fit it by: J of an exponent and of what is second, the linear
+// part projected out.
 #pragma once
 
 #include <algorithm>

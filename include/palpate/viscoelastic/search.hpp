@@ -143,8 +143,8 @@ class Search {
     constexpr double longest = 1.5;
     const double largest = std::max(std::abs(move.exponent), std::abs(move.second));
     const double taken = step_ * (largest > longest ? longest / largest : 1.0);
-    const Place next = within(problem, {centre.exponent + taken * move.exponent,
-                                        centre.second + taken * move.second});
+    const Place next = within(
+        problem, {centre.exponent + taken * move.exponent, centre.second + taken * move.second});
     if (largest < 0.5 && step_ <= least_step && !problem.searches_memory()) {
       // The vertex of a parabola that is known so well needs no proof.
       middle.place = next;

@@ -221,7 +221,8 @@ class Solver {
   // a wrong tare, or a surface that is off, which looks like an offset, would bend the law.
   [[gnu::noinline]] void doubt_offset(std::size_t closest, const Point& point) noexcept {
     if (priors_.offset == 0 || !(priors_.air.deviation > 0.0)) return;
-    // Of an approach alone all laws are alike: at some 25 samples 11 of 160 right ones were dropped.
+    // Of an approach alone all laws are alike: at some 25 samples 11 of 160 right ones were
+    // dropped.
     if (samples_.weight() < 50.0) return;
     Priors open = priors_;
     open.air = {0.0, 0.0};

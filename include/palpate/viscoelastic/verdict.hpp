@@ -16,7 +16,7 @@ namespace palpate::viscoelastic {
 
 // How one candidate stood at the last verdict.
 struct Standing {
-  double score;        // of the criterion, less N_eff ln of the least RSS/N; 0 for what did not compete
+  double score;  // of the criterion, less N_eff ln of the least RSS/N; 0 for what did not compete
   double mean_square;  // RSS/N, in units of force squared; 0 for what did not compete
 };
 

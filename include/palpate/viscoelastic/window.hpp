@@ -100,7 +100,8 @@ struct GridPosition {
   static constexpr std::size_t centre = 3;  // points before a position
 };
 
-inline constexpr Matrix<window_points> one_point = diagonal(Vector<window_points>{1, 1, 1, 1, 1, 1, 1, 1});
+inline constexpr Matrix<window_points> one_point =
+    diagonal(Vector<window_points>{1, 1, 1, 1, 1, 1, 1, 1});
 
 // Around a position alone, of values that do not grow.
 inline Window window(double position, std::size_t nodes) noexcept {
