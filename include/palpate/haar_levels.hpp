@@ -64,6 +64,12 @@ struct HaarLevel {
     for (double* sum : {&older, &newer, &older_pairs, &newer_pairs}) *sum = faded(*sum * fade);
   }
 
+  void scale_residuals(double factor) noexcept {
+    half_residual *= factor;
+    older = faded(older * factor * factor);
+    newer = faded(newer * factor * factor);
+  }
+
   void renew() noexcept {
     older = newer;
     older_pairs = newer_pairs;
@@ -103,6 +109,11 @@ class HaarLevels {
   }
 
   void clear() noexcept { *this = HaarLevels(); }
+
+  // As if all residuals so far had been so many times as large.
+  void scale_residuals(double factor) noexcept {
+    for (HaarLevel<Size>& level : levels_) level.scale_residuals(factor);
+  }
 
   std::size_t used() const noexcept { return used_; }
   const HaarLevel<Size>& operator[](std::size_t k) const noexcept { return levels_[k]; }

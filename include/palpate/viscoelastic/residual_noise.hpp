@@ -22,13 +22,19 @@ class ResidualNoise {
 
   void clear() noexcept { levels_.clear(); }
 
+  // Another fit has become the best, whose residual has so many times the variance. How slow its
+  // noise is shows only in errors to come: until they are as many as those before, it is taken for
+  // as slow as the noise so far. Taken for white, a slow residual would have ten times the evidence.
+  void succeed(double ratio) noexcept { levels_.scale_residuals(std::sqrt(ratio)); }
+
   // By the variance of the residual.
   [[gnu::noinline]] void measure(double variance) noexcept {
     const detail::LevelNoise noise(levels_, variance, detail::ResidualOf::earlier_samples);
     // Slower than the slowest that was measured, it is taken for that: error bars guess how it goes
     // on, but a criterion that did would find no law of a short record.
+    // What has no partner, the mean of all, is not in it: that is what the offset takes.
     const std::size_t slowest = noise.measured > 0 ? noise.measured - 1 : 0;
-    double whole = levels_.rest()[0][0], wider = whole * noise.ratio[slowest];
+    double whole = 0.0, wider = 0.0;
     for (std::size_t k = 0; k < noise.used; ++k) {
       const double information = levels_[k].information[0][0];
       whole += information;
@@ -38,7 +44,7 @@ class ResidualNoise {
     inflation_ = measured ? std::max(wider / whole, 1.0) : 1.0;
     const detail::ErrorWidening<1, 1> widening(levels_, {0.0}, variance);
     const double root = widening.root({{{1.0}}})[0][0];
-    widening_ = std::max(root * root, 1.0);
+    widening_ = std::max(root * root, inflation_);
   }
 
   // Σ d_k D_k / σ² Σ D_k with the depth as the only slope: so many times fewer samples of white

@@ -221,9 +221,8 @@ class Solver {
       return;
     }
     priors_.variance = least_square / std::max(weight - candidates[best].parameters(), 1.0);
-    // What another law left says nothing of the noise, if it left a tenth more than this one.
-    if (best != best_ && !(standings_[best_].mean_square < 1.1 * standings_[best].mean_square)) {
-      noise_.clear();
+    if (best != best_ && standings_[best_].mean_square > 0.0) {
+      noise_.succeed(standings_[best].mean_square / standings_[best_].mean_square);
     }
     noise_.measure(least_square / weight);
     effective_ = std::max(weight / noise_.inflation(), 3.0);
