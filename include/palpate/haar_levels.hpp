@@ -64,10 +64,13 @@ struct HaarLevel {
     for (double* sum : {&older, &newer, &older_pairs, &newer_pairs}) *sum = faded(*sum * fade);
   }
 
-  void scale_residuals(double factor) noexcept {
+  void scale_residuals(double factor, double weight) noexcept {
     half_residual *= factor;
-    older = faded(older * factor * factor);
-    newer = faded(newer * factor * factor);
+    const double energy = weight * factor * factor;
+    older = faded(older * energy);
+    newer = faded(newer * energy);
+    older_pairs *= weight;
+    newer_pairs *= weight;
   }
 
   void renew() noexcept {
@@ -110,9 +113,17 @@ class HaarLevels {
 
   void clear() noexcept { *this = HaarLevels(); }
 
-  // As if all residuals so far had been so many times as large.
-  void scale_residuals(double factor) noexcept {
-    for (HaarLevel<Size>& level : levels_) level.scale_residuals(factor);
+  // As if all residuals so far had been so many times as large, and counted so much.
+  void scale_residuals(double factor, double weight) noexcept {
+    for (HaarLevel<Size>& level : levels_) level.scale_residuals(factor, weight);
+  }
+
+  // Of the residuals that count, about their mean: their energy is that of all levels.
+  double residual_variance() const noexcept {
+    double energy = 0.0;
+    for (const HaarLevel<Size>& level : levels_) energy += level.older;
+    const double samples = 2.0 * levels_[0].older_pairs;
+    return samples > 0.0 ? energy / samples : 0.0;
   }
 
   std::size_t used() const noexcept { return used_; }
