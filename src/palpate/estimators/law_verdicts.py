@@ -204,6 +204,17 @@ def memory_flags(
             "six relaxation times stand for the spectrum, which leaves 1 % of M in K and M beside "
             "their error bars; memory='any' has twelve"
         )
+    if law.stiffness < 0.0:
+        flags.append(
+            "the relaxed stiffness is negative, which no material's is: the motion does not tell "
+            "it from what relaxes; press from out of contact, and hold"
+        )
+    # The longest of the law's times: the only one, or the end of its spectrum.
+    if begun and law.parameters[7] > _FORGOTTEN:
+        flags.append(
+            "the samples begin in contact, and longer than half a second is remembered: K and M "
+            "may be off by twice their error bars; record from before the touch"
+        )
     if isinstance(law.relaxation, SingleRelaxation):
         time = law.relaxation.time
         # A factor of e either way at two deviations.
@@ -211,9 +222,4 @@ def memory_flags(
             flags.append("relaxation time not identifiable: move at several speeds, and hold")
         if time > 0.5 * duration:
             flags.append("slow drift or relaxation: the time is longer than half of the samples")
-        if begun and time > _FORGOTTEN:
-            flags.append(
-                "the samples begin in contact, and longer than half a second is remembered: record "
-                "from before the touch"
-            )
     return tuple(flags)
