@@ -199,6 +199,19 @@ def test_memory_is_carried_over_breaks_between_which_the_probe_goes_on_unseen():
     assert result.fit_rmse_percent < 2.0
 
 
+def test_laws_that_an_approach_alone_cannot_tell_apart_are_named():
+    x, v, force = (channel[:395] for channel in pressed(law_of("hunt-crossley")))
+    verdict = learned((x, v, force)).verdict()
+    first, second = (each.candidate for each in verdict.standings[:2])
+    assert {first.damping, second.damping} == {"hunt-crossley", "half-space"}
+    assert f"do not tell it from {second}" in verdict.flags[0]
+    alone = learned((x, v, force), damping="hunt-crossley", memory="none")
+    assert any("damping not identifiable" in flag for flag in alone.estimate().flags)
+    # What the damper may have, the spring may not: K is a sixth of it off.
+    error = alone.estimate().standard_errors[0]
+    assert abs(alone.estimate().law.stiffness - 1e4) < 2.0 * error
+
+
 def test_a_smooth_residual_is_not_taken_for_white_noise():
     law = law_of("hunt-crossley", 1.0, SingleRelaxation(0.08))  # none of the everyday ones
     time = np.arange(0.0, 1.3, DT)

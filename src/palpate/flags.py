@@ -104,10 +104,10 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
 
 
 def _memory_flags(estimator: ViscoelasticContact) -> list[str]:
-    """Say of what a law with memory has a stiffness, and what is open of it."""
-    if not estimator.estimate().law.remembers:
-        return []
+    """Say of what a law with memory has a stiffness, and what is open of the verdict."""
     verdict, felt = estimator.verdict(), ""
+    if not estimator.estimate().law.remembers:
+        return list(verdict.flags)
     with suppress(InvalidParameterError):  # of a probe that never moved there is no frequency
         told = estimator.dynamic_stiffness()
         felt = (

@@ -168,6 +168,24 @@ class DynamicStiffness:
         return self.frequency * self.damping / self.stiffness if self.stiffness else math.nan
 
 
+# Evidence of less is not worth more than a bare mention (Kass & Raftery 1995).
+_BARE_MENTION = 2.0
+
+
+def tie_flags(standings: tuple[Standing, ...]) -> tuple[str, ...]:
+    """Say of laws that fit as well as the best, none where there are none.
+
+    A motion at one speed, such as an approach alone, tells damper and spring apart by the noise.
+    """
+    tied = [str(each.candidate) for each in standings[1:] if each.score < _BARE_MENTION]
+    if not tied:
+        return ()
+    return (
+        f"the samples do not tell it from {' or '.join(tied)}, and the error bars are of the one "
+        "law alone: press and let go, at several speeds",
+    )
+
+
 # Of the half second that is given up where samples begin in contact a third: 5 % of it are left.
 _FORGOTTEN = 0.5 / 3.0
 

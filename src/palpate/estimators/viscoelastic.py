@@ -16,6 +16,7 @@ from palpate.estimators.law_verdicts import (
     LawVerdict,
     Standing,
     memory_flags,
+    tie_flags,
 )
 from palpate.estimators.loop_settings import Rejection, loop_settings
 from palpate.estimators.registry import register
@@ -158,7 +159,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             Standing(CANDIDATES[index], score - least, math.sqrt(mean_square))
             for index, score, mean_square in ranked
         )
-        flags = memory_flags(
+        flags = tie_flags(standings) + memory_flags(
             self.estimate(),
             samples * self._step,
             begun=begun,
