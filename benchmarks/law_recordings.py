@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate import Contact, ContactGate, Scale, ViscoelasticContact, prepare
+from palpate import Contact, ContactGate, Scale, ViscoelasticContact, identify, prepare
 from palpate.preparation.velocity import velocity_of
 from palpate.validation import Floats
 
@@ -174,3 +175,19 @@ def microrheology(folder: Path) -> list[tuple[str, float, float]]:
         damping = whole.imag / omega / reference["B_Ns_per_m"] - 1.0
         found.append((path.stem, stiffness, damping))
     return found
+
+
+def whole_files(folder: Path) -> Iterator[tuple[str, str, float]]:
+    """Name, verdict with its evidence, and residual over Hunt–Crossley's, of what has notes."""
+    for notes in sorted(folder.glob("*.json")):
+        path = notes.with_suffix(".csv")
+        if not path.exists():
+            continue
+        verdict = identify(path, "viscoelastic").law_verdict
+        assert verdict is not None  # the method has one
+        errors = {str(each.candidate): each.rms_error for each in verdict.standings}
+        words = (
+            f"{verdict.candidate}, {verdict.effective_samples:.0f} independent samples of "
+            f"{verdict.samples:.0f}"
+        )
+        yield path.stem, words, errors[str(verdict.candidate)] / errors["Hunt–Crossley"]
