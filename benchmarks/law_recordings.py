@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -10,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate import ContactGate, Scale, ViscoelasticContact, prepare
+from palpate import Contact, ContactGate, Scale, ViscoelasticContact, identify, prepare
+from palpate.preparation.velocity import velocity_of
 from palpate.validation import Floats
 
 BLOCKS = 10
@@ -58,9 +60,13 @@ class Recorded:
 
 def read(path: Path) -> Recorded:
     """Read a recording with the notes beside it."""
-    fit = json.loads(path.with_suffix(".json").read_text())["fit"]
+    notes = json.loads(path.with_suffix(".json").read_text())
+    fit = notes["fit"]
     contact = prepare(path)
-    channels = contact.time, contact.penetration, contact.velocity, contact.force
+    velocity = contact.velocity
+    if "sg_window_s" in notes:  # where the recording has no velocity of its own
+        velocity = differentiated(contact, notes["sg_window_s"])
+    channels = contact.time, contact.penetration, velocity, contact.force
     known = np.all(np.isfinite(channels), axis=0)
     masked = np.ones(len(contact), dtype=bool)
     if fit.get("mask"):
@@ -71,6 +77,17 @@ def read(path: Path) -> Recorded:
     time, x, v, force = (channel[known] for channel in channels)
     good = (x > fit["x_min"]) & (force > fit["F_min"]) & (time >= start) & masked[known]
     return Recorded(np.diff(time, prepend=time[:1]), x, v, force, good)
+
+
+def differentiated(contact: Contact, windows: float | dict[str, float]) -> Floats:
+    """Velocity by the windows of the notes, s: one, or one of each segment, as of each rate."""
+    if not isinstance(windows, dict):
+        windows = {"default": windows}
+    velocity = np.empty(len(contact))
+    for part in contact.segments():
+        window = windows.get(str(int(contact.segment[part.start])), windows["default"])
+        velocity[part] = velocity_of(contact.time[part], contact.penetration[part], window)
+    return velocity
 
 
 def learned(record: Recorded, train: NDArray[np.bool_], **settings: str) -> ViscoelasticContact:
@@ -151,9 +168,9 @@ def microrheology(folder: Path) -> list[tuple[str, float, float]]:
         reference = next(row for row in notes["dynamic_stiffness"] if row["freq_hz"] == 100.0)
         record = read(path)
         with path.open() as lines:
-            rates = [float(row["freq_hz"] or "nan") for row in csv.DictReader(lines)]
-        # The oscillations alone; those at 300 Hz show the mass of the cantilever.
-        train = record.good & (np.array(rates) <= 100.0)
+            segments = [int(row["segment"]) for row in csv.DictReader(lines)]
+        # Those of the notes: slower ones drift, and at 300 Hz the cantilever's mass shows.
+        train = record.good & np.isin(segments, notes["fit_segments"])
         estimator = learned(record, train, memory="any")
         depth = float(np.median(record.penetration[train]))
         omega = 200.0 * np.pi
@@ -162,3 +179,19 @@ def microrheology(folder: Path) -> list[tuple[str, float, float]]:
         damping = whole.imag / omega / reference["B_Ns_per_m"] - 1.0
         found.append((path.stem, stiffness, damping))
     return found
+
+
+def whole_files(folder: Path) -> Iterator[tuple[str, str, float]]:
+    """Name, verdict with its evidence, and residual over Hunt–Crossley's, of what has notes."""
+    for notes in sorted(folder.glob("*.json")):
+        path = notes.with_suffix(".csv")
+        if not path.exists():
+            continue
+        verdict = identify(path, "viscoelastic").law_verdict
+        assert verdict is not None  # the method has one
+        errors = {str(each.candidate): each.rms_error for each in verdict.standings}
+        words = (
+            f"{verdict.candidate}, {verdict.effective_samples:.0f} independent samples of "
+            f"{verdict.samples:.0f}"
+        )
+        yield path.stem, words, errors[str(verdict.candidate)] / errors["Hunt–Crossley"]

@@ -14,8 +14,8 @@ KINDS = (
 )
 HOW = (
     "Each law of the tier at exponents, relaxation times and slopes between the nodes, against a "
-    "direct sum over the samples whose powers and branches are of that exponent itself. From 2 % of "
-    "the peak penetration on."
+    "direct sum over the samples whose powers and branches are of that exponent itself. From 2 % "
+    "of the peak penetration on."
 )
 
 

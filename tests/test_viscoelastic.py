@@ -177,6 +177,55 @@ def test_samples_that_begin_in_contact_are_flagged_until_what_nobody_saw_is_forg
     late = estimator.estimate()
     assert late.law.remembers
     assert not any("begin in contact" in flag for flag in late.flags)
+    # By what is remembered longer than that K and M stay off: 2.3 deviations of 20 seeds.
+    assert any("begin in contact" in flag for flag in estimator.verdict().flags)
+
+
+def test_memory_is_carried_over_breaks_between_which_the_probe_goes_on_unseen():
+    law = law_of("hunt-crossley", 1.0, BOX)
+    time = np.arange(0.0, 40.0, DT)
+    x, v = 6e-3 - 5e-3 * np.cos(7.0 * time), 35e-3 * np.sin(7.0 * time)
+    force = law.force_along(x, v, DT) + 0.05 * np.random.default_rng(6).standard_normal(x.size)
+    seen = (time < 4.0) | (time % 4.0 < 1.0)
+    segment = np.cumsum(np.diff(np.flatnonzero(seen), prepend=0) > 1)
+    contact = palpate.Contact(
+        time[seen], penetration=x[seen], velocity=v[seen], force=force[seen], segment=segment
+    )
+    result = palpate.identify(contact, ViscoelasticContact(gate=GATE))
+    assert str(result.law_verdict.candidate) == "Hunt–Crossley with a flat spectrum"
+    # Taken for rested after each break it is half as much again.
+    assert result.law.stiffness == pytest.approx(law.stiffness, rel=0.1)
+    # What stands beside it knows of the breaks too: rested, the fit leaves a tenth of the force.
+    assert result.fit_rmse_percent < 2.0
+
+
+def test_laws_that_an_approach_alone_cannot_tell_apart_are_named():
+    x, v, force = (channel[:395] for channel in pressed(law_of("hunt-crossley")))
+    verdict = learned((x, v, force)).verdict()
+    first, second = (each.candidate for each in verdict.standings[:2])
+    assert {first.damping, second.damping} == {"hunt-crossley", "half-space"}
+    assert f"do not tell it from {second}" in verdict.flags[0]
+    alone = learned((x, v, force), damping="hunt-crossley", memory="none")
+    assert any("damping not identifiable" in flag for flag in alone.estimate().flags)
+    # What the damper may have, the spring may not: K is a sixth of it off.
+    error = alone.estimate().standard_errors[0]
+    assert abs(alone.estimate().law.stiffness - 1e4) < 2.0 * error
+
+
+def test_a_smooth_residual_is_not_taken_for_white_noise():
+    law = law_of("hunt-crossley", 1.0, SingleRelaxation(0.08))  # none of the everyday ones
+    time = np.arange(0.0, 1.3, DT)
+    corners = [0.0, 0.1, 0.2, 1.0, 1.1, 1.3]
+    x = np.interp(time, corners, [-2e-3, -2e-3, 4e-3, 4e-3, -2e-3, -2e-3])
+    v = np.gradient(x, DT)
+    force = law.force_along(x, v, DT)
+    force += 1e-3 * np.random.default_rng(0).standard_normal(x.size)
+    estimator = ViscoelasticContact(gate=ContactGate(4e-5), scale=Scale(4e-3, 6e-2, 6.0))
+    estimator.replay(x, v, force, at=())
+    estimator.settle()
+    verdict = estimator.verdict()
+    assert verdict.standings[0].rms_error > 0.01  # ten times the noise
+    assert verdict.effective_samples < 0.2 * verdict.samples
 
 
 def test_what_a_tare_or_free_air_says_is_dropped_where_the_contact_contradicts_it():

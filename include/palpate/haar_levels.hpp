@@ -89,6 +89,15 @@ struct HaarLevel {
     }
   }
 
+  void scale_residuals(double factor, double weight) noexcept {
+    half_residual = static_cast<Number>(half_residual * factor);
+    const double energy = weight * factor * factor;
+    older = faded<Number>(older * energy);
+    newer = faded<Number>(newer * energy);
+    older_pairs = static_cast<Number>(older_pairs * weight);
+    newer_pairs = static_cast<Number>(newer_pairs * weight);
+  }
+
   void renew() noexcept {
     older = newer;
     older_pairs = newer_pairs;
@@ -140,6 +149,19 @@ class HaarLevels {
   }
 
   void clear() noexcept { *this = HaarLevels(); }
+
+  // As if all residuals so far had been so many times as large, and counted so much.
+  void scale_residuals(double factor, double weight) noexcept {
+    for (HaarLevel<Size, Number>& level : levels_) level.scale_residuals(factor, weight);
+  }
+
+  // Of the residuals that count, about their mean: their energy is that of all levels.
+  double residual_variance() const noexcept {
+    double energy = 0.0;
+    for (const HaarLevel<Size, Number>& level : levels_) energy += level.older;
+    const double samples = 2.0 * levels_[0].older_pairs;
+    return samples > 0.0 ? energy / samples : 0.0;
+  }
 
   std::size_t used() const noexcept { return used_; }
   const HaarLevel<Size, Number>& operator[](std::size_t k) const noexcept { return levels_[k]; }

@@ -106,10 +106,10 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
 
 
 def _memory_flags(estimator: ViscoelasticContact) -> list[str]:
-    """Say of what a law with memory has a stiffness, and what is open of it."""
-    if not estimator.estimate().law.remembers:
-        return []
+    """Say of what a law with memory has a stiffness, and what is open of the verdict."""
     verdict = estimator.verdict()
+    if not estimator.estimate().law.remembers:
+        return list(verdict.flags)
     words = (
         f"the material remembers ({verdict.candidate}): force, stiffness and damping at a depth "
         "are those once it has relaxed; K′ and B′ are what a small oscillation feels"

@@ -30,7 +30,7 @@ from palpate.errors import RecordingError
 from palpate.estimate import Estimate
 from palpate.estimators import ContactEstimator, LawVerdict, ViscoelasticContact
 from palpate.flags import flags_of
-from palpate.force_laws import HuntCrossley, KelvinVoigt
+from palpate.force_laws import HuntCrossley, KelvinVoigt, force_over_breaks
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.places import at_places
 from palpate.preparation.prepared import Place
@@ -495,9 +495,8 @@ class Identification(Presented):
         """Force by the final law, and offset, at every sample of a contact, N."""
         estimate = self.estimate
         depth = contact.penetration - estimate.surface
-        force, steps, law = np.empty(len(contact)), contact.time_steps, estimate.law
-        for part in contact.segments():
-            force[part] = law.force_along(depth[part], contact.velocity[part], steps[part])
+        starts = [part.start for part in contact.segments()]
+        force = force_over_breaks(estimate.law, depth, contact.velocity, contact.time_steps, starts)
         return force + estimate.offset
 
     @property

@@ -203,7 +203,14 @@ class ViscoelasticMethod {
 
   void begin(double depth) noexcept {
     begun_ = true;
-    solver_.samples().begin(depth);
+    // Where the probe was in the material before a break and after it, it was not left alone in
+    // between: a motion that went on unseen is the likelier guess, as where every tenth cycle is
+    // written down, and what it remembers is carried over.
+    if (depth > 0.0 && solver_.samples().touching()) {
+      solver_.samples().advance(depth, sample_time());
+    } else {
+      solver_.samples().begin(depth);
+    }
     const bool may_remember = (offered_ & ~viscoelastic::forgetful) != 0;
     settling_ = depth > 0.0 && may_remember ? settling_time : 0.0;
     began_in_contact_ = began_in_contact_ || depth > 0.0;

@@ -65,8 +65,7 @@ class Solver {
     fewest_ = std::max(static_cast<std::uint32_t>(std::min(fewest, 1e9)), least_fewest);
     samples_.clear();
     noise_.clear();
-    standings_ = {};
-    effective_ = 0.0;
+    verdict_ = {};
     stage_ = Stage::idle;
     taken_ = samples_since_round_ = samples_since_fit_ = 0;
     searched_weight_ = 0.0;
@@ -213,9 +212,8 @@ class Solver {
     const double mean_square = verdict_.mean_square(closest);
     priors_.variance =
         mean_square * weight / std::max(weight - candidates[closest].parameters(), 1.0);
-    // What another law left says nothing of the noise, if it left a tenth more than this one.
-    const bool alike = verdict_.mean_square(closest_.candidate) < 1.1 * mean_square;
-    if (closest != closest_.candidate && !alike) noise_.clear();
+    const double before = verdict_.mean_square(closest_.candidate);
+    if (closest != closest_.candidate && before > 0.0) noise_.succeed(mean_square / before);
     noise_.measure(mean_square);
     verdict_.count_samples(std::max(weight / noise_.inflation(), 3.0));
   }

@@ -6,7 +6,7 @@ import numpy as np
 
 from palpate.diagnosis.data import Data
 from palpate.estimate import Estimate
-from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley
+from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley, force_over_breaks
 
 
 class Alike(Estimate):
@@ -16,13 +16,16 @@ class Alike(Estimate):
     ----------
     own_errors : tuple of float
         Standard errors of force, stiffness and damping at the depth, by the law that it was.
+    longest : float
+        The longest time that the law relaxed over, s; 0 for one without memory.
     """
 
-    __slots__ = ("_alike", "own_errors")
+    __slots__ = ("_alike", "longest", "own_errors")
 
     def __init__(self, estimate: Estimate, law: HuntCrossley, depth: float) -> None:
         super().__init__(estimate._value, estimate._law_type, estimate.fixed)
         self._alike = law
+        self.longest = float(estimate.law.parameters[7])
         self.own_errors = (
             estimate.with_error(lambda law: float(law.force(depth, 0.0)))[1],
             estimate.stiffness_at(depth)[1],
@@ -46,12 +49,10 @@ def as_hunt_crossley(data: Data, estimate: Estimate, depth: float) -> tuple[Data
     x, v = data.penetration - estimate.surface, data.velocity
     damping = law.damping * depth ** (law.damping_exponent - law.exponent)
     alike = HuntCrossley(law.stiffness, damping, law.exponent)
-    beside = np.zeros_like(x)
     steps = np.diff(data.time, prepend=data.time[:1])
-    for part in data.segments():
-        own = steps[part].copy()
-        own[0] = data.sample_time
-        beside[part] = law.force_along(x[part], v[part], own) - alike.force(x[part], v[part])
+    starts = [part.start for part in data.segments()]
+    steps[starts] = data.sample_time
+    beside = force_over_breaks(law, x, v, steps, starts) - alike.force(x, v)
     corrected = copy(data)
     corrected.force = data.force - beside
     return corrected, Alike(estimate, alike, depth)

@@ -12,6 +12,7 @@ from palpate.estimators.law_verdicts import (
     LawVerdict,
     Standing,
     memory_flags,
+    tie_flags,
 )
 
 
@@ -68,7 +69,7 @@ def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
         Standing(CANDIDATES[int(index)], score - least, math.sqrt(mean_square))
         for index, score, mean_square in ranked
     )
-    flags = memory_flags(
+    flags = tie_flags(standings) + memory_flags(
         estimate,
         evidence.samples * evidence.step,
         begun=evidence.begun,

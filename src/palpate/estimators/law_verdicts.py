@@ -245,6 +245,24 @@ def _number(value: float | None) -> float:
     return math.nan if value is None else float(value)
 
 
+# Evidence of less is not worth more than a bare mention (Kass & Raftery 1995).
+_BARE_MENTION = 2.0
+
+
+def tie_flags(standings: tuple[Standing, ...]) -> tuple[str, ...]:
+    """Say of laws that fit as well as the best, none where there are none.
+
+    A motion at one speed, such as an approach alone, tells damper and spring apart by the noise.
+    """
+    tied = [str(each.candidate) for each in standings[1:] if each.score < _BARE_MENTION]
+    if not tied:
+        return ()
+    return (
+        f"the samples do not tell it from {' or '.join(tied)}, and the error bars are of the one "
+        "law alone: press and let go, at several speeds",
+    )
+
+
 # Of the half second that is given up where samples begin in contact a third: 5 % of it are left.
 _FORGOTTEN = 0.5 / 3.0
 
@@ -281,6 +299,17 @@ def memory_flags(
             "six relaxation times stand for the spectrum, which leaves 1 % of M in K and M beside "
             "their error bars; memory='any' has twelve"
         )
+    if law.stiffness < 0.0:
+        flags.append(
+            "the relaxed stiffness is negative, which no material's is: the motion does not tell "
+            "it from what relaxes; press from out of contact, and hold"
+        )
+    # The longest of the law's times: the only one, or the end of its spectrum.
+    if begun and law.parameters[7] > _FORGOTTEN:
+        flags.append(
+            "the samples begin in contact, and longer than half a second is remembered: K and M "
+            "may be off by twice their error bars; record from before the touch"
+        )
     if isinstance(law.relaxation, SingleRelaxation):
         time = law.relaxation.time
         # A factor of e either way at two deviations.
@@ -288,9 +317,4 @@ def memory_flags(
             flags.append("relaxation time not identifiable: move at several speeds, and hold")
         if time > 0.5 * duration:
             flags.append("slow drift or relaxation: the time is longer than half of the samples")
-        if begun and time > _FORGOTTEN:
-            flags.append(
-                "the samples begin in contact, and longer than half a second is remembered: record "
-                "from before the touch"
-            )
     return tuple(flags)

@@ -11,6 +11,7 @@ from palpate.force_laws.laws import (
     register,
 )
 
+from palpate.force_laws.along import force_over_breaks  # isort: skip
 from palpate.force_laws.generalised import GeneralisedHuntCrossley  # isort: skip
 from palpate.force_laws.relaxation import (  # isort: skip
     FlatSpectrum,
@@ -33,6 +34,7 @@ __all__ = [
     "Relaxation",
     "RelaxationState",
     "SingleRelaxation",
+    "force_over_breaks",
     "law_from",
     "register",
 ]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.force_laws import ForceLaw
+from palpate.force_laws import ForceLaw, force_over_breaks
 from palpate.preparation.suggestions import choose_gate
 from palpate.preparation.touches import touches_of
 from palpate.validation import Floats
@@ -40,16 +40,12 @@ class Path:
     inside: NDArray[np.bool_]
 
     def felt(self, law: ForceLaw) -> Floats:
-        """Force by a law along the motion, N; one with memory is at rest where a segment begins."""
+        """Force by a law along the motion, N; one with memory is at rest where a touch begins."""
         steps = np.diff(self.time, prepend=self.time[:1])
-        force = np.empty(len(self.time))
-        borders = np.flatnonzero(np.diff(self.segment)) + 1
-        for part in np.split(np.arange(len(self.time)), borders):
-            if part.size:
-                own = steps[part]
-                own[0] = 1.0  # at rest before the first: any time will do
-                force[part] = law.force_along(self.depth[part], self.velocity[part], own)
-        return force
+        starts = [0, *(np.flatnonzero(np.diff(self.segment)) + 1).tolist()]
+        within = np.delete(steps, starts)
+        steps[starts] = np.median(within) if within.size else 1.0
+        return force_over_breaks(law, self.depth, self.velocity, steps, starts)
 
     def work(self, force: Floats) -> Floats:
         """Work done on the material up to each sample, J: ∫ F dx by trapezoids."""
