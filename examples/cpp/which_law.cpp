@@ -62,7 +62,7 @@ int main() {
 
     if (tick % 250 != 0) continue;
     const auto& solver = estimator.method().solver();
-    if (!(solver.effective_samples() > 0.0)) {
+    if (!solver.decided()) {
       std::printf("%4.2f s  no verdict yet\n", t);
       continue;
     }

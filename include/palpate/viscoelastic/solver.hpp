@@ -48,6 +48,9 @@ class Solver {
   Priors& priors() noexcept { return priors_; }
   const std::array<Standing, count>& standings() const noexcept { return standings_; }
   double effective_samples() const noexcept { return effective_; }
+  // Whether the solution is of a verdict on these samples, and not of those before they were
+  // cleared.
+  bool decided() const noexcept { return decided_; }
 
   double predict(const Sample& s) const noexcept { return chosen_.force(samples_.branches(), s); }
   double predict_after(const Sample& s, double dt) const noexcept {
@@ -74,6 +77,7 @@ class Solver {
     noise_.clear();
     standings_ = {};
     effective_ = 0.0;
+    decided_ = false;
     stage_ = Stage::idle;
     taken_ = samples_since_round_ = samples_since_fit_ = 0.0;
     searched_weight_ = 0.0;
@@ -307,6 +311,7 @@ class Solver {
     const bool outside = s.place.exponent < margin || s.place.exponent > last - margin;
     s.at_edge = !law.linear && !(priors_.exponent > 0.0) && outside ? 1 : 0;
     s.known = 1;
+    decided_ = true;
     chosen_ = prediction_of(chosen, answer);
     samples_since_fit_ = 0.0;
     stage_ = Stage::idle;
@@ -334,6 +339,7 @@ class Solver {
   Stage stage_ = Stage::idle;
   bool widely_ = true;
   bool offset_refuted_ = false;
+  bool decided_ = false;
 };
 
 }  // namespace palpate::viscoelastic
