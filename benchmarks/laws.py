@@ -8,7 +8,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 from typing import Annotated, Any
 
 import numpy as np
@@ -16,7 +15,9 @@ from cyclopts import App, Parameter
 from rich.console import Console
 
 from benchmarks import machine, report
+from benchmarks.law_cost import measure_cost
 from benchmarks.law_recordings import folder_of_recordings, held_out, microrheology
+from benchmarks.law_sums import measure_sums
 from benchmarks.report import Limit, Row, Section
 from palpate import (
     ContactGate,
@@ -200,56 +201,6 @@ def measure_false_memory(seeds: int) -> Section:
     return Section(f"Memory where there is none, {seeds} seeds", rows)
 
 
-def measure_sums() -> Section:
-    """Sums against a direct least squares of the same samples: |ΔRSS|/ΣF²."""
-    rows = []
-    for truth in truths(full=False):
-        estimator, (x, v, force), _ = identified(truth.law, 0, 60.0, 0.0, "auto")
-        estimate, best = estimator.estimate(), estimator.verdict().standings[0]
-        law: GeneralisedHuntCrossley = estimate.law
-        model = law.relaxed().force(x, v) + estimate.offset
-        if law.remembers:  # by the six branches of the bank, not by the spectrum they stand for
-            for rung in range(6):
-                times = SingleRelaxation(2.0 * DT * 4.0**rung)
-                numbers = (0.0, law.exponent, 0.0, 0.0, law.relaxation_stiffness / 6.0, times)
-                model = model + GeneralisedHuntCrossley(*numbers).force_along(x, v, DT)
-        taken = (x > GATE.minimum_penetration) & (force > 0.0)
-        direct = np.mean((force[taken] - model[taken]) ** 2)
-        away = abs(best.rms_error**2 - direct) / np.mean(force[taken] ** 2)
-        rows.append(Row(truth.name, float(away), "", limit=Limit(1e-6)))
-    return Section("|RSS of the sums − RSS of the samples|/ΣF²", rows)
-
-
-def measure_cost(samples: int) -> Section:
-    """Time a sample, the longest call, and the size of one."""
-    rows = []
-    for name, memory, limits in (
-        ("everyday", "auto", (250.0, 4.0)),
-        ("full", "any", (1500.0, 20.0)),
-    ):
-        law = _law("hunt-crossley", 0.5, FlatSpectrum(DT, 4096.0 * DT))
-        x, v = (np.tile(part, 1 + samples // part.size)[:samples] for part in motion(0))
-        force = law.force_along(x, v, DT) + 0.01 * noise(0, x.size, 0.0)
-        estimator = ViscoelasticContact(memory=memory, gate=GATE, scale=UNITS)  # type: ignore[arg-type]
-        begun = perf_counter()
-        estimator.replay(x, v, force, at=())
-        spent = 1e9 * (perf_counter() - begun) / samples
-        calls = []
-        estimator.reset()
-        for row in zip(x[:20_000].tolist(), v.tolist(), force.tolist(), strict=False):
-            begun = perf_counter()
-            estimator.update(*row)
-            calls.append(perf_counter() - begun)
-        size = len(estimator._state()) / 1e3
-        rows += [
-            Row(f"{name}: a sample", spent, "ns", limit=Limit(limits[0])),
-            Row(f"{name}: memory of one", size, "kB", limit=Limit(limits[1])),
-            # Of 20 000 calls the machine interrupts some: of the hundred longest the shortest.
-            Row(f"{name}: longest call", 1e6 * sorted(calls)[-100], "µs", limit=Limit(200.0)),
-        ]
-    return Section(f"Cost, {samples} samples", rows)
-
-
 def measure_recordings(folder: Path) -> Section:
     """How far the law of one part of a recording predicts the other, over Hunt–Crossley."""
     rows = []
@@ -291,7 +242,8 @@ def main(
     count = 5 if quick else seeds
     sections: list[Section] = [measure_sums()]
     sections += [measure_verdicts(count, 40.0, full) for full in (False, True)]
-    sections += [measure_false_memory(count), measure_cost(100_000 if quick else 1_000_000)]
+    # Where others are at work too some ten passes leave little of them.
+    sections += [measure_false_memory(count), measure_cost(20_000, 3 if quick else 20)]
     folder = folder_of_recordings()
     if folder is not None:
         sections.append(measure_recordings(folder))

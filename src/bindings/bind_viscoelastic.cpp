@@ -96,15 +96,15 @@ nb::tuple evidence_of(const Estimator& core) {
   const auto& solver = core.method().solver();
   const Units& units = core.units();
   nb::list rows;
-  const auto& standings = solver.standings();
-  for (std::size_t i = 0; i < standings.size() && solver.decided(); ++i) {
-    if (!(standings[i].mean_square > 0.0)) continue;
-    rows.append(nb::make_tuple(i, standings[i].score,
-                               standings[i].mean_square * units.force * units.force));
+  for (std::size_t i = 0; i < solver.count && solver.decided(); ++i) {
+    const viscoelastic::Standing standing = solver.standing(i);
+    if (!(standing.mean_square > 0.0)) continue;
+    rows.append(
+        nb::make_tuple(i, standing.score, standing.mean_square * units.force * units.force));
   }
   const auto motion = solver.samples().motion();
   return nb::make_tuple(rows, solver.samples().weight(), solver.effective_samples(),
-                        solver.solution().candidate, motion.depth * units.penetration,
+                        solver.solution().fit.candidate, motion.depth * units.penetration,
                         std::sqrt(motion.frequency_squared) * units.velocity / units.penetration,
                         core.method().began_in_contact());
 }

@@ -15,45 +15,10 @@
 #include "palpate/sample.hpp"
 #include "palpate/status.hpp"
 #include "palpate/viscoelastic/in_si.hpp"
+#include "palpate/viscoelastic/settings.hpp"
 #include "palpate/viscoelastic/solver.hpp"
 
 namespace palpate {
-
-struct ViscoelasticSettings {
-  // Which of viscoelastic::candidates compete, a bit each: those that the everyday bank tells
-  // apart.
-  viscoelastic::Offered offered = (1U << viscoelastic::everyday_candidates) - 1U;
-  double exponent = 0.0;  // n where it is known, as of a tip whose shape is; 0: it is looked for
-  bool offset = true;
-  double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²), as a tare leaves; 0: none was made
-  // Of the surface, in scaled units: one that is off looks like an offset of as many units of
-  // force.
-  double surface_deviation = 0.0;
-  double sample_time = 1e-3;  // s; the shortest relaxation time is two of them
-
-  bool operator==(const ViscoelasticSettings&) const = default;
-};
-
-constexpr const char* validate(const ViscoelasticSettings& s) noexcept {
-  using viscoelastic::Grid;
-  if (s.offered == 0 || (s.offered >> viscoelastic::candidates.size()) != 0) {
-    return "method.offered must name at least one law";
-  }
-  const bool known = s.exponent >= Grid::lowest_exponent && s.exponent <= Grid::highest_exponent;
-  if (s.exponent != 0.0 && !known) {
-    return "method.exponent must be in [0.5, 3.25], or 0 where it is not known";
-  }
-  if (!(s.offset_deviation >= 0.0 && s.offset_deviation <= 1e60)) {
-    return "method.offset_deviation must be in [0, 1e60] units of force";
-  }
-  if (!(s.surface_deviation >= 0.0 && s.surface_deviation <= 1e60)) {
-    return "method.surface_deviation must be in [0, 1e60] units of penetration";
-  }
-  if (!(s.sample_time > 0.0 && s.sample_time <= 1e6)) {
-    return "method.sample_time must be in (0, 1e6] s";
-  }
-  return nullptr;
-}
 
 // `Sums` are those of the everyday tier or of the full one.
 template <class Sums>
@@ -80,10 +45,11 @@ class ViscoelasticMethod {
   // ξ⁻¹ of what is nearly at the surface would outweigh the rest; 10 µm of 10 mm.
   static constexpr double least_depth = 1e-3;
 
-  ViscoelasticMethod(const Settings& settings, const Units& units) noexcept
-      : settings_(settings),
-        units_(units),
-        solver_(settings.sample_time, settings.offered, priors_of(settings)) {}
+  ViscoelasticMethod(const Settings& settings, const Units&) noexcept
+      : solver_(settings.sample_time, settings.offered, priors_of(settings)),
+        offset_deviation_(settings.offset_deviation),
+        surface_deviation_(settings.surface_deviation),
+        offered_(settings.offered) {}
 
   static ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {
     return given;
@@ -92,7 +58,7 @@ class ViscoelasticMethod {
     return s.penetration > 0.0 && detail::within(s, largest_input);
   }
 
-  Row prepare(const Sample& sample) noexcept { return prepare(sample, settings_.sample_time); }
+  Row prepare(const Sample& sample) noexcept { return prepare(sample, sample_time()); }
 
   Row prepare(const Sample& sample, double dt) noexcept {
     advance(sample, dt);
@@ -132,7 +98,7 @@ class ViscoelasticMethod {
     const viscoelastic::Solution& now = solver_.solution();
     if (now.known != 0 && now.at_edge == 0) {
       // A spring, a sphere and a cone are half a step apart.
-      solver_.priors().centre = now.n;
+      solver_.priors().centre = now.fit.n;
       solver_.priors().deviation = 0.3;
     }
     reinitialise_after_transient();
@@ -140,7 +106,7 @@ class ViscoelasticMethod {
 
   void reinitialise_after_transient() noexcept {
     provisional_ = outlived_ = false;
-    solver_.offer(settings_.offered);
+    solver_.offer(offered_);
     solver_.clear(0.0);
   }
 
@@ -155,7 +121,7 @@ class ViscoelasticMethod {
 
   double force(const Units& units, double x, double v) const noexcept {
     const Sample sample{x * units.per_penetration, v * units.per_velocity, 0.0};
-    return units.force * detail::saturate(solver_.predict_after(sample, settings_.sample_time));
+    return units.force * detail::saturate(solver_.predict_after(sample, sample_time()));
   }
 
   Fit<Law> fit(const Units& units) const noexcept {
@@ -163,11 +129,12 @@ class ViscoelasticMethod {
     const Law law = this->law(now, units);
     const Matrix<viscoelastic::joint_size> joint =
         viscoelastic::covariance_in_si<Times>(now, law, units);
-    Fit<Law> fit{.law = law,
-                 .covariance = {},
-                 .offset = {now.value[viscoelastic::offset] * units.force, joint[order][order], {}},
-                 .surface = {},
-                 .flags = flags(now)};
+    Fit<Law> fit{
+        .law = law,
+        .covariance = {},
+        .offset = {now.fit.value[viscoelastic::offset] * units.force, joint[order][order], {}},
+        .surface = {},
+        .flags = flags(now)};
     for (std::size_t i = 0; i < order; ++i) {
       for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
       fit.offset.covariance[i] = joint[order][i];
@@ -180,7 +147,7 @@ class ViscoelasticMethod {
     const Law law = this->law(now, units);
     const Matrix<viscoelastic::joint_size> joint =
         viscoelastic::covariance_in_si<Times>(now, law, units);
-    Snapshot<Law> snapshot{law, {}, now.value[viscoelastic::offset] * units.force, 0.0};
+    Snapshot<Law> snapshot{law, {}, now.fit.value[viscoelastic::offset] * units.force, 0.0};
     for (std::size_t i = 0; i < order; ++i) snapshot.variances[i] = joint[i][i];
     return snapshot;
   }
@@ -200,6 +167,8 @@ class ViscoelasticMethod {
   // Of depths below it there is no inverse.
   static constexpr double surface_depth = 1e-9;
 
+  double sample_time() const noexcept { return solver_.samples().branches().times().sample_time(); }
+
   static viscoelastic::Priors priors_of(const Settings& s) noexcept {
     viscoelastic::Priors priors{};
     priors.exponent = s.exponent;
@@ -214,7 +183,7 @@ class ViscoelasticMethod {
     const double depth = sample.penetration > surface_depth ? sample.penetration : 0.0;
     const double step = dt + passed_;
     passed_ = 0.0;
-    const double usual = std::max(settings_.sample_time, last_step_);
+    const double usual = std::max(sample_time(), last_step_);
     const bool gap = step > longest_gap * usual && solver_.samples().touching();
     last_step_ = step;
     if (!begun_ || gap) {
@@ -228,19 +197,18 @@ class ViscoelasticMethod {
     // What was learned stands until half as much is known without it.
     provisional_ = false;
     outlived_ = true;
-    solver_.offer(settings_.offered);
+    solver_.offer(offered_);
     solver_.clear(0.5 * solver_.samples().weight());
   }
 
   void begin(double depth) noexcept {
     begun_ = true;
     solver_.samples().begin(depth);
-    constexpr viscoelastic::Offered forgetful = 0b111;
-    const bool may_remember = (settings_.offered & ~forgetful) != 0;
+    const bool may_remember = (offered_ & ~viscoelastic::forgetful) != 0;
     settling_ = depth > 0.0 && may_remember ? settling_time : 0.0;
     began_in_contact_ = began_in_contact_ || depth > 0.0;
     if (!(settling_ > 0.0) || solver_.samples().weight() > 0.0) return;
-    const viscoelastic::Offered left = settings_.offered & forgetful;
+    const viscoelastic::Offered left = offered_ & viscoelastic::forgetful;
     provisional_ = left != 0;
     if (provisional_) solver_.offer(left);
   }
@@ -249,15 +217,15 @@ class ViscoelasticMethod {
   void renew_offset() noexcept {
     if (!air_is_new_) return;
     air_is_new_ = false;
-    if (!settings_.offset || !air_.known()) return;
+    if (solver_.priors().offset == 0 || !air_.known()) return;
     constexpr double suspect = 3.0;
-    const double declared = settings_.offset_deviation;
+    const double declared = offset_deviation_;
     const detail::OffsetPrior air = air_.prior(0.0);
     tare_refuted_ =
         declared > 0.0 && std::abs(air.mean) > suspect * std::hypot(declared, air.deviation);
     const bool tare = declared > 0.0 && !tare_refuted_ && declared < air.deviation;
     detail::OffsetPrior prior = tare ? detail::OffsetPrior{0.0, declared} : air;
-    prior.deviation = std::hypot(prior.deviation, settings_.surface_deviation);
+    prior.deviation = std::hypot(prior.deviation, surface_deviation_);
     solver_.know_offset(prior);
   }
 
@@ -272,10 +240,10 @@ class ViscoelasticMethod {
     // Of the elastic force, at the speed of the scale.
     constexpr double largest_damping_error = 0.25;
     std::uint8_t found = 0;
-    const double exponent = Grid::step * std::sqrt(now.covariance[exponent_node][exponent_node]);
-    const double damper = std::sqrt(now.covariance[damping][damping]);
-    const double spring = std::abs(now.value[stiffness] + now.value[memory]);
-    const bool searched = !now.law().linear && !(settings_.exponent > 0.0);
+    const double exponent = Grid::step * std::sqrt(now.covariance.diagonal(exponent_node));
+    const double damper = std::sqrt(now.covariance.diagonal(damping));
+    const double spring = std::abs(now.fit.value[stiffness] + now.fit.value[memory]);
+    const bool searched = !now.law().linear && !(solver_.priors().exponent > 0.0);
     if (now.known == 0 || (searched && !(exponent < largest_exponent_error))) {
       found |= exponent_not_identifiable;
     }
@@ -284,19 +252,20 @@ class ViscoelasticMethod {
       found |= damping_not_identifiable;
     }
     if (now.at_edge != 0) found |= exponent_at_edge;
-    const bool tared = settings_.offset_deviation > 0.0;
+    const bool tared = offset_deviation_ > 0.0;
     if (tare_refuted_ || (tared && solver_.offset_refuted())) found |= tare_refuted;
     if (provisional_ || outlived_) found |= started_in_contact;
     return found;
   }
 
-  Settings settings_;
-  Units units_;
   viscoelastic::Solver<Sums> solver_;
   detail::FreeAir air_;
   double settling_ = 0.0;   // s until what nobody saw is forgotten
   double passed_ = 0.0;     // s since the last sample that was not refused
   double last_step_ = 0.0;  // s
+  double offset_deviation_;
+  double surface_deviation_;
+  viscoelastic::Offered offered_;
   bool begun_ = false;
   bool began_in_contact_ = false;
   bool provisional_ = false;  // what is learned is of the time before that

@@ -2,6 +2,7 @@
 // times: exact for ξⁿ linear between samples, whatever the time step.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -20,6 +21,7 @@ class Ladder {
 
   explicit Ladder(double sample_time) noexcept : shortest_(2.0 * sample_time) { set(sample_time); }
 
+  double sample_time() const noexcept { return 0.5 * shortest_; }
   double time(double rung) const noexcept { return shortest_ * std::pow(ratio, rung); }
 
   // What is left of a branch after a step, and what it takes of a change of ξⁿ during it.
@@ -28,9 +30,16 @@ class Ladder {
     std::array<double, Count> gain;
   };
 
-  const Step& over(double dt) noexcept {
+  Step over(double dt) noexcept {
     if (dt != dt_) set(dt);
-    return step_;
+    // In a step below rounding nothing relaxes; time over step would overflow in a still smaller.
+    double per_step = shortest_ / std::max(dt, 1e-18 * shortest_);
+    Step step;
+    for (std::size_t i = 0; i < Count; ++i, per_step *= ratio) {
+      step.kept[i] = 1.0 - lost_[i];
+      step.gain[i] = lost_[i] * per_step;
+    }
+    return step;
   }
 
   Step step_over(double dt) const noexcept {
@@ -39,22 +48,25 @@ class Ladder {
   }
 
  private:
-  // 1 − e^(−dt/τ) of the longest by expm1; half the time doubles the exponent, e ← e (2 − e).
+  // 1 − e^(−dt/τ) of the longest by expm1; half the time doubles the
+  // exponent, e ← e (2 − e) = e (1 + a), and squares what is left, a ← a².
   void set(double dt) noexcept {
+    constexpr double longest = static_cast<double>(1ULL << Doublings * (Count - 1));
     dt_ = dt;
-    double time = this->time(static_cast<double>(Count - 1));
-    double lost = -std::expm1(-dt / time);
+    double lost = -std::expm1(-std::max(dt, 1e-18 * shortest_) / (longest * shortest_));
+    double kept = 1.0 - lost;
     for (std::size_t i = Count; i-- > 0;) {
-      step_.kept[i] = 1.0 - lost;
-      step_.gain[i] = lost * time / dt;
-      for (std::size_t doubling = 0; doubling < Doublings; ++doubling) lost *= 2.0 - lost;
-      time /= ratio;
+      lost_[i] = lost;
+      for (std::size_t doubling = 0; doubling < Doublings; ++doubling) {
+        lost *= 1.0 + kept;
+        kept *= kept;
+      }
     }
   }
 
   double shortest_;
   double dt_ = 0.0;
-  Step step_{};
+  std::array<double, Count> lost_{};
 };
 
 // The state of all branches. It is what penetration made it, whatever the force said: it is carried
@@ -62,45 +74,46 @@ class Ladder {
 template <class Times>
 class Branches {
  public:
-  using Row = std::array<double, Grid::exponents>;
-
   explicit Branches(double sample_time) noexcept : times_(sample_time) {}
 
-  // Null where there is no depth.
-  void advance(const Powers* powers, double dt) noexcept {
-    const auto& step = times_.over(dt);
-    Row change;
-    for (std::size_t j = 0; j < Grid::exponents; ++j) {
-      const double now = powers ? (*powers)[Grid::first_exponent + j] : 0.0;
-      change[j] = now - elastic_[j];
-      elastic_[j] = now;
-    }
+  // To a depth, 0 for none, after so much time.
+  void advance(double depth, double dt) noexcept {
+    const auto step = times_.over(dt);
+    if (depth == depth_) return decay(step);
+    const NodeRow before = elastic_of(depth_), now = elastic_of(depth);
+    depth_ = depth;
+    NodeRow change;
+    for (std::size_t j = 0; j < change.size(); ++j) change[j] = now[j] - before[j];
     for (std::size_t i = 0; i < Times::count; ++i) {
       const double kept = step.kept[i], gain = step.gain[i];
-      // What decays would end in subnormal numbers, on which processors are slow: below 1e-76 it
-      // is rounded away.
-      for (std::size_t j = 0; j < Grid::exponents; ++j) {
-        states_[i][j] = (states_[i][j] * kept + gain * change[j] + 1e-60) - 1e-60;
+      for (std::size_t j = 0; j < change.size(); ++j) {
+        states_[i][j] = states_[i][j] * kept + gain * change[j];
       }
     }
   }
 
   // Relaxed, at this depth.
-  void rest(const Powers* powers) noexcept {
+  void rest(double depth) noexcept {
     states_ = {};
-    for (std::size_t j = 0; j < Grid::exponents; ++j) {
-      elastic_[j] = powers ? (*powers)[Grid::first_exponent + j] : 0.0;
-    }
+    depth_ = depth;
   }
 
   const Times& times() const noexcept { return times_; }
-  const std::array<Row, Times::count>& states() const noexcept { return states_; }
-  const Row& elastic() const noexcept { return elastic_; }
+  const std::array<NodeRow, Times::count>& states() const noexcept { return states_; }
+  double depth() const noexcept { return depth_; }
 
  private:
+  // What decays would end in subnormal numbers, on which processors are slow: below 1e-76 it is
+  // rounded away.
+  void decay(const typename Times::Step& step) noexcept {
+    for (std::size_t i = 0; i < Times::count; ++i) {
+      for (double& state : states_[i]) state = (state * step.kept[i] + 1e-60) - 1e-60;
+    }
+  }
+
   Times times_;
-  Row elastic_{};  // ξⁿ at the last sample
-  std::array<Row, Times::count> states_{};
+  double depth_ = 0.0;  // at the last sample
+  std::array<NodeRow, Times::count> states_{};
 };
 
 }  // namespace palpate::viscoelastic

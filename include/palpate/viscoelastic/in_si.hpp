@@ -16,7 +16,7 @@ namespace palpate::viscoelastic {
 inline constexpr std::size_t joint_size = GeneralisedHuntCrossley::size + 1;
 
 inline double damping_exponent(const Solution& s) noexcept {
-  return s.law().damping == Damping::half_space ? s.n - 1.0 : s.n;
+  return s.law().damping == Damping::half_space ? s.fit.n - 1.0 : s.fit.n;
 }
 
 // What k and m are worth in N/mⁿ, and c in N·s/mᵖ⁺¹.
@@ -25,7 +25,7 @@ struct LawUnits {
   double damping;
 
   LawUnits(const Solution& s, const Units& u) noexcept
-      : stiffness(detail::saturate(u.force * detail::bounded_exp(-s.n * u.log_penetration))),
+      : stiffness(detail::saturate(u.force * detail::bounded_exp(-s.fit.n * u.log_penetration))),
         damping(detail::saturate(u.force / u.velocity *
                                  detail::bounded_exp(-damping_exponent(s) * u.log_penetration))) {}
 };
@@ -33,21 +33,21 @@ struct LawUnits {
 template <class Times>
 GeneralisedHuntCrossley law_in_si(const Solution& s, const Times& times, const Units& u) noexcept {
   const LawUnits unit(s, u);
-  GeneralisedHuntCrossley law{detail::saturate(s.value[stiffness] * unit.stiffness),
-                              s.n,
-                              detail::saturate(s.value[damping] * unit.damping),
+  GeneralisedHuntCrossley law{detail::saturate(s.fit.value[stiffness] * unit.stiffness),
+                              s.fit.n,
+                              detail::saturate(s.fit.value[damping] * unit.damping),
                               damping_exponent(s),
-                              detail::saturate(s.value[memory] * unit.stiffness),
+                              detail::saturate(s.fit.value[memory] * unit.stiffness),
                               0.0,
                               0.0,
                               0.0};
   if (s.law().memory == Memory::none) return law;
   if (s.law().memory == Memory::single) {
-    law.longest_time = times.time(s.place.second);
+    law.longest_time = times.time(s.fit.place.second);
     return law;
   }
   if (s.law().memory == Memory::power_law) {
-    law.spectrum_exponent = second_of(Memory::power_law, s.place.second);
+    law.spectrum_exponent = s.fit.second();
   }
   // Each branch stands for the times that are nearer to it than to the next.
   law.shortest_time = times.time(-0.5);
@@ -66,7 +66,7 @@ template <class Times>
     if (s.given == 0) joint[1][1] = joint[3][3] = detail::largest_variance;
     return joint;
   }
-  const Matrix<unknowns> root = detail::cholesky(s.covariance);
+  const Matrix<unknowns> root = detail::cholesky(s.covariance.full());
   const LawUnits unit(s, u);
   const double by_depth = -u.log_penetration * Grid::step;
   std::array<Vector<unknowns>, joint_size> rows{};

@@ -49,5 +49,6 @@ inline constexpr std::size_t everyday_candidates = 5;
 
 // Bit i stands for candidates[i].
 using Offered = std::uint16_t;
+inline constexpr Offered forgetful = 0b111;  // those without memory
 
 }  // namespace palpate::viscoelastic

@@ -9,12 +9,12 @@
 
 #include "palpate/matrix.hpp"
 #include "palpate/viscoelastic/law.hpp"
-#include "palpate/viscoelastic/samples.hpp"
+#include "palpate/viscoelastic/normal.hpp"
 
 namespace palpate::viscoelastic {
 
-// Which of the parts are fitted, a bit each; of a word's size, so that no saved state has padding.
-using PartSet = std::uint64_t;
+// Which of the parts are fitted, a bit each.
+using PartSet = std::uint32_t;
 
 constexpr PartSet bit(Part part) noexcept { return PartSet{1} << part; }
 constexpr bool has(PartSet set, Part part) noexcept { return (set & bit(part)) != 0; }
@@ -33,62 +33,48 @@ struct Linear {
   PartSet fitted = 0;  // parts that have a sound pivot
 };
 
-// A = L Lᵀ of the fitted parts, from a unit diagonal; a part whose pivot is rounding is left out.
+// A = L D Lᵀ of the fitted parts; a part whose pivot is rounding is left out: its row and its
+// column are empty.
 class Factored {
  public:
   Factored(const Normal& normal, PartSet wanted) noexcept {
-    for (const Part part : order) {
-      if (!has(wanted, part)) continue;
-      const double diagonal = normal.a[part][part];
-      // Of sums that are squares; what is less than this is not there.
-      if (!(diagonal > 1e-150)) continue;
-      unit_[part] = 1.0 / std::sqrt(diagonal);
-      double pivot = 1.0;
-      Vector<parts> row{};
-      for (const Part before : order) {
-        if (before == part) break;
-        if (!has(fitted_, before)) continue;
-        double entry = normal.a[part][before] * unit_[part] * unit_[before];
-        for (const Part earlier : order) {
-          if (earlier == before) break;
-          entry -= row[earlier] * lower_[before][earlier];
-        }
-        row[before] = entry / lower_[before][before];
-        pivot -= row[before] * row[before];
+    for (std::size_t i = 0; i < parts; ++i) {
+      const double diagonal = normal.a[i][i];
+      double pivot = diagonal;
+      Vector<parts> row{};  // L D
+      for (std::size_t j = 0; j < i; ++j) {
+        row[j] = normal.a[i][j];
+        for (std::size_t k = 0; k < j; ++k) row[j] -= row[k] * lower_[j][k];
+        lower_[i][j] = row[j] * per_pivot_[j];
+        pivot -= row[j] * lower_[i][j];
       }
-      // Sums of 1e4 samples, interpolated to 1e-9 and better, carry 1e-12.
-      if (!(pivot > 1e-11)) continue;
-      row[part] = std::sqrt(pivot);
-      lower_[part] = row;
-      fitted_ |= bit(part);
+      // Of sums that are squares, what is less than 1e-150 is not there; sums of 1e4 samples,
+      // interpolated to 1e-9 and better, carry 1e-12.
+      const Part part = static_cast<Part>(i);
+      if (has(wanted, part) && diagonal > 1e-150 && pivot > 1e-11 * diagonal) {
+        fitted_ |= bit(part);
+        per_pivot_[i] = 1.0 / pivot;
+      } else {
+        lower_[i] = {};
+      }
     }
   }
 
   PartSet fitted() const noexcept { return fitted_; }
 
-  Linear solve(const Vector<parts>& b) const noexcept {
-    Linear result{.fitted = fitted_};
+  // Of the first so many parts alone.
+  Linear solve(const Vector<parts>& b, std::size_t count = parts) const noexcept {
+    Linear result{.fitted = fitted_ & (bit(static_cast<Part>(count)) - 1U)};
     Vector<parts> half{};
-    for (const Part part : order) {
-      if (!has(fitted_, part)) continue;
-      double rest = b[part] * unit_[part];
-      for (const Part before : order) {
-        if (before == part) break;
-        rest -= lower_[part][before] * half[before];
-      }
-      half[part] = rest / lower_[part][part];
-      result.gain += half[part] * half[part];
+    for (std::size_t i = 0; i < count; ++i) {
+      half[i] = b[i];
+      for (std::size_t j = 0; j < i; ++j) half[i] -= lower_[i][j] * half[j];
+      result.gain += half[i] * half[i] * per_pivot_[i];
     }
-    for (std::size_t k = parts; k-- > 0;) {
-      const Part part = order[k];
-      if (!has(fitted_, part)) continue;
-      double rest = half[part];
-      for (std::size_t later = k + 1; later < parts; ++later) {
-        rest -= lower_[order[later]][part] * result.value[order[later]];
-      }
-      result.value[part] = rest / lower_[part][part];
+    for (std::size_t i = count; i-- > 0;) {
+      result.value[i] = half[i] * per_pivot_[i];
+      for (std::size_t j = i + 1; j < count; ++j) result.value[i] -= lower_[j][i] * result.value[j];
     }
-    for (std::size_t i = 0; i < parts; ++i) result.value[i] *= unit_[i];
     return result;
   }
 
@@ -104,17 +90,10 @@ class Factored {
   }
 
  private:
-  // What explains least is taken last, so that it is left out where it says what others do.
-  static constexpr std::array<Part, parts> order{offset, stiffness, damping, memory};
-
-  Matrix<parts> lower_{};
-  Vector<parts> unit_{};
+  Matrix<parts> lower_{};  // less its diagonal of ones
+  Vector<parts> per_pivot_{};
   PartSet fitted_ = 0;
 };
-
-[[gnu::noinline]] inline Linear solve(const Normal& normal, PartSet wanted) noexcept {
-  return Factored(normal, wanted).solve(normal.b);
-}
 
 // A damper that gives energy back is what a Hunt–Crossley or Kelvin–Voigt fit may ask for, and is
 // left to it. On the other laws it is no damper but a sign of another: they have to be passive, and
@@ -122,22 +101,24 @@ class Factored {
 [[gnu::noinline]] inline Linear solve_passive(const Normal& normal, const Candidate& law,
                                               bool with_offset) noexcept {
   const PartSet wanted = parts_of(law, with_offset);
-  const Linear free = solve(normal, wanted);
+  const Factored factored(normal, wanted);
+  const Linear free = factored.solve(normal.b);
+  const auto without = [&](PartSet left_out) noexcept {
+    return Factored(normal, wanted & ~left_out).solve(normal.b);
+  };
   if (!has(wanted, memory)) {
     const bool may = law.damping != Damping::half_space || law.linear;
-    if (may || !(free.value[damping] < 0.0)) return free;
-    return solve(normal, wanted & ~bit(damping));
+    return may || !(free.value[damping] < 0.0) ? free : without(bit(damping));
   }
   if (!(free.value[memory] < 0.0) && !(free.value[damping] < 0.0)) return free;
-  const Linear undamped = solve(normal, wanted & ~bit(damping));
+  const Linear undamped = without(bit(damping));
   const bool sound = !(undamped.value[memory] < 0.0);
-  const Linear forgetful = solve(normal, wanted & ~bit(memory));
+  const Linear rested = factored.solve(normal.b, memory);
   // Without memory a law may have any damping; but this one stands among those that have memory.
-  const bool passive = !(forgetful.value[damping] < 0.0);
-  if (sound && passive) return undamped.gain > forgetful.gain ? undamped : forgetful;
+  const bool passive = !(rested.value[damping] < 0.0);
+  if (sound && passive) return undamped.gain > rested.gain ? undamped : rested;
   if (sound) return undamped;
-  if (passive) return forgetful;
-  return solve(normal, wanted & ~(bit(memory) | bit(damping)));
+  return passive ? rested : without(bit(memory) | bit(damping));
 }
 
 }  // namespace palpate::viscoelastic

@@ -17,14 +17,12 @@ struct MemoryColumn {
   double one, force, power, power_speed, slope_speed, square;
 };
 
-// Where a memory column is wanted: windows of sums of one power of ξⁿ, and of two.
+// Where a memory column is wanted: windows of sums of one power of ξⁿ, and of two; of the same
+// nodes.
 struct MemoryWindows {
   Window single;
   Window square;
 };
-
-// A number at each exponent of the grid.
-using NodeRow = std::array<double, Grid::exponents>;
 
 // The five sums of a branch with what is no branch.
 using Crossed = std::array<NodeRow, 5>;
@@ -33,7 +31,7 @@ inline void add_crossed(Crossed& sums, const NodeRow& g, const Powers& p, const 
                         double weight) noexcept {
   const double wf = weight * s.force, wv = weight * s.velocity;
   const double* power = p.data() + Grid::first_exponent;
-  const double* slope = power - 4;  // ξⁿ⁻¹
+  const double* slope = power - Grid::one;  // ξⁿ⁻¹
   for (std::size_t j = 0; j < Grid::exponents; ++j) {
     const double once = weight * g[j], moving = wv * g[j];
     sums[0][j] += once;
@@ -109,21 +107,26 @@ class PairSums {
 
   MemoryColumn column(const MemoryWindows& at,
                       const Spectrum<Times::count>& spectrum) const noexcept {
-    MemoryColumn sum{};
+    // Rows are mixed before they are interpolated: one window serves them all.
+    std::array<Vector<window_points>, 6> mixed{};
+    const auto mix = [](Vector<window_points>& sum, double weight, const double* row) noexcept {
+      for (std::size_t k = 0; k < window_points; ++k) sum[k] += weight * row[k];
+    };
+    const std::size_t first = at.single.first;
     for (std::size_t i = spectrum.first; i < spectrum.end; ++i) {
       const double weight = spectrum.weight[i];
-      const Crossed& crossed = crossed_[i];
-      sum.one += weight * at.single.of(crossed[0].data());
-      sum.force += weight * at.single.of(crossed[1].data());
-      sum.power += weight * at.square.of(crossed[2].data());
-      sum.power_speed += weight * at.square.of(crossed[3].data());
-      sum.slope_speed += weight * at.square.of(crossed[4].data());
-      for (std::size_t other = i; other < spectrum.end; ++other) {
-        const double both = weight * spectrum.weight[other] * (other == i ? 1.0 : 2.0);
-        sum.square += both * at.square.of(pairs_[pair_of(i, other)].data());
+      for (std::size_t j = 0; j < 5; ++j) mix(mixed[j], weight, crossed_[i][j].data() + first);
+      const double twice = 2.0 * weight;
+      mix(mixed[5], weight * weight, pairs_[pair_of(i, i)].data() + first);
+      for (std::size_t other = i + 1; other < spectrum.end; ++other) {
+        mix(mixed[5], twice * spectrum.weight[other], pairs_[pair_of(i, other)].data() + first);
       }
     }
-    return sum;
+    const auto of = [first](const Window& window, const Vector<window_points>& values) noexcept {
+      return window.of(values.data(), first);
+    };
+    return {of(at.single, mixed[0]), of(at.single, mixed[1]), of(at.square, mixed[2]),
+            of(at.square, mixed[3]), of(at.square, mixed[4]), of(at.square, mixed[5])};
   }
 
   void scale(double factor) noexcept {

@@ -6,7 +6,6 @@
 #include <cstddef>
 
 #include "palpate/error_widening.hpp"
-#include "palpate/force_laws.hpp"
 #include "palpate/haar_levels.hpp"
 
 namespace palpate::viscoelastic {
@@ -16,7 +15,7 @@ class ResidualNoise {
   // The a-priori error of a fit at a depth. Where a fit meets new ground errors are no noise:
   // beyond four deviations they count as four.
   void add(double depth, double error, double variance, double forgetting_factor) noexcept {
-    const double limit = variance > 0.0 ? 4.0 * std::sqrt(variance) : largest_parameter;
+    const double limit = variance > 0.0 ? std::min(4.0 * std::sqrt(variance), largest) : largest;
     levels_.add({depth}, std::clamp(error, -limit, limit), forgetting_factor);
   }
 
@@ -24,19 +23,20 @@ class ResidualNoise {
 
   // By the variance of the residual.
   [[gnu::noinline]] void measure(double variance) noexcept {
-    const detail::LevelNoise noise(levels_, variance, detail::ResidualOf::earlier_samples);
+    const detail::HaarLevels<1> levels(levels_);
+    const detail::LevelNoise noise(levels, variance, detail::ResidualOf::earlier_samples);
     // Slower than the slowest that was measured, it is taken for that: error bars guess how it goes
     // on, but a criterion that did would find no law of a short record.
     const std::size_t slowest = noise.measured > 0 ? noise.measured - 1 : 0;
-    double whole = levels_.rest()[0][0], wider = whole * noise.ratio[slowest];
+    double whole = levels.rest()[0][0], wider = whole * noise.ratio[slowest];
     for (std::size_t k = 0; k < noise.used; ++k) {
-      const double information = levels_[k].information[0][0];
+      const double information = levels[k].information[0][0];
       whole += information;
       wider += information * noise.ratio[std::min(k, slowest)];
     }
     const bool measured = noise.measured > 0 && whole > 0.0;
     inflation_ = measured ? std::max(wider / whole, 1.0) : 1.0;
-    const detail::ErrorWidening<1, 1> widening(levels_, {0.0}, variance);
+    const detail::ErrorWidening<1, 1> widening(levels, {0.0}, variance);
     const double root = widening.root({{{1.0}}})[0][0];
     widening_ = std::max(root * root, 1.0);
   }
@@ -49,7 +49,11 @@ class ResidualNoise {
   double widening() const noexcept { return widening_; }
 
  private:
-  detail::HaarLevels<1> levels_;
+  // In units of force; what floats still square.
+  static constexpr double largest = 1e10;
+
+  // Sums of squares that are looked at to a hundredth: floats are enough.
+  detail::HaarLevels<1, float> levels_;
   double inflation_ = 1.0;
   double widening_ = 1.0;
 };

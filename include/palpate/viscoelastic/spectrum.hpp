@@ -25,16 +25,20 @@ Spectrum<Times::count> spectrum_of(Memory memory, double second) noexcept {
   if (memory == Memory::single) {
     // Of a time between the rungs it is the branches that are interpolated, not their sums: what
     // comes out is the residual of a law.
-    const Window around = window(second, Times::count, {});
+    const Window around = window(second, Times::count);
     result.first = around.first;
-    result.end = around.first + around.count;
-    for (std::size_t i = 0; i < around.count; ++i) {
+    result.end = around.first + window_points;
+    for (std::size_t i = 0; i < window_points; ++i) {
       result.weight[around.first + i] = around.weights[i];
     }
     return result;
   }
+  if (memory == Memory::flat) {
+    result.weight.fill(1.0 / static_cast<double>(Times::count));
+    return result;
+  }
   double total = 0.0, next = 1.0;
-  const double ratio = memory == Memory::power_law ? std::pow(Times::ratio, -second) : 1.0;
+  const double ratio = std::pow(Times::ratio, -second);
   for (double& weight : result.weight) {
     weight = next;
     total += next;

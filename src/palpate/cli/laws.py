@@ -6,7 +6,7 @@ import math
 from rich.console import Console
 
 from palpate.cli.layout import Column, print_table, say
-from palpate.cli.truths import beside_truth, stated_truth
+from palpate.cli.truths import beside_truth, comparable, felt_beside_truth, stated_truth
 from palpate.digits import with_error
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.identification import Identification
@@ -36,15 +36,20 @@ def parameters(result: Identification) -> list[str]:
 def _truths(result: Identification) -> list[str]:
     """The truth beside each parameter, where it is a law of the same kind."""
     law, truth, rows = result.law, stated_truth(result), parameter_rows(result)
-    alike = law.as_hunt_crossley() if isinstance(law, GeneralisedHuntCrossley) else None
-    if truth is not None and alike is not None and truth.kind == alike.kind:
-        law = alike
+    if truth is not None and isinstance(law, GeneralisedHuntCrossley):
+        alike = law.simplest()
+        law = alike if alike.kind == truth.kind else law
     if truth is None or truth.kind != law.kind:
         return [""] * len(rows)
-    values, real = law.as_dict(), truth.as_dict()
-    errors = result.standard_errors
+    # How far it is from the truth only where the two mean the same.
+    same = comparable(law, truth)
+    values, real, errors = law.as_dict(), truth.as_dict(), result.standard_errors
     return [
-        beside_truth(values[row.name], real[row.name], float(errors[row.index]))
+        beside_truth(
+            values[row.name],
+            real[row.name],
+            float(errors[row.index]) if row.name in same else 0.0,
+        )
         if row.name in real and row.estimated
         else ""
         for row in rows
@@ -75,4 +80,6 @@ def _beside(result: Identification) -> list[str]:
     if estimate.surface_standard_error > 0.0:
         error = 1e3 * estimate.surface_standard_error
         lines.append(f"surface at {with_error(1e3 * estimate.surface, error, unit='mm')}")
+    if felt := felt_beside_truth(result):
+        lines.append(felt)
     return lines

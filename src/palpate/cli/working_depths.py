@@ -5,7 +5,7 @@ import math
 from rich.console import Console
 
 from palpate.cli.layout import Column, fits, print_table, say
-from palpate.cli.truths import LEGEND, beside_truth, stated_truth
+from palpate.cli.truths import LEGEND, beside_truth, truth_at_rest
 from palpate.diagnosis import Quantity, WorkingDepth
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.fit import DEEP
@@ -20,7 +20,7 @@ _ROWS = (("force", "N"), ("stiffness", "N/m"), ("damping", "N·s/m"))
 
 def print_working_depths(result: Identification, console: Console) -> None:
     """Print the three with both error bars, and with the truth where the file states it."""
-    truth, depths = stated_truth(result), result.working_depths
+    truth, depths = truth_at_rest(result), result.working_depths
     names = ["median" if result.depth is None else "as asked", f"{DEEP:.0f}th percentile"]
     headings = [
         f"at {in_words(there.depth, 'm', digits=4)}\n{name}"

@@ -84,7 +84,7 @@ def restitution_from(result: "Identification", speed: float | None) -> Restituti
     with _absurd_numbers():
         law = result.law
         if isinstance(law, GeneralisedHuntCrossley):
-            law = law.as_hunt_crossley() or law
+            law = law.simplest()
         own = [result.law.names().index(name) for name in law.names()]
         b = dissipation_of(law, result.covariance[np.ix_(own, own)], found.working_depth)
         trusted = found.verdict.damping != "do-not-trust"
