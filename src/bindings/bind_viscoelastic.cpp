@@ -88,15 +88,15 @@ void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exp
   }
 }
 
-// The candidates at the last verdict: a row of candidate, score and RSS/N [N²]; samples, N_eff, the
-// chosen one; of the motion the mean depth, m, and the frequency, rad/s; and whether it began in
-// contact.
+// The candidates at the last verdict on these samples, if there was one: a row of candidate, score
+// and RSS/N [N²]; samples, N_eff, the chosen one; of the motion the mean depth, m, and the
+// frequency, rad/s; and whether it began in contact.
 template <class Estimator>
 nb::tuple evidence_of(const Estimator& core) {
   const auto& solver = core.method().solver();
   const Units& units = core.units();
   nb::list rows;
-  for (std::size_t i = 0; i < solver.count; ++i) {
+  for (std::size_t i = 0; i < solver.count && solver.decided(); ++i) {
     const viscoelastic::Standing standing = solver.standing(i);
     if (!(standing.mean_square > 0.0)) continue;
     rows.append(

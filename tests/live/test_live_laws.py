@@ -153,6 +153,12 @@ def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict
         assert page["changes"] == 0
 
 
+def test_a_law_that_is_alone_on_offer_never_changes():
+    _, _, verdict = watched(arrivals(*pressed(MEMORY)), law="half-space+single")
+    assert certainty(verdict) == "alone"
+    assert [law for _, law in verdict["turns"]] == ["half-space with one relaxation time"]
+
+
 def test_neither_silence_nor_a_long_time_out_of_contact_changes_the_verdict():
     times, x, force = pressed(MEMORY, 2.0)
     air = [times[-1] + T * k for k in range(1, 3001)]

@@ -72,7 +72,7 @@ class ViscoelasticMethod {
     if (settling_ > 0.0 && !provisional_) return Status::held;
     renew_offset();
     solver_.take(row.sample, row.predicted, forgetting_factor);
-    outlived_ = outlived_ && !(solver_.effective_samples() > 0.0);
+    outlived_ = outlived_ && !solver_.decided();
     return Status::updated;
   }
 
@@ -114,7 +114,7 @@ class ViscoelasticMethod {
   void settle() noexcept {
     renew_offset();
     solver_.settle();
-    outlived_ = outlived_ && !(solver_.effective_samples() > 0.0);
+    outlived_ = outlived_ && !solver_.decided();
   }
 
   Law law(const Units& units) const noexcept { return law(solver_.solution(), units); }

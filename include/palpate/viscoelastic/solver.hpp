@@ -39,6 +39,9 @@ class Solver {
   Priors& priors() noexcept { return priors_; }
   Standing standing(std::size_t candidate) const noexcept { return verdict_.standing(candidate); }
   double effective_samples() const noexcept { return verdict_.effective_samples(); }
+  // Whether the solution is of a verdict on these samples, and not of those before they were
+  // cleared.
+  bool decided() const noexcept { return decided_; }
 
   double predict(const Sample& s) const noexcept {
     return force_of(solution_.fit, samples_.branches(), s);
@@ -66,6 +69,7 @@ class Solver {
     samples_.clear();
     noise_.clear();
     verdict_ = {};
+    decided_ = false;
     stage_ = Stage::idle;
     taken_ = samples_since_round_ = samples_since_fit_ = 0;
     searched_weight_ = 0.0;
@@ -269,6 +273,7 @@ class Solver {
     const bool outside = place.exponent < margin || place.exponent > last - margin;
     solution_.at_edge = problem.searches_exponent() && outside ? 1 : 0;
     solution_.known = 1;
+    decided_ = true;
     samples_since_fit_ = 0;
     stage_ = Stage::idle;
   }
@@ -292,6 +297,7 @@ class Solver {
   Stage stage_ = Stage::idle;
   bool widely_ = true;
   bool offset_refuted_ = false;
+  bool decided_ = false;
 };
 
 }  // namespace palpate::viscoelastic
