@@ -15,8 +15,8 @@ DT = 1e-3
 LIMITS = {"everyday": (4.0, 250.0), "full": (20.0, 1500.0)}  # kB, ns
 LONGEST_CALL = 200.0  # µs
 HOW = (
-    "The C++ estimator alone: of each 50 samples, and of each call, the least of all passes over the "
-    "same samples, so that what else the machine does is left out. Seen: with that, beside the "
+    "The C++ estimator alone: of each 50 samples, and of each call, the least of all passes over "
+    "the same samples, so that what else the machine does is left out. Seen: with that, beside the "
     "longest of ten times as many calls of nothing in the same run."
 )
 
