@@ -123,20 +123,24 @@ def held_out(folder: Path, split: str) -> dict[str, float]:
         if not path.exists() or (split == "second half" and path.name.startswith("E_")):
             continue
         record = read(path)
-        places = np.flatnonzero(record.good)
-        if places.size < FEWEST:
-            continue
-        rank = np.full(record.good.size, -1)
-        rank[places] = np.arange(places.size)
-        block = rank * (2 if split == "second half" else BLOCKS) // places.size
-        train = record.good & (block % 2 == 0)
-        test = record.good & ~train
-        errors = []
-        for settings in ({"damping": "hunt-crossley", "memory": "none"}, {}):
-            left = record.force - predicted(record, learned(record, train, **settings))
-            errors.append(float(np.sqrt(np.mean(left[test] ** 2))))
-        ratios[path.stem] = errors[1] / errors[0]
+        if np.count_nonzero(record.good) >= FEWEST:
+            ratios[path.stem] = held_out_of(record, split)
     return ratios
+
+
+def held_out_of(record: Recorded, split: str) -> float:
+    """RMSE of what was held out of one recording, over that of Hunt–Crossley."""
+    places = np.flatnonzero(record.good)
+    rank = np.full(record.good.size, -1)
+    rank[places] = np.arange(places.size)
+    block = rank * (2 if split == "second half" else BLOCKS) // places.size
+    train = record.good & (block % 2 == 0)
+    test = record.good & ~train
+    errors = []
+    for settings in ({"damping": "hunt-crossley", "memory": "none"}, {}):
+        left = record.force - predicted(record, learned(record, train, **settings))
+        errors.append(float(np.sqrt(np.mean(left[test] ** 2))))
+    return errors[1] / errors[0]
 
 
 def microrheology(folder: Path) -> list[tuple[str, float, float]]:

@@ -159,6 +159,62 @@ def test_without_memory_the_dynamic_stiffness_is_that_of_the_gradients():
     assert whole.imag == pytest.approx(10.0 * law.damping_at(5e-3), rel=1e-14)
 
 
+def test_slow_and_fast_oscillations_feel_the_relaxed_and_the_instantaneous_material(relaxation):
+    law = law_with(relaxation)
+    slow, fast = law.dynamic_stiffness(5e-3, [1e-9, 1e9])
+    # ωτ and 1/ωτ of the nearest branch are some 1e-8 there; the damper is apart.
+    assert slow.real == pytest.approx(law.relaxed().stiffness_at(5e-3), rel=1e-6)
+    assert fast.real == pytest.approx(law.instantaneous().stiffness_at(5e-3), rel=1e-6)
+    assert fast.imag == pytest.approx(1e9 * law.damping_at(5e-3), rel=1e-6)
+
+
+@pytest.mark.parametrize("damper", ["hunt-crossley", "half-space"])
+def test_whatever_is_done_to_a_rested_material_it_gives_back_less_than_it_took(relaxation, damper):
+    exponent = 1.5
+    p = exponent if damper == "hunt-crossley" else exponent - 1.0
+    law = GeneralisedHuntCrossley(1e4, exponent, 30.0, p, 5e3, relaxation)
+    rng = np.random.default_rng(5)
+    knots, dt = np.linspace(0.0, 1.0, 12), 1e-4
+    time = np.arange(0.0, 1.0, dt)
+    for _ in range(5):
+        # In and out of contact, at random, and back to where it began, above the surface.
+        places = rng.uniform(-3e-3, 9e-3, knots.size)
+        places[[0, -1]] = -1e-3
+        x = np.interp(time, knots, places)
+        v = np.diff(x, prepend=x[0]) / dt
+        force = law.force_along(x, v, dt)
+        spent = np.cumsum(force * v) * dt
+        taken = np.sum(np.maximum(force * v, 0.0)) * dt
+        # The sum takes the force at the end of each step: to first order in the step.
+        assert spent.min() > -1e-3 * taken
+        assert spent[-1] > 1e-2 * taken
+
+
+def test_without_a_damper_and_memory_all_is_given_back():
+    law = GeneralisedHuntCrossley(1e4, 1.5, 0.0, 0.0)
+    x = 4e-3 * (1.0 - np.cos(np.linspace(0.0, 2.0 * math.pi, 2001)))
+    force = law.force(x, np.zeros_like(x))
+    assert np.diff(x) @ (force[1:] + force[:-1]) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_depths_and_frequencies_go_together_as_in_numpy(relaxation):
+    law, state = law_with(relaxation), law_with(relaxation).rest()
+    whole = law.dynamic_stiffness([[1e-3], [5e-3]], [1.0, 10.0, 100.0])
+    assert whole.shape == (2, 3)
+    assert whole[1, 2] == pytest.approx(law.dynamic_stiffness(5e-3, 100.0), rel=1e-12)
+    held = law.step(state, 5e-3, 1e-3)
+    assert law.force(DEPTHS[:, None], SPEEDS, held).shape == (3, 3)
+    assert law.force([-1e-3, 0.0], 0.1, held).tolist() == [0.0, 0.0]
+    assert law.force_along([], [], []).shape == (0,)
+
+
+def test_two_times_in_the_wrong_order_are_no_single_one():
+    numbers = law_with(RELAXATIONS["flat"]).parameters
+    numbers[6:] = numbers[:5:-1]
+    with pytest.raises(InvalidParameterError, match="longest must be above"):
+        GeneralisedHuntCrossley.from_parameters(numbers)
+
+
 def test_it_goes_through_numbers_copies_and_files(relaxation):
     law = law_with(relaxation)
     assert law.from_parameters(law.parameters) == law

@@ -171,7 +171,7 @@ def test_a_change_of_the_material_is_found_with_it():
     assert all(part.law.exponent == 1.5 and part.fixed for part in parts)
 
 
-def test_it_is_said_to_be_fixed_wherever_it_is_shown(tmp_path):
+def test_it_is_said_to_be_fixed_wherever_it_is_shown(tmp_path, undrawn):
     from palpate.figures import draw
 
     result = identify(contact_of(), palpate.VariableProjection(exponent=1.5))

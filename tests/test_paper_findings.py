@@ -22,7 +22,7 @@ from palpate.paper.sessions import pressed
 from palpate.paper.starts import convergence_times, from_starts, starts_of
 
 pytest.importorskip("mujoco")
-pytest.importorskip("matplotlib")
+matplotlib = pytest.importorskip("matplotlib")
 
 EXPERIMENTS = (*FORGETTING, *COMPARISONS, *NEAR_TRUTH, *HYSTERESIS, *RICHNESS, *INTERMITTENT)
 # The others take seconds each: their motions are long.
@@ -81,8 +81,9 @@ def test_it_is_drawn_and_tabulated(experiment, tmp_path):
     outcomes = [outcome_of(experiment.name)] * 2
     figure = experiment.draw(outcomes, dark=True)
     # Laying out takes most of the time; where the whole paper runs it is done.
-    figure.set_layout_engine("none")
-    save(figure, tmp_path / "figure.png")
+    figure.set_layout_engine(None)
+    with matplotlib.rc_context({"savefig.dpi": 30}):
+        save(figure, tmp_path / "figure.png")
     for table in experiment.tables(outcomes):
         assert table.rows
         assert all(len(row) == len(table.header) for row in table.rows)

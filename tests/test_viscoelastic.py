@@ -282,7 +282,7 @@ def test_an_identification_predicts_and_is_diagnosed_with_its_memory():
     assert result.diagnosis.verdict.stiffness == "trust"
     assert str(result.law_verdict).startswith("law: half-space with a flat spectrum, before ")
     assert result.as_dict()["law_verdict"]["standings"][0]["score"] == 0.0
-    assert plain.law_verdict is None
+    assert plain.law_verdict.candidate == result.law_verdict.candidate
     relaxed = law.relaxed()
     depth = result.diagnosis.working_depth.depth
     # Of the relaxed material: sums and branches part a percent of the memory.

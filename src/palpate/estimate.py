@@ -1,7 +1,6 @@
 """What an estimator knows now."""
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -161,19 +160,43 @@ class Estimate:
         number : callable
             Of the law, to a float.
         """
-        law, errors = self.law, self.standard_errors
+        values, errors = self.with_errors(lambda law: (number(law),))
+        return float(values[0]), float(errors[0])
+
+    def with_errors(self, numbers: Callable[[Any], Sequence[float]]) -> tuple[Floats, Floats]:
+        """Several numbers by the law, and their standard errors, as :meth:`with_error` has them.
+
+        Parameters
+        ----------
+        numbers : callable
+            Of the law, to m floats.
+
+        Returns
+        -------
+        tuple of numpy.ndarray, shape (m,)
+            The numbers, and their standard errors.
+        """
+        law, parameters = self.law, self.parameters
         of = law.from_parameters
+        values = np.array(numbers(law), dtype=np.float64)
         # By differences over a hundredth of an error, in which a law is as good as linear; what has
-        # none does not count.
+        # none does not count. Where an error is tens of times the number, this keeps its sign.
+        errors, sizes = self.standard_errors, np.abs(parameters)
         steps = np.where(np.isfinite(errors), 0.01 * errors, 1.0)
-        gradient = np.zeros(len(steps))
+        steps = np.where(sizes > 0.0, np.minimum(steps, 0.5 * sizes), steps)
+        # Nor is an exponent moved by more than a half, where it may have left its range.
+        plain = [not unit for unit in law.units]
+        steps = np.where(plain, np.minimum(steps, 0.5), steps)
+        gradient = np.zeros((len(values), len(steps)))
         with np.errstate(all="ignore"):  # of a start that knows nothing the error may be infinite
             for k in np.flatnonzero(steps).tolist():
-                up, down = law.parameters, law.parameters
+                up, down = parameters.copy(), parameters.copy()
                 up[k], down[k] = up[k] + steps[k], down[k] - steps[k]
-                gradient[k] = (number(of(up)) - number(of(down))) / (2.0 * steps[k])
-            variance = float(gradient @ self.covariance @ gradient)
-        return number(law), math.sqrt(variance) if variance >= 0.0 else math.nan
+                change = np.subtract(numbers(of(up)), numbers(of(down)))
+                gradient[:, k] = change / (2.0 * steps[k])
+            covariance = self.covariance
+            variances = np.array([each @ covariance @ each for each in gradient])
+            return values, np.sqrt(np.where(variances >= 0.0, variances, np.nan))
 
     @property
     def joint_covariance(self) -> Floats:

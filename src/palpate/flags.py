@@ -1,17 +1,13 @@
 """What a reader should know before trusting the numbers of an identification."""
 
-from contextlib import suppress
-
 import numpy as np
 
 from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis.left_out import count_of_outliers
-from palpate.digits import rounded, with_error
-from palpate.errors import InvalidParameterError
 from palpate.estimate import ADVICE
 from palpate.estimators import ContactEstimator, ViscoelasticContact
-from palpate.force_laws import HuntCrossley
+from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley
 from palpate.metrics import has_prediction_error, violated_fraction
 from palpate.refusals import not_finite
 from palpate.trace import Trace
@@ -72,6 +68,10 @@ def words_of(
 NEGATIVE_STIFFNESS = (
     "negative stiffness: by this law the force falls as the probe goes deeper; check the signs"
 )
+NEGATIVE_RELAXED = (
+    "negative relaxed stiffness: where the material ends up once all has relaxed, these samples do "
+    "not say; K′ and B′ at their own frequency they do: press, and hold for longer"
+)
 NEGATIVE_DAMPING = "negative damping: this law gives energy back, which no passive material does"
 
 
@@ -91,6 +91,8 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
         guarded=estimate.guarded,
         left_out=int(np.count_nonzero(trace.rejected)),
     )
+    if isinstance(law, GeneralisedHuntCrossley) and law.stiffness < 0.0:
+        flags.append(NEGATIVE_RELAXED if law.remembers else NEGATIVE_STIFFNESS)
     if isinstance(estimator, ViscoelasticContact):
         flags += _memory_flags(estimator)
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
@@ -107,17 +109,9 @@ def _memory_flags(estimator: ViscoelasticContact) -> list[str]:
     """Say of what a law with memory has a stiffness, and what is open of it."""
     if not estimator.estimate().law.remembers:
         return []
-    verdict, felt = estimator.verdict(), ""
-    with suppress(InvalidParameterError):  # of a probe that never moved there is no frequency
-        told = estimator.dynamic_stiffness()
-        felt = (
-            f"; an oscillation of {rounded(told.frequency, 3)} rad/s about "
-            f"{rounded(1e3 * told.depth, 3)} mm feels "
-            f"{with_error(told.stiffness, told.stiffness_error, unit='N/m')} and "
-            f"{with_error(told.damping, told.damping_error, unit='N·s/m')}"
-        )
+    verdict = estimator.verdict()
     words = (
-        f"the material remembers ({verdict.candidate}): force and stiffness are those once it has "
-        f"relaxed{felt}"
+        f"the material remembers ({verdict.candidate}): force, stiffness and damping at a depth "
+        "are those once it has relaxed; K′ and B′ are what a small oscillation feels"
     )
     return [words, *verdict.flags]

@@ -78,6 +78,7 @@ def test_the_loop_over_a_recording_is_the_replay_to_the_last_bit(method):
     same(rows, *replay, predicted=method != "drift-tracking")
     assert loop.counts.taken == len(TIMES) == len(rows)
     assert loop.status()["counts"]["jumps"] == 0
+    assert "N/m" in at_depth(loop.status(), rows[-1], 8e-3)  # in the terminal's line
 
 
 def changed(k, **values):

@@ -72,6 +72,7 @@ class ViscoelasticMethod {
     if (settling_ > 0.0 && !provisional_) return Status::held;
     renew_offset();
     solver_.take(row.sample, row.predicted, forgetting_factor);
+    outlived_ = outlived_ && !(solver_.effective_samples() > 0.0);
     return Status::updated;
   }
 
@@ -104,7 +105,7 @@ class ViscoelasticMethod {
   }
 
   void reinitialise_after_transient() noexcept {
-    provisional_ = false;
+    provisional_ = outlived_ = false;
     solver_.offer(offered_);
     solver_.clear(0.0);
   }
@@ -113,6 +114,7 @@ class ViscoelasticMethod {
   void settle() noexcept {
     renew_offset();
     solver_.settle();
+    outlived_ = outlived_ && !(solver_.effective_samples() > 0.0);
   }
 
   Law law(const Units& units) const noexcept { return law(solver_.solution(), units); }
@@ -194,6 +196,7 @@ class ViscoelasticMethod {
     if (settling_ > 0.0 || !provisional_) return;
     // What was learned stands until half as much is known without it.
     provisional_ = false;
+    outlived_ = true;
     solver_.offer(offered_);
     solver_.clear(0.5 * solver_.samples().weight());
   }
@@ -251,7 +254,7 @@ class ViscoelasticMethod {
     if (now.at_edge != 0) found |= exponent_at_edge;
     const bool tared = offset_deviation_ > 0.0;
     if (tare_refuted_ || (tared && solver_.offset_refuted())) found |= tare_refuted;
-    if (provisional_) found |= started_in_contact;
+    if (provisional_ || outlived_) found |= started_in_contact;
     return found;
   }
 
@@ -266,6 +269,7 @@ class ViscoelasticMethod {
   bool begun_ = false;
   bool began_in_contact_ = false;
   bool provisional_ = false;  // what is learned is of the time before that
+  bool outlived_ = false;     // what was learned then still stands
   bool air_is_new_ = false;
   bool tare_refuted_ = false;
 };

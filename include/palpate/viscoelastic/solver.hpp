@@ -59,11 +59,14 @@ class Solver {
     work();
   }
 
-  // Forgets the samples; the answer stands until there are so many again.
+  // Forgets the samples and how the candidates stood by them; the answer stands until there are so
+  // many again.
   [[gnu::noinline]] void clear(double fewest) noexcept {
     fewest_ = std::max(static_cast<std::uint32_t>(std::min(fewest, 1e9)), least_fewest);
     samples_.clear();
     noise_.clear();
+    standings_ = {};
+    effective_ = 0.0;
     stage_ = Stage::idle;
     taken_ = samples_since_round_ = samples_since_fit_ = 0;
     searched_weight_ = 0.0;

@@ -12,6 +12,7 @@ from palpate.covariance import robust_covariance
 from palpate.diagnosis.alike import as_hunt_crossley
 from palpate.diagnosis.band import Band, band_of
 from palpate.diagnosis.data import Data
+from palpate.diagnosis.laws import Laws
 from palpate.estimate import Estimate
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.trace import Trace
@@ -82,12 +83,19 @@ class Fit:
         Where the search for the least squares starts.
     depth : float, optional
         The working depth, m; the median penetration of the samples taken unless given.
+    laws : Laws, optional
+        That were told apart by the same samples.
     """
 
     def __init__(
-        self, data: Data, trace: Trace, estimate: Estimate, depth: float | None = None
+        self,
+        data: Data,
+        trace: Trace,
+        estimate: Estimate,
+        depth: float | None = None,
+        laws: Laws | None = None,
     ) -> None:
-        self._given = data, trace, estimate
+        self._given, self.laws = (data, trace, estimate), laws
         if isinstance(estimate.law, GeneralisedHuntCrossley):
             known = data.penetration[trace.taken[data.known]] - estimate.surface
             middle = float(np.median(known[known > 0.0])) if (known > 0.0).any() else 1.0
@@ -128,7 +136,7 @@ class Fit:
         It is made again only of a law that is taken for another, which is like it at that depth.
         """
         if isinstance(self._given[2].law, GeneralisedHuntCrossley):
-            return Fit(*self._given, depth)
+            return Fit(*self._given, depth, self.laws)
         other = copy(self)
         other.depth = depth
         for name in ("gradients", "sizes"):  # cached, and of the depth

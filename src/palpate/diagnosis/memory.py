@@ -8,6 +8,7 @@ import numpy as np
 from palpate.diagnosis.cause import Cause, beside
 from palpate.diagnosis.columns import cause_of
 from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.laws import remedy_of_memory
 from palpate.digits import rounded
 from palpate.validation import Floats
 
@@ -52,7 +53,9 @@ def memory(fit: Fit) -> list[Cause]:
         f"the material remembers for about {rounded(time, 2)} s: its stiffness is that at "
         f"{rounded(1.0 / fit.period, 2)} Hz"
     )
-    remedy = "--method viscoelastic identifies the memory; or move as fast as the task will"
+    if fit.laws is not None and fit.laws.own and fit.laws.law.remembers:
+        sentence = f"the material remembers for about {rounded(time, 2)} s otherwise than the law"
+    remedy = remedy_of_memory(fit.laws, time, data.sample_time)
     return [replace(cause.moving(fit, moves), parameter=0.0, sentence=sentence, remedy=remedy)]
 
 

@@ -1,6 +1,7 @@
 """Which law it is, and the numbers that laws have in common: what a verdict says."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,6 +47,29 @@ class Candidate:
         }
         return law + memories[self.memory]
 
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Names of its own numbers: the law's others follow from these, or are none."""
+        has = {
+            "stiffness": True,
+            "exponent": not self.linear,
+            "damping": self.damping != "none",
+            "relaxation_stiffness": self.memory != "none",
+            "spectrum_exponent": self.memory == "power-law",
+            "longest_time": self.memory == "single",
+        }
+        return tuple(name for name, own in has.items() if own)
+
+    @property
+    def parameters(self) -> int:
+        """Numbers that are looked for, the offset among them."""
+        found = 2 + (not self.linear) + (self.damping != "none")
+        return found + {"none": 0, "flat": 1, "single": 2, "power-law": 2}[self.memory]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain words."""
+        return {"damping": self.damping, "memory": self.memory, "linear": self.linear}
+
 
 #: Every law that can be offered; the first five are told apart by the everyday bank.
 CANDIDATES: tuple[Candidate, ...] = tuple(
@@ -54,6 +78,9 @@ CANDIDATES: tuple[Candidate, ...] = tuple(
 )
 #: How many of them are told apart by the everyday bank, from the first on.
 EVERYDAY = 5
+#: Differences of the score, twice those of a logarithm of the odds: e and e⁵ to one (Kass &
+#: Raftery, J. Am. Stat. Assoc. 90, 1995).
+UNDECIDED, STRONG = 2.0, 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +101,28 @@ class Standing:
     candidate: Candidate
     score: float
     rms_error: float
+
+    @property
+    def words(self) -> str:
+        """What its score means."""
+        if self.score == 0.0:
+            return "chosen"
+        if self.score < UNDECIDED:
+            return "cannot be told from it"
+        return "less likely" if self.score < STRONG else "strong evidence against it"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers and words."""
+        return {
+            "law": str(self.candidate),
+            **self.candidate.as_dict(),
+            "parameters": self.candidate.parameters,
+            "score": _defined(self.score),
+            "rms_error": _defined(self.rms_error),
+        }
+
+
+_NUMBERS = ("samples", "effective_samples", "depth", "frequency")
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,14 +159,9 @@ class LawVerdict:
         """Return it as plain numbers and words; the standings in their order."""
         return {
             "law": str(self.candidate),
-            "standings": [
-                {"law": str(each.candidate), "score": each.score, "rms_error": each.rms_error}
-                for each in self.standings
-            ],
-            "samples": self.samples,
-            "effective_samples": self.effective_samples,
-            "depth": self.depth,
-            "frequency": self.frequency,
+            **self.candidate.as_dict(),
+            "standings": [each.as_dict() for each in self.standings],
+            **{name: _defined(getattr(self, name)) for name in _NUMBERS},
             "flags": list(self.flags),
         }
 
@@ -127,11 +171,36 @@ class LawVerdict:
         words = f"law: {self.candidate}"
         if len(self.standings) > 1:
             next_best = self.standings[1]
-            words += f", before {next_best.candidate} by {rounded(next_best.score, 3)}"
+            if next_best.score < UNDECIDED:
+                words += f", which {next_best.candidate} cannot be told from"
+            else:
+                words += f", before {next_best.candidate} by {rounded(next_best.score, 3)}"
+        else:
+            words += ", the only one that was offered"
         return (
             f"{words}; evidence of {rounded(self.effective_samples, 3)} independent samples of "
             f"{rounded(self.samples, 4)}"
         )
+
+    @classmethod
+    def from_dict(cls, words: Mapping[str, Any]) -> "LawVerdict":
+        """Return the verdict of its numbers and words, as :meth:`as_dict` has them."""
+
+        def candidate(each: Mapping[str, Any]) -> Candidate:
+            return Candidate(each["damping"], each["memory"], each["linear"])
+
+        standings = (
+            Standing(candidate(each), _number(each["score"]), _number(each["rms_error"]))
+            for each in words["standings"]
+        )
+        samples, effective, depth, frequency = (_number(words[name]) for name in _NUMBERS)
+        flags = tuple(map(str, words["flags"]))
+        return cls(candidate(words), tuple(standings), samples, effective, depth, frequency, flags)
+
+    def standing_of(self, damping: str, memory: str, *, linear: bool = False) -> Standing | None:
+        """Return how a law stood; None where it was not offered."""
+        wanted = Candidate(damping, memory, linear)
+        return next((each for each in self.standings if each.candidate == wanted), None)
 
     @property
     def band(self) -> tuple[float, float]:
@@ -166,6 +235,14 @@ class DynamicStiffness:
     def loss_tangent(self) -> float:
         """Tan δ = ω B′/K′."""
         return self.frequency * self.damping / self.stiffness if self.stiffness else math.nan
+
+
+def _defined(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
 
 
 # Of the half second that is given up where samples begin in contact a third: 5 % of it are left.

@@ -8,6 +8,7 @@ import inspect
 import math
 import pickle
 from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,7 @@ def settings_of(kind: Kind) -> list[str]:
     return list(inspect.signature(kind.__init__).parameters)[1:]
 
 
+@cache  # asked for again by each promise, and never changed
 def _tapping(seconds: float = 0.7) -> Signals:
     """A ball tapped at 1 kHz: contact is made, lost and made again; 0.02 N of noise."""
     time = 1e-3 * np.arange(round(1e3 * seconds))

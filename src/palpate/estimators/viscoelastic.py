@@ -1,21 +1,20 @@
 """Laws whose damper has an exponent of its own, and that may remember; and which of them it is."""
 
-import math
 from collections.abc import Iterable
 from typing import Any, Literal
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import CompiledEstimator
+from palpate.estimators.law_evidence import Evidence, verdict_of
 from palpate.estimators.law_verdicts import (
     CANDIDATES,
     DAMPINGS,
     EVERYDAY,
     MEMORIES,
+    Candidate,
     DynamicStiffness,
     LawVerdict,
-    Standing,
-    memory_flags,
 )
 from palpate.estimators.loop_settings import Rejection, loop_settings
 from palpate.estimators.registry import register
@@ -149,24 +148,28 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             ),
         )
 
+    @property
+    def offered(self) -> tuple[Candidate, ...]:
+        """The laws that compete."""
+        return self.evidence().laws
+
+    @property
+    def candidate(self) -> Candidate | None:
+        """The law in force; None before the first verdict, and until the next after a change.
+
+        It costs less than a microsecond, and so may be asked for after every sample.
+        """
+        rows, *_, chosen, _, _, _ = self._evidence()
+        return CANDIDATES[chosen] if rows else None
+
+    def evidence(self) -> Evidence:
+        """Return what a verdict is worked out from, in some microseconds: for another process."""
+        offered = _offered(self._settings["damping"], self._settings["memory"])
+        return Evidence(*self._evidence(), offered, self._step)
+
     def verdict(self) -> LawVerdict:
         """Return which law it is, with the evidence of all that were offered."""
-        rows, samples, effective, chosen, depth, frequency, begun = self._evidence()
-        ranked = sorted(rows, key=lambda row: row[1])
-        least = ranked[0][1] if ranked else 0.0
-        standings = tuple(
-            Standing(CANDIDATES[index], score - least, math.sqrt(mean_square))
-            for index, score, mean_square in ranked
-        )
-        flags = memory_flags(
-            self.estimate(),
-            samples * self._step,
-            begun=begun,
-            everyday=self._settings["memory"] in ("auto", "flat"),
-        )
-        return LawVerdict(
-            CANDIDATES[chosen], standings, samples, effective, depth, frequency, flags
-        )
+        return verdict_of(self.evidence(), self.estimate())
 
     def dynamic_stiffness(
         self, depth: float | None = None, frequency: float | None = None
@@ -187,11 +190,13 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         ------
         InvalidParameterError
             The frequency is outside the band of the motion, half to twice its own: what happens
-            there its samples do not say. Or nothing has been learned yet.
+            there its samples do not say. Or there is no verdict on
+            this material yet.
         """
         verdict, estimate = self.verdict(), self.estimate()
         low, high = verdict.band
-        if not (estimate.samples and high > 0.0 and verdict.depth > 0.0):
+        # Without a verdict the law is where it starts, or of a motion of before a change.
+        if not (verdict.standings and high > 0.0 and verdict.depth > 0.0):
             raise InvalidParameterError("frequency must be one of the motion: none is known yet")
         omega = verdict.frequency if frequency is None else number("frequency", frequency)
         if not low <= omega <= high:
@@ -200,9 +205,15 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
                 f"{shown(frequency)}: a law says nothing of what its samples did not contain"
             )
         x = verdict.depth if depth is None else number_in("depth", depth, 0.0, 1e100, open_low=True)
-        stiffness = estimate.with_error(lambda law: law.dynamic_stiffness(x, omega).real)
-        damping = estimate.with_error(lambda law: law.dynamic_stiffness(x, omega).imag / omega)
-        return DynamicStiffness(x, omega, *stiffness, *damping)
+
+        def felt(law: GeneralisedHuntCrossley) -> tuple[float, float]:
+            whole = law.dynamic_stiffness(x, omega)
+            return whole.real, whole.imag / omega
+
+        (stiffness, damping), errors = estimate.with_errors(felt)
+        return DynamicStiffness(
+            x, omega, float(stiffness), float(errors[0]), float(damping), float(errors[1])
+        )
 
     @property
     def _step(self) -> float:

@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from palpate.digits import parameter, with_error
+from palpate.digits import with_error
 from palpate.figures.scales import scale_of
 from palpate.identification import Identification
+from palpate.results.parameters import parameter_rows
 
 JOINED = "\N{NO-BREAK SPACE}"
 
@@ -16,20 +17,7 @@ def kept_together(value: float, *errors: float, unit: str = "") -> str:
 
 def parameters_of(result: Identification) -> str:
     """The law's parameters and their standard errors."""
-    rows = zip(result.law.symbols, each_of(result), strict=True)
-    return ", ".join(f"{symbol}{JOINED}={JOINED}{words}" for symbol, words in rows)
-
-
-def each_of(result: Identification) -> list[str]:
-    """Each of the law's parameters with its standard error, in words that no line breaks."""
-    law = result.law
-    rows = zip(law.names(), law.parameters, result.standard_errors, law.units, strict=True)
-    return [
-        parameter(float(value), float(error), unit=unit, fixed=name in result.fixed).replace(
-            " ", JOINED
-        )
-        for name, value, error, unit in rows
-    ]
+    return ", ".join(str(row).replace(" ", JOINED) for row in parameter_rows(result))
 
 
 def at_depth(result: Identification) -> str:

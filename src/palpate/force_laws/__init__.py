@@ -11,11 +11,12 @@ from palpate.force_laws.laws import (
     register,
 )
 
-from palpate.force_laws.generalised import GeneralisedHuntCrossley, RelaxationState  # isort: skip
+from palpate.force_laws.generalised import GeneralisedHuntCrossley  # isort: skip
 from palpate.force_laws.relaxation import (  # isort: skip
     FlatSpectrum,
     PowerLawRelaxation,
     Relaxation,
+    RelaxationState,
     SingleRelaxation,
 )
 

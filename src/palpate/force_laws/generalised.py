@@ -9,28 +9,20 @@ from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
-from palpate.force_laws.laws import CompiledLaw, Floats, register
-from palpate.force_laws.relaxation import LONGEST, Relaxation, relaxation_of
+from palpate.force_laws.laws import (
+    CompiledLaw,
+    ExtendedKelvinVoigt,
+    Floats,
+    ForceLaw,
+    HuntCrossley,
+    KelvinVoigt,
+    register,
+)
+from palpate.force_laws.relaxation import LONGEST, Relaxation, RelaxationState, relaxation_of
 from palpate.validation import all_good, in_contact, instance, number, number_in, signals, together
 
 # The law's own numbers; those of its relaxation follow.
 _OWN = ("stiffness", "exponent", "damping", "damping_exponent", "relaxation_stiffness")
-
-
-@dataclass(frozen=True, slots=True)
-class RelaxationState:
-    """What a material remembers: made by :meth:`GeneralisedHuntCrossley.rest`, and never changed.
-
-    Attributes
-    ----------
-    elastic : float
-        xⁿ at the last penetration.
-    branches : tuple of float
-        How far each branch is stretched, in units of xⁿ.
-    """
-
-    elastic: float
-    branches: tuple[float, ...]
 
 
 @register
@@ -78,6 +70,9 @@ class GeneralisedHuntCrossley(CompiledLaw):
         "N/mⁿ", "", "N·s/mᵖ⁺¹", "", "N/mⁿ", "", "s", "s",
     )  # fmt: skip
     symbols: ClassVar[tuple[str, ...]] = ("K", "n", "B", "p", "M", "α", "τ₁", "τ₂")
+    optional: ClassVar[tuple[str, ...]] = (
+        "relaxation_stiffness", "spectrum_exponent", "shortest_time", "longest_time",
+    )  # fmt: skip
     _compiled: ClassVar[Callable[..., None]] = _core.generalised_hunt_crossley_force
 
     def __post_init__(self) -> None:
@@ -91,6 +86,46 @@ class GeneralisedHuntCrossley(CompiledLaw):
             )
 
     @classmethod
+    def of(cls, law: ForceLaw) -> "GeneralisedHuntCrossley":
+        """Return the same law as one of these.
+
+        Parameters
+        ----------
+        law : KelvinVoigt, HuntCrossley, ExtendedKelvinVoigt or GeneralisedHuntCrossley
+            p is 0 where the damper is linear, and n where it is Hunt and Crossley's.
+
+        Raises
+        ------
+        InvalidParameterError
+            There is none: of an extended Kelvin–Voigt law with K₁ and K₂, or a law of one's own.
+        """
+        if isinstance(law, GeneralisedHuntCrossley):
+            return law
+        if isinstance(law, KelvinVoigt):
+            return GeneralisedHuntCrossley(law.stiffness, 1.0, law.damping, 0.0)
+        if isinstance(law, HuntCrossley):
+            return GeneralisedHuntCrossley(law.stiffness, law.exponent, law.damping, law.exponent)
+        if isinstance(law, ExtendedKelvinVoigt) and law.quadratic_stiffness == 0.0:
+            return GeneralisedHuntCrossley(law.stiffness, 1.0, law.damping, 0.0)
+        if isinstance(law, ExtendedKelvinVoigt) and law.stiffness == 0.0:
+            return GeneralisedHuntCrossley(law.quadratic_stiffness, 2.0, law.damping, 0.0)
+        raise InvalidParameterError(f"law must have one power of depth in its spring, not {law!r}")
+
+    def simplest(self) -> "KelvinVoigt | HuntCrossley | GeneralisedHuntCrossley":
+        """Return the law as Kelvin and Voigt's, or Hunt and Crossley's, where it is exactly that.
+
+        Itself where it remembers or has another damper. Without a damper p does not matter.
+        """
+        if self.remembers:
+            return self
+        undamped = self.damping == 0.0
+        if self.exponent == 1.0 and (undamped or self.damping_exponent == 0.0):
+            return KelvinVoigt(self.stiffness, self.damping)
+        if undamped or self.damping_exponent == self.exponent:
+            return HuntCrossley(self.stiffness, self.damping, self.exponent)
+        return self
+
+    @classmethod
     def names(cls) -> list[str]:
         """Return the names of the numbers that it comes to, in their order."""
         return [*_OWN, "spectrum_exponent", "shortest_time", "longest_time"]
@@ -102,6 +137,11 @@ class GeneralisedHuntCrossley(CompiledLaw):
             parameters, dtype=np.float64
         ).tolist()
         relaxation = relaxation_of(alpha, shortest, longest)
+        if relaxation is None and relaxing != 0.0:
+            raise InvalidParameterError(
+                "longest_time must be above 0 where relaxation_stiffness is not 0: alone it is the "
+                "one relaxation time, with shortest_time the end of a spectrum"
+            )
         return cls(stiffness, n, damping, p, relaxing, relaxation)
 
     @classmethod
@@ -170,7 +210,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         penetration : float
             m; at and above the surface xⁿ counts as 0.
         dt : float
-            Time since then, s, in (0, 1e9].
+            Time since then, s, in (0, 1e12].
 
         Raises
         ------
@@ -316,7 +356,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         return slope if x.ndim else float(slope)
 
     @classmethod
-    def many_at(cls, parameters: Floats, depth: float) -> tuple[Floats, Floats]:
+    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
         """K n xⁿ⁻¹ and B xᵖ of many laws, a row each, once they have relaxed."""
         stiffness, exponent, damping, growth = parameters.T[:4]
         with np.errstate(over="ignore", invalid="ignore"):  # a start may be anything

@@ -31,6 +31,8 @@ class ForceLaw:
     #: Of the parameters, in their order.
     units: ClassVar[tuple[str, ...]]
     symbols: ClassVar[tuple[str, ...]]
+    #: Parameters that are 0 where a description leaves them out.
+    optional: ClassVar[tuple[str, ...]] = ()
     #: Whether condition 10 of the paper, |v| < 0.1 K/B, concerns it.
     has_condition_10: ClassVar[bool] = False
 
@@ -206,9 +208,13 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
             f"kind must be one of {', '.join(FORCE_LAWS)}, not {shown(kind)}"
         )
     law = FORCE_LAWS[kind]
-    if set(given) != set(law.names()):
-        raise InvalidParameterError(f"{kind} needs {', '.join(law.names())}, and no others")
-    return law.from_dict(given)
+    needed = [name for name in law.names() if name not in law.optional]
+    if not set(needed) <= set(given) <= set(law.names()):
+        words = f"{kind} needs {', '.join(needed)}"
+        if law.optional:
+            words += f", may have {', '.join(law.optional)}"
+        raise InvalidParameterError(f"{words}, and no others")
+    return law.from_dict({**dict.fromkeys(law.optional, 0.0), **given})
 
 
 class CompiledLaw(ForceLaw):

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from palpate.errors import InvalidParameterError
 from palpate.validation import number_in
 
-#: Of relaxation times, s: from a nanosecond to thirty years.
-SHORTEST, LONGEST = 1e-9, 1e9
+#: Of relaxation times, s: wide enough for 4096 of any sample time that estimators take.
+SHORTEST, LONGEST = 1e-12, 1e12
 
 
 class Relaxation:
@@ -32,7 +32,7 @@ class FlatSpectrum(Relaxation):
     Parameters
     ----------
     shortest, longest : float
-        Relaxation times, s, in [1e-9, 1e9], shortest < longest.
+        Relaxation times, s, in [1e-12, 1e12], shortest < longest.
 
     Raises
     ------
@@ -61,7 +61,7 @@ class SingleRelaxation(Relaxation):
     Parameters
     ----------
     time : float
-        s, in [1e-9, 1e9].
+        s, in [1e-12, 1e12].
 
     Raises
     ------
@@ -91,7 +91,7 @@ class PowerLawRelaxation(Relaxation):
     exponent : float
         α, in [−2, 2]; 0.05 to 0.3 for cells and tissue, and 0 is a flat spectrum.
     shortest, longest : float
-        Relaxation times, s, in [1e-9, 1e9], shortest < longest.
+        Relaxation times, s, in [1e-12, 1e12], shortest < longest.
 
     Raises
     ------
@@ -114,10 +114,26 @@ class PowerLawRelaxation(Relaxation):
         return self.exponent, self.shortest, self.longest
 
 
+@dataclass(frozen=True, slots=True)
+class RelaxationState:
+    """What a material remembers: made by :meth:`GeneralisedHuntCrossley.rest`, and never changed.
+
+    Attributes
+    ----------
+    elastic : float
+        xⁿ at the last penetration.
+    branches : tuple of float
+        How far each branch is stretched, in units of xⁿ.
+    """
+
+    elastic: float
+    branches: tuple[float, ...]
+
+
 def relaxation_of(exponent: float, shortest: float, longest: float) -> Relaxation | None:
     """Return the kind of relaxation of a spectrum; None where its longest time is 0.
 
-    Where the shortest is not between 0 and the longest, that is the only one.
+    Where the shortest is 0, the longest is the only one.
 
     Raises
     ------
@@ -126,7 +142,7 @@ def relaxation_of(exponent: float, shortest: float, longest: float) -> Relaxatio
     """
     if longest == 0.0:
         return None
-    if not 0.0 < shortest < longest:
+    if shortest == 0.0:
         return SingleRelaxation(longest)
     if exponent == 0.0:
         return FlatSpectrum(shortest, longest)

@@ -1,0 +1,86 @@
+"""What a verdict on laws is worked out from, where it may be given to another process."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from palpate.estimate import Estimate
+from palpate.estimators.law_verdicts import (
+    CANDIDATES,
+    EVERYDAY,
+    Candidate,
+    LawVerdict,
+    Standing,
+    memory_flags,
+)
+
+
+class Evidence(NamedTuple):
+    """What a verdict is worked out from: plain numbers, that another process may be given.
+
+    Attributes
+    ----------
+    rows : sequence of (int, float, float)
+        Of each law that competed its place among :data:`CANDIDATES`, its score and RSS/N, N².
+    samples, effective_samples : float
+        As those of :class:`LawVerdict`.
+    chosen : int
+        Place of the law in force.
+    depth, frequency : float
+        As those of :class:`LawVerdict`.
+    begun : bool
+        Whether the samples began in contact.
+    offered : int
+        The laws on offer, a bit each.
+    step : float
+        Between samples, s.
+    """
+
+    rows: Sequence[Sequence[float]]
+    samples: float
+    effective_samples: float
+    chosen: int
+    depth: float
+    frequency: float
+    begun: bool
+    offered: int
+    step: float
+
+    @property
+    def laws(self) -> tuple[Candidate, ...]:
+        """The laws on offer."""
+        return tuple(law for index, law in enumerate(CANDIDATES) if self.offered >> index & 1)
+
+
+def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
+    """Return the verdict.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of :meth:`ViscoelasticContact.evidence`.
+    estimate : Estimate
+        Of the same moment.
+    """
+    ranked = sorted(evidence.rows, key=lambda row: row[1])
+    least = ranked[0][1] if ranked else 0.0
+    standings = tuple(
+        Standing(CANDIDATES[int(index)], score - least, math.sqrt(mean_square))
+        for index, score, mean_square in ranked
+    )
+    flags = memory_flags(
+        estimate,
+        evidence.samples * evidence.step,
+        begun=evidence.begun,
+        # Another bank is taken where any law beyond the everyday ones is on offer.
+        everyday=not evidence.offered >> EVERYDAY,
+    )
+    return LawVerdict(
+        CANDIDATES[evidence.chosen],
+        standings,
+        evidence.samples,
+        evidence.effective_samples,
+        evidence.depth,
+        evidence.frequency,
+        flags,
+    )
