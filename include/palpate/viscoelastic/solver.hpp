@@ -65,8 +65,7 @@ class Solver {
     fewest_ = std::max(static_cast<std::uint32_t>(std::min(fewest, 1e9)), least_fewest);
     samples_.clear();
     noise_.clear();
-    standings_ = {};
-    effective_ = 0.0;
+    verdict_ = {};
     stage_ = Stage::idle;
     taken_ = samples_since_round_ = samples_since_fit_ = 0;
     searched_weight_ = 0.0;
