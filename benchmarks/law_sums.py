@@ -13,8 +13,8 @@ KINDS = (
     "full, n = 0.53 and 0.61",
 )
 HOW = (
-    "Each law of the tier at exponents, relaxation times and slopes between the nodes, against a "
-    "direct sum over the samples whose powers and branches are of that exponent itself. From 2 % "
+    "Each law of the tier at exponents, relaxation times and slopes between the nodes, against "
+    "a direct sum over the samples whose powers and branches are of that exponent itself. From 2 % "
     "of the peak penetration on."
 )
 

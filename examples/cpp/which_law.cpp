@@ -22,6 +22,7 @@ const char* damper(v::Damping damping) {
 // By how much the law in force is before the next; ten are strong evidence.
 double lead(const v::Solver<v::FlatSums>& solver) {
   const std::size_t chosen = solver.solution().fit.candidate;
+  const double own = solver.standing(chosen).score;
   double least = HUGE_VAL;
   for (std::size_t i = 0; i < solver.count; ++i) {
     const v::Standing other = solver.standing(i);
@@ -66,13 +67,13 @@ int main() {
       std::printf("%4.2f s  no verdict yet\n", t);
       continue;
     }
-    const v::Candidate& law = v::candidates[solver.solution().fit.candidate];
+    const v::Candidate& law = solver.solution().law();
     std::printf("%4.2f s  %s, %s, %.0f before the next of %.0f independent samples\n", t,
                 damper(law.damping), law.memory == v::Memory::none ? "no memory" : "memory",
                 lead(solver), solver.effective_samples());
   }
   estimator.settle();  // all that is spread over the next samples otherwise
-  const v::Candidate& law = v::candidates[estimator.method().solver().solution().fit.candidate];
+  const v::Candidate& law = estimator.method().solver().solution().law();
   const bool right = law.damping == v::Damping::hunt_crossley && law.memory == v::Memory::flat;
   std::printf("it was Hunt and Crossley's with memory: %s\n", right ? "found" : "not found");
   return right ? 0 : 1;

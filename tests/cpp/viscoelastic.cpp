@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 #include <limits>
 #include <type_traits>
 #include <vector>
@@ -224,6 +225,73 @@ TEST("a replay is what update does, to the last bit") {
     CHECK(status[k] == static_cast<std::uint8_t>(done) && predicted[k] == expected);
     CHECK(parameters[size * k] == updated.law().stiffness);
   }
+}
+
+TEST("a state that is stored and restored at any sample goes on to the last bit") {
+  const auto samples = pressed(remembering(1e-3, 4.096), 1200, 0.1);
+  auto kept = estimator_of<ViscoelasticContact>(everyday);
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    // A copy of bytes, in the middle of whatever search there is.
+    std::array<std::byte, sizeof(ViscoelasticContact)> stored;
+    std::memcpy(stored.data(), &kept, sizeof kept);
+    ViscoelasticContact restored;
+    std::memcpy(static_cast<void*>(&restored), stored.data(), sizeof kept);
+    const Sample& s = samples[k];
+    kept.update(s.penetration, s.velocity, s.force);
+    restored.update(s.penetration, s.velocity, s.force);
+    CHECK(restored.estimate().parameters == kept.estimate().parameters);
+    CHECK(restored.estimate().covariance == kept.estimate().covariance);
+    kept = restored;
+  }
+  auto never_stopped = estimator_of<ViscoelasticContact>(everyday);
+  for (const Sample& s : samples) never_stopped.update(s.penetration, s.velocity, s.force);
+  CHECK(never_stopped.estimate().covariance == kept.estimate().covariance);
+  CHECK(never_stopped.method().solver().solution().known != 0);
+}
+
+TEST("steps of time from the least number to the largest, and inputs up to the limit, are borne") {
+  constexpr double least = std::numeric_limits<double>::denorm_min();
+  constexpr double most = std::numeric_limits<double>::max();
+  auto estimator = estimator_of<FullViscoelasticContact>(all);
+  const auto samples = pressed(remembering(1e-3, 4.096), 1500, 0.1);
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    const Sample& s = samples[k];
+    const std::array<double, 6> steps{1e-3, least, 1e-300, 1e-12, 1e6, most};
+    estimator.update(s.penetration, s.velocity, s.force, steps[k % 97 < 6 ? k % 97 : 0]);
+    // 1e8 units of each, or just less, and just more: the one is taken and the other not.
+    if (k % 300 == 250) {
+      const auto before = estimator.estimate();
+      CHECK(estimator.update(1e6, 5e6, 2.1e9) == Status::out_of_range);
+      CHECK(estimator.update(0.01, 0.1, 1.0, 0.0) == Status::invalid_step);
+      CHECK(estimator.estimate().parameters == before.parameters);
+      CHECK(estimator.estimate().samples == before.samples);
+    }
+    if (k == 1400) estimator.update(0.99e6, 4.9e6, 1.9e9);
+  }
+  estimator.settle();
+  for (const double parameter : estimator.estimate().parameters) CHECK(std::isfinite(parameter));
+  check_covariance(estimator.estimate().covariance);
+}
+
+TEST("levels of floats say of the noise what those of doubles say") {
+  RandomNumbers random(7);
+  detail::HaarLevels<1> doubles;
+  detail::HaarLevels<1, float> floats;
+  double slow = 0.0;
+  for (int k = 0; k < 20000; ++k) {
+    slow = 0.9 * slow + random.between(-1.0, 1.0);
+    const Vector<1> slope{std::sin(0.01 * k)};
+    const double factor = k < 10000 ? 1.0 : 0.999;
+    doubles.add(slope, slow, factor);
+    floats.add(slope, slow, factor);
+  }
+  const detail::ErrorWidening<1, 1> by_doubles(doubles, {0.0}, 1.0);
+  const detail::HaarLevels<1> converted(floats);
+  const detail::ErrorWidening<1, 1> by_floats(converted, {0.0}, 1.0);
+  const double expected = by_doubles.root({{{1.0}}})[0][0];
+  CHECK(expected > 2.0);
+  // Ten thousand roundings of 6e-8.
+  CHECK_NEAR(by_floats.root({{{1.0}}})[0][0] / expected, 1.0, 1e-4);
 }
 
 TEST("arbitrary samples leave it sound") {
