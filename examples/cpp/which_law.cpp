@@ -29,7 +29,7 @@ double lead(const v::Solver<v::FlatSums>& solver) {
     const bool competes = other.mean_square > 0.0;
     if (competes && i != chosen) least = std::fmin(least, other.score);
   }
-  return least - solver.standing(chosen).score;
+  return least - own;
 }
 
 }  // namespace

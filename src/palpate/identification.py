@@ -18,7 +18,6 @@ from palpate.diagnosis import (
     Data,
     Diagnosis,
     Episode,
-    Laws,
     Quantity,
     WorkingDepth,
     diagnose_parts,
@@ -28,9 +27,9 @@ from palpate.diagnosis.fit import DEEP
 from palpate.error_bars import joint_covariance
 from palpate.errors import RecordingError
 from palpate.estimate import Estimate
-from palpate.estimators import ContactEstimator, LawVerdict, ViscoelasticContact
+from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.flags import flags_of
-from palpate.force_laws import HuntCrossley, KelvinVoigt, force_over_breaks
+from palpate.force_laws import force_over_breaks
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.places import at_places
 from palpate.preparation.prepared import Place
@@ -54,12 +53,13 @@ from palpate.quantities.passivity import Passivity
 from palpate.quantities.restitution import Restitution
 from palpate.quantities.wanted import Wanted
 from palpate.refusals import check_approach, why_nothing
-from palpate.replaying import choices, estimator_of, replayed, told_apart
+from palpate.replaying import choices, estimator_of, replayed
 from palpate.results.presentation import Presented
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.tips import Tip
 from palpate.trace import Trace, Traced, checked_trace
 from palpate.validation import Floats, number_in, positive
+from palpate.which_law import laws_beside
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -164,22 +164,8 @@ class Identification(Presented):
 
     def _diagnosed_at(self, depths: Sequence[float]) -> Diagnosis:
         data = self.data or Data(self.contact)
-        laws = self._told_apart(data)
+        laws = laws_beside(data, self.estimator, self.chosen)
         return diagnose_parts(data, self.trace, self.estimate, depths=depths, laws=laws)
-
-    def _told_apart(self, data: Data) -> Laws | None:
-        """Which law it is, where the identified one is among those that are told apart."""
-        estimator, law, surface = self.estimator, self.law, self.estimate.surface
-        if isinstance(estimator, ViscoelasticContact):
-            return Laws.of(estimator, own=True)
-        if not isinstance(law, HuntCrossley | KelvinVoigt):
-            return None
-        own = {each: value for each, value in estimator.settings.items() if each not in self.chosen}
-        key = repr([own.get(name) for name in ("gate", "outlier_rejection", "exponent")])
-        key = f"{key} {surface!r}"
-        if key not in data.laws:
-            data.laws[key] = Laws.of(told_apart(self.contact, estimator, self.chosen, surface))
-        return data.laws[key]
 
     @cached_property
     def depths(self) -> tuple[float, ...]:

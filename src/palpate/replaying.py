@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +15,6 @@ from palpate.estimators import (
     ESTIMATORS,
     ContactEstimator,
     VariableProjection,
-    ViscoelasticContact,
     estimator_named,
 )
 from palpate.preparation.resolution import suggest_surface_deviation
@@ -76,37 +75,6 @@ def with_surface_off(contact: Contact, estimator: ContactEstimator, deviation: f
     """What an estimator makes of a contact whose surface lies deeper, by a deviation in m."""
     replayed(replace(contact, penetration=contact.penetration - deviation), estimator, trace=False)
     return estimator.estimate()
-
-
-@timed("laws")
-def told_apart(
-    contact: Contact, given: ContactEstimator, chosen: Sequence[str], surface: float
-) -> ViscoelasticContact:
-    """The everyday laws, of samples that another estimator identified.
-
-    Parameters
-    ----------
-    contact : Contact
-        What was identified.
-    given : ContactEstimator
-        The other: what it was given of which samples are contact, and of the exponent, holds.
-    chosen : sequence of str
-        Its settings that were chosen from the data, for its own method.
-    surface : float
-        Where the material begins, m.
-    """
-    own = {name: value for name, value in given.settings.items() if name not in chosen}
-    kept = own.get("exponent")
-    low, high = ViscoelasticContact.exponents
-    bank = ViscoelasticContact(
-        gate=own.get("gate"),
-        outlier_rejection=own.get("outlier_rejection"),
-        exponent=kept if kept is not None and low <= kept <= high else None,
-    )
-    below = replace(contact, penetration=contact.penetration - surface) if surface else contact
-    bank = bank.replace(**choices(below, bank))
-    replayed(below, bank, trace=False)
-    return bank
 
 
 @timed("replay")

@@ -19,7 +19,7 @@ LEGEND = (
 def verdict_on_laws(result: Identification) -> str:
     """Return the verdict in a line; nothing where there is none."""
     verdict = result.law_verdict
-    if verdict is None or not verdict.standings:
+    if verdict is None or not verdict.known:
         return ""
     if isinstance(result.estimator, ViscoelasticContact):
         return str(verdict)
@@ -29,7 +29,7 @@ def verdict_on_laws(result: Identification) -> str:
 def print_standings(results: Sequence[Identification], console: Console) -> None:
     """Print how the laws stand that the samples were asked about, the best first."""
     verdict = _verdict_of(results)
-    if verdict is None or not verdict.standings:
+    if verdict is None or not verdict.known:
         return
     columns = [
         Column("which law"),

@@ -27,7 +27,7 @@ def better_law(fit: Fit) -> Cause | None:
     damping to what it says at the motion's own frequency.
     """
     laws = fit.laws
-    if laws is None or laws.own or not laws.verdict.standings:
+    if laws is None or laws.own or not laws.verdict.known:
         return None
     best, own = laws.verdict.standings[0], standing_of(fit.estimate.law, laws.verdict)
     if own is None or not (own.score >= STRONG and best.rms_error <= BETTER * own.rms_error):

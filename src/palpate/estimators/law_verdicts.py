@@ -166,7 +166,7 @@ class LawVerdict:
         }
 
     def __str__(self) -> str:
-        if not self.standings:
+        if not self.known:
             return f"law: {self.candidate}, for want of samples"
         words = f"law: {self.candidate}"
         if len(self.standings) > 1:
@@ -201,6 +201,11 @@ class LawVerdict:
         """Return how a law stood; None where it was not offered."""
         wanted = Candidate(damping, memory, linear)
         return next((each for each in self.standings if each.candidate == wanted), None)
+
+    @property
+    def known(self) -> bool:
+        """Whether it is of the samples that there are, and not of a lead-in that was given up."""
+        return bool(self.standings) and 2.0 * self.samples >= self.effective_samples
 
     @property
     def band(self) -> tuple[float, float]:

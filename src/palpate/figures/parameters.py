@@ -93,6 +93,7 @@ def _draw_at_depth(
     length = scale_of(depth, "m")
     finals = [Final.of(each) for each in quantities]
     scale = _draw_line(axes, result, course.samples, known, finals[0], unit, symbol, look)
+    name = f"Relaxed {name.lower()}" if result.law.remembers else name
     at = f"{name} at {length.factor * depth:.3g} {length.unit}"
     if result.stretches:
         _draw_stretches(axes, result, finals[1:], scale, look)

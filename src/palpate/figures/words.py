@@ -5,7 +5,7 @@ from pathlib import Path
 from palpate.digits import with_error
 from palpate.figures.scales import scale_of
 from palpate.identification import Identification
-from palpate.results.parameters import parameter_rows
+from palpate.results.parameters import OFFERED, parameter_rows
 
 JOINED = "\N{NO-BREAK SPACE}"
 
@@ -16,8 +16,9 @@ def kept_together(value: float, *errors: float, unit: str = "") -> str:
 
 
 def parameters_of(result: Identification) -> str:
-    """The law's parameters and their standard errors."""
-    return ", ".join(str(row).replace(" ", JOINED) for row in parameter_rows(result))
+    """The law's parameters and their standard errors; not the spectrum that it was offered."""
+    rows = [row for row in parameter_rows(result) if row.name != OFFERED]
+    return ", ".join(str(row).replace(" ", JOINED) for row in rows)
 
 
 def at_depth(result: Identification) -> str:
@@ -33,7 +34,8 @@ def at_depth(result: Identification) -> str:
         for name, q, unit in quantities
     ]
     length = scale_of(there.depth, "m")
-    return f"at {length.factor * there.depth:.4g} {length.unit}: {', '.join(words)}"
+    relaxed = ", once relaxed" if result.law.remembers else ""
+    return f"at {length.factor * there.depth:.4g} {length.unit}{relaxed}: {', '.join(words)}"
 
 
 def force_at_depth(result: Identification) -> str:

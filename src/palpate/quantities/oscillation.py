@@ -110,7 +110,8 @@ def in_hertz(frequency: float) -> str:
 def _own_frequency(result: "Identification") -> float:
     """Rms speed over that of the way from the mean depth, rad/s; NaN of a probe held still."""
     if isinstance(result.estimator, ViscoelasticContact):
-        return result.estimator.verdict().frequency
+        verdict = result.estimator.verdict()
+        return verdict.frequency if verdict.known else math.nan
     taken, contact = result.trace.taken, result.contact
     x, v = contact.penetration[taken], contact.velocity[taken]
     way = float(np.std(x)) if x.size else 0.0
@@ -121,7 +122,8 @@ def _in_band(result: "Identification", frequency: float | None) -> float:
     low, high = band_of(result)
     if not (low > 0.0 and math.isfinite(high)):
         raise InvalidParameterError(
-            "frequency must be one of the motion, and the probe was held still: it has none"
+            "frequency must be one of the motion, which has none: the probe was held still, or "
+            "there are too few samples"
         )
     if frequency is None:
         return low / _LOW

@@ -31,7 +31,7 @@ def which_law(
         Every method on the same contact: the one that chooses a law is drawn beside the result.
     """
     verdict = result.law_verdict
-    if verdict is None or not verdict.standings:
+    if verdict is None or not verdict.known:
         return
     yield f"<p>{escape(_sentence(result, verdict))}</p>"
     yield from _standings(verdict)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from palpate.identification import Identification
 
 NOT_ESTIMATED = "as offered, not estimated"
+#: Name of the row of a spectrum's relaxation times.
+OFFERED = "relaxation_times"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +119,7 @@ def _generalised(result: "Identification", law: GeneralisedHuntCrossley) -> Iter
         yield _number(result, alpha)
     ends = " to ".join(in_words(time, "s") for time in (law.shortest_time, law.longest_time))
     words = f"{ends} ({NOT_ESTIMATED})"
-    yield Row(shortest, "relaxation_times", "τ", "", words, "–", False)
+    yield Row(shortest, OFFERED, "τ", "", words, "–", False)
 
 
 def _bound(law: ForceLaw, k: int, words: str) -> Row:
