@@ -110,8 +110,8 @@ def main(
         sections.append(section)
         report.print_sections([section], {"after": f"{perf_counter() - begun:.0f} s"}, console)
     where = machine.describe("")
-    console.rule()
-    report.print_sections([], where, console)
+    for name, value in where.items():
+        console.print(f"{name}: {value}", soft_wrap=True)
     console.print(report.verdict(sections), style="bold")
     if markdown is not None:
         write_text(markdown, report.as_markdown(sections, where))
