@@ -7,7 +7,6 @@ from typing import NamedTuple
 from palpate.estimate import Estimate
 from palpate.estimators.law_verdicts import (
     CANDIDATES,
-    EVERYDAY,
     Candidate,
     LawVerdict,
     Standing,
@@ -73,8 +72,6 @@ def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
         estimate,
         evidence.samples * evidence.step,
         begun=evidence.begun,
-        # Another bank is taken where any law beyond the everyday ones is on offer.
-        everyday=not evidence.offered >> EVERYDAY,
     )
     return LawVerdict(
         CANDIDATES[evidence.chosen],
