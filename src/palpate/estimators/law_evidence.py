@@ -12,7 +12,9 @@ from palpate.estimators.law_verdicts import (
     LawVerdict,
     Standing,
     memory_flags,
+    motion_flags,
     tie_flags,
+    waiting_flags,
 )
 
 
@@ -31,6 +33,8 @@ class Evidence(NamedTuple):
         As those of :class:`LawVerdict`.
     begun : bool
         Whether the samples began in contact.
+    one_way : float
+        Mean velocity over its root mean square, ±1 where the motion went one way at one speed.
     offered : int
         The laws on offer, a bit each.
     step : float
@@ -44,6 +48,7 @@ class Evidence(NamedTuple):
     depth: float
     frequency: float
     begun: bool
+    one_way: float
     offered: int
     step: float
 
@@ -69,12 +74,17 @@ def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
         Standing(CANDIDATES[int(index)], score - least, math.sqrt(mean_square))
         for index, score, mean_square in ranked
     )
-    flags = tie_flags(standings) + memory_flags(
-        estimate,
-        evidence.samples * evidence.step,
-        begun=evidence.begun,
-        # Another bank is taken where any law beyond the everyday ones is on offer.
-        everyday=not evidence.offered >> EVERYDAY,
+    flags = (
+        *tie_flags(standings),
+        *waiting_flags(standings, evidence.laws),
+        *motion_flags(standings, evidence.one_way),
+        *memory_flags(
+            estimate,
+            evidence.samples * evidence.step,
+            begun=evidence.begun,
+            # Another bank is taken where any law beyond the everyday ones is on offer.
+            everyday=not evidence.offered >> EVERYDAY,
+        ),
     )
     return LawVerdict(
         CANDIDATES[evidence.chosen],

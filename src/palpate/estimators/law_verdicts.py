@@ -1,7 +1,7 @@
 """Which law it is, and the numbers that laws have in common: what a verdict says."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -265,6 +265,35 @@ def tie_flags(standings: tuple[Standing, ...]) -> tuple[str, ...]:
     return (
         f"the samples do not tell it from {' or '.join(tied)}, and the error bars are of the one "
         "law alone: press and let go, at several speeds",
+    )
+
+
+def waiting_flags(standings: tuple[Standing, ...], offered: Sequence[Candidate]) -> tuple[str, ...]:
+    """Say that laws with memory are on offer and none competes yet: what there is may be one."""
+    stand = {each.candidate for each in standings}
+    if not stand or all(law.memory == "none" or law in stand for law in offered):
+        return ()
+    return (
+        "no law with memory competes yet: five numbers fit any hundred samples; stiffness and "
+        "damping may be those of one",
+    )
+
+
+#: Mean velocity over its root mean square, from which on a motion goes one way: 1 at one speed,
+#: 0.90 of a half sine, 0 of whatever comes back.
+ONE_WAY = 0.8
+
+
+def motion_flags(standings: tuple[Standing, ...], one_way: float) -> tuple[str, ...]:
+    """Say of a motion that passes each depth once that damper, memory and spring are alike.
+
+    At one speed v all three are functions of the depth alone, x = vt.
+    """
+    if not standings or not abs(one_way) > ONE_WAY:
+        return ()
+    return (
+        "the motion goes one way at nearly one speed: damping, memory and stiffness are told apart "
+        "by the shape of the law alone, and may be far off; press and let go, at several speeds",
     )
 
 

@@ -159,7 +159,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 
         It costs less than a microsecond, and so may be asked for after every sample.
         """
-        rows, *_, chosen, _, _, _ = self._evidence()
+        rows, *_, chosen, _, _, _, _ = self._evidence()
         return CANDIDATES[chosen] if rows else None
 
     def evidence(self) -> Evidence:
