@@ -10,6 +10,7 @@ import pytest
 
 import palpate
 from palpate import (
+    Contact,
     ContactGate,
     FlatSpectrum,
     GeneralisedHuntCrossley,
@@ -19,6 +20,7 @@ from palpate import (
     SingleRelaxation,
     Status,
     ViscoelasticContact,
+    identify,
 )
 
 DT = 1e-3
@@ -133,6 +135,39 @@ def test_the_sums_leave_the_residual_that_the_samples_leave():
     direct = np.mean((force[taken] - model[taken]) ** 2)
     by_sums = estimator.verdict().standings[0].rms_error ** 2
     assert abs(direct - by_sums) < 1e-6 * np.mean(force[taken] ** 2)
+
+
+@pytest.mark.parametrize("ends", [(1e-3, 4.096), (1e-3, 20.0), (3e-4, 8.0)], ids=str)
+def test_error_bars_hold_where_a_spectrum_ends_elsewhere(ends):
+    law = law_of("hunt-crossley", 1.0, FlatSpectrum(*ends))
+    x, v, force = pressed(law, 16.0, noise=1e-4)
+    contact = Contact(time=DT * np.arange(x.size), penetration=x, velocity=v, force=force)
+    result = identify(contact, law="auto", trace=False)
+    assert result.law.remembers
+    # Of ends that lie elsewhere M is of another range of times.
+    for name in ("stiffness", "exponent", "damping"):
+        k = law.names().index(name)
+        assert result.standard_errors[k] > 0.0
+        if name != "damping" or result.law.damping_exponent == result.law.exponent:
+            away = abs(result.law.parameters[k] - law.parameters[k])
+            assert away < 4.0 * result.standard_errors[k]
+    felt = result.dynamic_stiffness()
+    exact = law.dynamic_stiffness(felt.depth, felt.frequency)
+    assert felt.stiffness.value == pytest.approx(exact.real, rel=0.01)
+    assert felt.damping.value == pytest.approx(exact.imag / felt.frequency, rel=0.03)
+
+
+def test_relaxation_times_are_looked_for_as_far_as_the_contact_shows_them():
+    quick = law_of("hunt-crossley", 1.0, FlatSpectrum(1e-3, 4.096))
+    slow = law_of("hunt-crossley", 1.0, FlatSpectrum(1e-3, 20.0))
+    steps = []
+    for law in (law_of("hunt-crossley"), quick, slow):
+        x, v, force = pressed(law, 16.0)
+        contact = Contact(time=DT * np.arange(x.size), penetration=x, velocity=v, force=force)
+        steps.append(identify(contact, law="auto", trace=False).estimator.settings["sample_time"])
+    assert steps == pytest.approx([DT, DT, 4.0 * DT])
+    given = identify(contact, ViscoelasticContact(sample_time=2e-3), trace=False)
+    assert given.estimator.settings["sample_time"] == 2e-3
 
 
 def test_uneven_time_steps_tell_the_same_law():

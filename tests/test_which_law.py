@@ -112,7 +112,7 @@ def laws_of(best, *others, own=False):
     plain = HuntCrossley(1.0, 1.0, 1.0)
     law = GeneralisedHuntCrossley(plain.stiffness, plain.exponent, plain.damping, plain.exponent)
     standings = tuple(Standing(each, 12.0 * k, 1.0) for k, each in enumerate((best, *others)))
-    return Laws(law, LawVerdict(best, standings, 100.0, 50.0, 1e-3, 10.0), own)
+    return Laws(law, LawVerdict(best, standings, 100.0, 50.0, 1e-3, 10.0), own, 2.0)
 
 
 NONE, FLAT = Candidate("half-space", "none"), Candidate("hunt-crossley", "flat")
@@ -131,7 +131,7 @@ NONE, FLAT = Candidate("half-space", "none"), Candidate("hunt-crossley", "flat")
     ],
 )
 def test_the_remedy_of_a_memory_says_what_the_verdict_on_laws_says(laws, time, words):
-    said = remedy_of_memory(laws, time, 1e-3)
+    said = remedy_of_memory(laws, time)
     assert said.startswith(words)
     assert ("identifies the memory" in said) == (laws is not None and words.endswith("the memory"))
 

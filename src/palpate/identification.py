@@ -27,7 +27,7 @@ from palpate.diagnosis.fit import DEEP
 from palpate.error_bars import joint_covariance
 from palpate.errors import RecordingError
 from palpate.estimate import Estimate
-from palpate.estimators import ContactEstimator, LawVerdict
+from palpate.estimators import ContactEstimator, LawVerdict, ViscoelasticContact
 from palpate.flags import flags_of
 from palpate.force_laws import force_over_breaks
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
@@ -53,6 +53,7 @@ from palpate.quantities.passivity import Passivity
 from palpate.quantities.restitution import Restitution
 from palpate.quantities.wanted import Wanted
 from palpate.refusals import check_approach, why_nothing
+from palpate.relaxing import suggest_sample_time
 from palpate.replaying import choices, estimator_of, replayed
 from palpate.results.presentation import Presented
 from palpate.settings import ChangeDetector, ContactGate, Scale
@@ -133,6 +134,9 @@ class Identification(Presented):
         contact, given, traced = data.contact, estimator_of(estimator), checked_trace(trace)
         chosen = choices(contact, given)
         fresh = given.replace(**chosen)
+        if isinstance(fresh, ViscoelasticContact) and "sample_time" in chosen:
+            chosen["sample_time"] = suggest_sample_time(contact, fresh)
+            fresh = given.replace(**chosen)
         known = ", ".join(f"{name}={value}" for name, value in chosen.items() if value is not None)
         _LOGGER.info("%s: chosen from the data: %s", fresh.method, known or "nothing")
         written = replayed(contact, fresh, traced)

@@ -8,6 +8,7 @@ from palpate.contact import Contact
 from palpate.diagnosis import Data, Laws
 from palpate.estimators import ContactEstimator, ViscoelasticContact
 from palpate.force_laws import HuntCrossley, KelvinVoigt
+from palpate.relaxing import suggest_sample_time
 from palpate.replaying import choices, replayed
 from palpate.stages import timed
 
@@ -51,5 +52,6 @@ def _told_apart(contact: Contact, given: dict[str, Any], surface: float) -> Visc
     )
     below = replace(contact, penetration=contact.penetration - surface) if surface else contact
     bank = bank.replace(**choices(below, bank))
+    bank = bank.replace(sample_time=suggest_sample_time(below, bank))
     replayed(below, bank, trace=False)
     return bank

@@ -127,8 +127,7 @@ class ViscoelasticMethod {
   Fit<Law> fit(const Units& units) const noexcept {
     const viscoelastic::Solution& now = solver_.solution();
     const Law law = this->law(now, units);
-    const Matrix<viscoelastic::joint_size> joint =
-        viscoelastic::covariance_in_si<Times>(now, law, units);
+    const Matrix<viscoelastic::joint_size> joint = covariance(law, units);
     Fit<Law> fit{
         .law = law,
         .covariance = {},
@@ -145,8 +144,7 @@ class ViscoelasticMethod {
   Snapshot<Law> snapshot(const Units& units) const noexcept {
     const viscoelastic::Solution& now = solver_.solution();
     const Law law = this->law(now, units);
-    const Matrix<viscoelastic::joint_size> joint =
-        viscoelastic::covariance_in_si<Times>(now, law, units);
+    const Matrix<viscoelastic::joint_size> joint = covariance(law, units);
     Snapshot<Law> snapshot{law, {}, now.fit.value[viscoelastic::offset] * units.force, 0.0};
     for (std::size_t i = 0; i < order; ++i) snapshot.variances[i] = joint[i][i];
     return snapshot;
@@ -234,6 +232,12 @@ class ViscoelasticMethod {
     detail::OffsetPrior prior = tare ? detail::OffsetPrior{0.0, declared} : air;
     prior.deviation = std::hypot(prior.deviation, surface_deviation_);
     solver_.know_offset(prior);
+  }
+
+  Matrix<viscoelastic::joint_size> covariance(const Law& law, const Units& units) const noexcept {
+    const auto& samples = solver_.samples();
+    return viscoelastic::covariance_in_si(solver_.solution(), law, samples.branches().times(),
+                                          samples.motion(), units);
   }
 
   Law law(const viscoelastic::Solution& now, const Units& units) const noexcept {

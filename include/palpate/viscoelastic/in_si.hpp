@@ -8,6 +8,7 @@
 #include "palpate/force_laws.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/sample.hpp"
+#include "palpate/viscoelastic/assumed_ends.hpp"
 #include "palpate/viscoelastic/solution.hpp"
 
 namespace palpate::viscoelastic {
@@ -56,9 +57,10 @@ GeneralisedHuntCrossley law_in_si(const Solution& s, const Times& times, const U
 }
 
 // dK = U (dk − k ln x_r dn), and so for B and M. Before the first answer nothing is known.
-template <class Times>
+template <class Times, class Motion>
 [[gnu::noinline]] Matrix<joint_size> covariance_in_si(const Solution& s,
                                                       const GeneralisedHuntCrossley& law,
+                                                      const Times& times, const Motion& motion,
                                                       const Units& u) noexcept {
   Matrix<joint_size> joint{};
   if (s.known == 0) {
@@ -89,6 +91,7 @@ template <class Times>
       joint[i][j] = joint[j][i] = detail::dot(rows[i], rows[j]);
     }
   }
+  add_assumed_ends(joint, s, law, times, motion, u);
   detail::bound_variances(joint, detail::largest_variance);
   return joint;
 }

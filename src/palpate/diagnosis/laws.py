@@ -25,11 +25,14 @@ class Laws:
         The evidence.
     own : bool
         Whether it is the identification's own law.
+    longest : float
+        The longest relaxation time that was looked for, s.
     """
 
     law: GeneralisedHuntCrossley
     verdict: LawVerdict
     own: bool = False
+    longest: float = 0.0
 
     @property
     def asked_for_memory(self) -> bool:
@@ -49,10 +52,11 @@ class Laws:
     @classmethod
     def of(cls, estimator: ViscoelasticContact, *, own: bool = False) -> "Laws":
         """Of an estimator that has learned the samples."""
-        return cls(estimator.estimate().law, estimator.verdict(), own)
+        longest = _LONGEST * estimator.evidence().step
+        return cls(estimator.estimate().law, estimator.verdict(), own, longest)
 
 
-def remedy_of_memory(laws: Laws | None, time: float, sample_time: float) -> str:
+def remedy_of_memory(laws: Laws | None, time: float) -> str:
     """What to do of a memory that the residual shows, in agreement with the verdict on laws.
 
     Parameters
@@ -61,8 +65,6 @@ def remedy_of_memory(laws: Laws | None, time: float, sample_time: float) -> str:
         That were told apart.
     time : float
         For how long the residual remembers, s.
-    sample_time : float
-        s.
     """
     if laws is None or not laws.asked_for_memory:
         return f"{REMEDY} tells whether a law with memory is better; or {FASTER}"
@@ -70,8 +72,8 @@ def remedy_of_memory(laws: Laws | None, time: float, sample_time: float) -> str:
         if not laws.own:
             return f"{REMEDY} identifies the memory; or {FASTER}"
         return FASTER if laws.of_all else f"--law any has more kinds of memory; or {FASTER}"
-    if time > _LONGEST * sample_time and not laws.of_all:
-        longest = rounded(_LONGEST * sample_time, 2)
+    if time > laws.longest and not laws.of_all:
+        longest = rounded(laws.longest, 2)
         return f"longer than the {longest} s of {REMEDY}: as likely the drift of a sensor; {FASTER}"
     better = "by the verdict on laws" if laws.own else f"by {REMEDY}: {laws.verdict.candidate} is"
     return f"no law with memory is better, {better}; {FASTER}"

@@ -61,7 +61,7 @@ def _words(fit: Fit, time: float) -> tuple[str, str]:
         return (
             f"the material remembers for {over}: its stiffness is that at "
             f"{rounded(1.0 / fit.period, 2)} Hz",
-            remedy_of_memory(fit.laws, time, fit.data.sample_time),
+            remedy_of_memory(fit.laws, time),
         )
     parts = "identify parts of the recording, with --start and --stop"
     if fit.estimate.longest == 0.0:
@@ -78,7 +78,7 @@ def _words(fit: Fit, time: float) -> tuple[str, str]:
         )
     return (
         f"the force relaxes over {over} otherwise than by the law's spectrum",
-        remedy_of_memory(fit.laws, time, fit.data.sample_time),
+        remedy_of_memory(fit.laws, time),
     )
 
 

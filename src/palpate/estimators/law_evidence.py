@@ -7,7 +7,6 @@ from typing import NamedTuple
 from palpate.estimate import Estimate
 from palpate.estimators.law_verdicts import (
     CANDIDATES,
-    EVERYDAY,
     Candidate,
     LawVerdict,
     Standing,
@@ -78,13 +77,7 @@ def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
         *tie_flags(standings),
         *waiting_flags(standings, evidence.laws),
         *motion_flags(standings, evidence.one_way),
-        *memory_flags(
-            estimate,
-            evidence.samples * evidence.step,
-            begun=evidence.begun,
-            # Another bank is taken where any law beyond the everyday ones is on offer.
-            everyday=not evidence.offered >> EVERYDAY,
-        ),
+        *memory_flags(estimate, evidence.samples * evidence.step, begun=evidence.begun),
     )
     return LawVerdict(
         CANDIDATES[evidence.chosen],

@@ -301,14 +301,7 @@ def motion_flags(standings: tuple[Standing, ...], one_way: float) -> tuple[str, 
 _FORGOTTEN = 0.5 / 3.0
 
 
-# Of M, by which the relaxed stiffness and M itself are off where six relaxation times stand for a
-# spectrum: 0.1 to 0.7 % and 0.6 to 1.1 %, in 48 cases without noise. K′ and B′ are not.
-_BY_SIX = 0.01
-
-
-def memory_flags(
-    estimate: Estimate, duration: float, *, begun: bool, everyday: bool
-) -> tuple[str, ...]:
+def memory_flags(estimate: Estimate, duration: float, *, begun: bool) -> tuple[str, ...]:
     """What the samples of so many seconds leave open of the memory.
 
     Parameters
@@ -319,8 +312,6 @@ def memory_flags(
         Of its samples, s.
     begun : bool
         Whether they began in contact.
-    everyday : bool
-        Whether six relaxation times stand for a spectrum.
     """
     law: GeneralisedHuntCrossley = estimate.law
     if not law.remembers:
@@ -328,11 +319,6 @@ def memory_flags(
     errors, flags = estimate.standard_errors, []
     if not errors[4] < 0.25 * (law.stiffness + law.relaxation_stiffness):
         flags.append("relaxation stiffness not identifiable: press quickly, and hold")
-    if everyday and errors[4] < _BY_SIX * law.relaxation_stiffness:
-        flags.append(
-            "six relaxation times stand for the spectrum, which leaves 1 % of M in K and M beside "
-            "their error bars; memory='any' has twelve"
-        )
     if law.stiffness < 0.0:
         flags.append(
             "the relaxed stiffness is negative, which no material's is: the motion does not tell "

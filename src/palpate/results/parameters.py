@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate.diagnosis.data import in_words
-from palpate.digits import interval, parameter
+from palpate.digits import interval, parameter, rounded
 from palpate.estimators import ViscoelasticContact
 from palpate.force_laws import (
     ForceLaw,
@@ -117,9 +117,14 @@ def _generalised(result: "Identification", law: GeneralisedHuntCrossley) -> Iter
         return
     if isinstance(law.relaxation, PowerLawRelaxation):
         yield _number(result, alpha)
-    ends = " to ".join(in_words(time, "s") for time in (law.shortest_time, law.longest_time))
+    ends = " to ".join(_time(each) for each in (law.shortest_time, law.longest_time))
     words = f"{ends} ({NOT_ESTIMATED})"
     yield Row(shortest, OFFERED, "τ", "", words, "–", False)
+
+
+def _time(seconds: float) -> str:
+    """Thousands of seconds are seconds still."""
+    return in_words(seconds, "s") if seconds < 1.0 else f"{rounded(seconds, 3)} s"
 
 
 def _bound(law: ForceLaw, k: int, words: str) -> Row:
