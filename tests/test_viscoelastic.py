@@ -271,6 +271,21 @@ def test_laws_with_memory_that_do_not_compete_yet_are_said_to_be_missing():
     assert any("competes yet" in flag for flag in brief.verdict().flags)
 
 
+def test_a_gate_that_noise_opens_is_said_to_bias_the_stiffness():
+    x, v, force = pressed(law_of("hunt-crossley"))
+    noisy = force + 1.0 * np.random.default_rng(8).standard_normal(force.size)
+
+    def warned(gate, samples):
+        estimator = ViscoelasticContact(gate=gate, scale=UNITS)
+        estimator.replay(x, v, samples, at=())
+        estimator.settle()
+        return any("within the noise" in flag for flag in estimator.verdict().flags)
+
+    assert warned(None, noisy)
+    assert not warned(None, force)
+    assert not warned(ContactGate(5e-3), noisy)
+
+
 def test_a_smooth_residual_is_not_taken_for_white_noise():
     law = law_of("hunt-crossley", 1.0, SingleRelaxation(0.08))  # none of the everyday ones
     time = np.arange(0.0, 1.3, DT)

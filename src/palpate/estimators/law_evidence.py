@@ -10,6 +10,7 @@ from palpate.estimators.law_verdicts import (
     Candidate,
     LawVerdict,
     Standing,
+    gate_flags,
     memory_flags,
     motion_flags,
     tie_flags,
@@ -38,6 +39,8 @@ class Evidence(NamedTuple):
         The laws on offer, a bit each.
     step : float
         Between samples, s.
+    shallowest : float, optional
+        Penetration that the gate asks of a sample, m; None where it asks for a force too.
     """
 
     rows: Sequence[Sequence[float]]
@@ -50,6 +53,7 @@ class Evidence(NamedTuple):
     one_way: float
     offered: int
     step: float
+    shallowest: float | None
 
     @property
     def laws(self) -> tuple[Candidate, ...]:
@@ -77,6 +81,7 @@ def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
         *tie_flags(standings),
         *waiting_flags(standings, evidence.laws),
         *motion_flags(standings, evidence.one_way),
+        *gate_flags(standings, estimate, evidence.depth, evidence.shallowest),
         *memory_flags(estimate, evidence.samples * evidence.step, begun=evidence.begun),
     )
     return LawVerdict(
