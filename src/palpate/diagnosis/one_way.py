@@ -2,7 +2,7 @@
 
 from palpate.diagnosis.finding import Finding
 from palpate.diagnosis.fit import Fit
-from palpate.estimators.law_verdicts import ONE_WAY
+from palpate.estimators.law_flags import ONE_WAY
 
 
 def one_way(fit: Fit) -> Finding | None:

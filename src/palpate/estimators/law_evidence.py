@@ -5,17 +5,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from palpate.estimate import Estimate
-from palpate.estimators.law_verdicts import (
-    CANDIDATES,
-    Candidate,
-    LawVerdict,
-    Standing,
+from palpate.estimators.law_flags import (
     gate_flags,
     memory_flags,
     motion_flags,
     tie_flags,
     waiting_flags,
 )
+from palpate.estimators.law_verdicts import CANDIDATES, Candidate, LawVerdict, Standing
 
 
 class Evidence(NamedTuple):
