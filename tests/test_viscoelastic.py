@@ -240,11 +240,50 @@ def test_laws_that_an_approach_alone_cannot_tell_apart_are_named():
     first, second = (each.candidate for each in verdict.standings[:2])
     assert {first.damping, second.damping} == {"hunt-crossley", "half-space"}
     assert f"do not tell it from {second}" in verdict.flags[0]
+    assert any("goes one way" in flag for flag in verdict.flags)
     alone = learned((x, v, force), damping="hunt-crossley", memory="none")
     assert any("damping not identifiable" in flag for flag in alone.estimate().flags)
     # What the damper may have, the spring may not: K is a sixth of it off.
     error = alone.estimate().standard_errors[0]
     assert abs(alone.estimate().law.stiffness - 1e4) < 2.0 * error
+
+
+@pytest.mark.parametrize("law", ["auto", "hunt-crossley"])
+def test_an_approach_alone_is_not_trusted_with_the_damping(law):
+    x, v, force = (channel[:395] for channel in pressed(law_of("hunt-crossley", 0.5, BOX)))
+    time = DT * np.arange(x.size)
+    contact = palpate.Contact(time, penetration=x, velocity=v, force=force)
+    diagnosis = palpate.diagnose(contact, law=law)
+    assert diagnosis.verdict.damping == "do-not-trust"
+    assert any(finding.check == "one way" for finding in diagnosis.findings)
+
+
+def test_laws_with_memory_that_do_not_compete_yet_are_said_to_be_missing():
+    x, v, force = pressed(law_of("hunt-crossley", 0.5, BOX))
+    few = np.flatnonzero(x > GATE.minimum_penetration)[90]
+    early = learned((x[:few], v[:few], force[:few])).verdict()
+    assert early.standings
+    assert early.samples < 100.0
+    assert any("no law with memory competes yet" in flag for flag in early.flags)
+    assert not any("competes yet" in flag for flag in learned((x, v, force)).verdict().flags)
+    # Of what forgets within a hundred samples none ever does.
+    brief = learned((x, v, force), forgetting=palpate.ConstantForgetting(0.985))
+    assert any("competes yet" in flag for flag in brief.verdict().flags)
+
+
+def test_a_gate_that_noise_opens_is_said_to_bias_the_stiffness():
+    x, v, force = pressed(law_of("hunt-crossley"))
+    noisy = force + 1.0 * np.random.default_rng(8).standard_normal(force.size)
+
+    def warned(gate, samples):
+        estimator = ViscoelasticContact(gate=gate, scale=UNITS)
+        estimator.replay(x, v, samples, at=())
+        estimator.settle()
+        return any("within the noise" in flag for flag in estimator.verdict().flags)
+
+    assert warned(None, noisy)
+    assert not warned(None, force)
+    assert not warned(ContactGate(5e-3), noisy)
 
 
 def test_a_smooth_residual_is_not_taken_for_white_noise():

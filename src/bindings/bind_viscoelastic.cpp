@@ -90,7 +90,7 @@ void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exp
 
 // The candidates at the last verdict on these samples, if there was one: a row of candidate, score
 // and RSS/N [N²]; samples, N_eff, the chosen one; of the motion the mean depth, m, and the
-// frequency, rad/s; and whether it began in contact.
+// frequency, rad/s; whether it began in contact; and mean velocity over its root mean square.
 template <class Estimator>
 nb::tuple evidence_of(const Estimator& core) {
   const auto& solver = core.method().solver();
@@ -106,7 +106,7 @@ nb::tuple evidence_of(const Estimator& core) {
   return nb::make_tuple(rows, solver.samples().weight(), solver.effective_samples(),
                         solver.solution().fit.candidate, motion.depth * units.penetration,
                         std::sqrt(motion.frequency_squared) * units.velocity / units.penetration,
-                        core.method().began_in_contact());
+                        core.method().began_in_contact(), motion.one_way);
 }
 
 }  // namespace
@@ -131,7 +131,7 @@ void bind_viscoelastic(nb::module_& module) {
             return self.with([](auto& core) { return evidence_of(core); });
           },
           nb::sig("def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, int, "
-                  "float, float, bool]"));
+                  "float, float, bool, float]"));
 
   nb::dict defaults;
   const ViscoelasticSettings settings;

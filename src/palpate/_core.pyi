@@ -446,7 +446,7 @@ class ViscoelasticContact:
         Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all laws, 1 ms: what is spread over the next samples otherwise.
         """
 
-    def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, int, float, float, bool]: ...
+    def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, int, float, float, bool, float]: ...
 
 class PreparedSample(tuple[float, float, float, float]):
     """A sample of a while ago: ``estimator.update(*sample)`` takes it."""

@@ -49,20 +49,24 @@ class Samples {
   const Branches<Times>& branches() const noexcept { return branches_; }
   bool touching() const noexcept { return branches_.depth() > 0.0; }
 
-  // Where the motion was, and how quick: its mean depth, and the square of its frequency, mean
-  // square speed over mean square way from there.
+  // Where the motion was, and how quick: its mean depth; the square of its frequency, mean square
+  // speed over mean square way from there; and its mean velocity over the root of that mean square
+  // speed, ±1 where it went one way at one speed.
   struct Motion {
     double depth;
     double frequency_squared;
+    double one_way;
   };
   Motion motion() const noexcept {
     using enum PowerTable::Kind;
     constexpr std::size_t zero = Grid::zero, one = zero + Grid::one, two = one + Grid::one;
     const double weight = table_.weight();
-    if (!(weight > 0.0)) return {0.0, 0.0};
+    if (!(weight > 0.0)) return {0.0, 0.0, 0.0};
     const double depth = table_.at_node(plain, one) / weight;
     const double way = table_.at_node(plain, two) - weight * depth * depth;
-    return {depth, way > 0.0 ? table_.at_node(speed_squared, zero) / way : 0.0};
+    const double squared = table_.at_node(speed_squared, zero);
+    return {depth, way > 0.0 ? squared / way : 0.0,
+            squared > 0.0 ? table_.at_node(speed, zero) / std::sqrt(weight * squared) : 0.0};
   }
 
  private:

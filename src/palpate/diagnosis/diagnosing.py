@@ -42,6 +42,7 @@ from palpate.diagnosis.misfit import (
     standard_errors,
     unexplained,
 )
+from palpate.diagnosis.one_way import one_way
 from palpate.diagnosis.surface import has_free_air, surface
 from palpate.diagnosis.velocity_noise import velocity_noise
 from palpate.diagnosis.working_depth import OFF, nothing_known, working_depth
@@ -105,7 +106,10 @@ def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagn
     if changed is not None:
         causes.append(changed.cause)
     judged = judge(causes, ratio(fit), unexplained(fit))
-    checks = (flat, left_out, method, excitation, offset, velocity_noise, misfit, extrapolation)
+    checks = (
+        *(flat, left_out, method, excitation, one_way),
+        *(offset, velocity_noise, misfit, extrapolation),
+    )
     wide = [check(fit) for check in checks]
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from palpate.estimate import Estimate
-from palpate.estimators.law_verdicts import (
-    CANDIDATES,
-    Candidate,
-    LawVerdict,
-    Standing,
+from palpate.estimators.law_flags import (
+    gate_flags,
     memory_flags,
+    motion_flags,
     tie_flags,
+    waiting_flags,
 )
+from palpate.estimators.law_verdicts import CANDIDATES, Candidate, LawVerdict, Standing
 
 
 class Evidence(NamedTuple):
@@ -30,10 +30,14 @@ class Evidence(NamedTuple):
         As those of :class:`LawVerdict`.
     begun : bool
         Whether the samples began in contact.
+    one_way : float
+        Mean velocity over its root mean square, ±1 where the motion went one way at one speed.
     offered : int
         The laws on offer, a bit each.
     step : float
         Between samples, s.
+    shallowest : float, optional
+        Penetration that the gate asks of a sample, m; None where it asks for a force too.
     """
 
     rows: Sequence[Sequence[float]]
@@ -43,8 +47,10 @@ class Evidence(NamedTuple):
     depth: float
     frequency: float
     begun: bool
+    one_way: float
     offered: int
     step: float
+    shallowest: float | None
 
     @property
     def laws(self) -> tuple[Candidate, ...]:
@@ -68,10 +74,12 @@ def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
         Standing(CANDIDATES[int(index)], score - least, math.sqrt(mean_square))
         for index, score, mean_square in ranked
     )
-    flags = tie_flags(standings) + memory_flags(
-        estimate,
-        evidence.samples * evidence.step,
-        begun=evidence.begun,
+    flags = (
+        *tie_flags(standings),
+        *waiting_flags(standings, evidence.laws),
+        *motion_flags(standings, evidence.one_way),
+        *gate_flags(standings, estimate, evidence.depth, evidence.shallowest),
+        *memory_flags(estimate, evidence.samples * evidence.step, begun=evidence.begun),
     )
     return LawVerdict(
         CANDIDATES[evidence.chosen],

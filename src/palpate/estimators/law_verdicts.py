@@ -7,8 +7,6 @@ from typing import Any
 
 from palpate import _core
 from palpate.digits import rounded
-from palpate.estimate import Estimate
-from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
 
 # By the values of the compiled enumerations.
 DAMPINGS = ("none", "hunt-crossley", "half-space")
@@ -248,64 +246,3 @@ def _defined(value: float) -> float | None:
 
 def _number(value: float | None) -> float:
     return math.nan if value is None else float(value)
-
-
-# Evidence of less is not worth more than a bare mention (Kass & Raftery 1995).
-_BARE_MENTION = 2.0
-
-
-def tie_flags(standings: tuple[Standing, ...]) -> tuple[str, ...]:
-    """Say of laws that fit as well as the best, none where there are none.
-
-    A motion at one speed, such as an approach alone, tells damper and spring apart by the noise.
-    """
-    tied = [str(each.candidate) for each in standings[1:] if each.score < _BARE_MENTION]
-    if not tied:
-        return ()
-    return (
-        f"the samples do not tell it from {' or '.join(tied)}, and the error bars are of the one "
-        "law alone: press and let go, at several speeds",
-    )
-
-
-# Of the half second that is given up where samples begin in contact a third: 5 % of it are left.
-_FORGOTTEN = 0.5 / 3.0
-
-
-def memory_flags(estimate: Estimate, duration: float, *, begun: bool) -> tuple[str, ...]:
-    """What the samples of so many seconds leave open of the memory.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        Of a generalised law.
-    duration : float
-        Of its samples, s.
-    begun : bool
-        Whether they began in contact.
-    """
-    law: GeneralisedHuntCrossley = estimate.law
-    if not law.remembers:
-        return ()
-    errors, flags = estimate.standard_errors, []
-    if not errors[4] < 0.25 * (law.stiffness + law.relaxation_stiffness):
-        flags.append("relaxation stiffness not identifiable: press quickly, and hold")
-    if law.stiffness < 0.0:
-        flags.append(
-            "the relaxed stiffness is negative, which no material's is: the motion does not tell "
-            "it from what relaxes; press from out of contact, and hold"
-        )
-    # The longest of the law's times: the only one, or the end of its spectrum.
-    if begun and law.parameters[7] > _FORGOTTEN:
-        flags.append(
-            "the samples begin in contact, and longer than half a second is remembered: K and M "
-            "may be off by twice their error bars; record from before the touch"
-        )
-    if isinstance(law.relaxation, SingleRelaxation):
-        time = law.relaxation.time
-        # A factor of e either way at two deviations.
-        if not errors[7] < 0.5 * time:
-            flags.append("relaxation time not identifiable: move at several speeds, and hold")
-        if time > 0.5 * duration:
-            flags.append("slow drift or relaxation: the time is longer than half of the samples")
-    return tuple(flags)

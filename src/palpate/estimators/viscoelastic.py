@@ -159,13 +159,15 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 
         It costs less than a microsecond, and so may be asked for after every sample.
         """
-        rows, *_, chosen, _, _, _ = self._evidence()
+        rows, *_, chosen, _, _, _, _ = self._evidence()
         return CANDIDATES[chosen] if rows else None
 
     def evidence(self) -> Evidence:
         """Return what a verdict is worked out from, in some microseconds: for another process."""
         offered = _offered(self._settings["damping"], self._settings["memory"])
-        return Evidence(*self._evidence(), offered, self._step)
+        gate = self._settings["gate"] or ContactGate()
+        shallowest = None if gate.make_force else gate.minimum_penetration
+        return Evidence(*self._evidence(), offered, self._step, shallowest)
 
     def verdict(self) -> LawVerdict:
         """Return which law it is, with the evidence of all that were offered."""

@@ -2,7 +2,7 @@
 
 import math
 from base64 import b64decode
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from palpate._core import Status
 from palpate.estimate import Estimate
 from palpate.estimators.law_evidence import Evidence, verdict_of
-from palpate.estimators.law_verdicts import Candidate, LawVerdict
+from palpate.estimators.law_verdicts import LawVerdict
 from palpate.force_laws import GeneralisedHuntCrossley
 
 # Of the samples, that are independent: AR(1) noise of 0.9 leaves a nineteenth, of 0.875 as many.
@@ -47,7 +47,7 @@ def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
             *page["flags"],
             *(verdict.flags if page["parameters"] else ()),
             *(_unsettled(page) if known else ()),
-            *(_open(verdict, estimate, evidence.laws) if known else ()),
+            *(_open(verdict, estimate) if known else ()),
         ],
         "since": page["turns"][-1][0] if page["turns"] else math.nan,
         "changes": page["changes"],
@@ -81,12 +81,9 @@ def _unsettled(page: Mapping[str, Any]) -> list[str]:
     return [f"the verdict is not settled: it changed {count} times while the samples doubled"]
 
 
-def _open(verdict: LawVerdict, estimate: Estimate, offered: Sequence[Candidate]) -> list[str]:
+def _open(verdict: LawVerdict, estimate: Estimate) -> list[str]:
     """Say what the samples so far leave open of the verdict itself."""
-    stand = {each.candidate for each in verdict.standings}
     flags = []
-    if any(law.memory != "none" and law not in stand for law in offered):
-        flags.append("no law with memory competes yet: five numbers fit any hundred samples")
     if verdict.effective_samples < _FEW * verdict.samples:
         flags.append(
             "what the best law leaves is correlated: so is the sensor's noise, or none of the laws "
