@@ -298,3 +298,11 @@ def test_words_of_scores_go_by_the_evidence():
         "less likely",
         "strong evidence against it",
     ]
+
+
+def test_a_half_space_is_said_to_be_like_a_force_that_is_early():
+    alike = "a force that is early are alike"
+    flat = "Hunt–Crossley with a flat spectrum"
+    for name, expected in (("half-space", True), (flat, False)):
+        notes = {f.check: f.sentence for f in identified(name, "auto").diagnosis.findings}
+        assert (alike in notes["skew"]) == expected
