@@ -102,7 +102,7 @@ def telling():
     )
     velocity = np.gradient(depth, 1e-3)
     force = law.force_along(depth, velocity, 1e-3)
-    force += 0.02 * np.random.default_rng(0).standard_normal(force.size)
+    force += 0.1 * np.random.default_rng(0).standard_normal(force.size)
     contact = palpate.Contact(time_, penetration=depth, velocity=velocity, force=force)
     source, own = Endless(contact), Page(port=0)
     estimator = default_estimator(palpate.ViscoelasticContact)
