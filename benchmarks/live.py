@@ -1,4 +1,7 @@
-"""``python -m benchmarks.live --minutes 10``: a loop at 1 kHz with page, recording, diagnosis."""
+"""``python -m benchmarks.live --minutes 10``: a loop at 1 kHz with page, recording, diagnosis.
+
+``--law auto`` or ``any``: with the verdict which law it is.
+"""
 
 import argparse
 import json
@@ -16,15 +19,20 @@ from rich.console import Console
 from benchmarks import machine, report
 from benchmarks.report import Limit, Row, Section
 from palpate import VariableProjection
+from palpate.estimators import ContactEstimator
+from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
+from palpate.live.law_numbers import in_words, numbers_of
 from palpate.live.page import Page
 from palpate.live.realtime import ask_for_realtime, undisturbed
+from palpate.live.running import default_estimator
 from palpate.live.sinks.diagnosis import Diagnosing
 from palpate.live.sinks.recorder import Recorder
 from palpate.live.sinks.sink import Session, Sink
 from palpate.live.sinks.watching import Watching
 from palpate.live.sources.laboratory import Laboratory
 from palpate.live.statistics import Histogram
+from palpate.live.verdict_on_laws import verdict_on
 from palpate.preparation import OnlinePreparation
 
 TARE = 1.6  # s, of the 2 s that the laboratory rests
@@ -128,7 +136,7 @@ def _wait(seconds: float, realtime: bool, sender: Connection) -> None:
     sender.send((lateness, work))
 
 
-def measure(minutes: float, *, realtime: bool, method: VariableProjection | None) -> Section:
+def measure(minutes: float, *, realtime: bool, method: ContactEstimator | None) -> Section:
     """Run the loop, and return what it counted and what it took.
 
     Parameters
@@ -137,7 +145,7 @@ def measure(minutes: float, *, realtime: bool, method: VariableProjection | None
         How long.
     realtime : bool
         Ask for a fixed priority.
-    method : VariableProjection, optional
+    method : ContactEstimator, optional
         The default of ``palpate live`` unless given.
     """
     machines = bare(min(60.0 * minutes, 60.0), realtime=realtime)
@@ -184,6 +192,7 @@ def _section(
         Row("done after their time, latest", 1e3 * lateness["max"], "ms"),
         Row("update and estimate, p50", 1e6 * cycle["p50"], "µs"),
         Row("update and estimate, p99.9", 1e6 * cycle["p99.9"], "µs", limit=Limit(20.0)),
+        Row("update and estimate, longest", 1e6 * cycle["max"], "µs"),
         Row("  a fixed piece of work, alone, p50", 1e6 * work["p50"], "µs"),
         Row("  a fixed piece of work, alone, p99.9", 1e6 * work["p99.9"], "µs"),
         Row("loop, page and recorder", 100.0 * serving, "% of a core", limit=Limit(20.0)),
@@ -193,6 +202,8 @@ def _section(
         Row("recorded", size / 1e6 / minutes, "MB a minute"),
     ]  # fmt: skip
     notes = [f"{minutes:g} minutes; laboratory, diagnosis and browser are counted apart."]
+    if verdict := verdict_on(status):
+        notes.append(f"law: {in_words(verdict, numbers_of(verdict))}")
     notes += [f"said: {words}" for words in status["said"]]
     return Section("Live at 1 kHz", rows, notes)
 
@@ -230,9 +241,13 @@ def main() -> None:
     parser.add_argument(
         "--plain", action="store_true", help="variable projection without rejection and detection"
     )
+    parser.add_argument("--law", help="as palpate live --law, such as auto")
     given = parser.parse_args()
     where = machine.describe("")
-    method = VariableProjection() if given.plain else None
+    method: ContactEstimator | None = VariableProjection() if given.plain else None
+    if given.law is not None:
+        kind, settings = estimator_by_law(given.law)
+        method = default_estimator(kind, **settings)
     section = measure(given.minutes, realtime=given.realtime, method=method)
     report.print_sections([section], where, Console(highlight=False, width=120))
 

@@ -75,6 +75,12 @@ def broken(material) -> Signals:
 
 
 @pytest.fixture
+def undrawn(monkeypatch):
+    """Reports of identifications have no drawings, which take seconds; other tests look at them."""
+    monkeypatch.setattr("palpate.reports.identification.drawing", lambda *_: iter(()))
+
+
+@pytest.fixture
 def run(monkeypatch, capsys):
     """Calls palpate in this process: exit status, standard output, standard error."""
 

@@ -206,7 +206,10 @@ def test_a_surface_is_found_within_its_deviation(law, rule):
         assert found.deviation < (1.5e-3 if rule == "baseline" else 3e-3)
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["the material's", "the probe's"])
+# That a force of the probe's is turned is tested above, of one place.
+@pytest.mark.parametrize(
+    "sign", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)], ids=["the material's", "the probe's"]
+)
 def test_a_probe_that_travels_is_cut_into_places(sign):
     """Ball, then sponge 30 mm on, with a lift between: each is identified for itself."""
     lifted = Motion(np.full(400, -5e-3), np.zeros(400))

@@ -97,19 +97,20 @@ WRONG_TYPES = {
 
 
 @pytest.mark.parametrize("values", WRONG_TYPES.values(), ids=WRONG_TYPES)
-@pytest.mark.parametrize("name", [*GOOD, "dt"])
-def test_an_array_of_another_type_is_refused_by_name(kind, name, values):
-    with pytest.raises(InvalidParameterError, match=f"^{name} must be an array of real numbers"):
-        kind().replay(**{**GOOD, name: values})
+def test_an_array_of_another_type_is_refused_by_name(kind, values):
+    for name in (*GOOD, "dt"):
+        words = f"^{name} must be an array of real numbers"
+        with pytest.raises(InvalidParameterError, match=words):
+            kind().replay(**{**GOOD, name: values})
 
 
 @pytest.mark.parametrize("shape", [(), (3, 1), (1, 3), (1, 3, 1)], ids=str)
-@pytest.mark.parametrize("name", GOOD)
-def test_an_array_of_another_dimension_is_refused_by_name(kind, name, shape):
+def test_an_array_of_another_dimension_is_refused_by_name(kind, shape):
     values = np.ones(shape)
-    with pytest.raises(InvalidParameterError, match=f"^{name} must be one-dimensional") as caught:
-        kind().replay(**{**GOOD, name: values})
-    assert f"{values.ndim}-dimensional" in str(caught.value)
+    for name in GOOD:
+        words = f"^{name} must be one-dimensional, not {values.ndim}-dimensional"
+        with pytest.raises(InvalidParameterError, match=words):
+            kind().replay(**{**GOOD, name: values})
 
 
 def test_samples_that_are_not_finite_do_not_stop_a_replay(kind):

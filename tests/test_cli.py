@@ -83,6 +83,7 @@ def test_json_says_beyond_that_only_how_the_numbers_were_made(run, good):
     expected += ["offset", "offset_standard_error", *MEASURES]
     expected += ["verdict", "working_depth", "working_depths", "findings", "episodes"]
     expected += ["rejected_samples", "correlations", "restitution", "energy", "passivity"]
+    expected += ["law_verdict", "small_oscillation"]
     assert sorted(result) == sorted(expected)
 
 

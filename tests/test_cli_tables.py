@@ -1,5 +1,6 @@
 """What a person sees on terminals of any width: every number whole, no line too long."""
 
+import json
 import os
 import pty
 import re
@@ -17,7 +18,7 @@ BALL = Path(__file__).parents[1] / "examples" / "recordings" / "ball.csv"
 GUESS = ("--stiffness", "2000", "--damping", "2000", "--exponent", "1.2", "--noise", "0.05")
 COMMANDS = {
     "identify": ("identify", BALL),
-    "compare": ("compare", BALL),
+    "compare": ("compare", BALL, "--stop", "4"),  # of half, which takes half as long
     "diagnose": ("diagnose", BALL),
     "info": ("info", BALL),
     "design": ("design", *GUESS),
@@ -146,14 +147,29 @@ def test_words_are_folded_between_them_with_an_indent(printed):
     ]
 
 
-def on_a_terminal(*arguments, **environment):
-    """What a command prints where a person looks on."""
+# Each command in a process of its own takes half a second to start.
+COMMANDS_OF_A_TERMINAL = """
+import json, os, sys
+from palpate import cli
+for arguments, environment in json.loads(sys.argv[1]):
+    os.environ.update(environment)
+    sys.argv = ["palpate", *arguments]
+    cli.main()
+    print("=" * 9, flush=True)
+    for name in environment:
+        del os.environ[name]
+    os.environ["TERM"] = "xterm-256color"
+"""
+
+
+def on_a_terminal(*commands):
+    """What commands print where a person looks on, each of arguments and an environment."""
     leader, follower = pty.openpty()
     kept = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "COLUMNS", "FORCE_COLOR")}
     done = subprocess.Popen(
-        [sys.executable, "-m", "palpate", *map(str, arguments)],
+        [sys.executable, "-c", COMMANDS_OF_A_TERMINAL, json.dumps(commands)],
         stdout=follower, stderr=follower, stdin=follower,
-        env={**kept, "TERM": "xterm-256color", "LINES": "24", **environment},
+        env={**kept, "TERM": "xterm-256color", "LINES": "24"},
     )  # fmt: skip
     os.close(follower)
     seen = b""
@@ -164,15 +180,20 @@ def on_a_terminal(*arguments, **environment):
         pass
     assert done.wait() == 0
     os.close(leader)
-    return seen.decode()
+    return seen.decode().split("=" * 9)[:-1]
 
 
 def test_colour_is_for_who_looks_on_and_wants_it(run, monkeypatch):
     design = COMMANDS["design"]
-    assert "\x1b[" in on_a_terminal(*design)
-    assert "\x1b[" not in on_a_terminal(*design, "--no-color")
-    assert "\x1b[" not in on_a_terminal(*design, NO_COLOR="1")
-    assert "\x1b[" not in on_a_terminal(*design, TERM="dumb", COLUMNS="60")
-    assert "\x1b[" not in on_a_terminal("design", "--help", "--no-color")
+    seen = on_a_terminal(
+        (design, {}),
+        ((*design, "--no-color"), {}),
+        (design, {"NO_COLOR": "1"}),
+        (design, {"TERM": "dumb", "COLUMNS": "60"}),
+        (("design", "--help", "--no-color"), {}),
+        (design, {}),
+    )
+    assert all("stiffness" in each for each in seen)
+    assert ["\x1b[" in each for each in seen] == [True, False, False, False, False, True]
     monkeypatch.delenv("FORCE_COLOR", raising=False)
     assert "\x1b[" not in run(*design)[1]

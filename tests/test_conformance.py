@@ -6,17 +6,17 @@ import palpate
 from palpate import Status
 from palpate.estimators.conformance import CHECKS, check, variants
 
-CASES = [
-    pytest.param(kind, settings, id=f"{name}, {words}")
-    for name, kind in palpate.ESTIMATORS.items()
-    for words, settings in variants(kind).items()
-]
 
-
-@pytest.mark.parametrize("kind, settings", CASES)
+@pytest.mark.parametrize("name", palpate.ESTIMATORS)
 @pytest.mark.parametrize("promise", CHECKS.values(), ids=CHECKS)
-def test_every_estimator_keeps_every_promise(promise, kind, settings):
-    promise(kind, settings)
+def test_every_estimator_keeps_every_promise(promise, name):
+    kind, broken = palpate.ESTIMATORS[name], {}
+    for words, settings in variants(kind).items():
+        try:
+            promise(kind, settings)
+        except AssertionError as error:
+            broken[words] = str(error)
+    assert not broken
 
 
 class Forgetful(palpate.KelvinVoigtRLS):

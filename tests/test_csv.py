@@ -206,7 +206,7 @@ BAD_FILES = {
     "of a word in Latin-1": ("µ,time_s".encode("latin-1"), ["no column", "µ"]),
     "with a header of one endless word": ("x" * 200_000 + "\n1,2,3\n", ["row 1", "header"]),
     "of one endless line": ("x," * 1_000_000, ["row 1", "1 MiB"]),
-    "with very many columns": (",".join(map(str, range(50_000))), ["no column", "49980 more"]),
+    "with very many columns": (",".join(map(str, range(10_000))), ["no column", "9980 more"]),
     "with more columns than any table": ("," * 99_999, ["100000 columns", "at most 65536"]),
     "of rows that are all but empty": ("," * 5_000 + "\n" + "1\n" * 9, ["row 2", "half"]),
     "of rows longer than the header": ("a,b\n1,2,3\n1,2,3\n", ["row 2", "more cells", "row 2"]),

@@ -191,7 +191,7 @@ def test_a_strip_is_drawn_so_that_its_width_is_seen():
         assert draw_map(map_of(table, ["x", "y"])).axes[0].get_aspect() == aspect
 
 
-def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path):
+def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
     from palpate.reports.fleet import fleet_page
 
@@ -206,6 +206,7 @@ def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path):
     assert "Outliers" not in page
     assert "Findings of the diagnosis" not in page
     assert "not checked" not in page
+    monkeypatch.setattr("palpate.reports.fleet.drawing", lambda *_: iter(()))
     unchecked = written(tmp_path / "n", rows([1.0] * 6, [0.1] * 6, checked=["none"] * 6))
     assert "Neither the data nor the fits were checked" in fleet_page(unchecked)
     assert read_results(folder).num_rows == 37

@@ -34,6 +34,11 @@ def keeper(request):
     return request.param
 
 
+def places_of(keeper, *names):
+    """Where these are among the parameters of a method's law."""
+    return [keeper.law_type.names().index(name) for name in names]
+
+
 def test_every_method_whose_law_has_an_exponent_can_keep_it():
     with_exponent = {n for n, kind in ESTIMATORS.items() if "exponent" in kind.law_type.names()}
     assert set(KEEPERS) == with_exponent
@@ -58,18 +63,23 @@ def test_the_answer_is_the_least_squares_of_the_rest(keeper):
         settings["forgetting"] = ConstantForgetting()
     if "initial_covariance" in keeper().settings:  # so that the start weighs nothing
         settings["initial_covariance"] = 1e8
+    if keeper is palpate.ViscoelasticContact:  # else it forgets what begins in contact
+        settings["memory"] = "none"
     contact = contact_of(noise=0.1)
     estimator = keeper(**settings)
     estimator.replay(contact.penetration, contact.velocity, contact.force)
+    if keeper is palpate.ViscoelasticContact:  # its answer is of most samples only
+        estimator.settle()
     now = estimator.estimate()
     offset, logarithm = now.offset_standard_error > 0.0, keeper.minimises == "logarithm"
     wanted = least_squares(contact, 1.5, offset=offset, logarithm=logarithm)
     assert now.law.exponent == 1.5
-    errors = now.standard_errors[:2]
+    own = places_of(keeper, "stiffness", "damping")
+    errors, found = now.standard_errors[own], now.parameters[own]
     if keeper is palpate.DriftTracking:  # it lets K drift, and knows that
-        assert np.all(np.abs(now.parameters[:2] - SPHERE.parameters[:2]) < 4.0 * errors)
+        assert np.all(np.abs(found - SPHERE.parameters[:2]) < 4.0 * errors)
     else:  # weak priors move it by a hundredth of an error
-        assert np.all(np.abs(now.parameters[:2] - wanted) < 0.01 * errors)
+        assert np.all(np.abs(found - wanted) < 0.01 * errors)
 
 
 def test_the_exponent_has_no_error_and_no_flag_and_the_rest_is_known_better(keeper):
@@ -78,15 +88,17 @@ def test_the_exponent_has_no_error_and_no_flag_and_the_rest_is_known_better(keep
     assert kept.fixed == ("exponent",)
     assert free.fixed == ()
     assert kept.law.exponent == 1.5
-    assert kept.standard_errors[2] == 0.0
-    assert not kept.covariance[2].any()
+    [place] = places_of(keeper, "exponent")
+    others = places_of(keeper, "stiffness", "damping")
+    assert kept.standard_errors[place] == 0.0
+    assert not kept.covariance[place].any()
     assert not any("exponent" in flag for flag in kept.flags)
     # K and n of a free exponent depend on each other by far the most.
     assert kept.standard_errors[0] < 0.3 * free.standard_errors[0]
-    assert np.isnan(kept.correlations[2]).all()
-    assert np.isfinite(kept.correlations[:2, :2]).all()
-    assert not kept.trace.standard_errors[:, 2].any()
-    assert (kept.trace.parameters[kept.trace.taken, 2] == 1.5).all()
+    assert np.isnan(kept.correlations[place]).all()
+    assert np.isfinite(kept.correlations[np.ix_(others, others)]).all()
+    assert not kept.trace.standard_errors[:, place].any()
+    assert (kept.trace.parameters[kept.trace.taken, place] == 1.5).all()
 
 
 @pytest.mark.slow
@@ -94,9 +106,9 @@ def test_error_bars_of_the_rest_hold_the_truth(keeper):
     away = []
     for seed in range(60):
         result = identify(contact_of(seed=seed, noise=0.2), keeper(exponent=1.5), trace=False)
-        away.append(
-            (result.law.parameters[:2] - SPHERE.parameters[:2]) / result.standard_errors[:2]
-        )
+        own = places_of(keeper, "stiffness", "damping")
+        off = result.law.parameters[own] - SPHERE.parameters[:2]
+        away.append(off / result.standard_errors[own])
     covered = np.mean(np.abs(away) < 1.96)
     # Four deviations of the binomial scatter of 120 (0.08) below 0.95; drift bars are wide anyhow.
     assert covered > 0.87
@@ -132,8 +144,9 @@ def test_it_stays_through_changes_outliers_and_forgetting(keeper):
     now = estimator.estimate()
     assert now.restarts == 1
     assert now.rejected >= 2
-    assert (trace.parameters[:, 2] == 1.5).all()
-    assert now.standard_errors[2] == 0.0
+    [place] = places_of(keeper, "exponent")
+    assert (trace.parameters[:, place] == 1.5).all()
+    assert now.standard_errors[place] == 0.0
     assert now.law.stiffness == pytest.approx(90e3, rel=0.05)
 
 
@@ -158,7 +171,7 @@ def test_a_change_of_the_material_is_found_with_it():
     assert all(part.law.exponent == 1.5 and part.fixed for part in parts)
 
 
-def test_it_is_said_to_be_fixed_wherever_it_is_shown(tmp_path):
+def test_it_is_said_to_be_fixed_wherever_it_is_shown(tmp_path, undrawn):
     from palpate.figures import draw
 
     result = identify(contact_of(), palpate.VariableProjection(exponent=1.5))

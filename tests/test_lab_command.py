@@ -3,12 +3,14 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import palpate
 from palpate import lab
+from palpate.cli.truths import comparable
 
 pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 
@@ -48,6 +50,40 @@ def test_identify_shows_the_truth_that_a_file_states_and_how_far_it_is(run, tmp_
     assert "σ" not in run("identify", file)[1]
 
 
+def test_what_an_oscillation_feels_is_shown_beside_the_truth_of_what_remembers(run, tmp_path):
+    file = tmp_path / "tissue.csv"
+    run("lab", "tissue", "--probe", "ideal", "-o", file, "--seconds", 4)
+    out = " ".join(run("identify", file, "--method", "viscoelastic")[1].split())
+    felt = re.search(r"feels (.+) ± .+ N/m \(truth ([\d.]+).+ and (.+) ± .+ \(truth ([\d.]+)", out)
+    stiffness, real, damping, exact = map(float, felt.groups())
+    # 2 s of motion: seen, 0.05 % and 1 %.
+    assert stiffness == pytest.approx(real, rel=0.005)
+    assert damping == pytest.approx(exact, rel=0.03)
+
+
+REMEMBERING = lab.TISSUE.law
+
+
+NAMES = set(REMEMBERING.names())
+
+
+@pytest.mark.parametrize(
+    "law, same",
+    [
+        (REMEMBERING, NAMES),
+        (replace(REMEMBERING, relaxation=palpate.FlatSpectrum(1e-3, 4.096)), NAMES),
+        (replace(REMEMBERING, relaxation=palpate.FlatSpectrum(1e-3, 8.0)), set()),
+        (replace(REMEMBERING, relaxation=palpate.SingleRelaxation(1.0)), set()),
+        (replace(REMEMBERING, damping_exponent=0.5), NAMES - {"damping", "damping_exponent"}),
+        (replace(REMEMBERING, damping=0.0, damping_exponent=0.5), NAMES),
+        (REMEMBERING.relaxed(), set()),
+        (lab.PVC.law, set()),
+    ],
+)
+def test_only_numbers_that_mean_the_same_are_compared(law, same):
+    assert comparable(law, REMEMBERING) == comparable(REMEMBERING, law) == same
+
+
 def test_the_command_makes_the_file_that_the_library_makes(run, tmp_path):
     run("lab", "sponge", "--trajectory", "two-sines", "-o", tmp_path / "a.csv", *QUICK)
     contact = lab.Bench(lab.SPONGE, lab.TWO_SINES).run(3, seconds=4.0).contact
@@ -69,12 +105,20 @@ def test_every_material_and_every_trajectory_is_there(run, tmp_path, material, t
     assert contact.force.max() > 0.5
 
 
+HALF_SPACE = (
+    "generalised-hunt-crossley", "--stiffness", 8000, "--exponent", 1.5, "--damping", 60,
+    "--damping-exponent", 0.5,
+)  # fmt: skip
+
+
 @pytest.mark.parametrize(
     "law",
     [
         ("hunt-crossley", "--stiffness", 500, "--damping", 100, "--exponent", 1.3),
         ("kelvin-voigt", "--stiffness", 800, "--damping", 4),
         ("extended-kelvin-voigt", "--stiffness", 500, "--quadratic-stiffness", 4e4, "--damping", 5),
+        (*HALF_SPACE,),
+        (*HALF_SPACE, "--relaxation-stiffness", 4000, "--longest-time", 0.1),
     ],
 )
 def test_a_law_of_ones_own_is_pressed(run, tmp_path, law):
@@ -126,6 +170,8 @@ def test_the_rig_is_pictured(run, tmp_path, ending):
         (("ball", "--noise", -1), "force_noise must be in"),
         (("ball", "--stiffness", 3), "--stiffness goes with a law of one's own"),
         (("hunt-crossley", "--stiffness", 3), "needs --stiffness, --damping, --exponent"),
+        ((*HALF_SPACE[:-2],), "--damping-exponent, may have --relaxation-stiffness"),
+        ((*HALF_SPACE, "--relaxation-stiffness", 3), "longest_time must be above 0"),
         (("ball", "--picture", "rig.bmp"), "must end in .svg, .pdf or .png"),
         (("ball", "--picture", "rig.svg", "--probe", "ideal"), "an ideal probe has none"),
     ],

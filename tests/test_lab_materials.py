@@ -19,10 +19,12 @@ def test_a_step_at_a_time_a_material_feels_as_along_the_whole_motion(name):
     along = material.force(TIME, HERE, DEPTH, SPEED)
     touch = material.touch()
     steps = [touch(*sample) for sample in zip(TIME, HERE, DEPTH, SPEED, strict=True)]
-    np.testing.assert_array_equal(along, steps)
+    # A spectrum is summed in another order: some roundings.
+    np.testing.assert_allclose(along, steps, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", sorted(lab.MATERIALS.keys() - {"relaxing-sponge"}))
+# What remembers lags behind a probe that leaves.
+@pytest.mark.parametrize("name", sorted(lab.MATERIALS.keys() - {"relaxing-sponge", "tissue"}))
 def test_a_material_pushes_where_it_is_touched_and_nowhere_else(name):
     force = lab.MATERIALS[name].force(TIME, HERE, DEPTH - 6e-3, SPEED)
     inside = DEPTH > 6e-3

@@ -223,7 +223,7 @@ number = st.floats(allow_nan=True, allow_infinity=True, allow_subnormal=True, wi
 row = st.tuples(number, number, number)
 
 
-@settings(max_examples=200)
+@settings(max_examples=60)
 @given(
     rows=st.lists(
         st.tuples(

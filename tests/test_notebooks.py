@@ -12,8 +12,18 @@ def test_there_are_notebooks():
     assert [path.stem for path in NOTEBOOKS] == ["loop", "recording"]
 
 
+# The other takes twice as long, of calls that the snippets of the pages make too.
+QUICK = ("loop",)
+
+
 @pytest.mark.browser
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, id=path.stem, marks=() if path.stem in QUICK else pytest.mark.slow)
+        for path in NOTEBOOKS
+    ],
+)
 def test_a_notebook_runs_and_shows_what_it_showed(path):
     nbformat = pytest.importorskip("nbformat")
     nbclient = pytest.importorskip("nbclient")

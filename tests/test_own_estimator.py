@@ -1,6 +1,7 @@
 """A law and an estimator of one's own, made known by the same registries as the package's."""
 
 import json
+import math
 import re
 from dataclasses import dataclass
 from typing import ClassVar
@@ -60,6 +61,7 @@ class StickyRLS(palpate.PythonEstimator):
         instance("gate", gate, (palpate.ContactGate, type(None)))
         number_in("sample_time", sample_time, 0.0, 1e6, open_low=True)
         self._settings = {"gate": gate, "sample_time": sample_time}
+        self._gate = gate or palpate.ContactGate()
         self.reset()
 
     def reset(self):
@@ -72,11 +74,11 @@ class StickyRLS(palpate.PythonEstimator):
             self._status = Status.HELD
 
     def update(self, penetration, velocity, force, dt=None):
-        if not np.isfinite((penetration, velocity, force)).all():
+        if not all(map(math.isfinite, (penetration, velocity, force))):
             return Status.NOT_FINITE
-        if dt is not None and not (0.0 < dt < np.inf):
+        if dt is not None and not (0.0 < dt < math.inf):
             return Status.INVALID_STEP
-        gate = self._settings["gate"] or palpate.ContactGate()
+        gate = self._gate
         least = gate.break_force if self._touching else gate.make_force
         if not (penetration > gate.minimum_penetration and force > least):
             self.leave_contact()
@@ -91,7 +93,10 @@ class StickyRLS(palpate.PythonEstimator):
         return status
 
     def predict(self, penetration, velocity):
-        return self.estimate().law.force(penetration, velocity)
+        if not penetration > 0.0:
+            return 0.0
+        row = np.array([penetration, penetration**2, velocity, 1.0]) / self.SCALE
+        return float(row @ self._squares.parameters)
 
     def estimate(self):
         unit = np.outer(self.SCALE, self.SCALE)

@@ -105,7 +105,8 @@ def fuzz(estimator: ContactEstimator, data: list[tuple[float, ...]]) -> None:
         check_sound(estimator)
 
 
-@settings(max_examples=200, deadline=None)
+# Whoever looks for what is rare raises these: a wrong guard is found within the first twenty.
+@settings(max_examples=80, deadline=None)
 @given(estimator=projections, data=samples)
 def test_any_floats_under_any_settings_leave_variable_projection_sound(
     estimator: VariableProjection, data: list[tuple[float, ...]]
@@ -113,7 +114,7 @@ def test_any_floats_under_any_settings_leave_variable_projection_sound(
     fuzz(estimator, data)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(estimator=searches, data=samples)
 def test_any_floats_under_any_settings_leave_the_surface_search_sound(
     estimator: VariableProjection, data: list[tuple[float, ...]]
@@ -121,7 +122,7 @@ def test_any_floats_under_any_settings_leave_the_surface_search_sound(
     fuzz(estimator, data)
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(estimator=drifting, data=samples)
 def test_any_floats_under_any_settings_leave_drift_tracking_sound(
     estimator: DriftTracking, data: list[tuple[float, ...]]
@@ -137,7 +138,7 @@ def tracking() -> DriftTracking:
 TRACKING = tracking()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(data=samples)
 def test_any_floats_leave_a_filter_that_tracks_sound(data: list[tuple[float, ...]]) -> None:
     assert not TRACKING.estimate().flags

@@ -88,12 +88,12 @@ def test_a_folder_may_be_called_as_a_file(saved, tmp_path):
     assert palpate.load_result(folder).law == palpate.load_result(folder / "result.json").law
 
 
-def test_what_standard_input_gave_is_repeated_from_it(ball, tmp_path):
+def test_what_standard_input_gave_is_repeated_from_it(ball, tmp_path, undrawn):
     saving.Destination(tmp_path).save(ball, options={"method": ball.method})
     assert "palpate identify - --config" in (tmp_path / "report.html").read_text("utf-8")
 
 
-def test_the_command_writes_the_same_and_its_options_repeat_it(run, tmp_path):
+def test_the_command_writes_the_same_and_its_options_repeat_it(run, tmp_path, undrawn):
     options = ["--start", "2.5", "--at", "9mm", "--method", "single-stage"]
     assert run("identify", BALL, *options, "-o", tmp_path)[0] == 0
     taken = tomllib.loads((tmp_path / "run.toml").read_text(encoding="utf-8"))

@@ -20,9 +20,15 @@ SIGNALS.force[900] = np.nan
 CONTACT = contact_of(SIGNALS)
 
 
-@pytest.fixture(params=ESTIMATORS.values(), ids=ESTIMATORS)
+@pytest.fixture(scope="module", params=ESTIMATORS.values(), ids=ESTIMATORS)
 def method(request):
     return request.param
+
+
+@pytest.fixture(scope="module")
+def full(method):
+    """Of each method, with a whole trace."""
+    return identify(CONTACT, method())
 
 
 def same(one, other) -> bool:
@@ -30,8 +36,8 @@ def same(one, other) -> bool:
 
 
 @pytest.mark.parametrize("trace", [False, 0.1])
-def test_the_result_the_flags_and_the_diagnosis_are_those_of_a_full_trace(method, trace):
-    full, thinned = identify(CONTACT, method()), identify(CONTACT, method(), trace=trace)
+def test_the_result_the_flags_and_the_diagnosis_are_those_of_a_full_trace(method, full, trace):
+    thinned = identify(CONTACT, method(), trace=trace)
     assert knowledge(thinned.estimator) == knowledge(full.estimator)
     assert same(thinned.trace.status, full.trace.status)
     assert thinned.flags == full.flags
@@ -42,8 +48,8 @@ def test_the_result_the_flags_and_the_diagnosis_are_those_of_a_full_trace(method
     assert thinned.as_dict() == full.as_dict()
 
 
-def test_a_thinned_trace_has_its_own_clock_and_the_estimates_of_then(method):
-    full, thinned = identify(CONTACT, method()).trace, identify(CONTACT, method(), trace=0.1).trace
+def test_a_thinned_trace_has_its_own_clock_and_the_estimates_of_then(method, full):
+    full, thinned = full.trace, identify(CONTACT, method(), trace=0.1).trace
     after = thinned.after
     assert len(thinned) == len(CONTACT)
     assert not thinned.full
@@ -97,9 +103,8 @@ def test_what_are_no_samples_is_refused_in_a_line(method, at):
         method().replay(*SIGNALS.arrays, at=at)
 
 
-def test_figures_frames_and_stretches_are_there_without_a_trace(method):
-    whole = identify(CONTACT, method())
-    result = identify(CONTACT, method(), trace=False)
+def test_figures_frames_and_stretches_are_there_without_a_trace(method, full):
+    whole, result = full, identify(CONTACT, method(), trace=False)
     lines = [
         [same(a.get_xydata(), b.get_xydata()) for a, b in zip(x.lines, y.lines, strict=True)]
         for x, y in zip(draw(result).axes, draw(whole).axes, strict=True)

@@ -62,6 +62,7 @@ def test_an_estimator_agrees_with_its_twin(kind, noisy, perturbation):
 
 @pytest.mark.parametrize("perturbation", PERTURBATIONS.values(), ids=PERTURBATIONS)
 def test_an_estimator_agrees_with_its_twin_through_lost_contact(kind, broken, perturbation):
+    broken = broken[:1400]  # by then it is lost and made again twice
     estimator = estimator_of(kind, perturbation=perturbation)
     status = estimator.replace().replay(*broken.arrays).status
     remade = (status[:-1] == Status.HELD) & (status[1:] == Status.UPDATED)
@@ -73,11 +74,6 @@ def test_an_estimator_agrees_with_its_twin_through_lost_contact(kind, broken, pe
 def test_an_estimator_agrees_with_its_twin_across_a_stiffness_step(kind, material, perturbation):
     twin = agree(estimator_of(kind, perturbation=perturbation), stepping(material))
     assert (twin.perturbed > 0) == (perturbation is not None)
-
-
-@pytest.mark.parametrize("forgetting", FORGETTING.values(), ids=FORGETTING)
-def test_an_estimator_agrees_with_its_twin_however_it_forgets(kind, noisy, forgetting):
-    agree(estimator_of(kind, forgetting=forgetting), noisy[:600])
 
 
 def test_an_estimator_agrees_with_its_twin_on_an_uneven_clock(kind):
@@ -100,7 +96,8 @@ def test_an_estimator_as_it_comes_agrees_with_its_twin(name):
 
 
 @pytest.mark.parametrize("forgetting", FORGETTING.values(), ids=FORGETTING)
-def test_the_covariance_is_that_of_the_weighted_data_by_the_delta_method(kind, noisy, forgetting):
+def test_it_agrees_however_it_forgets_and_so_does_the_covariance(kind, noisy, forgetting):
+    """The covariance is that of the weighted data by the delta method."""
     estimator = estimator_of(kind, forgetting=forgetting)
     twin = agree(estimator, noisy[:600])
     expected = twin.covariance()

@@ -34,6 +34,7 @@ enum IdentifiabilityFlag : std::uint8_t {
   still_starting = 16,
   walk_too_slow = 32,
   tare_refuted = 64,
+  started_in_contact = 128,
 };
 
 // A force offset that is estimated beside the law: what the removal of the sensor's bias left.

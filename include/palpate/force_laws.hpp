@@ -74,4 +74,29 @@ struct HuntCrossley {
   bool operator==(const HuntCrossley&) const = default;
 };
 
+// F = K xⁿ + B xᵖ v + M Σ wᵢ gᵢ for x > 0, else 0;  ġᵢ = d(xⁿ)/dt − gᵢ/τᵢ, wᵢ ∝ τᵢ^−α from the
+// shortest to the longest of the relaxation times. The state of the branches is its user's.
+struct GeneralisedHuntCrossley {
+  static constexpr std::size_t size = 8;
+  double stiffness;             // K, N/mⁿ
+  double exponent;              // n
+  double damping;               // B, N·s/mᵖ⁺¹
+  double damping_exponent;      // p
+  double relaxation_stiffness;  // M, N/mⁿ; 0: it does not remember
+  double spectrum_exponent;     // α; 0 is a flat spectrum
+  double shortest_time;         // s; 0: the longest is the only one
+  double longest_time;          // s
+
+  // With all branches relaxed.
+  double force(double x, double v) const noexcept {
+    if (x <= 0.0) return 0.0;
+    return stiffness * std::pow(x, exponent) + damping * std::pow(x, damping_exponent) * v;
+  }
+  constexpr Vector<size> parameters() const noexcept {
+    return {stiffness,         exponent,      damping,     damping_exponent, relaxation_stiffness,
+            spectrum_exponent, shortest_time, longest_time};
+  }
+  bool operator==(const GeneralisedHuntCrossley&) const = default;
+};
+
 }  // namespace palpate

@@ -4,9 +4,11 @@
 // that neither allocates nor throws. It sees samples in scaled units, within contact and within its
 // range only, and answers in SI.
 //
-// Where it has them, the loop also calls `free(sample, λ)` for a finite sample out of contact and
-// `interrupt()` where contact ends without one. A sample of which it is in doubt whether it touches
-// has status `held` from learn(), whatever the method keeps of it.
+// Where it has them, the loop also calls `free(sample, λ)`, or `free(sample, dt, λ)`, for a finite
+// sample out of contact, `interrupt()` where contact ends without one, `pass(dt)` for a sample that
+// is refused or left out, and `prepare(sample, dt)` in place of `prepare(sample)`. A sample of
+// which it is in doubt whether it touches has status `held` from learn(), whatever the method keeps
+// of it.
 #pragma once
 
 #include <concepts>

@@ -109,6 +109,13 @@ class RecursiveEstimator {
     enter(gate_.without_contact());
   }
 
+  // Brings an answer up to date that is worked out a little at every sample.
+  void settle() noexcept
+    requires requires(M& method) { method.settle(); }
+  {
+    method_.settle();
+  }
+
   // The force that the sensor would show by the present estimate, N; no law acts out of contact.
   double predict(double penetration, double velocity) const noexcept {
     return method_.force(units_, penetration, velocity);
@@ -154,8 +161,11 @@ class RecursiveEstimator {
   template <bool Predicted, class... Known>
   Outcome step(const Sample& sample, double dt, const Known&... known) noexcept {
     constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
-    if (!detail::finite(sample)) return {Status::not_finite, unknown};
     const bool valid_step = dt > 0.0 && std::isfinite(dt);
+    if (!detail::finite(sample)) {
+      if (valid_step) pass(dt);
+      return {Status::not_finite, unknown};
+    }
     const Sample inner = detail::scaled(sample, units_);
     const ContactGate::Phase phase = gate_.next(sample.penetration, sample.force);
     const bool touching = phase == ContactGate::Phase::contact;
@@ -166,6 +176,7 @@ class RecursiveEstimator {
         if constexpr (requires { method_.withdraw(std::size_t{}); }) {
           if (const std::size_t count = outliers_.withdrawn()) method_.withdraw(count);
         }
+        pass(dt);
         return {Status::rejected,
                 Predicted ? predict(sample.penetration, sample.velocity) : unknown};
       }
@@ -175,10 +186,32 @@ class RecursiveEstimator {
     }
     const double predicted = Predicted ? predict(sample.penetration, sample.velocity) : unknown;
     if (!valid_step) return {Status::invalid_step, predicted};
-    if (touching) return {Status::out_of_range, predicted};
-    if constexpr (requires { method_.free(inner, 1.0); }) method_.free(inner, forgetting_.factor());
+    if (touching) {
+      pass(dt);
+      return {Status::out_of_range, predicted};
+    }
+    if constexpr (requires { method_.free(inner, dt, 1.0); }) {
+      method_.free(inner, dt, forgetting_.factor());
+    } else if constexpr (requires { method_.free(inner, 1.0); }) {
+      method_.free(inner, forgetting_.factor());
+    }
     enter(phase);
     return {status_, predicted};
+  }
+
+  // Time goes by with a sample that is not taken.
+  void pass(double dt) noexcept {
+    if constexpr (requires { method_.pass(dt); }) method_.pass(dt);
+  }
+
+  // What a sample is to a method, which may ask how long after the last one it came.
+  template <class... Known>
+  typename M::Row prepared(const Sample& inner, double dt, const Known&... known) noexcept {
+    if constexpr (requires { method_.prepare(inner, dt); }) {
+      return method_.prepare(inner, dt);
+    } else {
+      return method_.prepare(inner, known...);
+    }
   }
 
   // A sample in contact and in range. Nothing of the loop changes before the method has learned it.
@@ -197,7 +230,7 @@ class RecursiveEstimator {
     if constexpr (Predicted && !M::predicts_exactly) {
       predicted = predict(sample.penetration, sample.velocity);
     }
-    const typename M::Row row = method_.prepare(inner, known...);
+    const typename M::Row row = prepared(inner, dt, known...);
     double error = 0.0;
     if ((Predicted && M::predicts_exactly) || Detector::active || settings_.perturbation.active()) {
       const double expected = method_.predict(row) * units_.force;
@@ -263,7 +296,7 @@ class RecursiveEstimator {
     for (std::size_t age = samples; age-- > 0;) {
       const TakenSample& past = changes_.recent(age);
       if (age + 1 < samples) forgetting.advance(past.dt);
-      method_.learn(method_.prepare(past.sample), past.dt, forgetting.factor(), 0.0);
+      method_.learn(prepared(past.sample, past.dt), past.dt, forgetting.factor(), 0.0);
     }
   }
 

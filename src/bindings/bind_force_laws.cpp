@@ -39,6 +39,7 @@ void bind_force_laws(nb::module_& module) {
   bind_force<KelvinVoigt>(module, "kelvin_voigt_force");
   bind_force<ExtendedKelvinVoigt>(module, "extended_kelvin_voigt_force");
   bind_force<HuntCrossley>(module, "hunt_crossley_force");
+  bind_force<GeneralisedHuntCrossley>(module, "generalised_hunt_crossley_force");
 }
 
 }  // namespace palpate::bindings

@@ -33,5 +33,6 @@ void bind_least_squares(nb::module_& module);
 void bind_online_preparation(nb::module_& module);
 void bind_lanes(nb::module_& module);
 void bind_rows(nb::module_& module);
+void bind_viscoelastic(nb::module_& module);
 
 }  // namespace palpate::bindings

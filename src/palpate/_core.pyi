@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 import enum
+import types
 from typing import Annotated, Any
 
 import numpy
@@ -16,6 +17,8 @@ def kelvin_voigt_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,
 def extended_kelvin_voigt_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
 
 def hunt_crossley_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
+
+def generalised_hunt_crossley_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
 
 class Status(enum.IntEnum):
     """What one ``update`` did with its sample."""
@@ -405,6 +408,45 @@ class DriftTracking:
     def _state(self) -> bytes: ...
 
     def _restore(self, arg: bytes, /) -> None: ...
+
+def relaxation_branches(parameters: numpy.typing.NDArray[numpy.float64]) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]: ...
+
+def generalised_force_along(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
+
+class ViscoelasticContact:
+    def __init__(self, arg0: int, arg1: float, arg2: bool, arg3: float, arg4: float, arg5: Sequence[float], arg6: Sequence[float] | None, arg7: float | None, arg8: Sequence[float], arg9: Sequence[float], arg10: float, /) -> None: ...
+
+    update: types.MethodDescriptorType = ...
+
+    def predict(self, penetration: float, velocity: float) -> float:
+        """
+        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
+        """
+
+    def _estimate(self) -> EstimateValue: ...
+
+    def reset(self) -> None:
+        """Forget everything but the settings."""
+
+    def leave_contact(self) -> None:
+        """
+        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
+        """
+
+    def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg9: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, /) -> None: ...
+
+    def _replay_many(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg9: Annotated[NDArray[numpy.uint64], dict(order='C', device='cpu')], arg10: Annotated[NDArray[numpy.uint64], dict(order='C', device='cpu')] | None, arg11: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')] | None, arg12: int, arg13: str, /) -> bool: ...
+
+    def _state(self) -> bytes: ...
+
+    def _restore(self, arg: bytes, /) -> None: ...
+
+    def settle(self) -> None:
+        """
+        Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all laws, 1 ms: what is spread over the next samples otherwise.
+        """
+
+    def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, int, float, float, bool, float]: ...
 
 class PreparedSample(tuple[float, float, float, float]):
     """A sample of a while ago: ``estimator.update(*sample)`` takes it."""

@@ -24,14 +24,19 @@ from palpate.estimators import (
     RecursiveLeastSquaresEstimator,
     SingleStageRLS,
     VariableProjection,
+    ViscoelasticContact,
 )
 from palpate.fleet.many import identify_many
 from palpate.force_laws import (
     FORCE_LAWS,
     ExtendedKelvinVoigt,
+    FlatSpectrum,
     ForceLaw,
+    GeneralisedHuntCrossley,
     HuntCrossley,
     KelvinVoigt,
+    PowerLawRelaxation,
+    SingleRelaxation,
 )
 from palpate.identification import Identification
 from palpate.identifying import compare, diagnose, identify
@@ -79,8 +84,10 @@ __all__ = [
     "FadingForgetting",
     "Finding",
     "FlatPunch",
+    "FlatSpectrum",
     "FleetError",
     "ForceLaw",
+    "GeneralisedHuntCrossley",
     "HuntCrossley",
     "Identification",
     "InvalidParameterError",
@@ -93,6 +100,7 @@ __all__ = [
     "OutlierRejection",
     "PalpateError",
     "Passivity",
+    "PowerLawRelaxation",
     "PreparedSample",
     "PythonEstimator",
     "Recording",
@@ -102,6 +110,7 @@ __all__ = [
     "SavedResult",
     "Scale",
     "SelfPerturbation",
+    "SingleRelaxation",
     "SingleStageRLS",
     "Sphere",
     "Status",
@@ -109,6 +118,7 @@ __all__ = [
     "Trace",
     "VariableProjection",
     "Verdict",
+    "ViscoelasticContact",
     "Wanted",
     "WorkingDepth",
     "choose_gate",

@@ -1,7 +1,6 @@
 """What an estimator knows now."""
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,8 @@ ADVICE = {
     2: "damping not identifiable: pass the same depths at different speeds, both ways",
     4: "exponent at the edge of its range: widen exponent_range, or check the surface",
     8: "surface at the edge of its range: widen surface_range, or record the approach",
+    128: "the samples begin in contact: what the material remembered nobody saw, and a law without "
+    "memory is all that they say yet",
     64: "offset beyond what the tare left: tare again out of contact, or check the surface",
     16: "not tracking yet: the start still waits for a motion that makes the exponent identifiable",
     32: "the material drifts faster than the walk allows, or the noise is correlated: the error "
@@ -126,7 +127,7 @@ class Estimate:
     @property
     def law(self) -> Any:  # of the estimator's law_type
         """The contact model, SI."""
-        return self._law_type(*self._value.parameters.tolist())
+        return self._law_type.from_parameters(self._value.parameters)
 
     @property
     def parameters(self) -> Floats:
@@ -145,25 +146,57 @@ class Estimate:
 
     def stiffness_at(self, depth: float) -> tuple[float, float]:
         """∂F/∂x at a depth [m] and at rest, and its standard error, N/m."""
-        return self._with_error(lambda law: law.stiffness_at(depth))
+        return self.with_error(lambda law: law.stiffness_at(depth))
 
     def damping_at(self, depth: float) -> tuple[float, float]:
         """∂F/∂v at a depth [m], and its standard error, N·s/m."""
-        return self._with_error(lambda law: law.damping_at(depth))
+        return self.with_error(lambda law: law.damping_at(depth))
 
-    def _with_error(self, number: Callable[[ForceLaw], float]) -> tuple[float, float]:
-        """A number by the law, and its error by the delta method: √(gᵀ C g)."""
-        law, errors = self.law, self.standard_errors
-        # By differences over a hundredth of an error, in which a law is as good as linear.
-        steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
-        gradient = np.empty(len(steps))
+    def with_error(self, number: Callable[[Any], float]) -> tuple[float, float]:
+        """Any number by the law, and its standard error by the delta method: √(gᵀ C g).
+
+        Parameters
+        ----------
+        number : callable
+            Of the law, to a float.
+        """
+        values, errors = self.with_errors(lambda law: (number(law),))
+        return float(values[0]), float(errors[0])
+
+    def with_errors(self, numbers: Callable[[Any], Sequence[float]]) -> tuple[Floats, Floats]:
+        """Several numbers by the law, and their standard errors, as :meth:`with_error` has them.
+
+        Parameters
+        ----------
+        numbers : callable
+            Of the law, to m floats.
+
+        Returns
+        -------
+        tuple of numpy.ndarray, shape (m,)
+            The numbers, and their standard errors.
+        """
+        law, parameters = self.law, self.parameters
+        of = law.from_parameters
+        values = np.array(numbers(law), dtype=np.float64)
+        # By differences over a hundredth of an error, in which a law is as good as linear; what has
+        # none does not count. Where an error is tens of times the number, this keeps its sign.
+        errors, sizes = self.standard_errors, np.abs(parameters)
+        steps = np.where(np.isfinite(errors), 0.01 * errors, 1.0)
+        steps = np.where(sizes > 0.0, np.minimum(steps, 0.5 * sizes), steps)
+        # Nor is an exponent moved by more than a half, where it may have left its range.
+        plain = [not unit for unit in law.units]
+        steps = np.where(plain, np.minimum(steps, 0.5), steps)
+        gradient = np.zeros((len(values), len(steps)))
         with np.errstate(all="ignore"):  # of a start that knows nothing the error may be infinite
-            for k, step in enumerate(steps.tolist()):
-                up, down = law.parameters, law.parameters
-                up[k], down[k] = up[k] + step, down[k] - step
-                gradient[k] = (number(type(law)(*up)) - number(type(law)(*down))) / (2.0 * step)
-            variance = float(gradient @ self.covariance @ gradient)
-        return number(law), math.sqrt(variance) if variance >= 0.0 else math.nan
+            for k in np.flatnonzero(steps).tolist():
+                up, down = parameters.copy(), parameters.copy()
+                up[k], down[k] = up[k] + steps[k], down[k] - steps[k]
+                change = np.subtract(numbers(of(up)), numbers(of(down)))
+                gradient[:, k] = change / (2.0 * steps[k])
+            covariance = self.covariance
+            variances = np.array([each @ covariance @ each for each in gradient])
+            return values, np.sqrt(np.where(variances >= 0.0, variances, np.nan))
 
     @property
     def joint_covariance(self) -> Floats:

@@ -6,8 +6,8 @@ from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis.left_out import count_of_outliers
 from palpate.estimate import ADVICE
-from palpate.estimators import ContactEstimator
-from palpate.force_laws import HuntCrossley
+from palpate.estimators import ContactEstimator, ViscoelasticContact
+from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley
 from palpate.metrics import has_prediction_error, violated_fraction
 from palpate.refusals import not_finite
 from palpate.trace import Trace
@@ -68,6 +68,10 @@ def words_of(
 NEGATIVE_STIFFNESS = (
     "negative stiffness: by this law the force falls as the probe goes deeper; check the signs"
 )
+NEGATIVE_RELAXED = (
+    "negative relaxed stiffness: where the material ends up once all has relaxed, these samples do "
+    "not say; K′ and B′ at their own frequency they do: press, and hold for longer"
+)
 NEGATIVE_DAMPING = "negative damping: this law gives energy back, which no passive material does"
 
 
@@ -87,6 +91,10 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
         guarded=estimate.guarded,
         left_out=int(np.count_nonzero(trace.rejected)),
     )
+    if isinstance(law, GeneralisedHuntCrossley) and law.stiffness < 0.0:
+        flags.append(NEGATIVE_RELAXED if law.remembers else NEGATIVE_STIFFNESS)
+    if isinstance(estimator, ViscoelasticContact):
+        flags += _memory_flags(estimator)
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
         count = int(np.count_nonzero(trace.status == refusal))
         if count:
@@ -95,3 +103,15 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
                 words += f": {not_finite(contact)}"
             flags.append(f"{count} samples refused: {words}")
     return flags
+
+
+def _memory_flags(estimator: ViscoelasticContact) -> list[str]:
+    """Say of what a law with memory has a stiffness, and what is open of the verdict."""
+    verdict = estimator.verdict()
+    if not estimator.estimate().law.remembers:
+        return list(verdict.flags)
+    words = (
+        f"the material remembers ({verdict.candidate}): force, stiffness and damping at a depth "
+        "are those once it has relaxed; K′ and B′ are what a small oscillation feels"
+    )
+    return [words, *verdict.flags]

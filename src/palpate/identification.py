@@ -27,8 +27,9 @@ from palpate.diagnosis.fit import DEEP
 from palpate.error_bars import joint_covariance
 from palpate.errors import RecordingError
 from palpate.estimate import Estimate
-from palpate.estimators import ContactEstimator
+from palpate.estimators import ContactEstimator, LawVerdict, ViscoelasticContact
 from palpate.flags import flags_of
+from palpate.force_laws import force_over_breaks
 from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.places import at_places
 from palpate.preparation.prepared import Place
@@ -42,16 +43,24 @@ from palpate.quantities.derived import (
 )
 from palpate.quantities.elastic_modulus import ElasticModulus
 from palpate.quantities.energy import EnergyLoss
+from palpate.quantities.oscillation import (
+    SmallOscillation,
+    oscillation_of,
+    relaxation_time_of,
+    static_of,
+)
 from palpate.quantities.passivity import Passivity
 from palpate.quantities.restitution import Restitution
 from palpate.quantities.wanted import Wanted
 from palpate.refusals import check_approach, why_nothing
+from palpate.relaxing import suggest_sample_time
 from palpate.replaying import choices, estimator_of, replayed
 from palpate.results.presentation import Presented
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.tips import Tip
 from palpate.trace import Trace, Traced, checked_trace
 from palpate.validation import Floats, number_in, positive
+from palpate.which_law import laws_beside
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -125,6 +134,9 @@ class Identification(Presented):
         contact, given, traced = data.contact, estimator_of(estimator), checked_trace(trace)
         chosen = choices(contact, given)
         fresh = given.replace(**chosen)
+        if isinstance(fresh, ViscoelasticContact) and "sample_time" in chosen:
+            chosen["sample_time"] = suggest_sample_time(contact, fresh)
+            fresh = given.replace(**chosen)
         known = ", ".join(f"{name}={value}" for name, value in chosen.items() if value is not None)
         _LOGGER.info("%s: chosen from the data: %s", fresh.method, known or "nothing")
         written = replayed(contact, fresh, traced)
@@ -152,8 +164,12 @@ class Identification(Presented):
     @cached_property
     def diagnosis(self) -> Diagnosis:
         """What may be wrong, and how far to trust it; worked out when it is first asked for."""
+        return self._diagnosed_at(self.depths)
+
+    def _diagnosed_at(self, depths: Sequence[float]) -> Diagnosis:
         data = self.data or Data(self.contact)
-        return diagnose_parts(data, self.trace, self.estimate, depths=self.depths)
+        laws = laws_beside(data, self.estimator, self.chosen)
+        return diagnose_parts(data, self.trace, self.estimate, depths=depths, laws=laws)
 
     @cached_property
     def depths(self) -> tuple[float, ...]:
@@ -218,10 +234,9 @@ class Identification(Presented):
             A depth is not a finite number > 0.
         """
         wanted = positive("depth", depth)
-        data = self.data or Data(self.contact)
         first = self.diagnosis.working_depth.depth
         depths = (first, *wanted.reshape(-1).tolist())
-        found = diagnose_parts(data, self.trace, self.estimate, depths=depths).working_depths[1:]
+        found = self._diagnosed_at(depths).working_depths[1:]
         return stacked(found, wanted.shape)
 
     def force_at(self, depth: "ArrayLike") -> Quantity:
@@ -235,6 +250,42 @@ class Identification(Presented):
     def damping_at(self, depth: "ArrayLike") -> Quantity:
         """∂F/∂v at depths [m], N·s/m, with both error bars; see :meth:`at`."""
         return self.at(depth).damping
+
+    def dynamic_stiffness(
+        self, frequency: float | None = None, depth: float | None = None
+    ) -> SmallOscillation:
+        """What a small oscillation about a depth feels, by a law of any kind: K′ + iωB′.
+
+        Of a law without memory the stiffness and the damping of :meth:`at`; of one with memory
+        those at the frequency, the repeatable error by the delta method.
+
+        Parameters
+        ----------
+        frequency : float, optional
+            ω, rad/s; the motion's own unless given.
+        depth : float, optional
+            Below the surface, m, > 0; the working depth unless given.
+
+        Raises
+        ------
+        InvalidParameterError
+            The frequency is outside the band of the motion, half to twice its own, rms speed over
+            rms way; or the depth is out of its range.
+        """
+        return oscillation_of(self, frequency, depth)
+
+    def relaxed_stiffness(self, depth: float | None = None) -> Quantity:
+        """∂F/∂x at a depth [m], or at the working depth, once everything has relaxed, N/m."""
+        return static_of(self, depth, relaxed=True)
+
+    def instantaneous_stiffness(self, depth: float | None = None) -> Quantity:
+        """∂F/∂x at a depth [m], or at the working depth, before anything has relaxed, N/m."""
+        return static_of(self, depth, relaxed=False)
+
+    @property
+    def relaxation_time(self) -> Quantity | None:
+        """The law's one relaxation time, s; None of a law that has none, or a spectrum of many."""
+        return relaxation_time_of(self)
 
     def at_depth(self, depth: float) -> "Identification":
         """Return the same with another working depth, m, for its diagnosis."""
@@ -358,6 +409,15 @@ class Identification(Presented):
         return self.estimate.fixed
 
     @property
+    def law_verdict(self) -> LawVerdict | None:
+        """Which law it is, and by what evidence.
+
+        By a method that chooses one, that choice. Beside another's Hunt–Crossley or Kelvin–Voigt
+        law, which of the everyday laws the same samples say it is; None beside other laws.
+        """
+        return self.diagnosis.law_verdict
+
+    @property
     def standard_errors(self) -> Floats:
         """Standard errors of the law's parameters, SI: square roots of the variances.
 
@@ -425,8 +485,9 @@ class Identification(Presented):
         """Force by the final law, and offset, at every sample of a contact, N."""
         estimate = self.estimate
         depth = contact.penetration - estimate.surface
-        force: Floats = estimate.law.force(depth, contact.velocity) + estimate.offset
-        return force
+        starts = [part.start for part in contact.segments()]
+        force = force_over_breaks(estimate.law, depth, contact.velocity, contact.time_steps, starts)
+        return force + estimate.offset
 
     @property
     def violated_fraction(self) -> float:

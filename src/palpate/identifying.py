@@ -4,8 +4,10 @@ from collections.abc import Callable, Iterable, Sequence
 
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis
+from palpate.errors import InvalidParameterError
 from palpate.estimators import ESTIMATORS, ContactEstimator
-from palpate.estimators.loop_settings import Rejection
+from palpate.estimators.by_law import estimator_by_law
+from palpate.estimators.loop_settings import Rejection, known_exponent
 from palpate.identification import Identification
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate
@@ -17,6 +19,7 @@ def identify(
     source: "Contact | Recorded",
     estimator: ContactEstimator | str | None = None,
     *,
+    law: str | None = None,
     trace: Traced = "full",
 ) -> Identification:
     """Identify the contact model of a whole contact.
@@ -34,6 +37,13 @@ def identify(
         variable projection chooses its samples itself, and knows what a tare left of the offset by
         the contact's ``tare_deviation``. Outliers are left out by :class:`OutlierRejection` unless
         ``outlier_rejection`` is False.
+    law : str, optional
+        In place of an estimator, or beside the name of one that identifies it. ``"auto"``: the
+        everyday law by which these samples are best explained; ``"any"``: of all that there are;
+        or one by name: ``"hunt-crossley"``, which is the default, ``"kelvin-voigt"``,
+        ``"half-space"``, or by its memory ``"flat"``, ``"single"``, ``"power-law"``, or by both,
+        ``"half-space+single"``. :class:`ViscoelasticContact` says what they are, and
+        :attr:`Identification.law_verdict` by what evidence one was chosen.
     trace : "full", False or float
         What :attr:`Identification.trace` holds of the estimates along the way: one after every
         sample, none, or one every so many seconds, in [1e-9, 1e9]. An estimate of variable
@@ -48,9 +58,10 @@ def identify(
         search for the surface has no free approach: fewer than 20 samples lie above the surface
         that it found.
     InvalidParameterError
-        The source is none of these, there is no such estimator, or ``trace`` is none of these.
+        The source is none of these, there is no such estimator or law, they do not go together, or
+        ``trace`` is none of these.
     """
-    traced = checked_trace(trace)  # before a recording is read
+    traced, estimator = checked_trace(trace), _asked_for(estimator, law)  # before reading anything
     contact = source if isinstance(source, Contact) else prepare(source)
     return Identification.of(Data(contact), estimator, trace=traced)
 
@@ -59,6 +70,7 @@ def diagnose(
     source: "Contact | Recorded",
     estimator: ContactEstimator | str | None = None,
     *,
+    law: str | None = None,
     depth: float | None = None,
 ) -> Diagnosis:
     """Say what may be wrong with the identification of a contact, and how far to trust it.
@@ -68,11 +80,12 @@ def diagnose(
     source : Contact, Recording, path or frame
         As for :func:`identify`.
     estimator : ContactEstimator or str, optional
+    law : str, optional
         As for :func:`identify`.
     depth : float, optional
         The working depth, m; the median penetration of the samples taken unless given.
     """
-    result = identify(source, estimator, trace=False)
+    result = identify(source, estimator, law=law, trace=False)
     return (result if depth is None else result.at_depth(depth)).diagnosis
 
 
@@ -98,7 +111,7 @@ def compare(
         How outliers are left out; False takes them all.
     exponent : float, optional
         Where the shape of the tip tells it, such as 1.5 for a sphere: kept by every method whose
-        law has one.
+        law has one. A method that cannot keep one so small or large is left out.
     trace : "full", False or float
         As for :func:`identify`.
     watch : callable
@@ -107,20 +120,43 @@ def compare(
     Returns
     -------
     dict
-        An :class:`Identification` for each name in ``ESTIMATORS``.
+        An :class:`Identification` for each name in ``ESTIMATORS`` but those left out.
     """
     traced = checked_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)
     chosen = choose_gate(contact) if gate is None else gate
     data = Data(contact)  # checked once for all methods
     results = {}
-    for name in watch(list(ESTIMATORS)):
+    kept = known_exponent(exponent)
+    able = [name for name, kind in ESTIMATORS.items() if _keeps(kind, kept)]
+    for name in watch(able):
         kind = ESTIMATORS[name]
         estimator = kind()
-        shared: dict[str, object] = {"outlier_rejection": outlier_rejection, "exponent": exponent}
+        shared: dict[str, object] = {"outlier_rejection": outlier_rejection, "exponent": kept}
         if gate is not None or not kind.chooses_samples:
             shared["gate"] = chosen
         own = {setting: value for setting, value in shared.items() if setting in estimator.settings}
         estimator = estimator.replace(**own)
         results[name] = Identification.of(data, estimator, trace=traced)
     return results
+
+
+def _asked_for(
+    estimator: ContactEstimator | str | None, law: str | None
+) -> ContactEstimator | str | None:
+    """An estimator by the law that it is to find, where one is asked for."""
+    if law is None:
+        return estimator
+    if isinstance(estimator, ContactEstimator):
+        raise InvalidParameterError(
+            f"law must not be given beside an estimator with its settings, such as "
+            f"{type(estimator).__name__}(), which says which law it is"
+        )
+    kind, settings = estimator_by_law(law, estimator)
+    return kind(**settings)
+
+
+def _keeps(kind: type[ContactEstimator], exponent: float | None) -> bool:
+    """Whether a method can keep an exponent."""
+    low, high = kind.exponents
+    return exponent is None or low <= exponent <= high

@@ -88,7 +88,7 @@ class LaneEstimates:
 
     def law(self, contact: int) -> ForceLaw:
         """The contact model of one contact."""
-        return self.law_type(*self.parameters[contact].tolist())
+        return self.law_type.from_parameters(self.parameters[contact])
 
 
 def instruction_sets() -> tuple[str, ...]:

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.diagnosis import MARKS, Quantity
+from palpate.diagnosis.law import BETTER
 from palpate.digits import rounded, with_error
+from palpate.estimators import ViscoelasticContact
 from palpate.metrics import rmse_percent
 
 if TYPE_CHECKING:
@@ -26,7 +28,8 @@ class Ranking:
     Attributes
     ----------
     order : tuple of str
-        The methods, the best first: by verdict, then by what their law leaves unexplained.
+        The methods, the best first: by verdict, without those of a law that another is clearly
+        better than, then by what their law leaves unexplained.
     recommended : str or None
         The method to take; None where none is to be trusted.
     failing : tuple of str
@@ -50,7 +53,11 @@ def rank(results: "Mapping[str, Identification]") -> Ranking:
         An identification by the name of its method.
     """
     common = np.logical_and.reduce([result.trace.taken for result in results.values()])
-    order = tuple(sorted(results, key=lambda name: _badness(results[name], common)))
+    left = {name: _left(result, common) for name, result in results.items()}
+    outdone = _outdone(results, left)
+    order = tuple(
+        sorted(results, key=lambda name: _badness(results[name], left[name], name in outdone))
+    )
     failing = tuple(name for name in order if fails(results[name]))
     pairs = itertools.combinations(order, 2)
     words = (_exclusion(results[a], results[b]) for a, b in pairs)
@@ -64,16 +71,33 @@ def fails(result: "Identification") -> bool:
     return any(f.check == "method" and f.severity != "note" for f in result.diagnosis.findings)
 
 
-def _badness(result: "Identification", common: NDArray[np.bool_]) -> tuple[int, int, int, float]:
-    verdict = result.diagnosis.verdict
-    marks = [MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)]
-    # On the samples that every method took: variable projection takes light ones too.
+def _left(result: "Identification", common: NDArray[np.bool_]) -> float:
+    """RMSE% on the samples that every method took: variable projection takes light ones too."""
     fit = rmse_percent(result.contact.force[common], result.fitted_force[common])
+    return fit if math.isfinite(fit) else math.inf
+
+
+def _outdone(results: "Mapping[str, Identification]", left: Mapping[str, float]) -> set[str]:
+    """Methods that leave clearly more than the one that chooses a law, where one was named."""
+    chosen = left.get(ViscoelasticContact.method)
+    named = any(f.check == "law" for each in results.values() for f in each.diagnosis.findings)
+    if chosen is None or not named:
+        return set()
+    return {name for name, fit in left.items() if chosen <= BETTER * fit}
+
+
+def _badness(result: "Identification", left: float, outdone: bool) -> tuple[float, ...]:
+    verdict = result.diagnosis.verdict
+    overall, *others = (
+        MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)
+    )
     # To a tenth: methods of one law that fit alike stay in the order of the registry.
-    return marks[0], marks[1], marks[2], round(fit, 1) if math.isfinite(fit) else math.inf
+    return overall, outdone, *others, round(left, 1)
 
 
 def _exclusion(one: "Identification", other: "Identification") -> str | None:
+    if one.law.remembers or other.law.remembers:
+        return None  # the stiffness of a relaxed material is no other's
     first, second = one.diagnosis.working_depth, other.diagnosis.working_depth
     words = []
     for name, a, b in (

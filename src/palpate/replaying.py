@@ -33,10 +33,13 @@ def choices(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
     ways: dict[str, Callable[[Contact], object]] = {
         "scale": suggest_scale,
         "outlier_rejection": lambda _: OutlierRejection(),
+        "sample_time": lambda contact: contact.sample_time,
     }
     if not given.chooses_samples:
         ways["gate"] = choose_gate
-    elif settings.get("surface") is None:  # a search for the surface has the free approach
+    if (
+        given.knows_offset and settings.get("surface") is None
+    ):  # a search for the surface has the free approach
         ways["offset_deviation"] = lambda contact: contact.tare_deviation
         ways["surface_deviation"] = _surface_deviation
     return {
@@ -93,6 +96,9 @@ def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced = "ful
         else:
             traces.append(estimator.replay(*channels, steps[part], at=at))
         clocks.append(time if at is None else time[at])
+    settle = getattr(estimator, "settle", None)
+    if settle is not None:  # its answer would be of most of the samples only
+        settle()
     if len(traces) == 1:
         return replace(traces[0], time=clocks[0])
     whole = Trace.joined(traces, len(estimator.law_type.symbols))

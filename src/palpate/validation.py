@@ -52,6 +52,16 @@ def number_in(name: str, value: Any, low: float, high: float, *, open_low: bool 
     return result
 
 
+def above_zero(name: str, value: Any) -> float:
+    """``value`` as a float in (0, 1e30]."""
+    return number_in(name, value, 0.0, 1e30, open_low=True)
+
+
+def not_below_zero(name: str, value: Any) -> float:
+    """``value`` as a float in [0, 1e30]."""
+    return number_in(name, value, 0.0, 1e30)
+
+
 def whole_in(name: str, value: Any, low: int, high: int) -> int:
     """``value`` as a whole number in [low, high]."""
     result = number_in(name, value, low, high)

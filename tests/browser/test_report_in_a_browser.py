@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from faults import changed
+from faults import changed, remembering
 
 import palpate
 
@@ -38,25 +38,36 @@ CONTRAST = """() => {
 
 @pytest.fixture(scope="module")
 def reports(tmp_path_factory):
-    """A report of a recording, and one of a material that changes."""
+    """A report of a recording, of a material that changes, and of one that remembers."""
     folder = tmp_path_factory.mktemp("reports")
     palpate.identify(EXAMPLES / "ball.csv").save(folder / "ball")
     faulty = replace(changed(0.3), source="a name as long as loggers give them " * 4)
     palpate.identify(faulty).by_stretch().save(folder / "changed")
+    palpate.identify(remembering(0.5, 0.2), law="auto").save(folder / "remembering")
     return folder
 
 
-@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-@pytest.mark.parametrize("width", LOOKS.values(), ids=LOOKS)
-@pytest.mark.parametrize("name", ["ball", "changed"])
-def test_a_report_is_readable(reports, opened, name, width, dark):
+# Of reports, two widths and two themes every pair of two is there.
+@pytest.mark.parametrize(
+    "name, drawings, look, dark",
+    [
+        ("ball", 2, "desk", False),
+        ("ball", 2, "phone", True),
+        ("changed", 2, "desk", True),
+        ("changed", 2, "phone", False),
+        ("remembering", 3, "desk", True),
+        ("remembering", 3, "phone", False),
+    ],
+)
+def test_a_report_is_readable(reports, opened, name, drawings, look, dark):
+    width = LOOKS[look]
     with opened(reports / name / "report.html", width=width, dark=dark) as page:
         assert page.fetched == [page.url]
         assert page.complaints == []
         # Only tables scroll sideways, each by itself.
         assert page.evaluate("document.documentElement.scrollWidth") <= width
-        assert page.evaluate(SHOWN, "narrow") == (2 if width < 640 else 0)
-        assert page.evaluate(SHOWN, "spread") == (0 if width < 640 else 2)
+        assert page.evaluate(SHOWN, "narrow") == (drawings if width < 640 else 0)
+        assert page.evaluate(SHOWN, "spread") == (0 if width < 640 else drawings)
         assert page.evaluate(SMALLEST_LETTERS) >= 8.0
         assert page.evaluate(CONTRAST) >= 4.5  # as WCAG 2 asks of text
         words = page.inner_text("body")

@@ -6,6 +6,7 @@
 #include "check.hpp"
 #include "estimators.hpp"
 #include "palpate/online_preparation.hpp"
+#include "palpate/viscoelastic_estimators.hpp"
 
 namespace {
 
@@ -60,6 +61,21 @@ TEST("construction, update, predict, estimate and reset never allocate") {
     CHECK(after == before);
     CHECK(std::isfinite(used));
   });
+}
+
+TEST("laws that may remember are told apart without an allocation") {
+  const GeneralisedHuntCrossley law{2000.0, 1.0, 2000.0, 1.0, 0.0, 0.0, 0.0, 0.0};
+  const long before = allocations;
+  FullViscoelasticContact estimator({.method = {.offered = 0x7ff}});
+  probe(estimator, law, 2.0);
+  estimator.update(-1e-3, 0.0, 0.0);
+  estimator.leave_contact();
+  estimator.settle();
+  double used = estimator.predict(0.01, 0.02);
+  used += estimator.estimate().covariance[0][0];
+  const long after = allocations;
+  CHECK(after == before);
+  CHECK(std::isfinite(used));
 }
 
 TEST("replay never allocates") {

@@ -78,6 +78,7 @@ def test_the_loop_over_a_recording_is_the_replay_to_the_last_bit(method):
     same(rows, *replay, predicted=method != "drift-tracking")
     assert loop.counts.taken == len(TIMES) == len(rows)
     assert loop.status()["counts"]["jumps"] == 0
+    assert "N/m" in at_depth(loop.status(), rows[-1], 8e-3)  # in the terminal's line
 
 
 def changed(k, **values):
@@ -335,7 +336,7 @@ def test_a_source_that_counts_too_is_added_up():
 
 
 class Wide(palpate.HuntCrossley):
-    symbols = ("a", "b", "c", "d", "e")
+    symbols = tuple("abcdefghi")
 
 
 class WideEstimator(palpate.VariableProjection):
@@ -343,7 +344,7 @@ class WideEstimator(palpate.VariableProjection):
 
 
 def test_a_law_for_which_there_is_no_room_is_a_clear_line():
-    with pytest.raises(palpate.InvalidParameterError, match="more than 4 parameters"):
+    with pytest.raises(palpate.InvalidParameterError, match="more than 8 parameters"):
         looped([], OnlinePreparation(), WideEstimator())
 
 

@@ -8,7 +8,7 @@ from cases import KINDS, exciting
 from hypothesis import given
 from hypothesis import strategies as st
 
-from palpate import Status
+from palpate import FlatSpectrum, GeneralisedHuntCrossley, Status
 from palpate.estimators import ESTIMATORS
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.lab import MATERIALS
@@ -43,6 +43,19 @@ def frame(history, first, until, **options):
     return number, times, dict(zip(CHANNELS, values.reshape(len(CHANNELS), count), strict=True))
 
 
+def test_what_the_law_in_force_has_not_is_no_curve():
+    rows = rows_of([0.0, 1.0])
+    law = GeneralisedHuntCrossley(1e3, 1.5, 2e3, 1.5, 5e2, FlatSpectrum(2e-3, 2.0))
+    rows[:, AT["parameter_0"] : AT["parameter_0"] + MOST_PARAMETERS] = law.parameters
+    square = np.diag([1.0, 0.01, 4.0, 0.01, 1.0, 0.0, 0.0, 0.0])
+    rows[:, AT["covariance_0"] : AT["covariance_0"] + MOST_PARAMETERS**2] = square.ravel()
+    found = channels_of(rows, GeneralisedHuntCrossley, 1e-3)
+    numbers = found[CHANNELS.index("parameter_0") :][:MOST_PARAMETERS, 0]
+    assert np.isfinite(numbers).tolist() == [True] * 5 + [False] * 3
+    # Of a law whose numbers are always its own one that is given has an error of 0, and a curve.
+    assert np.isfinite(channels_of(rows, HuntCrossley, 1e-3)[CHANNELS.index("parameter_5")]).all()
+
+
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 def test_stiffness_and_damping_at_a_depth_are_those_of_the_estimate(kind):
     estimator = kind()
@@ -64,6 +77,7 @@ def test_stiffness_and_damping_at_a_depth_are_those_of_the_estimate(kind):
 def test_many_laws_at_once_are_each_of_them(method):
     law = ESTIMATORS[method].law_type
     parameters = np.random.default_rng(5).uniform(0.5, 2.0, (20, len(law.symbols)))
+    parameters[:, -1] += 2.0  # the longest relaxation time, of a law that has some
     quick, slow = law.many_at(parameters, 0.01), ForceLaw.many_at.__func__(law, parameters, 0.01)
     np.testing.assert_allclose(quick, slow, rtol=1e-9)  # by differences over 2 mm/s
 

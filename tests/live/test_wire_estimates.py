@@ -103,13 +103,13 @@ class BinaryListener(ZeroMQListener):
     form = "binary"
 
     def take(self, data: bytes) -> None:
-        number, *values = struct.unpack("<Q18d", data)
+        number, *values = struct.unpack("<Q26d", data)
         assert number == len(self.estimates) + 1
         self.names = NAMES
-        # Room for four parameters and their errors; the law has three.
-        assert math.isnan(values[13])
-        assert math.isnan(values[17])
-        self.estimates.append([*values[:13], *values[14:17]])
+        # Room for eight parameters and their errors; the law has three.
+        assert np.isnan(values[13:18]).all()
+        assert np.isnan(values[21:26]).all()
+        self.estimates.append([*values[:13], *values[18:21]])
 
 
 class RosListener(Listener):
@@ -316,7 +316,7 @@ def test_zeromq_has_a_form_for_languages_without_json() -> None:
         published(listener)
     finally:
         listener.close()
-    assert BINARY.size == 152
+    assert BINARY.size == 216
 
 
 def test_of_a_source_that_is_silent_the_wire_says_that_it_is_lost() -> None:

@@ -47,7 +47,7 @@ inline HaarLevels<4> haar_levels(const std::array<double*, 4>& columns,
     };
     if (count % 2 == 1) {
       const std::size_t last = count - 1;
-      level.waiting = true;
+      levels.wait(k);
       level.half = {a[last], b[last], c[last], length};
       level.half_residual = r[last];
     }

@@ -10,140 +10,21 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 
 #include "palpate/curves/curve_bars.hpp"
 #include "palpate/curves/curve_cost.hpp"
 #include "palpate/curves/curve_kernels.hpp"
 #include "palpate/curves/curve_minimum.hpp"
 #include "palpate/curves/curve_polish.hpp"
+#include "palpate/curves/curve_result.hpp"
+#include "palpate/curves/curve_search.hpp"
 #include "palpate/curves/curve_selection.hpp"
-#include "palpate/curves/curve_starts.hpp"
 #include "palpate/projection/priors.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate {
 
-// In SI, for all curves alike; a unit of the scale that is 0 is chosen from the curve.
-struct CurveSettings {
-  double noise = 0.0;  // standard deviation of the force; 0: from the residual
-  double lowest_exponent = ProjectionSettings{}.lowest_exponent;
-  double highest_exponent = ProjectionSettings{}.highest_exponent;
-  bool exponent_fixed = false;  // at lowest_exponent, which is highest_exponent then
-  bool offset = true;
-  double offset_deviation = 0.0;   // as ProjectionSettings has it
-  double surface_deviation = 0.0;  // the same
-  bool find_surface = false;
-  double lowest_surface = 0.0;  // both 0: a fifth of the unit of penetration each way
-  double highest_surface = 0.0;
-  Scale scale{0.0, 0.0, 0.0};
-};
-
-enum class CurveStatus : std::uint8_t { fitted, no_contact, unsettled };
-
-// What a sample was to a fit.
-enum class CurveRole : std::uint8_t { absent, free, firm, light, left_out };
-
-struct CurveFit {
-  Vector<5> parameters{};  // K, B, n, F₀, d, SI
-  Matrix<5> covariance{};
-  double noise = 0.0;  // standard deviation of the force, N
-  double cost = 0.0;   // J, N²
-  std::uint64_t taken = 0;
-  std::uint8_t flags = 0;
-  CurveStatus status = CurveStatus::no_contact;
-  // By which the cost may be written down: its units, the prior of F₀, N (a deviation of 0: none),
-  // and σ² of the priors, N².
-  Scale scale{1.0, 1.0, 1.0};
-  double offset_mean = 0.0;
-  double offset_deviation = 0.0;
-  double prior_variance = 0.0;
-};
-
-// Doubles of memory that a fit of so many samples works in.
-constexpr std::size_t curve_memory(std::size_t samples) noexcept {
-  return detail::CurveMemory::size(samples);
-}
-
 namespace detail {
-
-inline void take_logarithms(const CurveModel& model, const CurveSamples& samples) noexcept {
-  model.kernels->logarithms(samples.x, samples.log, CurveSamples::padded(samples.count));
-}
-
-// Exponents of different valleys.
-inline constexpr double valleys_apart = 0.3;
-
-// The lowest of the minima that the coarse search leads to, and the lowest in a valley of another
-// exponent.
-struct CurveMinima {
-  CurveMinimum best;
-  CurveMinimum rival;  // of infinite cost where there is none
-};
-
-inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data) noexcept {
-  constexpr double coarse_tolerance = 1e-4, tolerance = 1e-8;
-  constexpr int coarse_passes = 12, most_passes = 40;
-  const bool known = !model.finds_surface();
-  const CurveMeans means(data, known ? CurveMeans::most : CurveMeans::most / 2);
-  if (known) take_logarithms(model, means.samples());
-  const CurveCost coarse(model, means.data()), cost(model, data);
-  const CurveStarts starts =
-      known ? known_surface_starts(means, coarse) : unknown_surface_starts(means, coarse);
-  std::array<CurveMinimum, CurveStarts::most + 2> found;
-  std::size_t count = 0, deepest = 0;
-  const CurveDescent quick(coarse);
-  const auto look = [&](const CurvePoint& start) noexcept {
-    found[count] = quick.from(quick.bounded(start), coarse_passes, coarse_tolerance);
-    if (found[count].cost < found[deepest].cost) deepest = count;
-    ++count;
-  };
-  for (std::size_t i = 0; i < starts.count; ++i) look(starts.starts[i]);
-  if (!known && !model.exponent_fixed) {
-    // At v = a − b x, as of a probe that slows down while it goes in, xⁿ⁺¹ does in place of xⁿ: the
-    // grid does not see the valleys of both.
-    const CurvePoint least = found[deepest].at;
-    for (const double away : {-1.0, 1.0}) {
-      CurvePoint other = least;
-      other[2] += away;
-      look(quick.with_linear_part(coarse.at(quick.bounded(other))));
-    }
-  }
-  const double lowest = found[deepest].cost, variance = found[deepest].state.variance;
-  // Means bend the cost: what is within so many σ² of the lowest may be the lowest of all.
-  const double margin = (known ? 60.0 : 20.0) * variance / means.data().per_point;
-  const CurveDescent descent(cost);
-  CurveMinimum best{}, rival{};
-  best.cost = rival.cost = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < count; ++i) {
-    if (!(found[i].cost <= lowest + margin)) continue;
-    bool again = false;  // another start has come here too
-    for (std::size_t j = 0; j < i; ++j) {
-      again = again || (std::abs(found[i].at[2] - found[j].at[2]) < 1e-4 &&
-                        std::abs(found[i].at[4] - found[j].at[4]) < 1e-5 &&
-                        found[j].cost <= lowest + margin);
-    }
-    if (again) continue;
-    const CurveMinimum here = descent.from(found[i].at, most_passes, tolerance);
-    const bool lower = here.cost < best.cost;
-    const CurveMinimum other = lower ? best : here;
-    if (std::abs((lower ? here : best).at[2] - other.at[2]) > valleys_apart &&
-        other.cost < rival.cost) {
-      rival = other;
-    }
-    if (lower) {
-      best = here;
-    } else {
-      best.latest = false;
-    }
-  }
-  rival.latest = false;
-  return {best, rival};
-}
-
-inline CurveMinimum global_minimum(const CurveModel& model, const CurveData& data) noexcept {
-  return lowest_minima(model, data).best;
-}
 
 class CurveFitter {
  public:

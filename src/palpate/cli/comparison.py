@@ -7,12 +7,14 @@ from rich.text import Text
 
 from palpate.cli.laws import parameters
 from palpate.cli.layout import Column, print_table, say
+from palpate.cli.standings import print_standings
 from palpate.cli.truths import stated_truth
 from palpate.cli.verdicts import COLOURS, percent, print_verdict, share
 from palpate.cli.working_depths import at_rest, whole_error
 from palpate.digits import rounded, with_error
 from palpate.identification import Identification
 from palpate.ranking import rank
+from palpate.results.summary import felt, felt_at
 
 QUALITY = (
     "predicted, fit: RMSE% of force, a priori after 0.2 s and of the final law; "
@@ -32,6 +34,8 @@ def print_comparison(results: Sequence[Identification], console: Console) -> Non
             print_verdict(result, console, name=result.method)
     for words in ranking.exclusions:
         say(console, words, "yellow")
+    console.print()
+    print_standings(results, console)
     console.print()
     _print_laws(ordered, console)
 
@@ -53,8 +57,7 @@ def _print_numbers(results: Sequence[Identification], console: Console) -> None:
                 result.method,
                 Text(verdict, style=COLOURS[verdict]),
                 rounded(1e3 * there.depth, 4),
-                with_error(there.stiffness.value, whole_error(there.stiffness)),
-                with_error(there.damping.value, whole_error(there.damping)),
+                *(with_error(each.value, whole_error(each)) for each in felt(result)),
             ]
         )
     if truth := stated_truth(results[0]):
@@ -64,6 +67,8 @@ def _print_numbers(results: Sequence[Identification], console: Console) -> None:
         rows.append(["truth", "", *(rounded(each, 4) for each in numbers)])
     print_table(console, columns, rows)
     say(console, "± all of the error: what repeats, and what the findings would move", "dim")
+    if words := felt_at(results):
+        say(console, words, "dim")
 
 
 def _print_laws(results: Sequence[Identification], console: Console) -> None:

@@ -73,14 +73,14 @@ def _hints() -> Hints:
 
 def _values() -> Iterable[tuple[str, str, Iterable[str]]]:
     from palpate.estimators import ESTIMATORS
+    from palpate.estimators.by_law import law_names
     from palpate.force_laws import FORCE_LAWS
     from palpate.lab import MATERIALS, TRAJECTORIES
     from palpate.paper import EXPERIMENTS
 
-    yield "identify", "method", ESTIMATORS
-    yield "fleet", "method", ESTIMATORS
-    yield "diagnose", "method", ESTIMATORS
-    yield "live", "method", ESTIMATORS
+    for command in ("identify", "fleet", "diagnose", "live"):
+        yield command, "law", law_names()
+        yield command, "method", ESTIMATORS
     yield "live", "source", [f"lab:{name}" for name in MATERIALS]
     yield "lab", "material", (*MATERIALS, *FORCE_LAWS)
     yield "lab", "trajectory", TRAJECTORIES

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from cyclopts import Parameter
 
 from palpate.cli.groups import DERIVED
-from palpate.cli.values import Shape, Speed
+from palpate.cli.values import Frequency, Shape, Speed
 
 if TYPE_CHECKING:
     from palpate.quantities.wanted import Wanted
@@ -29,10 +29,18 @@ class Deriving:
     poisson: float | None = None
     "Poisson's ratio of the material, for --tip; 0.5, incompressible as soft tissue, unless given."
 
+    frequency: Frequency | None = None
+    "Prints K', B' and tan delta of a small oscillation, such as 2Hz, within the motion's band."
+
     @property
     def options(self) -> dict[str, str | float]:
         """What was asked for, by option."""
-        given = {"impact-speed": self.impact_speed, "tip": self.tip, "poisson": self.poisson}
+        given = {
+            "impact-speed": self.impact_speed,
+            "tip": self.tip,
+            "poisson": self.poisson,
+            "frequency": self.frequency,
+        }
         return {name: value for name, value in given.items() if value is not None}
 
     @property
@@ -51,7 +59,18 @@ class Deriving:
             if self.tip is None:
                 raise InvalidParameterError(f"--poisson needs --tip, such as {_FORMS}")
             ratio = number_in("--poisson", self.poisson, -1.0, 0.5, open_low=True)
-        return Wanted(speed, None if self.tip is None else tip_of(self.tip), ratio)
+        tip = None if self.tip is None else tip_of(self.tip)
+        return Wanted(speed, tip, ratio, self._omega)
+
+    @property
+    def _omega(self) -> float | None:
+        from palpate.cli.quantities import FREQUENCIES, quantity
+        from palpate.validation import number_in
+
+        if self.frequency is None:
+            return None
+        given = quantity("--frequency", self.frequency, FREQUENCIES)
+        return number_in("--frequency", given, 0.0, 1e12, open_low=True)
 
 
 def tip_of(text: str) -> "Tip":

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from palpate.cli.choosing import Choosing
 from palpate.cli.groups import OUTPUT, RUN
 from palpate.cli.printing import AsJson, complain
 from palpate.cli.reading import Reading
@@ -37,7 +38,8 @@ def fleet(
     /,
     *,
     output: Output,
-    method: str = "variable-projection",
+    law: str | None = None,
+    method: str | None = None,
     diagnosis: Literal["none", "input", "full"] = "input",
     report: Annotated[bool, Parameter(negative="", group=OUTPUT)] = False,
     as_json: AsJson = False,
@@ -61,8 +63,11 @@ def fleet(
         Files, patterns, folders, force maps, Zarr arrays, or addresses such as s3://bucket/folder.
     output
         Folder for the results.
+    law
+        The law: auto, the everyday one that explains the samples best; any, the best of all; or
+        one, such as half-space, flat or half-space+single; Hunt-Crossley's unless given.
     method
-        The estimator, such as single-stage; ``palpate compare`` shows them all.
+        The estimator, such as single-stage; the usual one of the law unless given.
     diagnosis
         Check the data (input), everything, with a verdict for each (full), or nothing (none).
     report
@@ -73,7 +78,7 @@ def fleet(
     from palpate.cli.progress import rated
     from palpate.fleet.running import run_fleet
 
-    settings = _settings(method, diagnosis, reading or Reading())
+    settings = _settings(Choosing(law, method), diagnosis, reading or Reading())
     where = running or Running()
     if report:
         _require_figures()
@@ -100,7 +105,7 @@ def fleet(
 
 
 def _settings(
-    method: str, diagnosis: Literal["none", "input", "full"], reading: Reading
+    choosing: Choosing, diagnosis: Literal["none", "input", "full"], reading: Reading
 ) -> "Settings":
     """What was asked for, without what is so anyhow."""
     from palpate.errors import InvalidParameterError
@@ -112,7 +117,7 @@ def _settings(
             raise InvalidParameterError(f"--{name} is of one recording; leave it out for a fleet")
     usual = Reading().preparation
     own = {name: value for name, value in reading.preparation.items() if value != usual[name]}
-    estimator: dict[str, Any] = {}
+    estimator: dict[str, Any] = dict(choosing.settings)
     if not reading.reject_outliers:
         estimator["outlier_rejection"] = False
     if reading.surface == "estimate":
@@ -120,7 +125,7 @@ def _settings(
     if reading.exponent is not None:
         estimator["exponent"] = reading.exponent
     return Settings(
-        method=method,
+        method=choosing.kind.method,
         estimator=estimator,
         preparation=own,
         diagnosis=diagnosis,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from palpate.cli.choosing import Choosing
 from palpate.cli.deriving import Deriving
 from palpate.cli.drawing import Drawing
 from palpate.cli.judging import Judging
@@ -23,7 +24,8 @@ def identify(
     files: Files,
     /,
     *,
-    method: str = "variable-projection",
+    law: str | None = None,
+    method: str | None = None,
     changes: Annotated[bool, Parameter(negative="")] = False,
     output: ResultFolder = None,
     as_json: AsJson = False,
@@ -37,6 +39,7 @@ def identify(
     For example:
 
         palpate identify ball.csv --figure ball.pdf
+        palpate identify sponge.csv --law auto --frequency 2Hz
         palpate identify probing.mcap --position /pose --force /ft --tare find
         palpate identify touch.csv --unit penetration=mm --at 3mm --json
 
@@ -45,8 +48,11 @@ def identify(
     files
         A recording, or several contacts with one object; - is standard input. CSV, Parquet, HDF5,
         MATLAB, ROS bags, MCAP, force curves: palpate info FILE shows what is in it.
+    law
+        The law: auto, the everyday one that explains the samples best; any, the best of all; or
+        one, such as half-space, flat or half-space+single; Hunt-Crossley's unless given.
     method
-        The estimator, such as single-stage; ``palpate compare`` shows them all.
+        The estimator, such as single-stage; the usual one of the law unless given.
     changes
         Identify each stretch between changes of the material by itself.
     output
@@ -55,20 +61,23 @@ def identify(
         Print one JSON object instead of a table.
     """
     from palpate.cli.tables import print_identifications
-    from palpate.estimators import estimator_named
     from palpate.identifying import identify as run
 
     reading, judging = reading or Reading(), judging or Judging()
     deriving, drawing = deriving or Deriving(), drawing or Drawing()
-    wanted, depth, kind = deriving.wanted, judging.depth, estimator_named(method)
+    choosing = Choosing(law, method)
+    wanted, depth, kind = deriving.wanted, judging.depth, choosing.kind
     drawing.check(list(files))
     destination = _destination(output, files)
-    contact = reading.contact(files, method)
-    result = run(contact, kind(**reading.settings(contact, kind))).wanting(wanted)
+    contact = reading.contact(files, choosing.options)
+    settings = reading.settings(contact, kind) | choosing.settings
+    result = run(contact, kind(**settings)).wanting(wanted)
+    if result.wanted.frequency is not None:  # refused before anything is written
+        result.dynamic_stiffness(result.wanted.frequency)
     result = _in_parts(result if depth is None else result.at_depth(depth), changes=changes)
     drawing.save("draw", result, list(files))
     if destination is not None:
-        options = {"method": method, **({"changes": True} if changes else {})}
+        options = {**choosing.options, **({"changes": True} if changes else {})}
         options |= {**judging.options, **deriving.options, **reading.options}
         destination.save(result, options=options, compared=_compared(contact, reading))
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)

@@ -1,6 +1,7 @@
 """The command ``palpate lab``."""
 
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -51,12 +52,13 @@ def lab(
 
         palpate lab ball -o ball.csv
         palpate lab hunt-crossley --stiffness 2000 --damping 2000 --exponent 1.3 -o own.csv
+        palpate lab tissue --seconds 30 -o tissue.csv
 
     Parameters
     ----------
     material
-        ball, sponge, pvc, inclusion, relaxing-sponge, soft-and-hard (by lateral position) or
-        soft-then-hard (by time); or a force law, such as hunt-crossley, with parameters of one's
+        ball, sponge, pvc, inclusion, tissue, relaxing-sponge, soft-and-hard (by lateral position)
+        or soft-then-hard (by time); or a force law, such as hunt-crossley, with parameters of one's
         own.
     output
         CSV to write; the truth stands in the notes above its header.
@@ -70,7 +72,10 @@ def lab(
     picture
         Draw the rig as it presses the material to this file (.png, .svg or .pdf).
     law
-        Parameters of a law of one's own by their names, SI: --stiffness, --damping, --exponent …
+        Parameters of a law of one's own by their names, SI: --stiffness, --damping, --exponent and
+        so on. The memory of generalised-hunt-crossley has --relaxation-stiffness and --longest-time
+        for one relaxation time; --shortest-time too for a flat spectrum; --spectrum-exponent too
+        for a power law.
     """
     from palpate import lab as laboratory
     from palpate.recordings import write_contact
@@ -115,7 +120,7 @@ def _check_picture(picture: Path, instruments: Instruments) -> None:
 
 def _material(name: str, given: dict[str, float]) -> "Material":
     from palpate.errors import InvalidParameterError
-    from palpate.force_laws import FORCE_LAWS
+    from palpate.force_laws import FORCE_LAWS, law_from
     from palpate.lab import MATERIALS, Homogeneous
 
     given = {key.replace("-", "_"): value for key, value in given.items()}
@@ -130,11 +135,17 @@ def _material(name: str, given: dict[str, float]) -> "Material":
         raise InvalidParameterError(
             f"MATERIAL must be one of {', '.join([*MATERIALS, *FORCE_LAWS])}, not {name!r}"
         )
-    wanted = FORCE_LAWS[name].names()
-    if set(given) != set(wanted):
-        options = ", ".join(f"--{field.replace('_', '-')}" for field in wanted)
-        raise InvalidParameterError(f"{name} needs {options}, and no others")
-    return Homogeneous(FORCE_LAWS[name](**given), name)
+    law = FORCE_LAWS[name]
+    needed = [each for each in law.names() if each not in law.optional]
+    if not set(needed) <= set(given) <= set(law.names()):
+        words = f"{name} needs {_options(needed)}"
+        words += f", may have {_options(law.optional)}" if law.optional else ""
+        raise InvalidParameterError(f"{words}, and no others")
+    return Homogeneous(law_from({"kind": name, **given}), name)
+
+
+def _options(names: Iterable[str]) -> str:
+    return ", ".join(f"--{name.replace('_', '-')}" for name in names)
 
 
 def _trajectory(name: str) -> "Trajectory":

@@ -6,9 +6,11 @@ import math
 from rich.console import Console
 
 from palpate.cli.layout import Column, print_table, say
-from palpate.cli.truths import beside_truth, stated_truth
-from palpate.digits import parameter, with_error
+from palpate.cli.truths import beside_truth, comparable, felt_beside_truth, stated_truth
+from palpate.digits import with_error
+from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.identification import Identification
+from palpate.results.parameters import correlated, parameter_rows
 
 
 def print_law(result: Identification, console: Console) -> None:
@@ -28,31 +30,37 @@ def print_law(result: Identification, console: Console) -> None:
 
 def parameters(result: Identification) -> list[str]:
     """Return a line for each parameter: ``K = 2002.0 ± 1.9 N/mⁿ``."""
-    law = result.law
-    named = zip(
-        law.names(), law.symbols, law.parameters, result.standard_errors, law.units, strict=True
-    )
-    return [
-        f"{symbol} = {parameter(value, error, unit=unit, fixed=name in result.fixed)}"
-        for name, symbol, value, error, unit in named
-    ]
+    return [str(row) for row in parameter_rows(result)]
 
 
 def _truths(result: Identification) -> list[str]:
     """The truth beside each parameter, where it is a law of the same kind."""
-    law, truth = result.law, stated_truth(result)
+    law, truth, rows = result.law, stated_truth(result), parameter_rows(result)
+    if truth is not None and isinstance(law, GeneralisedHuntCrossley):
+        alike = law.simplest()
+        law = alike if alike.kind == truth.kind else law
     if truth is None or truth.kind != law.kind:
-        return [""] * len(law.symbols)
-    pairs = zip(law.parameters, truth.parameters, result.standard_errors, strict=True)
-    return [beside_truth(value, real, error) for value, real, error in pairs]
+        return [""] * len(rows)
+    # How far it is from the truth only where the two mean the same.
+    same = comparable(law, truth)
+    values, real, errors = law.as_dict(), truth.as_dict(), result.standard_errors
+    return [
+        beside_truth(
+            values[row.name],
+            real[row.name],
+            float(errors[row.index]) if row.name in same else 0.0,
+        )
+        if row.name in real and row.estimated
+        else ""
+        for row in rows
+    ]
 
 
 def _correlations(result: Identification) -> str:
-    symbols, found = result.law.symbols, result.correlations
-    pairs = itertools.combinations(range(len(symbols)), 2)
+    found, pairs = result.correlations, itertools.combinations(correlated(result), 2)
     return ", ".join(
-        f"{symbols[i]}–{symbols[j]} {_correlation(found[i, j])}"
-        for i, j in pairs
+        f"{one}–{other} {_correlation(found[i, j])}"
+        for (i, one), (j, other) in pairs
         if math.isfinite(found[i, j])
     )
 
@@ -72,4 +80,6 @@ def _beside(result: Identification) -> list[str]:
     if estimate.surface_standard_error > 0.0:
         error = 1e3 * estimate.surface_standard_error
         lines.append(f"surface at {with_error(1e3 * estimate.surface, error, unit='mm')}")
+    if felt := felt_beside_truth(result):
+        lines.append(felt)
     return lines

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from palpate.cli.choosing import Choosing
 from palpate.cli.groups import LOOP, OUTPUT, PAGE, PREPARED, READ
 from palpate.cli.values import Address, Channels, Depth, Direction, Duration, Unit
 
@@ -145,7 +146,8 @@ def live(
     source: Address,
     /,
     *,
-    method: str = "variable-projection",
+    law: str | None = None,
+    method: str | None = None,
     exponent: Annotated[float | None, Parameter(group=PREPARED)] = None,
     record: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
     publish: Annotated[tuple[Address, ...], Parameter(group=OUTPUT, negative="")] = (),
@@ -161,6 +163,7 @@ def live(
     For example:
 
         palpate live lab:ball --open
+        palpate live sponge.csv --law auto --open
         palpate live probing.mcap --speed 2 --tare 1s --no-page
         palpate live zmq:tcp://127.0.0.1:5555 --direction 0,0,-1 --record touch.mcap
 
@@ -169,8 +172,13 @@ def live(
     source
         The laboratory, such as lab:ball; a recording's path; or a robot on the wire: an address
         that begins with zmq:, dds:, zenoh: or ros1:.
+    law
+        The law: auto, the everyday one that explains the samples best so far, and by how much; any,
+        the best of all; or one, such as half-space, flat or half-space+single; Hunt-Crossley's
+        unless given.
     method
-        The estimator, such as single-stage; it can be changed in the page.
+        The estimator, such as single-stage; the usual one of the law unless given. It can be
+        changed in the page.
     exponent
         Exponent of the law where the shape of the tip tells it, such as 1.5 under a sphere; kept,
         whatever method is chosen.
@@ -189,7 +197,7 @@ def live(
     seconds = looping.seconds
     if seconds is not None:
         seconds = number_in("--seconds", seconds, 0.0, 1e9)
-    chosen = _estimator(method, exponent)
+    chosen = _estimator(Choosing(law, method), exponent)
     taken = incoming.source(source)
     sinks = _sinks(record, publish, page or Page(), console=console, diagnosis=looping.diagnosis)
     run(
@@ -202,13 +210,11 @@ def live(
     )
 
 
-def _estimator(method: str, exponent: float | None) -> "ContactEstimator":
+def _estimator(choosing: Choosing, exponent: float | None) -> "ContactEstimator":
     from palpate.cli.reading import kept_exponent
-    from palpate.estimators import estimator_named
     from palpate.live.running import default_estimator
 
-    usual = default_estimator()
-    found = usual if method == usual.method else estimator_named(method)()
+    found = default_estimator(choosing.kind, **choosing.settings)
     if exponent is None:
         return found
     return found.replace(exponent=kept_exponent(exponent, type(found)))

@@ -27,10 +27,10 @@ _PLAIN = {
     "µ": "u", "°": " deg", "₁": "1", "₂": "2", "·": "*", "±": "+-",
     "–": "-", "−": "-", "×": "x", "√": "sqrt", "≥": ">=", "≤": "<=", "…": "...", "“": '"',
     "”": '"', "é": "e", "ó": "o", "σ": "sigma", "✓": "+", "✗": "-", "◐": "~",
-    "≈": "~", "→": "->", "λ": "lambda", "₀": "0",
+    "≈": "~", "→": "->", "λ": "lambda", "₀": "0", "α": "alpha", "τ": "tau",
 }  # fmt: skip
 # Of several in a row only the first needs the sign that says what they are: 10⁻¹² is 10^-12.
-_SUPERSCRIPTS = dict(zip("ⁿ⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "n+-0123456789", strict=True))
+_SUPERSCRIPTS = dict(zip("ⁿᵖ⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "np+-0123456789", strict=True))
 
 
 @contextmanager

@@ -1,6 +1,8 @@
 """Numbers with a unit on the command line: 3mm, 5ms, 0:2."""
 
+import math
 import re
+from collections.abc import Mapping
 
 from palpate.errors import InvalidParameterError
 from palpate.recordings.units import UNITS
@@ -8,10 +10,22 @@ from palpate.recordings.units import UNITS
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D*?)\s*$")
 
 
-def quantity(option: str, text: str, channel: str) -> float:
-    """A number with a unit of a channel, in SI; without a unit it is in SI already."""
+#: In rad/s; a bare number is in Hz.
+FREQUENCIES = {
+    "Hz": 2.0 * math.pi,
+    "rad/s": 1.0,
+    "mHz": 2e-3 * math.pi,
+    "kHz": 2e3 * math.pi,
+}
+
+
+def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> float:
+    """A number with a unit of a channel, in SI; without a unit it is in SI already.
+
+    Or with one of other units, by their sizes, the first where there is none.
+    """
     found = _NUMBER.match(text)
-    units = UNITS[channel]
+    units = UNITS[channel] if isinstance(channel, str) else channel
     si = next(iter(units))
     if found is None or (found[2] or si) not in units:
         raise InvalidParameterError(

@@ -1,7 +1,7 @@
 """The options that say how a file is read, and which of its samples are used."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -105,8 +105,8 @@ class Reading:
     save_config: Annotated[Path | None, _KEPT] = None
     "Write the options to this TOML file, with what was found as comments."
 
-    def contact(self, files: Sequence[Path], method: str | None = None) -> "Contact":
-        """Read the files, each a contact with one object; a method is saved with the options."""
+    def contact(self, files: Sequence[Path], choice: Mapping[str, str] | None = None) -> "Contact":
+        """Read the files, each a contact with one object; a choice of law and method is saved."""
         from palpate.preparation.joining import joined
 
         contact = joined([self._contact(file) for file in files])
@@ -114,7 +114,7 @@ class Reading:
             from palpate.results.toml import as_toml, how_made
             from palpate.writing import write_text
 
-            options = {**({} if method is None else {"method": method}), **self.options}
+            options = {**(choice or {}), **self.options}
             text = as_toml(options, how_made(contact, files))
             write_text(self.save_config, text, inputs=list(files))
         return contact
@@ -207,7 +207,7 @@ class Reading:
         if not self.reject_outliers:
             settings["outlier_rejection"] = False
         if self.surface == "estimate":
-            settings["surface"] = "estimate"
+            settings["surface"] = searched_surface(kind)
         if self.exponent is not None:
             settings["exponent"] = kept_exponent(self.exponent, kind)
         return settings
@@ -222,6 +222,18 @@ class Reading:
         return choose_gate(
             contact, minimum_penetration=self.min_penetration, minimum_force=self.min_force
         )
+
+
+def searched_surface(kind: "type[ContactEstimator]") -> str:
+    """The setting by which a method searches for the surface, where it can."""
+    from palpate.errors import InvalidParameterError
+
+    if "surface" not in kind().settings:
+        raise InvalidParameterError(
+            f"--surface estimate is for a method that can, not for {kind.method}: "
+            "--surface fit finds it before the law is looked for"
+        )
+    return "estimate"
 
 
 def kept_exponent(exponent: float, kind: "type[ContactEstimator]") -> float:

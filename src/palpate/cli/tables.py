@@ -9,6 +9,7 @@ from palpate.cli.comparison import print_comparison
 from palpate.cli.laws import print_law
 from palpate.cli.layout import say, say_path
 from palpate.cli.printing import Terminal, print_json
+from palpate.cli.standings import verdict_on_laws
 from palpate.cli.stretches import print_places, print_stretches, stretches_of, when
 from palpate.cli.verdicts import percent, print_verdict, share
 from palpate.cli.working_depths import print_working_depths
@@ -63,6 +64,8 @@ def _print_result(result: Identification, console: Terminal) -> None:
         print_stretches(result, console)
     console.print()
     print_law(result, console)
+    if words := verdict_on_laws(result):
+        say(console, words)
     say(console, _quality(result))
     print_places(result, console)
     _print_surface(result, console)

@@ -5,7 +5,7 @@ import math
 from rich.console import Console
 
 from palpate.cli.layout import Column, fits, print_table, say
-from palpate.cli.truths import LEGEND, beside_truth, stated_truth
+from palpate.cli.truths import LEGEND, beside_truth, truth_at_rest
 from palpate.diagnosis import Quantity, WorkingDepth
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.fit import DEEP
@@ -14,12 +14,13 @@ from palpate.force_laws import ForceLaw
 from palpate.identification import Identification
 
 _BARS = "± repeatable ± what the findings would move"
+_RELAXED = "once the material has relaxed"
 _ROWS = (("force", "N"), ("stiffness", "N/m"), ("damping", "N·s/m"))
 
 
 def print_working_depths(result: Identification, console: Console) -> None:
     """Print the three with both error bars, and with the truth where the file states it."""
-    truth, depths = stated_truth(result), result.working_depths
+    truth, depths = truth_at_rest(result), result.working_depths
     names = ["median" if result.depth is None else "as asked", f"{DEEP:.0f}th percentile"]
     headings = [
         f"at {in_words(there.depth, 'm', digits=4)}\n{name}"
@@ -34,7 +35,8 @@ def print_working_depths(result: Identification, console: Console) -> None:
         names = [heading.replace("\n", ", ") for heading in headings]
         blocks = zip(names, *(row[1:] for row in rows), strict=True)
         print_table(console, columns, [list(block) for block in blocks])
-    say(console, f"{_BARS}; {LEGEND}" if truth else _BARS, "dim")
+    words = [_BARS, *([_RELAXED] if result.law.remembers else []), *([LEGEND] if truth else [])]
+    say(console, "; ".join(words), "dim")
 
 
 def whole_error(quantity: Quantity) -> float:

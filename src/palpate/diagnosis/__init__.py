@@ -17,6 +17,7 @@ from palpate.diagnosis.finding import (
     WorkingDepth,
     stacked,
 )
+from palpate.diagnosis.laws import Laws
 
 __all__ = [
     "MARKS",
@@ -24,6 +25,7 @@ __all__ = [
     "Diagnosis",
     "Episode",
     "Finding",
+    "Laws",
     "Quantity",
     "Verdict",
     "WorkingDepth",

@@ -71,13 +71,14 @@ def changes(fit: Fit) -> Changes | None:
     law = fit.solution.law
     starts = (law.parameters[2], *EXPONENTS) if isinstance(law, HuntCrossley) else (math.nan,)
     starts = starts[:1] if fit.fixed else starts
-    cuts = [_best_cut(fit, float(n)) for n in starts]
+    costs = {float(n): _cost(fit, float(n), fit.solution.offset) for n in starts}
     found = None
     energy, duration = fit.solution.energy, float(fit.time[-1] - fit.time[0])
-    for count in range(MOST_CHANGES):
-        if duration / (count + 2) <= FEWEST_PERIODS * fit.period:
+    for count in range(1, MOST_CHANGES + 1):
+        if duration / (count + 1) <= FEWEST_PERIODS * fit.period:
             break
-        best = min((cut[count] for cut in cuts), key=lambda cut: cut.energy)
+        cuts = [_best_cut(fit, n, cost, count) for n, cost in costs.items()]
+        best = min(cuts, key=lambda cut: cut.energy)
         if best.energy > (1.0 - WORTH_ANOTHER) * energy and found is not None:
             break
         found, energy = best, best.energy
@@ -92,21 +93,16 @@ def _basis(fit: Fit, exponent: float) -> Floats:
     return fit.band.mean(np.column_stack([power, power * fit.v]))
 
 
-def _best_cut(fit: Fit, exponent: float) -> list[Cut]:
-    """For one to three changes the best borders; borders and exponent in turn."""
-    cuts = []
-    cost_of = _cost(fit, exponent, fit.solution.offset)
-    for count in range(1, MOST_CHANGES + 1):
-        borders = _programme(cost_of, count)
-        cut = _refitted(fit, borders, exponent)
-        for _ in range(2):
-            borders = _programme(_cost(fit, cut.exponent, cut.offset), count)
-            again = _refitted(fit, borders, cut.exponent)
-            if again.energy >= cut.energy * (1.0 - 1e-6):
-                break
-            cut = again
-        cuts.append(cut)
-    return cuts
+def _best_cut(fit: Fit, exponent: float, cost: Floats, count: int) -> Cut:
+    """The best borders of so many changes; borders and exponent in turn."""
+    cut = _refitted(fit, _programme(cost, count), exponent)
+    for _ in range(2):
+        borders = _programme(_cost(fit, cut.exponent, cut.offset), count)
+        again = _refitted(fit, borders, cut.exponent)
+        if again.energy >= cut.energy * (1.0 - 1e-6):
+            break
+        cut = again
+    return cut
 
 
 def _cost(fit: Fit, exponent: float, offset: float) -> Floats:

@@ -1,6 +1,8 @@
 """What the checks ask of a recording, worked out once."""
 
+import itertools
 import math
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -8,6 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.diagnosis.finding import Finding
+from palpate.diagnosis.laws import Laws
 from palpate.digits import rounded
 from palpate.preparation.spikes import largest_of, step_of
 from palpate.preparation.suggestions import noise_of
@@ -32,9 +35,18 @@ class Data:
         self.velocity = contact.velocity[self.known]
         self.force = contact.force[self.known]
         self.segment = contact.segment[self.known]
+        #: By how they were told apart: methods of one contact share them.
+        self.laws: dict[str, Laws] = {}
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def segments(self) -> Iterator[slice]:
+        """Slices of the separate contacts, in order."""
+        borders = np.flatnonzero(np.diff(self.segment)) + 1
+        for start, stop in itertools.pairwise([0, *borders.tolist(), len(self)]):
+            if stop > start:
+                yield slice(start, stop)
 
     @cached_property
     def sample_time(self) -> float:
@@ -94,7 +106,14 @@ class Data:
 
 def in_words(value: float, unit: str, digits: int = 3) -> str:
     """A quantity with the prefix that a person reads best: 0.0008 m is 0.8 mm."""
-    for prefix, size in (("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9)):
+    for prefix, size in (
+        ("k", 1e3),
+        ("", 1.0),
+        ("m", 1e-3),
+        ("µ", 1e-6),
+        ("n", 1e-9),
+        ("p", 1e-12),
+    ):
         if abs(value) >= 0.1 * size:
             return f"{rounded(value / size, digits)} {prefix}{unit}"
     return f"{rounded(value, digits)} {unit}"

@@ -59,11 +59,21 @@ def _described(fit: Fit, late: float, fine: Beside, result: Beside) -> Cause:
 
 
 def skew_matters(fit: Fit) -> str:
-    """How much 1 ms between force and position would change the damping, in words."""
+    """How much 1 ms between force and position would change the damping, in words.
+
+    K (x + vτ)ⁿ = K xⁿ + τ n K xⁿ⁻¹ v: to first order a force that is early by τ is the damper of a
+    half-space.
+    """
     law = fit.solution.law
     damping = abs(fit.damping(law))
     by_skew = abs(fit.stiffness(law)) * 1e-3 / damping if damping > 0.0 else math.inf
-    return f"1 ms of skew between force and position would change the damping by {by_skew:.1%}"
+    words = f"1 ms of skew between force and position would change the damping by {by_skew:.1%}"
+    if fit.laws is None or not fit.laws.own:
+        return words
+    if fit.laws.verdict.candidate.damping != "half-space":
+        return words
+    alike = "a half-space's damper and a force that is early are alike, and no check parts them"
+    return f"{words}: {alike}"
 
 
 def _by_delay(fit: Fit, shift: int) -> Floats:

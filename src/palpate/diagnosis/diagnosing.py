@@ -27,6 +27,8 @@ from palpate.diagnosis.finding import (
 )
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.flat import flat
+from palpate.diagnosis.law import better_law, finding_of
+from palpate.diagnosis.laws import Laws
 from palpate.diagnosis.left_out import left_out
 from palpate.diagnosis.marking import Judged, judge
 from palpate.diagnosis.memory import memory
@@ -40,6 +42,7 @@ from palpate.diagnosis.misfit import (
     standard_errors,
     unexplained,
 )
+from palpate.diagnosis.one_way import one_way
 from palpate.diagnosis.surface import has_free_air, surface
 from palpate.diagnosis.velocity_noise import velocity_noise
 from palpate.diagnosis.working_depth import OFF, nothing_known, working_depth
@@ -56,7 +59,12 @@ SEARCHES: tuple[Search, ...] = (columns, memory, delay, surface)
 
 @timed("diagnosis")
 def diagnose_parts(
-    data: Data, trace: Trace, estimate: Estimate, *, depths: Sequence[float] = ()
+    data: Data,
+    trace: Trace,
+    estimate: Estimate,
+    *,
+    depths: Sequence[float] = (),
+    laws: Laws | None = None,
 ) -> Diagnosis:
     """Diagnose what an estimator made of a recording.
 
@@ -71,10 +79,12 @@ def diagnose_parts(
     depths : sequence of float
         The working depth, which the verdict is about, and others, m, > 0. Unless given the median
         and the 90th percentile of the penetration of the samples taken.
+    laws : Laws, optional
+        What laws that are told apart made of the same samples.
     """
     found = list(data.findings)
     with np.errstate(all="ignore"):  # a column of an absurd fit may overflow; it is then left out
-        fit = Fit(data, trace, estimate, depths[0] if depths else None)
+        fit = Fit(data, trace, estimate, depths[0] if depths else None, laws)
         others = depths[1:] if depths else fit.deeper
         try:
             if len(fit.band) >= FEWEST_ROWS // 2 and fit.finite:
@@ -82,9 +92,8 @@ def diagnose_parts(
         except np.linalg.LinAlgError:  # of a motion that says nothing, such as a probe held still
             pass
         found = [*data.findings, _nothing_to_check(fit)]
-        return _whole(
-            found, tuple(nothing_known(fit.at_depth(d)) for d in (fit.depth, *others)), ()
-        )
+        unknown = tuple(nothing_known(fit.at_depth(d)) for d in (fit.depth, *others))
+        return _whole(found, unknown, (), fit.laws)
 
 
 def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagnosis:
@@ -97,17 +106,36 @@ def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagn
     if changed is not None:
         causes.append(changed.cause)
     judged = judge(causes, ratio(fit), unexplained(fit))
-    checks = (flat, left_out, method, excitation, offset, velocity_noise, misfit, extrapolation)
+    checks = (
+        *(flat, left_out, method, excitation, one_way),
+        *(offset, velocity_noise, misfit, extrapolation),
+    )
     wide = [check(fit) for check in checks]
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
+    if changed is None:  # of two materials one law is none
+        judged = _with_better_law(fit, judged)
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
     found += judged.findings
     found += [f for f in wide if f is not None and not (f.check == "offset" and named_surface)]
     found += _notes(fit)
     judged = _moved_by_velocity(fit, judged, found)
     depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
-    return _whole(found, depths, _episodes(fit, changed))
+    return _whole(found, depths, _episodes(fit, changed), fit.laws)
+
+
+def _with_better_law(fit: Fit, judged: Judged) -> Judged:
+    """With the law that explains the samples better, and how far it moves the numbers."""
+    cause = better_law(fit)
+    if cause is None:
+        return judged
+    checks = [finding.check for finding in judged.findings]
+    found = finding_of(cause, late="delay" in checks)
+    # What explains most is said first; of a memory that is what the memory's own finding says.
+    first = cause.gain > max((each.gain for each, _ in judged.counted), default=0.0)
+    place = 0 if first and checks[:1] not in (["memory"], ["surface"]) else 1
+    findings = [*judged.findings[:place], found, *judged.findings[place:]]
+    return replace(judged, findings=findings, counted=(*judged.counted, (cause, 1.0)))
 
 
 def _moved_by_velocity(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
@@ -127,7 +155,10 @@ def _moved_by_velocity(fit: Fit, judged: Judged, found: list[Finding]) -> Judged
 
 
 def _whole(
-    found: list[Finding], depths: tuple[WorkingDepth, ...], episodes: tuple[Episode, ...]
+    found: list[Finding],
+    depths: tuple[WorkingDepth, ...],
+    episodes: tuple[Episode, ...],
+    laws: Laws | None,
 ) -> Diagnosis:
     order: tuple[Mark | str, ...] = ("do-not-trust", "with-care", "note")
     sorted_ = sorted(found, key=lambda finding: order.index(finding.severity))
@@ -135,7 +166,9 @@ def _whole(
     stiffness = worst(*(finding.stiffness for finding in sorted_))
     damping = worst(*(finding.damping for finding in sorted_))
     overall = worst(*severities, stiffness, "with-care" if damping != "trust" else "trust")
-    return Diagnosis(Verdict(stiffness, damping, overall), tuple(sorted_), depths, episodes)
+    verdict = Verdict(stiffness, damping, overall)
+    of_laws = laws.verdict if laws is not None else None
+    return Diagnosis(verdict, tuple(sorted_), depths, episodes, of_laws)
 
 
 def _nothing_to_check(fit: Fit) -> Finding:

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from palpate.estimators import LawVerdict
 from palpate.force_laws import ForceLaw
 
 Mark = Literal["trust", "with-care", "do-not-trust"]
@@ -216,12 +217,15 @@ class Diagnosis:
         percentile of the penetration.
     episodes : tuple of Episode
         One for each stretch between changes of the material; empty where none was found.
+    law_verdict : LawVerdict, optional
+        Which everyday law it is by the same samples, where the identified one is among them.
     """
 
     verdict: Verdict
     findings: tuple[Finding, ...]
     working_depths: tuple[WorkingDepth, ...]
     episodes: tuple[Episode, ...] = ()
+    law_verdict: LawVerdict | None = None
 
     @property
     def working_depth(self) -> WorkingDepth:

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.covariance import robust_covariance
+from palpate.diagnosis.alike import as_hunt_crossley
 from palpate.diagnosis.band import Band, band_of
 from palpate.diagnosis.data import Data
+from palpate.diagnosis.laws import Laws
 from palpate.estimate import Estimate
-from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.trace import Trace
 from palpate.validation import Floats
 
@@ -81,11 +83,23 @@ class Fit:
         Where the search for the least squares starts.
     depth : float, optional
         The working depth, m; the median penetration of the samples taken unless given.
+    laws : Laws, optional
+        That were told apart by the same samples.
     """
 
     def __init__(
-        self, data: Data, trace: Trace, estimate: Estimate, depth: float | None = None
+        self,
+        data: Data,
+        trace: Trace,
+        estimate: Estimate,
+        depth: float | None = None,
+        laws: Laws | None = None,
     ) -> None:
+        self._given, self.laws = (data, trace, estimate), laws
+        if isinstance(estimate.law, GeneralisedHuntCrossley):
+            known = data.penetration[trace.taken[data.known]] - estimate.surface
+            middle = float(np.median(known[known > 0.0])) if (known > 0.0).any() else 1.0
+            data, estimate = as_hunt_crossley(data, estimate, depth or middle)
         self.data, self.estimate = data, estimate
         self.with_offset = estimate.offset_standard_error > 0.0
         names = estimate.law.names()
@@ -117,7 +131,12 @@ class Fit:
         return replace(band, samples=kept[band.samples])
 
     def at_depth(self, depth: float) -> "Fit":
-        """Return the same fit, which is not made again, with another working depth, m."""
+        """Return the same fit with another working depth, m.
+
+        It is made again only of a law that is taken for another, which is like it at that depth.
+        """
+        if isinstance(self._given[2].law, GeneralisedHuntCrossley):
+            return Fit(*self._given, depth, self.laws)
         other = copy(self)
         other.depth = depth
         for name in ("gradients", "sizes"):  # cached, and of the depth
@@ -202,7 +221,7 @@ class Fit:
             step = 1e-5 * max(abs(value), 1e-3 * float(np.abs(law.parameters).max()))
             up, down = law.parameters, law.parameters
             up[k], down[k] = value + step, value - step
-            high, low = type(law)(*up), type(law)(*down)
+            high, low = law.from_parameters(up), law.from_parameters(down)
             columns.append(
                 [
                     (quantity(high) - quantity(low)) / (2.0 * step)

@@ -114,8 +114,8 @@ def _in_doubt(named: Cause, rivals: list[Cause]) -> Cause:
 
 
 def _finding(cause: Cause, weight: float, ratio: float, *, leading: bool) -> Finding:
-    stiffness = _mark(weight * abs(cause.stiffness), STOP_STIFFNESS)
-    damping = _mark(weight * abs(cause.damping), STOP_DAMPING)
+    stiffness = mark_of(weight * abs(cause.stiffness), STOP_STIFFNESS)
+    damping = mark_of(weight * abs(cause.damping), STOP_DAMPING)
     if cause.name == "change" and abs(cause.stiffness) > STOP_CHANGE:
         stiffness = damping = "do-not-trust"
     if not leading:  # a rival is not what happened, so at most care
@@ -140,7 +140,8 @@ def _finding(cause: Cause, weight: float, ratio: float, *, leading: bool) -> Fin
     )
 
 
-def _mark(moved: float, stop: float) -> Mark:
+def mark_of(moved: float, stop: float) -> Mark:
+    """The mark of a number that is moved so far, of its size."""
     if moved > stop:
         return "do-not-trust"
     return "with-care" if moved > CARE else "trust"

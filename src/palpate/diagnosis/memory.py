@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from palpate.diagnosis.alike import Alike
 from palpate.diagnosis.cause import Cause, beside
 from palpate.diagnosis.columns import cause_of
 from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.laws import remedy_of_memory
 from palpate.digits import rounded
 from palpate.validation import Floats
 
@@ -48,12 +50,36 @@ def memory(fit: Fit) -> list[Cause]:
         by_branch = turn**2 * slope / other.sizes[0], time * slope / other.sizes[1]
         return stiffness + by_branch[0], damping + by_branch[1]
 
-    sentence = (
-        f"the material remembers for about {rounded(time, 2)} s: its stiffness is that at "
-        f"{rounded(1.0 / fit.period, 2)} Hz"
-    )
-    remedy = "move as fast as the task will, or hold longer; no law here has memory"
+    sentence, remedy = _words(fit, time)
     return [replace(cause.moving(fit, moves), parameter=0.0, sentence=sentence, remedy=remedy)]
+
+
+def _words(fit: Fit, time: float) -> tuple[str, str]:
+    """What was found, and what to do; where the law may remember, it is beside its memory."""
+    over = f"about {rounded(time, 2)} s"
+    if not isinstance(fit.estimate, Alike):
+        return (
+            f"the material remembers for {over}: its stiffness is that at "
+            f"{rounded(1.0 / fit.period, 2)} Hz",
+            remedy_of_memory(fit.laws, time),
+        )
+    parts = "identify parts of the recording, with --start and --stop"
+    if fit.estimate.longest == 0.0:
+        return (
+            f"beside the law the force relaxes over {over}, and no law with memory that was "
+            "offered explains it better: a sensor may drift, or the material change",
+            parts,
+        )
+    if time > fit.estimate.longest:
+        return (
+            f"beside what the law remembers the force relaxes over {over}, as where a sensor "
+            "drifts or a material softens",
+            parts,
+        )
+    return (
+        f"the force relaxes over {over} otherwise than by the law's spectrum",
+        remedy_of_memory(fit.laws, time),
+    )
 
 
 def relaxed(drive: Floats, steps: Floats, tau: float, sample_time: float) -> Floats:

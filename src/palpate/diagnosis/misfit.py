@@ -8,6 +8,8 @@ from palpate.diagnosis.band import FEWEST_ROWS
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.finding import Finding, Mark, severity_of, worst
 from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.law import better_law
+from palpate.diagnosis.laws import REMEDY
 from palpate.diagnosis.marking import STOP_DAMPING, STOP_STIFFNESS
 from palpate.diagnosis.surface import offset_against_free
 from palpate.digits import rounded
@@ -42,10 +44,17 @@ def misfit(fit: Fit) -> Finding | None:
         return None
     mark: Mark = "do-not-trust" if left > MOST_UNEXPLAINED else "with-care"
     part = rounded(left, 2) if left < 0.01 else f"{left:.0%}"
+    remedy = "palpate compare shows whether another law fits better"
+    if better_law(fit) is not None:
+        remedy = REMEDY
+    elif fit.laws is not None and fit.laws.own:
+        remedy = "--law any tries more laws, and palpate compare other methods"
+    elif fit.laws is not None:
+        remedy = f"no everyday law is clearly better, by {REMEDY}; palpate compare has all methods"
     return Finding(
         "misfit",
         f"the law leaves {part} of the force unexplained, {rounded(times, 2)} times the noise",
-        "palpate compare shows whether another law fits better",
+        remedy,
         z=times,
         stiffness=mark if mark == "do-not-trust" else "trust",
         damping=mark if mark == "do-not-trust" else "trust",

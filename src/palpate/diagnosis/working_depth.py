@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from palpate.diagnosis.alike import Alike
 from palpate.diagnosis.cause import beside
 from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.diagnosis.fit import Fit
@@ -28,7 +29,20 @@ def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
     found = (0.0, *(a * b for a, b in zip(judged.systematic(fit), fit.sizes, strict=True)))
     others = (_off_least_squares(fit, own), _without_offset(fit))
     moved = tuple(max(parts) for parts in zip(found, *others, strict=True))
-    return _numbers(fit, _with_surface(fit, own), moved)
+    return _numbers(fit, _with_surface(fit, _with_memory(fit, own)), moved)
+
+
+def _with_memory(fit: Fit, errors: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The wider of these and the method's own, where memory was taken out of the force.
+
+    The least squares beside it takes what the material remembers for known.
+    """
+    if not isinstance(fit.estimate, Alike):
+        return errors
+    force, stiffness, damping = (
+        max(error, own) for error, own in zip(errors, fit.estimate.own_errors, strict=True)
+    )
+    return force, stiffness, damping
 
 
 def nothing_known(fit: Fit) -> WorkingDepth:

@@ -5,6 +5,7 @@ from palpate.estimators.contact_estimator import (
     ContactEstimator,
     PythonEstimator,
 )
+from palpate.estimators.law_verdicts import DynamicStiffness, LawVerdict
 from palpate.estimators.registry import ESTIMATORS, estimator_named, register
 
 from palpate.estimators.variable_projection import VariableProjection  # isort: skip
@@ -16,6 +17,7 @@ from palpate.estimators.recursive_least_squares import (  # isort: skip
     SingleStageRLS,
 )
 from palpate.estimators.drift_tracking import DriftTracking  # isort: skip
+from palpate.estimators.viscoelastic import ViscoelasticContact  # isort: skip
 
 __all__ = [
     "ESTIMATORS",
@@ -23,12 +25,15 @@ __all__ = [
     "ContactEstimator",
     "DoubleStageRLS",
     "DriftTracking",
+    "DynamicStiffness",
     "ExtendedKelvinVoigtRLS",
     "KelvinVoigtRLS",
+    "LawVerdict",
     "PythonEstimator",
     "RecursiveLeastSquaresEstimator",
     "SingleStageRLS",
     "VariableProjection",
+    "ViscoelasticContact",
     "estimator_named",
     "register",
 ]

@@ -32,6 +32,10 @@ class ContactEstimator:
     minimises: ClassVar[Literal["force", "logarithm"] | None] = None
     #: Whether it chooses its samples itself, and wants no gate chosen from the data.
     chooses_samples: ClassVar[bool] = False
+    #: The known exponents that it can keep.
+    exponents: ClassVar[tuple[float, float]] = (0.1, 10.0)
+    #: Whether it takes what a tare left, and how well the surface is known, from the contact.
+    knows_offset: ClassVar[bool] = False
 
     if TYPE_CHECKING:  # the compiled class, or a method of one's own, brings these
         _settings: dict[str, Any]

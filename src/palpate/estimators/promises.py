@@ -8,6 +8,7 @@ import inspect
 import math
 import pickle
 from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,7 @@ def settings_of(kind: Kind) -> list[str]:
     return list(inspect.signature(kind.__init__).parameters)[1:]
 
 
+@cache  # asked for again by each promise, and never changed
 def _tapping(seconds: float = 0.7) -> Signals:
     """A ball tapped at 1 kHz: contact is made, lost and made again; 0.02 N of noise."""
     time = 1e-3 * np.arange(round(1e3 * seconds))
@@ -160,7 +162,7 @@ def thinned_replay_learns_the_same(kind: Kind, settings: dict[str, Any]) -> None
 def own_steps_are_the_sample_time(kind: Kind, settings: dict[str, Any]) -> None:
     """A time step that is given is the same as one that is the sample time."""
     nominal, given, spread = kind(**settings), kind(**settings), kind(**settings)
-    signals, step = _tapping(), nominal.settings.get("sample_time", 1e-3)
+    signals, step = _tapping(), nominal.settings.get("sample_time") or 1e-3
     nominal.replay(*signals)
     given.replay(*signals, step)
     spread.replay(*signals, np.full(signals[0].size, step))

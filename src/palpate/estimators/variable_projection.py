@@ -92,6 +92,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
     method = "variable-projection"
     law_type = HuntCrossley
     chooses_samples = True
+    knows_offset = True
 
     def __init__(
         self,

@@ -7,6 +7,7 @@ from palpate.figures.compared import draw_comparison
 from palpate.figures.identified import draw
 from palpate.figures.maps import draw_map
 from palpate.figures.motions import draw_design
+from palpate.figures.oscillations import draw_oscillations
 from palpate.figures.residuals import draw_residuals
 from palpate.figures.style import check_figure, save
 
@@ -16,6 +17,7 @@ __all__ = [
     "draw_comparison",
     "draw_design",
     "draw_map",
+    "draw_oscillations",
     "draw_residuals",
     "save",
 ]

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 _POINTS = 400
 CAPTION = (
     "Methods in the order of their rank. Stiffness and damping at working depth: ±2 s.e., thick "
-    "by noise, thin with what the findings would move; an arrow: beyond the panel. Residual, "
-    "measured − final law, to one scale: median, band from the 10th to the 90th percentile; "
-    "dotted: that of noise alone."
+    "by noise, thin with what the findings would move, and of a law that remembers K′ and B′ at "
+    "the motion's own frequency; an arrow: beyond the panel. Residual, measured − final law, to "
+    "one scale: median, band from the 10th to the 90th percentile; dotted: that of noise alone."
 )
 
 

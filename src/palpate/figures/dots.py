@@ -11,6 +11,7 @@ from palpate.figures.parameters import Final
 from palpate.figures.scales import scale_as_written, scale_of
 from palpate.figures.sheet import head
 from palpate.identification import Identification
+from palpate.results.summary import felt
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,8 +32,9 @@ def draw_values(
     """Two panels beside one another, a row for each result."""
     there = [result.diagnosis.working_depth for result in results]
     at = _depth_in_words([each.depth for each in there])
-    _draw_dots(stiffness, [each.stiffness for each in there], ("Stiffness", "N/m"), look)
-    _draw_dots(damping, [each.damping for each in there], ("Damping", "N·s/m"), look)
+    both = [felt(result) for result in results]
+    _draw_dots(stiffness, [each for each, _ in both], ("Stiffness", "N/m"), look)
+    _draw_dots(damping, [each for _, each in both], ("Damping", "N·s/m"), look)
     stiffness.set_yticks(range(len(names)), names)
     damping.set_yticks(range(len(names)), ["" for _ in names])
     head(stiffness, f"Stiffness {at}")

@@ -108,7 +108,10 @@ def _varies(table: "pa.Table", name: str) -> bool:
 
 
 def _spans_decades(values: Floats) -> bool:
-    """Whether most bars of a linear axis would be empty: cells and springs in one archive."""
+    """Whether most bars of a linear axis would be empty: cells and springs in one archive.
+
+    Never of values of which one is 0 or below: a logarithmic axis has no place for it.
+    """
     known = values[np.isfinite(values)]
     if not known.size or known.min() <= 0.0:
         return False

@@ -3,6 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
+from palpate.estimators import ViscoelasticContact
 from palpate.figures.course import course_of
 from palpate.figures.look import Look, look_of
 from palpate.figures.panels import draw_condition, draw_error, draw_force, draw_loop
@@ -12,6 +13,7 @@ from palpate.figures.sheet import head, set_titles, stack
 from palpate.figures.style import style
 from palpate.figures.words import at_depth, fit_of, force_at_depth, parameters_of, verdict_of
 from palpate.identification import Identification
+from palpate.results.parameters import Row, parameter_rows
 from palpate.stages import timed
 
 if TYPE_CHECKING:
@@ -58,8 +60,9 @@ def draw(
 
 
 def _on_a_page(new_figure: "type[Figure]", result: Identification, look: Look) -> "Figure":
-    names = list(result.law.as_dict())
-    rows = [names[i : i + _IN_A_ROW] for i in range(0, len(names), _IN_A_ROW)]
+    drawn = _drawn_of(result)
+    length = math.ceil(len(drawn) / math.ceil(len(drawn) / _IN_A_ROW))
+    rows = [drawn[i : i + length] for i in range(0, len(drawn), length)]
     columns = math.lcm(6, *(len(row) for row in rows))
     heights = [1.25, 0.95, *(0.85 for _ in rows), 0.85]
     figure = new_figure(figsize=look.sheet.size(2.7 * sum(heights)), layout="constrained")
@@ -76,15 +79,23 @@ def _on_a_page(new_figure: "type[Figure]", result: Identification, look: Look) -
     draw_stiffness(cell(1, 0, 1 / 2), result, course, look)
     draw_damping(cell(1, 1 / 2, 1), result, course, look)
     for row, several in enumerate(rows):
-        for i, name in enumerate(several):
+        for i, parameter in enumerate(several):
             axes = cell(2 + row, i / len(several), (i + 1) / len(several))
-            draw_parameter(axes, result, names.index(name), name, look)
+            draw_parameter(axes, result, parameter, look)
     draw_residual(cell(len(heights) - 1, 0, 1 / 2), result, look)
     check = draw_condition if result.estimator.needs_condition_10 else draw_error
     check(cell(len(heights) - 1, 1 / 2, 1), result, look)
     title = [verdict_of(result), fit_of(result), at_depth(result)]
     set_titles(figure, look.sheet, title, _caption(result), lines=1)
     return figure
+
+
+def _drawn_of(result: Identification) -> list[Row]:
+    """The parameters that have a course: of a law that was chosen those that were looked for."""
+    rows = parameter_rows(result)
+    if not isinstance(result.estimator, ViscoelasticContact):
+        return rows
+    return [row for row in rows if row.estimated]
 
 
 def _in_a_column(new_figure: "type[Figure]", result: Identification, look: Look) -> "Figure":

@@ -12,8 +12,9 @@ from palpate.figures.look import Look
 from palpate.figures.scales import Scale, largest, scale_as_written, scale_of
 from palpate.figures.sheet import head
 from palpate.figures.thinning import MOST_GAPS, clock, few
-from palpate.figures.words import each_of, kept_together
+from palpate.figures.words import JOINED, kept_together
 from palpate.identification import Identification
+from palpate.results.parameters import Row
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -52,16 +53,16 @@ class Final:
         return cls(quantity.value, error, float(np.hypot(error, quantity.systematic)))
 
 
-def draw_parameter(axes: "Axes", result: Identification, index: int, name: str, look: Look) -> None:
+def draw_parameter(axes: "Axes", result: Identification, row: Row, look: Look) -> None:
     """One parameter over time, with a band of two standard errors, and the result."""
-    law, trace = result.law, result.full_trace
+    index, trace = row.index, result.full_trace
     index_of = few(np.flatnonzero(trace.taken), _POINTS)
     error = float(result.standard_errors[index])
-    final = Final(float(law.parameters[index]), error, error)
+    final = Final(float(result.law.parameters[index]), error, error)
     values, errors = trace.parameters[index_of, index], trace.standard_errors[index_of, index]
-    unit, symbol = law.units[index], law.symbols[index]
-    _draw_line(axes, result, index_of, (values, errors), final, unit, symbol, look)
-    head(axes, f"{name.replace('_', ' ').capitalize()} {symbol}: {each_of(result)[index]}")
+    _draw_line(axes, result, index_of, (values, errors), final, row.unit, row.symbol, look)
+    words = row.with_unit.replace(" ", JOINED)
+    head(axes, f"{row.name.replace('_', ' ').capitalize()} {row.symbol}: {words}")
 
 
 def draw_stiffness(axes: "Axes", result: Identification, course: Course, look: Look) -> None:
@@ -92,6 +93,7 @@ def _draw_at_depth(
     length = scale_of(depth, "m")
     finals = [Final.of(each) for each in quantities]
     scale = _draw_line(axes, result, course.samples, known, finals[0], unit, symbol, look)
+    name = f"Relaxed {name.lower()}" if result.law.remembers else name
     at = f"{name} at {length.factor * depth:.3g} {length.unit}"
     if result.stretches:
         _draw_stretches(axes, result, finals[1:], scale, look)

@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from palpate.digits import parameter, with_error
+from palpate.digits import with_error
 from palpate.figures.scales import scale_of
 from palpate.identification import Identification
+from palpate.results.parameters import OFFERED, parameter_rows
 
 JOINED = "\N{NO-BREAK SPACE}"
 
@@ -15,21 +16,9 @@ def kept_together(value: float, *errors: float, unit: str = "") -> str:
 
 
 def parameters_of(result: Identification) -> str:
-    """The law's parameters and their standard errors."""
-    rows = zip(result.law.symbols, each_of(result), strict=True)
-    return ", ".join(f"{symbol}{JOINED}={JOINED}{words}" for symbol, words in rows)
-
-
-def each_of(result: Identification) -> list[str]:
-    """Each of the law's parameters with its standard error, in words that no line breaks."""
-    law = result.law
-    rows = zip(law.names(), law.parameters, result.standard_errors, law.units, strict=True)
-    return [
-        parameter(float(value), float(error), unit=unit, fixed=name in result.fixed).replace(
-            " ", JOINED
-        )
-        for name, value, error, unit in rows
-    ]
+    """The law's parameters and their standard errors; not the spectrum that it was offered."""
+    rows = [row for row in parameter_rows(result) if row.name != OFFERED]
+    return ", ".join(str(row).replace(" ", JOINED) for row in rows)
 
 
 def at_depth(result: Identification) -> str:
@@ -45,7 +34,8 @@ def at_depth(result: Identification) -> str:
         for name, q, unit in quantities
     ]
     length = scale_of(there.depth, "m")
-    return f"at {length.factor * there.depth:.4g} {length.unit}: {', '.join(words)}"
+    relaxed = ", once relaxed" if result.law.remembers else ""
+    return f"at {length.factor * there.depth:.4g} {length.unit}{relaxed}: {', '.join(words)}"
 
 
 def force_at_depth(result: Identification) -> str:

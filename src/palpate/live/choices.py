@@ -4,6 +4,7 @@ from typing import Any
 
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ESTIMATORS, ContactEstimator, estimator_named
+from palpate.estimators.law_verdicts import DAMPINGS, MEMORIES
 from palpate.settings import ChangeDetector, ConstantForgetting, OutlierRejection
 from palpate.validation import number_in, shown
 
@@ -11,6 +12,8 @@ from palpate.validation import number_in, shown
 SWITCHES = {"outlier_rejection": OutlierRejection, "change_detector": ChangeDetector}
 #: Numbers that only some methods have.
 NUMBERS = ("stiffness_drift", "dissipation_drift", "exponent_drift")
+#: Which laws an estimator that tells them apart offers.
+CHOICES = {"damping": ("auto", *DAMPINGS), "memory": ("auto", "any", *MEMORIES)}
 #: Of the recording or the tip rather than the method: another method has them too.
 _KEPT = ("gate", "sample_time", "scale", "exponent", "outlier_rejection", "change_detector")
 
@@ -24,7 +27,7 @@ def main_settings(estimator: ContactEstimator) -> dict[str, Any]:
     found: dict[str, Any] = {
         name: settings[name] is not None for name in SWITCHES if name in settings
     }
-    found |= {name: settings[name] for name in NUMBERS if name in settings}
+    found |= {name: settings[name] for name in (*NUMBERS, *CHOICES) if name in settings}
     if "forgetting" in settings:
         forgetting = settings["forgetting"]
         constant = isinstance(forgetting, ConstantForgetting)
@@ -57,7 +60,8 @@ def chosen(estimator: ContactEstimator, options: dict[str, Any]) -> ContactEstim
     known = kind().settings
     kept = estimator.settings
     if kind is not type(estimator):
-        kept = {name: kept[name] for name in _KEPT if name in kept and name in known}
+        there = (name for name in _KEPT if name in known and kept.get(name) is not None)
+        kept = {name: kept[name] for name in there}
     given = {}
     for name, value in wanted.items():
         if name != "forgetting_factor" and name not in known:

@@ -17,6 +17,7 @@ from palpate.live.arrivals import Arrival, Value
 from palpate.live.choices import chosen
 from palpate.live.commands import Command
 from palpate.live.counts import LoopCounts
+from palpate.live.laws_in_force import LawsInForce
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources.source import EndOfSourceError, Source
 from palpate.live.states import State
@@ -71,6 +72,7 @@ class Loop:
     said: list[str] = field(default_factory=list)
     #: What a person wants of the recorder, and how many wishes there were.
     record: dict[str, Any] = field(default_factory=lambda: {"wish": 0, "on": False})
+    laws: LawsInForce = field(init=False)
     watchdog: Watchdog = field(init=False)
     generation: int = 0
     _changed: float = -math.inf
@@ -82,6 +84,7 @@ class Loop:
             size = math.hypot(*given)
             self._direction = tuple(float(each) / size for each in given)
         self._check_size(self.estimator)
+        self.laws = LawsInForce.of(self.estimator)
         self.watchdog = Watchdog.of(self.preparation, getattr(self.source, "pace", 1.0))
 
     def run(self) -> None:
@@ -130,6 +133,7 @@ class Loop:
             estimator.leave_contact()
         estimate = estimator.estimate()
         took = time.perf_counter() - began
+        self.laws.see(arrival.time, estimator)
         self._judge(arrival, status, fault, sampled=sample is not None)
         self._write(arrival, prepared, predicted, status, estimate, took)
         if sample is not None and not self.held:
@@ -288,6 +292,7 @@ class Loop:
     def _exchange(self, estimator: ContactEstimator, words: str) -> None:
         self._check_size(estimator)
         self.estimator = estimator
+        self.laws = LawsInForce.of(estimator)
         self.generation += 1
         self._changed = -math.inf
         self.say(words)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from palpate.validation import Floats
 
 #: The most parameters that a law may have to be shown live.
-MOST_PARAMETERS = 4
+MOST_PARAMETERS = 8
 
 #: Columns of a row, in their order.
 COLUMNS = (

@@ -12,7 +12,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ContactEstimator, VariableProjection
+from palpate.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
 from palpate.live.board import Board
 from palpate.live.commands import Command
 from palpate.live.loop import Loop
@@ -32,11 +32,28 @@ _IMPORTING = 30.0  # s that a sink has to begin, on a busy machine
 _LOOKED_EVERY = 0.1  # s, meanwhile: whether somebody has asked to stop
 
 
-def default_estimator() -> ContactEstimator:
-    """Variable projection that leaves outliers out and finds changes."""
-    return VariableProjection(
-        outlier_rejection=OutlierRejection(), change_detector=ChangeDetector()
-    )
+def default_estimator(
+    kind: type[ContactEstimator] = VariableProjection, **settings: Any
+) -> ContactEstimator:
+    """Return an estimator as a run begins with it.
+
+    Variable projection, and the estimator that tells laws apart, leave outliers out and find
+    changes; others, such as the paper's, are as their authors have them.
+
+    Parameters
+    ----------
+    kind : type
+        The method.
+    settings
+        Of it, beside these.
+    """
+    if kind in (VariableProjection, ViscoelasticContact):
+        settings = {
+            "outlier_rejection": OutlierRejection(),
+            "change_detector": ChangeDetector(),
+            **settings,
+        }
+    return kind(**settings)
 
 
 def run(
@@ -89,7 +106,10 @@ def run(
         addresses = {name: each.name for name, each in boards.items()}
         session = Session(ring.address, board.name, addresses, "")
         kept.callback(source.close)
-        loop = Loop(source, preparation, estimator or default_estimator(), ring)
+        chosen = estimator or default_estimator()
+        if chosen.settings.get("sample_time", source.sample_time) is None:
+            chosen = chosen.replace(sample_time=source.sample_time)
+        loop = Loop(source, preparation, chosen, ring)
         interruption.stops(loop)
         with _started(sinks, session, loop, board) as started, undisturbed():
             # All is there before the first sample: none waits while others begin.

@@ -32,7 +32,11 @@ def status_of(loop: "Loop") -> dict[str, Any]:
             "names": law.names(),
             "symbols": law.symbols,
             "units": law.units,
+            # Places of those that are shown: some law on offer has them as its own.
+            "shown": loop.laws.shown,
+            "remembers": loop.laws.remembers,
         },
+        "verdict": loop.laws.page(loop.estimator),
         "needs_condition_10": loop.estimator.needs_condition_10,
         "state": loop.state.name.lower(),
         "held": loop.held,

@@ -1,6 +1,7 @@
 """From an identification to the numbers that follow from its law and its motion."""
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from palpate.contact import Contact
 from palpate.diagnosis import Data
 from palpate.errors import InvalidParameterError
+from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.quantities.elastic_modulus import ElasticModulus, elastic_modulus_of
 from palpate.quantities.energy import EnergyLoss, energy_of
 from palpate.quantities.passivity import Passivity, fastest_of, passivity_of
@@ -50,10 +52,14 @@ def derived(result: "Identification") -> dict[str, Any]:
     modulus = {}
     if result.wanted.tip is not None:
         modulus = {"elastic_modulus": result.elastic_modulus().as_dict()}
+    felt: dict[str, Any] | None = None
+    with suppress(InvalidParameterError):  # of a probe held still, or beyond the band of a part
+        felt = result.dynamic_stiffness(result.wanted.frequency).as_dict()
     return {
         "restitution": result.restitution().as_dict(),
         "energy": result.energy.as_dict(),
         "passivity": result.passivity.as_dict(),
+        "small_oscillation": felt,
         **modulus,
     }
 
@@ -76,9 +82,13 @@ def restitution_from(result: "Identification", speed: float | None) -> Restituti
     fastest = fastest_of(result.contact.velocity[result.trace.taken])
     found, v0 = result.diagnosis, speed or result.wanted.impact_speed
     with _absurd_numbers():
-        b = dissipation_of(result.law, result.covariance, found.working_depth)
+        law = result.law
+        if isinstance(law, GeneralisedHuntCrossley):
+            law = law.simplest()
+        own = [result.law.names().index(name) for name in law.names()]
+        b = dissipation_of(law, result.covariance[np.ix_(own, own)], found.working_depth)
         trusted = found.verdict.damping != "do-not-trust"
-        return restitution_of(result.law, b, fastest, v0, trusted=trusted)
+        return restitution_of(law, b, fastest, v0, trusted=trusted)
 
 
 def energy_from(result: "Identification") -> EnergyLoss:

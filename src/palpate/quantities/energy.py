@@ -103,7 +103,7 @@ def energy_of(
     """
     work = path.work(path.force)
     lost = loops.over(work)
-    predicted = loops.over(path.work(law.force(path.depth, path.velocity)))
+    predicted = loops.over(path.work(path.felt(law)))
     variance = loops.over(path.variance(force_noise, depth_noise))
     each = put_in(work, loops)
     samples = np.arange(len(path.time))
@@ -135,7 +135,7 @@ def _drifted(path: Path, loops: Loops, law: ForceLaw) -> float:
     """Return ∮ ḋ t dx, mean of the loops, J, of a zero that drifts as what the law leaves does."""
     inside = path.inside
     time = path.time[inside] - path.time[inside].mean()
-    left = path.force[inside] - law.force(path.depth[inside], path.velocity[inside])
+    left = path.force[inside] - path.felt(law)[inside]
     rate = float(time @ left / (time @ time))
     return abs(rate * float(loops.over(path.work(path.time)).mean()))
 
@@ -163,7 +163,7 @@ def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
         remarks.append("the law makes energy: its damping is negative")
     elif measured.value > 0.0 and off > max(UNACCOUNTED * measured.value, 2.0 * math.hypot(*known)):
         remarks.append(
-            f"the law's damper accounts for {predicted.value / measured.value:.0%} of what was lost"
+            f"the law accounts for {predicted.value / measured.value:.0%} of what was lost"
         )
     return remarks
 

@@ -72,7 +72,7 @@ def passivity_of(path: Path, law: ForceLaw, there: WorkingDepth, force_noise: fl
     """
     below = path.depth > 0.0
     depth, velocity, measured = path.depth[below], path.velocity[below], path.force[below]
-    force = law.force(depth, velocity)
+    force = path.felt(law)[below]
     pulls = force < 0.0
     lowest = int(np.argmin(force)) if pulls.any() else None
     return Passivity(

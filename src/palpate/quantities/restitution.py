@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from palpate.diagnosis.finding import Quantity, WorkingDepth, defined
-from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.quantities.approximations import APPROXIMATIONS
 from palpate.quantities.impact import restitution, restitution_slope
 from palpate.validation import Floats
@@ -84,7 +84,7 @@ def restitution_of(
     """
     v0 = fastest_approach if speed is None else speed
     if not isinstance(law, HuntCrossley):
-        words = f"not defined by a {law.kind} law without the mass of the body"
+        words = f"not the same for every body: by {_in_words(law)} it depends on the body's mass"
         return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(words,))
     if not (math.isfinite(b.value) and v0 > 0.0):
         force = (
@@ -126,6 +126,13 @@ def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Qu
     force = there.force.value
     systematic = there.damping.systematic / force if force > 0.0 else math.nan
     return Quantity(law.dissipation, math.sqrt(max(variance, 0.0)), systematic)
+
+
+def _in_words(law: ForceLaw) -> str:
+    if getattr(law, "remembers", False):
+        return "a law with memory"
+    words = "a law whose damping does not grow with depth as its force"
+    return words if isinstance(law, GeneralisedHuntCrossley) else f"the {law.kind} law"
 
 
 def _remarks(b: Quantity, speed: float, fastest: float) -> list[str]:

@@ -8,7 +8,7 @@ from palpate.validation import instance, number_in
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """For which impact and which tip the derived numbers are.
+    """For which impact, tip and oscillation the derived numbers are.
 
     Parameters
     ----------
@@ -18,11 +18,14 @@ class Wanted:
         :class:`Sphere`, :class:`FlatPunch` or :class:`Cone`; without one there is no modulus.
     poisson_ratio : float, optional
         Of the material, in (−1, 0.5]; 0.5, incompressible as soft tissue, assumed unless given.
+    frequency : float, optional
+        Of a small oscillation, rad/s, > 0; the motion's own unless given.
     """
 
     impact_speed: float | None = None
     tip: Tip | None = None
     poisson_ratio: float | None = None
+    frequency: float | None = None
 
     def __post_init__(self) -> None:
         if self.impact_speed is not None:
@@ -30,3 +33,5 @@ class Wanted:
         instance("tip", self.tip, (Tip, type(None)))
         if self.poisson_ratio is not None:
             number_in("poisson_ratio", self.poisson_ratio, -1.0, 0.5, open_low=True)
+        if self.frequency is not None:
+            number_in("frequency", self.frequency, 0.0, 1e12, open_low=True)

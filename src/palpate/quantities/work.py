@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
+from palpate.force_laws import ForceLaw, force_over_breaks
 from palpate.preparation.suggestions import choose_gate
 from palpate.preparation.touches import touches_of
 from palpate.validation import Floats
@@ -37,6 +38,14 @@ class Path:
     force: Floats
     segment: NDArray[np.int64]
     inside: NDArray[np.bool_]
+
+    def felt(self, law: ForceLaw) -> Floats:
+        """Force by a law along the motion, N; one with memory is at rest where a touch begins."""
+        steps = np.diff(self.time, prepend=self.time[:1])
+        starts = [0, *(np.flatnonzero(np.diff(self.segment)) + 1).tolist()]
+        within = np.delete(steps, starts)
+        steps[starts] = np.median(within) if within.size else 1.0
+        return force_over_breaks(law, self.depth, self.velocity, steps, starts)
 
     def work(self, force: Floats) -> Floats:
         """Work done on the material up to each sample, J: ∫ F dx by trapezoids."""

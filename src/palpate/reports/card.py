@@ -3,9 +3,10 @@
 from html import escape
 from pathlib import Path
 
-from palpate.digits import parameter
+from palpate.estimators import ViscoelasticContact
 from palpate.identification import Identification
 from palpate.reports.html import SIGNS
+from palpate.results.parameters import law_in_words, parameter_rows
 from palpate.results.summary import both, depth_in_words
 
 # A notebook has its own colours, and may be dark: only what both can carry.
@@ -39,15 +40,12 @@ def _depths(result: Identification) -> str:
 
 
 def _law(result: Identification) -> str:
-    law = result.law
-    parts = zip(
-        law.names(), law.symbols, law.parameters, result.standard_errors, law.units, strict=True
-    )
-    rows = [
-        [symbol, parameter(value, error, fixed=name in result.fixed), unit]
-        for name, symbol, value, error, unit in parts
-    ]
-    return _table([law.kind, "± standard error", "unit"], rows)
+    rows = [[row.symbol, row.words, row.unit] for row in parameter_rows(result)]
+    table = _table([law_in_words(result), "± standard error", "unit"], rows)
+    verdict = result.law_verdict
+    if verdict is None or not isinstance(result.estimator, ViscoelasticContact):
+        return table
+    return f"{table}<div>{escape(str(verdict))}</div>"
 
 
 def _table(header: list[str], rows: list[list[str]]) -> str:

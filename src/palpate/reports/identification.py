@@ -9,6 +9,7 @@ from palpate import figures
 from palpate.identification import Identification
 from palpate.reports import html, sections
 from palpate.reports.drawings import drawing
+from palpate.reports.law import which_law
 from palpate.reports.style import DRAWINGS, REPORT, STYLE
 
 
@@ -67,6 +68,7 @@ def page(
         "</header>",
         "<main>",
         *_section("numbers", "What was identified", sections.numbers(result)),
+        *_section("law", "Which law it is", which_law(result, compared)),
         *_section("following", "What follows from the law", sections.follows(result)),
         *_section("figure", "Figure", _figure(result)),
         *_section("residuals", "What the law leaves", _residuals(result)),

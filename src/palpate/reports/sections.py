@@ -7,13 +7,14 @@ from html import escape
 import numpy as np
 
 from palpate.diagnosis import Quantity, WorkingDepth
-from palpate.digits import interval, parameter, rounded
+from palpate.digits import rounded
 from palpate.identification import Identification
 from palpate.ranking import rank
 from palpate.recordings.truth import truth_of
 from palpate.reports import html
 from palpate.results.following import following
-from palpate.results.summary import both, depth_in_words, number, whose_fit
+from palpate.results.parameters import correlated, law_in_words, parameter_rows
+from palpate.results.summary import both, depth_in_words, felt, felt_at, number, whose_fit
 
 
 def verdict(result: Identification) -> Iterator[str]:
@@ -38,10 +39,16 @@ def tiles(result: Identification) -> Iterator[str]:
         quantity: Quantity = getattr(there, name)
         words = f"{number(quantity)} {unit}"
         mark = f" · {html.badge(marks[name])}" if name in marks else ""
+        name = f"relaxed {name}" if result.law.remembers else name
         yield (
             f'<div class="tile"><small>{name} at {depth_in_words(there.depth)}{mark}</small>'
             f"<b>{escape(words)}</b></div>"
         )
+    if result.law.remembers and (at := felt_at([result])):
+        stiffness, damping = felt(result)
+        words = f"{number(stiffness)} N/m, {number(damping)} N·s/m"
+        name = escape(at.partition(": ")[2])
+        yield f'<div class="tile"><small>{name}</small><b>{escape(words)}</b></div>'
     yield "</div>"
 
 
@@ -70,17 +77,18 @@ def _law(result: Identification) -> Iterator[str]:
     header = ["parameter", "estimate", "95 % interval", "unit"]
     header += ["truth, by the file", "off by"] if known else []
     rows = []
-    names = zip(law.names(), law.symbols, law.parameters, errors, law.units, strict=True)
-    for name, symbol, value, error, unit in names:
-        fixed = name in result.fixed
-        words = parameter(value, error, fixed=fixed)
-        row = [f"{symbol}, {name.replace('_', ' ')}", words]
-        row += ["–" if fixed else interval(value, error), unit]
+    values = law.as_dict()
+    for each in parameter_rows(result):
+        row = [f"{each.symbol}, {each.name.replace('_', ' ')}", each.words, each.interval]
+        row += [each.unit]
         if known and truth is not None:
-            true = getattr(truth, name)
-            row += [rounded(true, 5), _apart(value - true, error)]
+            true = truth.as_dict().get(each.name, math.nan)
+            apart = values.get(each.name, math.nan) - true
+            row += [rounded(true, 5), _apart(apart, float(errors[each.index]))]
         rows.append([escape(cell) for cell in row])
-    yield from html.table(f"Contact model: {law.kind}, by {result.method}", header, rows)
+    yield from html.table(
+        f"Contact model: {law_in_words(result)}, by {result.method}", header, rows
+    )
     fits = whose_fit(result)
     measures = f"{fits[:1].upper()}{fits[1:]} the force to {rounded(result.fit_rmse_percent, 2)} %"
     predicted = result.prediction_rmse_percent
@@ -96,10 +104,10 @@ def _apart(difference: float, error: float) -> str:
 
 
 def _correlations(result: Identification) -> Iterator[str]:
-    matrix, symbols = result.correlations, result.law.symbols
-    own = [k for k, name in enumerate(result.law.names()) if name not in result.fixed]
-    matrix, symbols = matrix[np.ix_(own, own)], tuple(symbols[k] for k in own)
-    if not np.isfinite(matrix).all():
+    own = [index for index, _ in correlated(result)]
+    symbols = [symbol for _, symbol in correlated(result)]
+    matrix = result.correlations[np.ix_(own, own)]
+    if not (own and np.isfinite(matrix).all()):
         return
     rows = [
         [escape(symbol), *(f"{value:+.4g}" for value in matrix[k])]
@@ -182,29 +190,20 @@ def comparison(compared: Mapping[str, Identification]) -> Iterator[str]:
     rows = []
     for name in ranking.order:
         other = compared[name]
-        there, law = other.diagnosis.working_depth, other.law
-        words = "<br>".join(
-            escape(f"{symbol} = {parameter(value, error, unit=unit, fixed=each in other.fixed)}")
-            for each, symbol, value, error, unit in zip(
-                law.names(),
-                law.symbols,
-                law.parameters,
-                other.standard_errors,
-                law.units,
-                strict=True,
-            )
-        )
+        words = "<br>".join(escape(str(row)) for row in parameter_rows(other))
         rows.append(
             [
                 escape(name),
-                escape(law.kind),
+                escape(law_in_words(other)),
                 html.badge(other.diagnosis.verdict.overall),
-                *(escape(number(q)) for q in (there.stiffness, there.damping)),
+                *(escape(number(q)) for q in felt(other)),
                 f"{rounded(other.fit_rmse_percent, 2)} %",
                 words,
             ]
         )
     yield from html.table("Every method on this contact, the best first", header, rows)
+    if words := felt_at(list(compared.values())):
+        yield f'<p class="soft">{escape(words)}.</p>'
     yield f"<p>Recommended: {escape(ranking.recommended or 'none of them')}.</p>"
     for sentence in ranking.exclusions:
         yield f'<p class="soft">{escape(sentence)}.</p>'

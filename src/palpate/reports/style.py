@@ -80,6 +80,7 @@ REPORT = """
 .tile b { display: block; font-size: 1.45rem; font-weight: 600; line-height: 1.3; }
 .tile small { color: var(--soft); display: block; }
 #numbers td, #comparison td { white-space: nowrap; } /* a number and its error are one */
+#law tbody th { white-space: nowrap; }
 pre { background: var(--band); padding: 0.75rem 1rem; overflow-x: auto; font-size: 0.85rem; }
 code { overflow-wrap: anywhere; }
 @media (max-width: 40rem) { .tile { flex: 1 1 100%; } h1 { font-size: 1.5rem; } }

@@ -82,6 +82,7 @@ def of_one(result: "Identification") -> dict[str, Any]:
         "correlations": _correlations(result.correlations),
         **beside,
         **derived(result),
+        **({"law_verdict": result.law_verdict.as_dict()} if result.law_verdict else {}),
         "prediction_rmse_percent": _defined(result.prediction_rmse_percent),
         "fit_rmse_percent": _defined(result.fit_rmse_percent),
         "violated_fraction": _defined(result.violated_fraction),

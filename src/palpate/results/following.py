@@ -1,13 +1,17 @@
 """What follows from an identified law, in words: rebound, energy lost, pulling, elastic modulus."""
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from palpate.diagnosis import Quantity
+from palpate.diagnosis.data import in_words
 from palpate.digits import rounded, with_error
+from palpate.errors import InvalidParameterError
 from palpate.quantities.elastic_modulus import ElasticModulus
 from palpate.quantities.energy import EnergyLoss
+from palpate.quantities.oscillation import band_of, in_hertz
 from palpate.quantities.passivity import Passivity
 from palpate.quantities.restitution import Restitution
 from palpate.tips import Cone, Tip
@@ -56,6 +60,8 @@ def following(result: "Identification", *, whole: bool = False) -> list[Line]:
     lines = [_rebound(rebound)]
     if rebound.approximations and (whole or result.wanted.impact_speed is not None):
         lines.append(_approximations(rebound))
+    if whole or result.law.remembers or result.wanted.frequency is not None:
+        lines += _felt(result)
     lines += [_energy(result.energy), _passivity(result.passivity)]
     if result.wanted.tip is not None:
         for part in (result, *(each for each in result.stretches if each.place is None)):
@@ -85,6 +91,23 @@ def with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) ->
     numbers = (quantity.value, quantity.standard_error, quantity.systematic)
     scaled = [number / 10.0**power for number in numbers]
     return with_error(*scaled, unit=f"{prefix.strip()}{unit}")
+
+
+def _felt(result: "Identification") -> list[Line]:
+    """What a small oscillation feels; nothing of a probe that was held still."""
+    with suppress(InvalidParameterError):
+        felt = result.dynamic_stiffness(result.wanted.frequency)
+        words = (
+            f"K′ = {_number(felt.stiffness)} N/m, B′ = {_number(felt.damping)} N·s/m, "
+            f"tan δ = {_number(felt.loss_tangent)}"
+        )
+        name = f"a small oscillation of {in_hertz(felt.frequency)} at {in_words(felt.depth, 'm')}"
+        low, high = band_of(result)
+        said = () if result.law.remembers else ("without memory at any frequency",)
+        return [
+            Line(name, words, (*said, f"band of the motion {in_hertz(low)} to {in_hertz(high)}"))
+        ]
+    return []
 
 
 def _rebound(found: Restitution) -> Line:

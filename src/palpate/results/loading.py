@@ -11,6 +11,7 @@ import numpy as np
 from palpate.contact import Contact
 from palpate.diagnosis import Finding, Quantity, Verdict, WorkingDepth
 from palpate.errors import RecordingError
+from palpate.estimators import LawVerdict
 from palpate.force_laws import FORCE_LAWS, law_from
 from palpate.recordings import open_recording
 from palpate.remarks import Remark
@@ -49,6 +50,8 @@ class SavedResult:
         Every sample; thinned as it was saved.
     fixed : tuple of str
         The law's parameters that were given, and not identified.
+    law_verdict : LawVerdict, optional
+        Which law it is, and by what evidence; None where no laws were told apart.
     description : dict
         The whole of ``result.json``; ``docs/results.md`` says what is in it.
     """
@@ -64,6 +67,7 @@ class SavedResult:
     contact: Contact = field(repr=False)
     trace: Trace = field(repr=False)
     fixed: tuple[str, ...]
+    law_verdict: LawVerdict | None
     description: Mapping[str, Any] = field(repr=False)
 
 
@@ -102,6 +106,7 @@ def load_result(path: str | Path) -> SavedResult:
             contact=_as_it_was(contact, whole),
             trace=trace,
             fixed=tuple(map(str, found.get("fixed", ()))),
+            law_verdict=_law_verdict(found.get("law_verdict")),
             description=whole,
         )
     except RecordingError:
@@ -147,6 +152,11 @@ def _as_it_was(contact: Contact, whole: Mapping[str, Any]) -> Contact:
         surface_deviation=whole["surface_deviation"],
         remarks=[Remark(**remark) for remark in whole["remarks"]],
     )
+
+
+def _law_verdict(words: Mapping[str, Any] | None) -> LawVerdict | None:
+    """The verdict on laws; None of a result that has none, or only names it, as earlier ones."""
+    return LawVerdict.from_dict(words) if words and "damping" in words else None
 
 
 def _finding(words: Mapping[str, Any]) -> Finding:

@@ -2,12 +2,17 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.diagnosis import Quantity
-from palpate.digits import interval, parameter, rounded, with_error
+from palpate.digits import rounded, with_error
+from palpate.errors import InvalidParameterError
+from palpate.estimators import ViscoelasticContact
+from palpate.quantities.oscillation import in_hertz
 from palpate.results.following import following
+from palpate.results.parameters import correlated, law_in_words, parameter_rows
 
 if TYPE_CHECKING:
     from palpate.identification import Identification
@@ -18,7 +23,7 @@ def line(result: "Identification") -> str:
     there = result.diagnosis.working_depth
     name = Path(result.contact.source).name or "a contact"
     return (
-        f"<Identification of {name} by {result.method}: {result.diagnosis.verdict.overall}; at "
+        f"<Identification of {name} by {whose(result)}: {result.diagnosis.verdict.overall}; at "
         f"{depth_in_words(there.depth)} stiffness {number(there.stiffness)} N/m, damping "
         f"{number(there.damping)} N·s/m>"
     )
@@ -30,6 +35,12 @@ def summary(result: "Identification") -> str:
     return "\n".join([*lines, *map(str, following(result)), *_findings(result)])
 
 
+def whose(result: "Identification") -> str:
+    """The method, and the law that it chose where it chooses one."""
+    chosen = isinstance(result.estimator, ViscoelasticContact)
+    return f"{result.method}, {law_in_words(result)}" if chosen else result.method
+
+
 def number(quantity: Quantity) -> str:
     """A number with both error bars as one; where one is not known that is said."""
     return with_error(quantity.value, math.hypot(quantity.standard_error, quantity.systematic))
@@ -38,6 +49,26 @@ def number(quantity: Quantity) -> str:
 def both(quantity: Quantity) -> str:
     """A number with both error bars: what repeats, and what the findings would move."""
     return with_error(quantity.value, quantity.standard_error, quantity.systematic)
+
+
+def felt(result: "Identification") -> tuple[Quantity, Quantity]:
+    """Stiffness and damping at the working depth; K′ and B′ there of a law that remembers."""
+    if result.law.remembers:
+        with suppress(InvalidParameterError):  # of a probe that was held still
+            told = result.dynamic_stiffness()
+            return told.stiffness, told.damping
+    there = result.working_depths[0]
+    return there.stiffness, there.damping
+
+
+def felt_at(results: "Sequence[Identification]") -> str:
+    """At which frequency the numbers of laws that remember are; nothing where none does."""
+    for result in results:
+        if result.law.remembers:
+            with suppress(InvalidParameterError):
+                at = in_hertz(result.dynamic_stiffness().frequency)
+                return f"{result.method}: K′ and B′ at {at}, as its law remembers"
+    return ""
 
 
 def whose_fit(result: "Identification") -> str:
@@ -80,15 +111,15 @@ def _depths(result: "Identification") -> list[str]:
 
 
 def _law(result: "Identification") -> list[str]:
-    law, errors, matrix = result.law, result.standard_errors, result.correlations
-    rows = [(law.kind, "estimate", "95 % interval", "unit", *law.symbols)]
-    parts = zip(law.names(), law.symbols, law.parameters, errors, law.units, matrix, strict=True)
-    for name, symbol, value, error, unit, row in parts:
-        correlations = (f"{each:+.3f}" if math.isfinite(each) else "–" for each in row)
-        fixed = name in result.fixed
-        words = parameter(value, error, fixed=fixed)
-        rows.append((symbol, words, "–" if fixed else interval(value, error), unit, *correlations))
-    return [*_aligned(rows), "(the last columns are correlations)"]
+    matrix, own = result.correlations, [k for k, _ in correlated(result)]
+    header = (law_in_words(result), "estimate", "95 % interval", "unit")
+    rows = [(*header, *(symbol for _, symbol in correlated(result)))]
+    for row in parameter_rows(result):
+        found = (matrix[row.index, k] if row.index in own else math.nan for k in own)
+        correlations = (f"{each:+.3f}" if math.isfinite(each) else "–" for each in found)
+        rows.append((row.symbol, row.words, row.interval, row.unit, *correlations))
+    lines = [*_aligned(rows), "(the last columns are correlations)"]
+    return [*lines, str(result.law_verdict)] if result.law_verdict is not None else lines
 
 
 def _findings(result: "Identification") -> list[str]:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.force_laws import ForceLaw
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS
 from palpate.validation import Floats
 
@@ -18,6 +18,8 @@ CHANNELS = (
     "margin", "state", "lateness",
 )  # fmt: skip
 
+_NUMBERS = slice(8, 8 + MOST_PARAMETERS)
+_ERRORS = slice(8 + MOST_PARAMETERS, 8 + 2 * MOST_PARAMETERS)
 _AT = {name: place for place, name in enumerate(COLUMNS)}
 _PARAMETERS = slice(_AT["parameter_0"], _AT["parameter_0"] + MOST_PARAMETERS)
 _COVARIANCES = slice(_AT["covariance_0"], _AT["covariance_0"] + MOST_PARAMETERS**2)
@@ -87,10 +89,12 @@ def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArr
     """
     found = np.full((len(CHANNELS), len(rows)), np.nan)
     found[0:4] = rows[:, _AS_THEY_ARE].T
-    found[8 : 8 + MOST_PARAMETERS] = rows[:, _PARAMETERS].T
+    found[_NUMBERS] = rows[:, _PARAMETERS].T
     places = _COVARIANCES.start + np.arange(MOST_PARAMETERS) * (MOST_PARAMETERS + 1)
     with np.errstate(invalid="ignore"):
-        found[8 + MOST_PARAMETERS : 8 + 2 * MOST_PARAMETERS] = np.sqrt(rows[:, places].T)
+        found[_ERRORS] = np.sqrt(rows[:, places].T)
+    if law is GeneralisedHuntCrossley:  # what one of its laws has not is no curve
+        found[_NUMBERS][found[_ERRORS] == 0.0] = np.nan
     if law is not None and math.isfinite(depth):
         parameters, covariance = parameters_of(rows, len(law.symbols))
         found[4:8] = at_depth(law, parameters, covariance, depth)

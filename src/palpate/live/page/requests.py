@@ -7,7 +7,7 @@ from typing import Any
 
 from palpate.errors import InvalidParameterError
 from palpate.estimators import estimator_named
-from palpate.live.choices import NUMBERS, SWITCHES, chosen
+from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, chosen
 from palpate.live.commands import Command
 from palpate.validation import number_in, shown
 
@@ -19,7 +19,7 @@ COMMAND_TIME = 0.1  # s
 #: Of the page itself rather than of the loop.
 VIEWS = ("depth", "every")
 _SIMPLE = ("hold", "resume", "reset")
-_SETTINGS = frozenset({*SWITCHES, *NUMBERS, "forgetting_factor"})
+_SETTINGS = frozenset({*SWITCHES, *NUMBERS, *CHOICES, "forgetting_factor"})
 
 
 def request_of(text: str | bytes) -> tuple[str, dict[str, Any]]:

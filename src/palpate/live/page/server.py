@@ -16,7 +16,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from palpate.errors import InvalidParameterError
-from palpate.live.choices import offered
+from palpate.live.choices import CHOICES, offered
 from palpate.live.commands import Command
 from palpate.live.page.channels import CHANNELS
 from palpate.live.page.gate import App, Gate
@@ -185,7 +185,12 @@ class Server:
         self.served.clients += 1
         history = self.watch.history
         client = Client(socket, history.oldest, self.watch.recast, history.total)
-        hello = {"kind": "hello", "channels": CHANNELS, "methods": self._methods}
+        hello = {
+            "kind": "hello",
+            "channels": CHANNELS,
+            "methods": self._methods,
+            "choices": CHOICES,
+        }
         sending = asyncio.create_task(self._send_all(client, json.dumps(hello)))
         receiving = asyncio.create_task(self._receive_all(client))
         try:

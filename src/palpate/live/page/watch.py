@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
-from palpate.force_laws import FORCE_LAWS, ForceLaw
+from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.live.board import Board
+from palpate.live.law_numbers import told
 from palpate.live.page.channels import at_depth, column, parameters_of
 from palpate.live.page.history import SHOWN, History
 from palpate.live.ring import Reader
 from palpate.live.sinks.sink import Session
 from palpate.live.states import State
+from palpate.live.verdict_on_laws import verdict_on
 from palpate.validation import Floats
 
 ALIVE = 2.0  # s: the loop writes its board four times a second
@@ -155,8 +157,11 @@ class Watch:
         stiffness = at_depth(law, parameters, covariance, self.depth)[:, 0].tolist()
         with np.errstate(invalid="ignore"):
             errors = np.sqrt(np.diagonal(covariance[0]))
+        values = parameters[0].copy()
+        if law is GeneralisedHuntCrossley:  # what one of its laws has not is no number
+            values[errors == 0.0] = np.nan
         return {
-            "parameters": parameters[0].tolist(),
+            "parameters": values.tolist(),
             "errors": errors.tolist(),
             "stiffness": stiffness[:2],
             "damping": stiffness[2:],
@@ -172,12 +177,17 @@ class Watch:
         if not np.isfinite(parameters).all():
             return {}
         depth = np.linspace(0.0, deepest, _CURVE)
-        law = self._law(*parameters[0].tolist())
+        law = self._law.from_parameters(parameters[0])
         with np.errstate(all="ignore"):  # a start may have a negative exponent
             force = law.force(depth, np.zeros(_CURVE)) + float(
                 np.nan_to_num(column(row, "offset")[0])
             )
         return {"penetration": depth.tolist(), "force": force.tolist()}
+
+    def _verdict(self) -> dict[str, Any] | None:
+        """Which law it is, with what follows from it."""
+        verdict = verdict_on(self.loop)
+        return told(verdict) if verdict else None
 
     def page(self, served: Mapping[str, Any]) -> dict[str, Any]:
         """All that is said in words, as JSON takes it.
@@ -196,7 +206,7 @@ class Watch:
                 now[name] = float(column(row, name)[0])
         said: dict[str, Any] = plain(
             {
-                "loop": self.loop,
+                "loop": {**self.loop, "verdict": self._verdict()},
                 "others": {name: board.read() for name, board in self._others.items()},
                 "alive": self.alive,
                 "shown": SHOWN,

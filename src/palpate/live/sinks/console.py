@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from palpate.live.law_numbers import law_lines
 from palpate.live.sinks.figures import WorkingDepth, at_depth, percent, seconds
 from palpate.live.sinks.printing import printed
 from palpate.live.sinks.sink import Session
 from palpate.live.sinks.watching import PLACE, Watching
 from palpate.live.states import State
+from palpate.live.verdict_on_laws import verdict_on
 
 _REFRESHED_EVERY = 0.2  # s, on a terminal
 _LINE_EVERY = 1.0  # s, elsewhere
@@ -146,6 +148,8 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
         What each sink said last, by its name.
     """
     counts = status.get("counts", {})
+    if verdict := verdict_on(status):
+        yield from law_lines(verdict)
     taken, learned = counts.get("taken", 0), counts.get("learned", 0)
     yield f"{status.get('source', '')}: {taken} samples, {learned} learned, " + _many(
         counts.get("changes", 0), "change"

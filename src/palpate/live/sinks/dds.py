@@ -52,7 +52,7 @@ class DDSWire(RosWire):
         """Send estimates; return how many no reader took in time."""
         return sum(not self._write(0, each) for each in self.estimates(names, values))
 
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str]) -> None:
+    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
         """Send what is said in words."""
         self._write(1, self.encoder.status(state, source, stamp, values))
 

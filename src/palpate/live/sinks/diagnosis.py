@@ -9,7 +9,9 @@ import numpy as np
 from palpate._core import Status
 from palpate.contact import Contact
 from palpate.errors import PalpateError
+from palpate.estimators import ContactEstimator, estimator_named
 from palpate.identifying import identify
+from palpate.live.choices import CHOICES
 from palpate.live.realtime import go_last
 from palpate.live.sinks.sink import Session
 from palpate.live.sinks.watching import PLACE, Watching
@@ -132,6 +134,14 @@ def contact_of(samples: Floats, sample_time: float) -> Contact:
     )
 
 
+def _estimator(status: dict[str, Any]) -> ContactEstimator | None:
+    """That of the loop, as far as the status names it: which laws compete is another question."""
+    method, settings = status.get("method"), status.get("settings", {})
+    if method is None:
+        return None
+    return estimator_named(method)(**{name: settings[name] for name in CHOICES if name in settings})
+
+
 def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
     """Return what the board says of these samples, by the method that the loop's status names."""
     began = time.monotonic()
@@ -144,7 +154,7 @@ def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
     }
     try:
         contact = contact_of(samples, float(status.get("sample_time", 1e-3)))
-        diagnosis = identify(contact, status.get("method")).diagnosis
+        diagnosis = identify(contact, _estimator(status)).diagnosis
     except PalpateError as error:  # the probe touched nothing
         return {**page, "verdict": None, "reason": str(error), "remedy": None, "said": str(error)}
     return {

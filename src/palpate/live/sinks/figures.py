@@ -10,9 +10,11 @@ from palpate._core import Status
 from palpate.digits import rounded, with_error
 from palpate.estimate import Estimate
 from palpate.force_laws import FORCE_LAWS
+from palpate.live.law_numbers import in_words, numbers_of
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sinks.watching import PLACE
 from palpate.live.states import State
+from palpate.live.verdict_on_laws import verdict_on
 from palpate.validation import Floats
 
 _FIRST, _COVARIANCE = PLACE["parameter_0"], PLACE["covariance_0"]
@@ -41,7 +43,10 @@ class WorkingDepth:
 
 
 def at_depth(status: dict[str, Any], row: Floats, depth: float) -> str:
-    """Stiffness and damping at a depth [m], with error bars, of a row of the ring."""
+    """Stiffness and damping at a depth [m], with error bars, of a row of the ring.
+
+    Of an estimator that tells laws apart which it is, and what a small oscillation feels.
+    """
     kind = FORCE_LAWS.get(status.get("law", {}).get("kind", ""))
     if kind is None or not depth > 0.0:
         return "no contact yet"
@@ -53,7 +58,9 @@ def at_depth(status: dict[str, Any], row: Floats, depth: float) -> str:
     square = covariance.reshape(MOST_PARAMETERS, MOST_PARAMETERS)[:size, :size]
     if not np.isfinite(parameters).all():
         return "nothing known yet"
-    law = kind(*parameters.tolist())
+    if verdict := verdict_on(status):
+        return in_words(verdict, numbers_of(verdict))
+    law = kind.from_parameters(parameters)
     estimate = Estimate.from_law(law, square, status=Status(int(row[PLACE["status"]])), samples=1)
     stiffness = with_error(*estimate.stiffness_at(depth), unit="N/m")
     damping = with_error(*estimate.damping_at(depth), unit="N·s/m")

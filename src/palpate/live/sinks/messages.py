@@ -6,6 +6,7 @@ from typing import Any
 
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sinks.watching import PLACE
+from palpate.live.verdict_on_laws import verdict_on
 
 #: Topics; a recording is identified again from the first.
 INPUT, ESTIMATE = "/input", "/estimate"
@@ -141,9 +142,12 @@ def described(status: dict[str, Any]) -> dict[str, str]:
         tared = "none"
     else:
         tared = "being measured" if tare is None else f"{tare:.6g} N was taken off online"
+    verdict = verdict_on(status)
+    told = {"law": str(verdict["law"])} if verdict and verdict["known"] else {}
     return {
         "source": str(status.get("source", "")),
         "method": str(status.get("method", "")),
+        **told,
         "parameters": ", ".join(f"{name} [{unit or '1'}]" for name, unit in units),
         "preparation": preparation or "as usual",
         "tare": tared,

@@ -9,11 +9,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from palpate.digits import with_error
+from palpate.digits import parameter
 from palpate.errors import PalpateError
+from palpate.live.law_numbers import fields_of
 from palpate.live.sinks.sink import Session
 from palpate.live.sinks.watching import Watching
 from palpate.live.states import State
+from palpate.live.verdict_on_laws import verdict_on
 from palpate.live.wires.estimates import GENERATION, Fields
 from palpate.live.wires.ros_estimates import TOPICS, RosEncoder
 from palpate.validation import Floats
@@ -36,8 +38,8 @@ class Wire(Protocol):
     def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
         """Send estimates, one after the other; return how many of them could not be sent."""
 
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str]) -> None:
-        """Send what is said in words."""
+    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
+        """Send what is said in words, and a few numbers."""
 
     def close(self) -> None:
         """End; may be called twice."""
@@ -153,21 +155,41 @@ class _Publishing:
         self._watching.tell({"published": self._sent})
 
 
-def words_of(page: dict[str, Any], fields: Fields, values: Sequence[float]) -> dict[str, str]:
-    """What is said in words: numbers with their units and error bars, and what was lost."""
+def words_of(
+    page: dict[str, Any], fields: Fields, values: Sequence[float]
+) -> dict[str, str | float]:
+    """What is said in words: numbers with their units and error bars, and what was lost.
+
+    And which law it is, by an estimator that tells laws apart: words, and plain numbers in SI.
+    """
     named = dict(zip(fields.names, values, strict=True))
-    said = {"method": str(page["method"]), "law": str(page["law"]["kind"])}
-    for name, unit in zip(fields.parameters, page["law"]["units"], strict=True):
+    said: dict[str, str | float] = {"method": str(page["method"]), "law": str(page["law"]["kind"])}
+    shown = page["law"].get("shown", range(len(fields.parameters)))
+    units = dict(zip(fields.parameters, page["law"]["units"], strict=True))
+    verdict = verdict_on(page)
+    known = verdict and verdict["parameters"]
+    own = verdict["own"] if verdict and known else fields.parameters
+    fixed = verdict["fixed"] if verdict else ()
+    for name in (fields.parameters[place] for place in shown):
         value, error = named[name], named[f"{name}_standard_error"]
-        if not math.isfinite(value):
-            said[name] = "not known"
-        elif math.isfinite(error):
-            said[name] = with_error(value, error, unit=unit)
+        if name not in own:
+            said[name] = "none of its own"
         else:
-            said[name] = f"{value:.4g} {unit}".strip() + ", error not known"
+            said[name] = _parameter(value, error, units[name], fixed=name in fixed)
+    if verdict:
+        origin = 1e-9 * fields.origin  # what the loop counts its times from
+        said |= {f"verdict_{name}": each for name, each in fields_of(verdict, origin).items()}
     for name in ("lost", "repeated", "disordered", "malformed", "unpaired", "refused"):
         said[name] = str(page["counts"].get(name, 0))
     return said
+
+
+def _parameter(value: float, error: float, unit: str, *, fixed: bool) -> str:
+    if not math.isfinite(value):
+        return "not known"
+    if math.isfinite(error):
+        return parameter(value, error, unit=unit, fixed=fixed)
+    return f"{value:.4g} {unit}".strip() + ", error not known"
 
 
 class RosWire:

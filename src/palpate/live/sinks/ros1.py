@@ -48,7 +48,7 @@ class ROS1Wire(RosWire):
         self._bridge.write([(0, each) for each in self.estimates(names, values)])
         return 0
 
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str]) -> None:
+    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
         """Send what is said in words."""
         assert self._bridge is not None  # it is open
         self._bridge.write([(1, self.encoder.status(state, source, stamp, values))])

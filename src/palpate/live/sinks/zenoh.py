@@ -73,7 +73,7 @@ class ZenohWire(RosWire):
             self._put(0, each)
         return 0
 
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str]) -> None:
+    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
         """Send what is said in words."""
         self._put(1, self.encoder.status(state, source, stamp, values))
 

@@ -93,7 +93,7 @@ class ZeroMQWire:
             return BINARY.pack(self._number, *values[:first], *rest, *values[first:], *rest)
         return _json({"number": self._number, **dict(zip(names, values, strict=True))})
 
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str]) -> None:
+    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
         """Send what is said in words."""
         said = {"state": state, "source": source, "time": 1e-9 * stamp, **values}
         self._put(b"status", _json(said))

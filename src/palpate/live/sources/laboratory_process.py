@@ -64,7 +64,7 @@ def press(setup: Setup, ring: Address, connection: Connection) -> None:
     show_name("lab")
     give_way(gently=False)
     writer = Writer(made=ring)
-    with suppress(BrokenPipeError, EOFError):
+    with suppress(BrokenPipeError, ConnectionResetError, EOFError):
         bench, probe, words = setup.bench()
         connection.send(Word(words, probe))
         _Pressing(setup, bench, probe, writer, connection).run()

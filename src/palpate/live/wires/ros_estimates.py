@@ -69,7 +69,7 @@ class RosEncoder:
         self._at = len(self._template) - self._form.size
         self._names = names
 
-    def status(self, state: str, source: str, stamp: int, values: dict[str, str]) -> bytes:
+    def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
         """Return the message that says the state in words.
 
         Parameters
@@ -81,13 +81,18 @@ class RosEncoder:
         stamp : int
             ns, by the robot's clock.
         values : dict
-            What is said, by name.
+            What is said, by name; numbers are written with nine digits.
         """
         types = self._store.types
         time = types["builtin_interfaces/msg/Time"](*divmod(max(stamp, 0), NANO))
         numbered = (0,) if self._ros1 else ()
         header = types["std_msgs/msg/Header"](*numbered, time, "")
-        pairs = [types["diagnostic_msgs/msg/KeyValue"](*pair) for pair in values.items()]
+        pairs = [
+            types["diagnostic_msgs/msg/KeyValue"](
+                name, value if isinstance(value, str) else f"{value:.9g}"
+            )
+            for name, value in values.items()
+        ]
         one: Any = types["diagnostic_msgs/msg/DiagnosticStatus"](
             _LEVELS.get(state, 0), "palpate", state, source, pairs
         )

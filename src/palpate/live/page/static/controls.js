@@ -5,7 +5,7 @@ import { element, say, truthWords } from "./words.js";
 
 const SETTINGS = {
   outlier_rejection: "leave outliers out", change_detector: "detect changes",
-  forgetting_factor: "forgetting factor", stiffness_drift: "stiffness drift",
+  forgetting_factor: "forgetting factor", damping: "damper", memory: "memory", stiffness_drift: "stiffness drift",
   dissipation_drift: "dissipation drift", exponent_drift: "exponent drift",
 };
 const OFFERS = { material: "Material", motion: "Motion", change: "Sudden change to" };
@@ -15,6 +15,7 @@ export class Controls {
   constructor({ ask, onPause, onDownload }) {
     this.ask = ask;
     this.methods = {};
+    this.choices = {};
     this.offered = "";
     this.shown = "";
     $("hold").onclick = () => ask(pressed("hold") ? "resume" : "hold");
@@ -36,8 +37,9 @@ export class Controls {
     $("median").onclick = () => ask("depth", { value: null });
   }
 
-  hello(methods) {
+  hello(methods, choices = {}) {
     this.methods = methods;
+    this.choices = choices;
     this.shown = "";
     $("method").replaceChildren(...Object.keys(methods).map((name) => element("option", { value: name }, name)));
   }
@@ -49,6 +51,11 @@ export class Controls {
         const box = element("input", { type: "checkbox", name, checked: value });
         return element("label", {}, box, ` ${label}`);
       }
+      if (this.choices[name]) {
+        const list = element("select", { name }, ...this.choices[name].map((each) => element("option", { value: each }, each)));
+        list.value = value;
+        return element("label", {}, `${label} `, list);
+      }
       const box = element("input", { type: "number", name, step: "any", min: "0", value: value ?? "" });
       if (name === "forgetting_factor") Object.assign(box, { max: "1", placeholder: "own way" });
       return element("label", {}, `${label} `, box);
@@ -57,8 +64,9 @@ export class Controls {
 
   start() {
     const options = { method: $("method").value };
-    for (const box of $("settings").querySelectorAll("input")) {
-      if (box.type === "checkbox") options[box.name] = box.checked;
+    for (const box of $("settings").querySelectorAll("input, select")) {
+      if (box.tagName === "SELECT") options[box.name] = box.value;
+      else if (box.type === "checkbox") options[box.name] = box.checked;
       else if (box.value !== "") options[box.name] = Number(box.value);
       else if (box.name === "forgetting_factor") options[box.name] = null;
     }

@@ -131,8 +131,9 @@ export class TimePanel {
     if (!edges) return;
     const last = values.findLastIndex((value) => value !== null);
     if (last < 0) return;
-    const most = Math.max(Math.abs(values[last]), high - low); // a start that knows nothing has no end
     const up = edges[0][last] ?? values[last], down = edges[1][last] ?? values[last];
+    let most = Math.max(Math.abs(values[last]), high - low); // a start that knows nothing has no end
+    if (most < 1e-6 * (up - down)) most = up - down; // but at zero there is only the error
     extent[0] = Math.min(extent[0], Math.max(down, values[last] - most));
     extent[1] = Math.max(extent[1], Math.min(up, values[last] + most));
   }

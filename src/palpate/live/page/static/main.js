@@ -4,6 +4,7 @@ import { Connection } from "./connection.js";
 import { Controls } from "./controls.js";
 import { level, marked, shared, TimePanel } from "./curves.js";
 import { rounded, scaleOf, withError } from "./digits.js";
+import { buildLaw, showLaw } from "./law.js";
 import { download } from "./download.js";
 import { Plane } from "./plane.js";
 import { Store } from "./store.js";
@@ -11,7 +12,7 @@ import { theme, watchTheme } from "./theme.js";
 import * as words from "./words.js";
 
 const $ = (id) => document.getElementById(id);
-const NAMES = { K: "Stiffness", B: "Damping", n: "Exponent" };
+const NAMES = { K: "Stiffness", B: "Damping", n: "Exponent", M: "Relaxing stiffness", "α": "Spectrum's exponent", "τ₂": "Relaxation time" };
 const SLOW = 2; // frames with losses before fewer samples are asked for
 
 let store = null, page = null, panels = [], plane = null, built = "", paused = false, fresh = false;
@@ -48,7 +49,7 @@ function onMessage(message) {
     // Of another version of the server they may be others.
     if (String(store?.names) !== String(message.channels)) store = new Store(message.channels, 10);
     every = 1;
-    controls.hello(message.methods);
+    controls.hello(message.methods, message.choices);
     if (paused) controls.show(page);
   } else if (message.kind === "refused") {
     words.say($("answer"), `Refused: ${message.words}`);
@@ -75,6 +76,7 @@ function show(message) {
     page = message;
     build(message);
     showNumbers(message);
+    showLaw(message.loop.verdict, store.now);
     plane.curve = message.now.curve ?? {};
     words.fillChanges($("changes"), message.changes, store.now);
     fresh = true;
@@ -98,11 +100,13 @@ function showState({ loop, alive, ended }) {
 /** Panels for the law that is identified; made anew where another is. */
 function build({ loop, depth }) {
   const law = loop.law ?? { symbols: [], units: [] };
-  const key = JSON.stringify([law.kind, loop.needs_condition_10]);
+  const shown = shownOf(law);
+  const key = JSON.stringify([law.kind, shown, loop.verdict?.offered, loop.needs_condition_10]);
   const at = depth.value ? ` at ${millimetres(depth.value)}` : " at working depth";
+  const [stiff] = atDepth(law);
   if (key === built) {
     const there = panels.find((panel) => panel.atDepth);
-    there.name = `Stiffness${at}`;
+    there.name = `${stiff}${at}`;
     there.entitle();
     return;
   }
@@ -124,10 +128,10 @@ function build({ loop, depth }) {
     name, unit, label: `${name}, with a band of two standard errors`, marks,
     lines: [{ channel, error, colour: () => theme.lines[colour] }],
   });
-  const stiffness = estimate(`Stiffness${at}`, "N/m", "stiffness", "stiffness_error", 0);
+  const stiffness = estimate(`${stiff}${at}`, "N/m", "stiffness", "stiffness_error", 0);
   stiffness.atDepth = true;
-  panels = [force, stiffness, ...law.symbols.map((symbol, k) =>
-    estimate(symbol, law.units[k], `parameter_${k}`, `error_${k}`, (k + 1) % 6))];
+  panels = [force, stiffness, ...shown.map((k) =>
+    estimate(symbolOf(law, k), law.units[k], `parameter_${k}`, `error_${k}`, (k + 1) % 6))];
   if (loop.needs_condition_10) {
     panels.push(new TimePanel($("panels"), {
       kind: "margin", name: "Margin of condition 10 (below 0 the estimate is biased)", fixed: [-1, 1],
@@ -135,8 +139,16 @@ function build({ loop, depth }) {
     }));
   }
   tiles(law);
+  buildLaw(loop.verdict);
   document.body.classList.add("ready");
 }
+
+/** What K and B come to at a depth: of a law that may remember the spring once it has relaxed, and the damper alone. */
+const atDepth = (law) => (law.remembers ? ["Relaxed", "Damper"] : ["Stiffness", "Damping"]);
+
+/** Places of the parameters that some law on offer has as its own. */
+const shownOf = (law) => law.shown ?? law.symbols.map((_, k) => k);
+const symbolOf = (law, k) => (law.symbols[k] === "τ₂" ? "τ" : law.symbols[k]); // alone it is the only one
 
 const millimetres = (depth) => {
   const scale = scaleOf(depth, "m");
@@ -144,8 +156,8 @@ const millimetres = (depth) => {
 };
 
 function tiles(law) {
-  const names = ["", "", ...law.symbols.map((name, k) =>
-    `${[NAMES[name], name].filter(Boolean).join(" ")}${law.units[k] ? ` [${law.units[k]}]` : ""}`)];
+  const names = ["", "", ...shownOf(law).map((k) =>
+    `${[NAMES[law.symbols[k]], symbolOf(law, k)].filter(Boolean).join(" ")}${law.units[k] ? ` [${law.units[k]}]` : ""}`)];
   $("numbers").replaceChildren(...names.map((name) => words.element("div", { className: "number-tile" },
     words.element("small", {}, name), words.element("b", {}, "unknown"))));
 }
@@ -156,11 +168,23 @@ function showNumbers({ now, loop, depth }) {
   const texts = [
     withError(now.stiffness?.[0] ?? NaN, [now.stiffness?.[1] ?? NaN]),
     withError(now.damping?.[0] ?? NaN, [now.damping?.[1] ?? NaN]),
-    ...law.symbols.map((_, k) => withError(now.parameters?.[k] ?? NaN, [now.errors?.[k] ?? NaN])),
+    ...shownOf(law).map((k) => numberWords(now, loop, k)),
   ];
   [...$("numbers").children].forEach((tile, k) => words.say(tile.lastChild, texts[k] ?? ""));
-  words.say($("numbers").children[0].firstChild, `Stiffness${at} [N/m]`);
-  words.say($("numbers").children[1].firstChild, `Damping${at} [N·s/m]`);
+  const [stiff, damper] = atDepth(law);
+  words.say($("numbers").children[0].firstChild, `${stiff}${at} [N/m]`);
+  words.say($("numbers").children[1].firstChild, `${damper}${at} [N·s/m]`);
+}
+
+/** A parameter as the law in force has it: its own with its error, one that was given, or none. */
+function numberWords(now, { law, verdict }, k) {
+  const value = now.parameters?.[k] ?? NaN, name = law.names[k];
+  if (verdict?.parameters && verdict.own.includes(name) && verdict.fixed.includes(name)) {
+    return `${rounded(verdict.parameters[k], 6)} (given)`;
+  }
+  if (verdict && !verdict.parameters) return "unknown";
+  if (verdict?.parameters && !verdict.own.includes(name)) return "not in this law";
+  return withError(value, [now.errors?.[k] ?? NaN]);
 }
 
 function draw() {

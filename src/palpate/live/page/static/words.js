@@ -24,8 +24,9 @@ export function element(name, properties = {}, ...children) {
 /** "K = 99000 ± 1100 N/mⁿ", a line a parameter. */
 function lawWords(law, found) {
   if (!law?.symbols || !found?.parameters) return ["unknown"];
-  return law.symbols.map((symbol, k) => element("div", {},
-    `${symbol} = ${withError(found.parameters[k] ?? NaN, [found.errors[k] ?? NaN], law.units[k])}`));
+  const shown = law.shown ? law.shown.filter((k) => found.parameters[k] !== null) : [...law.symbols.keys()];
+  return shown.map((k) => element("div", {},
+    `${law.symbols[k]} = ${withError(found.parameters[k] ?? NaN, [found.errors[k] ?? NaN], law.units[k])}`));
 }
 
 export function changeWords(change) {

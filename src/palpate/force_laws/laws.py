@@ -6,7 +6,7 @@ Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, ClassVar, TypeVar, overload
+from typing import Any, ClassVar, Self, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,12 +31,24 @@ class ForceLaw:
     #: Of the parameters, in their order.
     units: ClassVar[tuple[str, ...]]
     symbols: ClassVar[tuple[str, ...]]
+    #: Parameters that are 0 where a description leaves them out.
+    optional: ClassVar[tuple[str, ...]] = ()
     #: Whether condition 10 of the paper, |v| < 0.1 K/B, concerns it.
     has_condition_10: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         for name, value in self.as_dict().items():
             object.__setattr__(self, name, number(name, value))
+
+    @classmethod
+    def from_parameters(cls, parameters: "ArrayLike") -> Self:
+        """Return the law of these numbers, as :attr:`parameters` has them."""
+        return cls(*np.asarray(parameters, dtype=np.float64).tolist())
+
+    @classmethod
+    def from_dict(cls, numbers: dict[str, Any]) -> Self:
+        """Return the law of its numbers by name, as :meth:`as_dict` has them."""
+        return cls(**numbers)
 
     @classmethod
     def names(cls) -> list[str]:
@@ -46,6 +58,11 @@ class ForceLaw:
     def as_dict(self) -> dict[str, float]:
         """Return the parameters by name, SI."""
         return {name: getattr(self, name) for name in self.names()}
+
+    @property
+    def remembers(self) -> bool:
+        """Whether its force depends on more than the present."""
+        return False
 
     @property
     def parameters(self) -> Floats:
@@ -59,6 +76,15 @@ class ForceLaw:
     def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> float | Floats:
         """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays."""
         raise NotImplementedError
+
+    def force_along(
+        self, penetration: "ArrayLike", velocity: "ArrayLike", time_steps: "ArrayLike"
+    ) -> Floats:
+        """Force [N] along a motion, of samples so many seconds apart, shapes (k,).
+
+        The same as :meth:`force` of a law without memory.
+        """
+        return np.asarray(self.force(penetration, velocity))
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂θ in contact, shape (k, p), at penetrations > 0 [m] and velocities [m/s], (k,)."""
@@ -109,7 +135,7 @@ class ForceLaw:
         found = np.full((2, len(parameters)), np.nan)
         depths = np.broadcast_to(depth, len(parameters))
         for k in np.flatnonzero(np.isfinite(parameters).all(axis=1)).tolist():
-            law = cls(*parameters[k].tolist())
+            law = cls.from_parameters(parameters[k])
             found[:, k] = law.stiffness_at(float(depths[k])), law.damping_at(float(depths[k]))
         return found[0], found[1]
 
@@ -126,7 +152,7 @@ class ForceLaw:
         """
         found = np.full(penetration.shape, np.nan)
         for k in np.flatnonzero(np.isfinite(parameters).all(axis=1)).tolist():
-            found[k] = cls(*parameters[k].tolist()).force(penetration[k], velocity[k])
+            found[k] = cls.from_parameters(parameters[k]).force(penetration[k], velocity[k])
         return found
 
     @classmethod
@@ -134,7 +160,7 @@ class ForceLaw:
         """:meth:`parameter_gradient` of many laws, as :meth:`forces`; shape (k, m, p)."""
         found = np.full((*penetration.shape, parameters.shape[1]), np.nan)
         for k in np.flatnonzero(np.isfinite(parameters).all(axis=1)).tolist():
-            law = cls(*parameters[k].tolist())
+            law = cls.from_parameters(parameters[k])
             found[k] = law.parameter_gradient(penetration[k], velocity[k])
         return found
 
@@ -182,12 +208,16 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
             f"kind must be one of {', '.join(FORCE_LAWS)}, not {shown(kind)}"
         )
     law = FORCE_LAWS[kind]
-    if set(given) != set(law.names()):
-        raise InvalidParameterError(f"{kind} needs {', '.join(law.names())}, and no others")
-    return law(**given)
+    needed = [name for name in law.names() if name not in law.optional]
+    if not set(needed) <= set(given) <= set(law.names()):
+        words = f"{kind} needs {', '.join(needed)}"
+        if law.optional:
+            words += f", may have {', '.join(law.optional)}"
+        raise InvalidParameterError(f"{words}, and no others")
+    return law.from_dict({**dict.fromkeys(law.optional, 0.0), **given})
 
 
-class _CompiledLaw(ForceLaw):
+class CompiledLaw(ForceLaw):
     """A law whose force is worked out by the compiled core."""
 
     __slots__ = ()
@@ -240,7 +270,7 @@ class _CompiledLaw(ForceLaw):
 
 @register
 @dataclass(frozen=True, slots=True)
-class KelvinVoigt(_CompiledLaw):
+class KelvinVoigt(CompiledLaw):
     """A linear spring and a linear damper in parallel.
 
     F = K x + B v  for x ≥ 0, else 0.   (eq. 1)
@@ -287,7 +317,7 @@ class KelvinVoigt(_CompiledLaw):
 
 @register
 @dataclass(frozen=True, slots=True)
-class ExtendedKelvinVoigt(_CompiledLaw):
+class ExtendedKelvinVoigt(CompiledLaw):
     """A stiffening spring and a linear damper in parallel.
 
     F = K₁ x + K₂ x² + B v  for x ≥ 0, else 0.   (eq. 14)
@@ -336,7 +366,7 @@ class ExtendedKelvinVoigt(_CompiledLaw):
 
 @register
 @dataclass(frozen=True, slots=True)
-class HuntCrossley(_CompiledLaw):
+class HuntCrossley(CompiledLaw):
     """A spring and a damper in parallel that both stiffen with depth.
 
     F = K xⁿ + B xⁿ v = K xⁿ (1 + b v)  for x > 0, else 0.   (eq. 2)

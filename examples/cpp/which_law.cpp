@@ -1,0 +1,80 @@
+// A robot presses its probe into something that may remember, and says which law it is as it moves.
+#include <cmath>
+#include <cstddef>
+#include <cstdio>
+#include <palpate/viscoelastic_estimators.hpp>
+#include <random>
+
+#include "palpate/viscoelastic/relaxation.hpp"
+
+namespace {
+
+namespace v = palpate::viscoelastic;
+
+constexpr double dt = 1e-3;
+
+const char* damper(v::Damping damping) {
+  return damping == v::Damping::none            ? "no damper"
+         : damping == v::Damping::hunt_crossley ? "a damper as Hunt and Crossley's"
+                                                : "a damper as a half-space's";
+}
+
+// By how much the law in force is before the next; ten are strong evidence.
+double lead(const v::Solver<v::FlatSums>& solver) {
+  const std::size_t chosen = solver.solution().fit.candidate;
+  const double own = solver.standing(chosen).score;
+  double least = HUGE_VAL;
+  for (std::size_t i = 0; i < solver.count; ++i) {
+    const v::Standing other = solver.standing(i);
+    const bool competes = other.mean_square > 0.0;
+    if (competes && i != chosen) least = std::fmin(least, other.score);
+  }
+  return least - own;
+}
+
+}  // namespace
+
+int main() {
+  // The world: F = K xⁿ + B xⁿ v, of which half as much again relaxes with times from 2 ms to 2 s.
+  const palpate::GeneralisedHuntCrossley foam{.stiffness = 2e4,
+                                              .exponent = 1.5,
+                                              .damping = 4e4,
+                                              .damping_exponent = 1.5,
+                                              .relaxation_stiffness = 1e4,
+                                              .spectrum_exponent = 0.0,
+                                              .shortest_time = 2e-3,
+                                              .longest_time = 2.048};
+  const v::RelaxationBranches branches(foam);
+  double state[v::RelaxationBranches::most + 1] = {};
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0.0, 0.05);
+
+  palpate::ViscoelasticContact estimator({.method = {.sample_time = dt}});
+  for (int tick = 0; tick <= 3000; ++tick) {
+    // Your 1 kHz loop. A real one has no velocity: palpate::OnlinePreparation makes it.
+    const double t = dt * tick;
+    const double x = 4e-3 - 6e-3 * std::cos(11.0 * t);
+    const double velocity = 66e-3 * std::sin(11.0 * t);
+    v::relax(foam, branches, x, dt, state);
+    const double force = v::relaxing_force(foam, branches, x, velocity, state) + noise(random);
+
+    // Neither throws, allocates or blocks; verdict and parameters are worked out a little at each.
+    estimator.update(x, velocity, force, dt);
+
+    if (tick % 250 != 0) continue;
+    const auto& solver = estimator.method().solver();
+    if (!solver.decided()) {
+      std::printf("%4.2f s  no verdict yet\n", t);
+      continue;
+    }
+    const v::Candidate& law = solver.solution().law();
+    std::printf("%4.2f s  %s, %s, %.0f before the next of %.0f independent samples\n", t,
+                damper(law.damping), law.memory == v::Memory::none ? "no memory" : "memory",
+                lead(solver), solver.effective_samples());
+  }
+  estimator.settle();  // all that is spread over the next samples otherwise
+  const v::Candidate& law = estimator.method().solver().solution().law();
+  const bool right = law.damping == v::Damping::hunt_crossley && law.memory == v::Memory::flat;
+  std::printf("it was Hunt and Crossley's with memory: %s\n", right ? "found" : "not found");
+  return right ? 0 : 1;
+}

@@ -1,0 +1,288 @@
+// Generalised Hunt–Crossley laws, with and without memory, as a method of the recursive estimator.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "palpate/contact_gate.hpp"
+#include "palpate/estimate.hpp"
+#include "palpate/force_laws.hpp"
+#include "palpate/forgetting.hpp"
+#include "palpate/projection/free_air.hpp"
+#include "palpate/sample.hpp"
+#include "palpate/status.hpp"
+#include "palpate/viscoelastic/in_si.hpp"
+#include "palpate/viscoelastic/settings.hpp"
+#include "palpate/viscoelastic/solver.hpp"
+
+namespace palpate {
+
+// `Sums` are those of the everyday tier or of the full one.
+template <class Sums>
+class ViscoelasticMethod {
+ public:
+  using Law = GeneralisedHuntCrossley;
+  using Settings = ViscoelasticSettings;
+  static constexpr std::size_t order = Law::size;
+
+  struct Row {
+    Sample sample;
+    double predicted;
+  };
+
+  static constexpr Forgetting::Settings default_forgetting = no_forgetting;
+  // The probing of a hand-sized robot.
+  static constexpr Scale default_scale{.penetration = 10e-3, .velocity = 20e-3, .force = 1.0};
+  static constexpr bool forgets = true;
+  static constexpr bool perturbs = false;
+  // The answer changes only when it is published.
+  static constexpr bool predicts_exactly = true;
+  // ξ⁷ w² and two branches of ξ³ at a weight of 1e26 are far from overflowing.
+  static constexpr double largest_input = 1e8;
+  // ξ⁻¹ of what is nearly at the surface would outweigh the rest; 10 µm of 10 mm.
+  static constexpr double least_depth = 1e-3;
+
+  ViscoelasticMethod(const Settings& settings, const Units&) noexcept
+      : solver_(settings.sample_time, settings.offered, priors_of(settings)),
+        offset_deviation_(settings.offset_deviation),
+        surface_deviation_(settings.surface_deviation),
+        offered_(settings.offered) {}
+
+  static ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {
+    return given;
+  }
+  static bool in_range(const Sample& s) noexcept {
+    return s.penetration > 0.0 && detail::within(s, largest_input);
+  }
+
+  Row prepare(const Sample& sample) noexcept { return prepare(sample, sample_time()); }
+
+  Row prepare(const Sample& sample, double dt) noexcept {
+    advance(sample, dt);
+    return {sample, solver_.predict(sample)};
+  }
+
+  static double predict(const Row& row) noexcept { return row.predicted; }
+
+  Status learn(const Row& row, double, double forgetting_factor, double) noexcept {
+    if (row.sample.penetration < least_depth) return Status::held;
+    if (settling_ > 0.0 && !provisional_) return Status::held;
+    renew_offset();
+    solver_.take(row.sample, row.predicted, forgetting_factor);
+    outlived_ = outlived_ && !solver_.decided();
+    return Status::updated;
+  }
+
+  // A sample out of contact: the branches relax, and it tells of the force's offset.
+  void free(const Sample& sample, double dt, double forgetting_factor) noexcept {
+    if (!detail::within(sample, largest_input)) return pass(dt);
+    advance(sample, dt);
+    air_.add(sample.penetration, sample.force, forgetting_factor);
+    air_is_new_ = true;
+  }
+
+  // Nobody knows where the probe was meanwhile; the next sample takes it to have gone there evenly.
+  void pass(double dt) noexcept { passed_ += dt; }
+
+  // The next sample does not follow upon the latest.
+  void interrupt() noexcept {
+    begun_ = false;
+    settling_ = passed_ = last_step_ = 0.0;
+  }
+
+  // With the old exponent as a prior; what the branches are is history of the same motion.
+  void reinitialise() noexcept {
+    const viscoelastic::Solution& now = solver_.solution();
+    if (now.known != 0 && now.at_edge == 0) {
+      // A spring, a sphere and a cone are half a step apart.
+      solver_.priors().centre = now.fit.n;
+      solver_.priors().deviation = 0.3;
+    }
+    reinitialise_after_transient();
+  }
+
+  void reinitialise_after_transient() noexcept {
+    provisional_ = outlived_ = false;
+    solver_.offer(offered_);
+    solver_.clear(0.0);
+  }
+
+  // Works out now what is spread over the next samples otherwise.
+  void settle() noexcept {
+    renew_offset();
+    solver_.settle();
+    outlived_ = outlived_ && !solver_.decided();
+  }
+
+  Law law(const Units& units) const noexcept { return law(solver_.solution(), units); }
+
+  double force(const Units& units, double x, double v) const noexcept {
+    const Sample sample{x * units.per_penetration, v * units.per_velocity, 0.0};
+    return units.force * detail::saturate(solver_.predict_after(sample, sample_time()));
+  }
+
+  Fit<Law> fit(const Units& units) const noexcept {
+    const viscoelastic::Solution& now = solver_.solution();
+    const Law law = this->law(now, units);
+    const Matrix<viscoelastic::joint_size> joint = covariance(law, units);
+    Fit<Law> fit{
+        .law = law,
+        .covariance = {},
+        .offset = {now.fit.value[viscoelastic::offset] * units.force, joint[order][order], {}},
+        .surface = {},
+        .flags = flags(now)};
+    for (std::size_t i = 0; i < order; ++i) {
+      for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
+      fit.offset.covariance[i] = joint[order][i];
+    }
+    return fit;
+  }
+
+  Snapshot<Law> snapshot(const Units& units) const noexcept {
+    const viscoelastic::Solution& now = solver_.solution();
+    const Law law = this->law(now, units);
+    const Matrix<viscoelastic::joint_size> joint = covariance(law, units);
+    Snapshot<Law> snapshot{law, {}, now.fit.value[viscoelastic::offset] * units.force, 0.0};
+    for (std::size_t i = 0; i < order; ++i) snapshot.variances[i] = joint[i][i];
+    return snapshot;
+  }
+
+  const viscoelastic::Solver<Sums>& solver() const noexcept { return solver_; }
+
+  // Whether any of the contacts was there when its samples began.
+  bool began_in_contact() const noexcept { return began_in_contact_; }
+
+ private:
+  using Times = typename Sums::Times;
+  // A material that is touched when samples begin remembers what nobody saw. After so long what is
+  // left of that moves K by 0.3 % (docs/viscoelastic.md).
+  static constexpr double settling_time = 0.5;
+  // So many times the time step before are a break, not a step.
+  static constexpr double longest_gap = 20.0;
+  // Of depths below it there is no inverse.
+  static constexpr double surface_depth = 1e-9;
+
+  double sample_time() const noexcept { return solver_.samples().branches().times().sample_time(); }
+
+  static viscoelastic::Priors priors_of(const Settings& s) noexcept {
+    viscoelastic::Priors priors{};
+    priors.exponent = s.exponent;
+    priors.offset = s.offset ? 1 : 0;
+    if (s.offset_deviation > 0.0) {
+      priors.air = {0.0, std::hypot(s.offset_deviation, s.surface_deviation)};
+    }
+    return priors;
+  }
+
+  void advance(const Sample& sample, double dt) noexcept {
+    const double depth = sample.penetration > surface_depth ? sample.penetration : 0.0;
+    const double step = dt + passed_;
+    passed_ = 0.0;
+    const double usual = std::max(sample_time(), last_step_);
+    const bool gap = step > longest_gap * usual && solver_.samples().touching();
+    last_step_ = step;
+    if (!begun_ || gap) {
+      begin(depth);
+      return;
+    }
+    solver_.samples().advance(depth, step);
+    if (!(settling_ > 0.0)) return;
+    settling_ -= step;
+    if (settling_ > 0.0 || !provisional_) return;
+    // What was learned stands until half as much is known without it.
+    provisional_ = false;
+    outlived_ = true;
+    solver_.offer(offered_);
+    solver_.clear(0.5 * solver_.samples().weight());
+  }
+
+  void begin(double depth) noexcept {
+    begun_ = true;
+    // Where the probe was in the material before a break and after it, it was not left alone in
+    // between: a motion that went on unseen is the likelier guess, as where every tenth cycle is
+    // written down, and what it remembers is carried over.
+    if (depth > 0.0 && solver_.samples().touching()) {
+      solver_.samples().advance(depth, sample_time());
+    } else {
+      solver_.samples().begin(depth);
+    }
+    const bool may_remember = (offered_ & ~viscoelastic::forgetful) != 0;
+    settling_ = depth > 0.0 && may_remember ? settling_time : 0.0;
+    began_in_contact_ = began_in_contact_ || depth > 0.0;
+    if (!(settling_ > 0.0) || solver_.samples().weight() > 0.0) return;
+    const viscoelastic::Offered left = offered_ & viscoelastic::forgetful;
+    provisional_ = left != 0;
+    if (provisional_) solver_.offer(left);
+  }
+
+  // The tighter of what a tare and free air say of the offset; free air where it contradicts it.
+  void renew_offset() noexcept {
+    if (!air_is_new_) return;
+    air_is_new_ = false;
+    if (solver_.priors().offset == 0 || !air_.known()) return;
+    constexpr double suspect = 3.0;
+    const double declared = offset_deviation_;
+    const detail::OffsetPrior air = air_.prior(0.0);
+    tare_refuted_ =
+        declared > 0.0 && std::abs(air.mean) > suspect * std::hypot(declared, air.deviation);
+    const bool tare = declared > 0.0 && !tare_refuted_ && declared < air.deviation;
+    detail::OffsetPrior prior = tare ? detail::OffsetPrior{0.0, declared} : air;
+    prior.deviation = std::hypot(prior.deviation, surface_deviation_);
+    solver_.know_offset(prior);
+  }
+
+  Matrix<viscoelastic::joint_size> covariance(const Law& law, const Units& units) const noexcept {
+    const auto& samples = solver_.samples();
+    return viscoelastic::covariance_in_si(solver_.solution(), law, samples.branches().times(),
+                                          samples.motion(), units);
+  }
+
+  Law law(const viscoelastic::Solution& now, const Units& units) const noexcept {
+    return viscoelastic::law_in_si(now, solver_.samples().branches().times(), units);
+  }
+
+  std::uint8_t flags(const viscoelastic::Solution& now) const noexcept {
+    using namespace viscoelastic;
+    // Twice this and a sphere (1.5) is not distinct from a cone (2) or a spring (1).
+    constexpr double largest_exponent_error = 0.2;
+    // Of the elastic force, at the speed of the scale.
+    constexpr double largest_damping_error = 0.25;
+    std::uint8_t found = 0;
+    const double exponent = Grid::step * std::sqrt(now.covariance.diagonal(exponent_node));
+    const double damper = std::sqrt(now.covariance.diagonal(damping));
+    const double spring = std::abs(now.fit.value[stiffness] + now.fit.value[memory]);
+    const bool searched = !now.law().linear && !(solver_.priors().exponent > 0.0);
+    if (now.known == 0 || (searched && !(exponent < largest_exponent_error))) {
+      found |= exponent_not_identifiable;
+    }
+    const bool damped = now.law().damping != Damping::none;
+    if (now.known == 0 || (damped && !(damper < largest_damping_error * spring))) {
+      found |= damping_not_identifiable;
+    }
+    if (now.at_edge != 0) found |= exponent_at_edge;
+    const bool tared = offset_deviation_ > 0.0;
+    if (tare_refuted_ || (tared && solver_.offset_refuted())) found |= tare_refuted;
+    if (provisional_ || outlived_) found |= started_in_contact;
+    return found;
+  }
+
+  viscoelastic::Solver<Sums> solver_;
+  detail::FreeAir air_;
+  double settling_ = 0.0;   // s until what nobody saw is forgotten
+  double passed_ = 0.0;     // s since the last sample that was not refused
+  double last_step_ = 0.0;  // s
+  double offset_deviation_;
+  double surface_deviation_;
+  viscoelastic::Offered offered_;
+  bool begun_ = false;
+  bool began_in_contact_ = false;
+  bool provisional_ = false;  // what is learned is of the time before that
+  bool outlived_ = false;     // what was learned then still stands
+  bool air_is_new_ = false;
+  bool tare_refuted_ = false;
+};
+
+}  // namespace palpate

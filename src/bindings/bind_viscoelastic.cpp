@@ -1,0 +1,152 @@
+// Laws with memory: their force along a motion, and the estimators of them.
+#include <nanobind/stl/vector.h>
+
+#include <cmath>
+#include <limits>
+
+#include "bind_face.hpp"
+#include "palpate/viscoelastic/relaxation.hpp"
+#include "palpate/viscoelastic_estimators.hpp"
+
+namespace palpate::bindings {
+namespace {
+
+using viscoelastic::RelaxationBranches;
+
+GeneralisedHuntCrossley law_of(const InputArray& parameters) {
+  if (parameters.size() != GeneralisedHuntCrossley::size) {
+    throw nb::value_error("a generalised Hunt-Crossley law has eight parameters");
+  }
+  const double* p = parameters.data();
+  return {p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]};
+}
+
+// Relaxation times [s] and weights of the branches that stand for a law's spectrum.
+nb::tuple branches_of(const InputArray& parameters) {
+  const RelaxationBranches branches(law_of(parameters));
+  std::vector<double> times(branches.count()), weights(branches.count());
+  for (std::size_t i = 0; i < branches.count(); ++i) {
+    times[i] = branches.time(i);
+    weights[i] = branches.weight(i);
+  }
+  return nb::make_tuple(copied_array(times.data(), {times.size()}),
+                        copied_array(weights.data(), {weights.size()}));
+}
+
+// Fills `force` along a motion, and takes the state with it.
+void force_along(const InputArray& parameters, const InputArray& time_steps,
+                 const InputArray& penetration, const InputArray& velocity,
+                 const OutputArray& state, const OutputArray& force) {
+  const GeneralisedHuntCrossley law = law_of(parameters);
+  const RelaxationBranches branches(law);
+  const std::size_t count = penetration.size();
+  if (time_steps.size() != count || velocity.size() != count || force.size() != count ||
+      state.size() != branches.count() + 1) {
+    throw nb::value_error("the arrays must have the samples' number, the state one a branch more");
+  }
+  double passed = 0.0;  // since the last sample whose place is known
+  for (std::size_t k = 0; k < count; ++k) {
+    const double x = penetration.data()[k];
+    passed += time_steps.data()[k];
+    if (!std::isfinite(x)) {
+      force.data()[k] = std::numeric_limits<double>::quiet_NaN();
+      continue;
+    }
+    relax(law, branches, x, passed, state.data());
+    passed = 0.0;
+    force.data()[k] = relaxing_force(law, branches, x, velocity.data()[k], state.data());
+  }
+}
+
+using Plain = ViscoelasticContact;
+using Full = FullViscoelasticContact;
+using ViscoelasticFace =
+    Handle<Plain, WithChangeDetector<Plain>, WithOutlierRejection<Plain>,
+           WithOutlierRejection<WithChangeDetector<Plain>>, Full, WithChangeDetector<Full>,
+           WithOutlierRejection<Full>, WithOutlierRejection<WithChangeDetector<Full>>>;
+
+void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exponent, bool offset,
+                       double offset_deviation, double surface_deviation, const Pair& forgetting,
+                       const std::optional<Detector>& changes,
+                       const std::optional<double>& outliers, const Triple& gate,
+                       const Triple& scale, double sample_time) {
+  new (self) ViscoelasticFace();
+  const ViscoelasticSettings method{.offered = static_cast<viscoelastic::Offered>(offered),
+                                    .exponent = exponent,
+                                    .offset = offset,
+                                    .offset_deviation = offset_deviation / scale[2],
+                                    .surface_deviation = surface_deviation / scale[0],
+                                    .sample_time = sample_time};
+  const Loop loop{forgetting, {no_perturbation.gain, no_perturbation.sensitivity},
+                  changes,    outliers,
+                  gate,       scale,
+                  sample_time};
+  if ((offered >> viscoelastic::everyday_candidates) != 0) {
+    construct<Full>(*self, method, loop);
+  } else {
+    construct<Plain>(*self, method, loop);
+  }
+}
+
+// The candidates at the last verdict on these samples, if there was one: a row of candidate, score
+// and RSS/N [N²]; samples, N_eff, the chosen one; of the motion the mean depth, m, and the
+// frequency, rad/s; whether it began in contact; and mean velocity over its root mean square.
+template <class Estimator>
+nb::tuple evidence_of(const Estimator& core) {
+  const auto& solver = core.method().solver();
+  const Units& units = core.units();
+  nb::list rows;
+  for (std::size_t i = 0; i < solver.count && solver.decided(); ++i) {
+    const viscoelastic::Standing standing = solver.standing(i);
+    if (!(standing.mean_square > 0.0)) continue;
+    rows.append(
+        nb::make_tuple(i, standing.score, standing.mean_square * units.force * units.force));
+  }
+  const auto motion = solver.samples().motion();
+  return nb::make_tuple(rows, solver.samples().weight(), solver.effective_samples(),
+                        solver.solution().fit.candidate, motion.depth * units.penetration,
+                        std::sqrt(motion.frequency_squared) * units.velocity / units.penetration,
+                        core.method().began_in_contact(), motion.one_way);
+}
+
+}  // namespace
+
+void bind_viscoelastic(nb::module_& module) {
+  module.def("relaxation_branches", &branches_of, nb::arg("parameters"),
+             nb::sig("def relaxation_branches(parameters: numpy.typing.NDArray[numpy.float64]) -> "
+                     "tuple[numpy.typing.NDArray[numpy.float64], "
+                     "numpy.typing.NDArray[numpy.float64]]"));
+  module.def("generalised_force_along", &force_along);
+  bind_face<ViscoelasticFace>(module, "ViscoelasticContact")
+      .def("__init__", &make_viscoelastic, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
+           nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg())
+      .def("settle", alone<ViscoelasticFace>([](auto& core) { core.settle(); }),
+           "Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all "
+           "laws, "
+           "1 ms: what is spread over the next samples otherwise.")
+      .def(
+          "_evidence",
+          [](ViscoelasticFace& self) {
+            self.wait_until_free();
+            return self.with([](auto& core) { return evidence_of(core); });
+          },
+          nb::sig("def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, int, "
+                  "float, float, bool, float]"));
+
+  nb::dict defaults;
+  const ViscoelasticSettings settings;
+  const Scale scale = ViscoelasticContact::Method::default_scale;
+  defaults["offset"] = settings.offset;
+  defaults["scale"] = nb::make_tuple(scale.penetration, scale.velocity, scale.force);
+  defaults["exponent_range"] =
+      nb::make_tuple(viscoelastic::Grid::lowest_exponent, viscoelastic::Grid::highest_exponent);
+  nb::list laws;  // damping, memory, whether n is 1 and not looked for
+  for (const viscoelastic::Candidate& law : viscoelastic::candidates) {
+    laws.append(
+        nb::make_tuple(static_cast<int>(law.damping), static_cast<int>(law.memory), law.linear));
+  }
+  defaults["candidates"] = laws;
+  module.attr("defaults")["ViscoelasticContact"] = defaults;
+}
+
+}  // namespace palpate::bindings

@@ -1,0 +1,93 @@
+"""An estimator by the law that it is to find: what ``identify(law=…)`` and ``--law`` take."""
+
+from typing import Any
+
+from palpate.errors import InvalidParameterError
+from palpate.estimators.contact_estimator import ContactEstimator
+from palpate.estimators.law_verdicts import CANDIDATES
+from palpate.estimators.registry import ESTIMATORS, estimator_named
+from palpate.estimators.variable_projection import VariableProjection
+from palpate.estimators.viscoelastic import ViscoelasticContact
+from palpate.force_laws import FORCE_LAWS, GeneralisedHuntCrossley
+from palpate.validation import shown
+
+USUAL = "hunt-crossley"
+_DAMPERS = {"none": "spring", "hunt-crossley": "hunt-crossley", "half-space": "half-space"}
+
+
+def _told_apart() -> dict[str, dict[str, str]]:
+    """Settings of :class:`ViscoelasticContact` by the law that is asked for."""
+    settings: dict[str, dict[str, str]] = {"auto": {}, "any": {"memory": "any"}}
+    settings["half-space"] = {"damping": "half-space", "memory": "none"}
+    remembering = [each for each in CANDIDATES if each.memory != "none"]
+    for each in remembering:
+        settings.setdefault(each.memory, {"memory": each.memory})
+    for each in remembering:
+        name = f"{_DAMPERS[each.damping]}+{each.memory}"
+        settings[name] = {"damping": each.damping, "memory": each.memory}
+    return settings
+
+
+_TOLD_APART = _told_apart()
+
+
+def law_names() -> tuple[str, ...]:
+    """Return what a law may be asked for by: its kind, or how it is to be found."""
+    plain = [kind for kind in FORCE_LAWS if kind != GeneralisedHuntCrossley.kind]
+    able = {estimator.law_type.kind for estimator in ESTIMATORS.values()}
+    return tuple(dict.fromkeys([USUAL, *_TOLD_APART, *(kind for kind in plain if kind in able)]))
+
+
+def estimator_by_law(
+    law: str | None = None, method: str | None = None
+) -> tuple[type[ContactEstimator], dict[str, Any]]:
+    """Return the estimator of a law, and the settings by which it finds it.
+
+    Parameters
+    ----------
+    law : str, optional
+        ``"hunt-crossley"``, ``"kelvin-voigt"`` or another law that one method identifies;
+        ``"auto"``, the everyday law by which the samples are best explained; ``"any"``, of all laws
+        that there are; ``"half-space"``; a kind of memory, ``"flat"``, ``"single"`` or
+        ``"power-law"``, with the damper that the samples say; or both, ``"half-space+single"``.
+    method : str, optional
+        Name of an estimator; it has to be one of that law.
+
+    Raises
+    ------
+    InvalidParameterError
+        There is no such law or method, or they do not go together.
+    """
+    given = None if method is None else estimator_named(method)
+    if law is None:
+        return given or VariableProjection, {}
+    if not isinstance(law, str) or law not in law_names():
+        raise InvalidParameterError(
+            f"law must be one of {', '.join(law_names())}, not {shown(law)}"
+        )
+    settings = _TOLD_APART.get(law)
+    if given is ViscoelasticContact and law == USUAL:
+        settings = {"damping": law, "memory": "none"}
+    if given is None:
+        found = ViscoelasticContact if settings is not None else _usual_of(law)
+    else:
+        found = given
+        able = settings is not None if given is ViscoelasticContact else given.law_type.kind == law
+        if not able:
+            raise InvalidParameterError(_at_odds(law, given))
+    return found, dict(settings or {})
+
+
+def _usual_of(law: str) -> type[ContactEstimator]:
+    """The first of the methods that identify it, the default before all others."""
+    return next(each for each in ESTIMATORS.values() if each.law_type.kind == law)
+
+
+def _at_odds(law: str, method: type[ContactEstimator]) -> str:
+    own = f"the {method.law_type.kind} law alone"
+    if method is ViscoelasticContact:
+        own = ", ".join((USUAL, *_TOLD_APART))
+    return (
+        f"law {law} and method {method.method} do not go together, which identifies {own}: leave "
+        "one of them out"
+    )

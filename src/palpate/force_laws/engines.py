@@ -1,0 +1,263 @@
+"""Contact laws of simulation engines, as the one law that palpate identifies and presses.
+
+Each function takes an engine's own numbers, SI, and returns the law F = K xⁿ + B xᵖ v that they
+are; :func:`exact_in` goes back. An engine clips a force at 0, as a real contact does; a law does
+not. Laws that the literature names are in :mod:`palpate.force_laws.literature`.
+"""
+
+import math
+from dataclasses import dataclass
+
+from palpate.errors import InvalidParameterError
+from palpate.force_laws.generalised import GeneralisedHuntCrossley
+from palpate.validation import above_zero, not_below_zero, number, number_in
+
+
+@dataclass(frozen=True, slots=True)
+class EngineLaw:
+    """A contact law of an engine, by its exponents.
+
+    Attributes
+    ----------
+    name : str
+        The engine, and which of its laws.
+    exponent, damping_exponent : float
+        n and p.
+    condition : str
+        What it asks for besides; empty where it takes K and B as they are.
+    """
+
+    name: str
+    exponent: float
+    damping_exponent: float
+    condition: str = ""
+
+
+#: None of them remembers.
+ENGINES = (
+    EngineLaw("Drake, point contact", 1.0, 1.0),
+    EngineLaw("Drake, SAP", 1.0, 0.0),
+    EngineLaw("MuJoCo, solref in the direct format", 1.0, 0.0, "but for a mass that it adds"),
+    EngineLaw("PyBullet", 1.0, 0.0),
+    EngineLaw("PhysX and Isaac, compliant contact", 1.0, 0.0),
+    EngineLaw("Newton", 1.0, 0.0),
+    EngineLaw("Gazebo Classic, ODE", 1.0, 0.0),
+    EngineLaw("Simbody and OpenSim, HuntCrossleyForce", 1.5, 1.5, "of a sphere of one radius"),
+    EngineLaw("Chrono SMC, Hertz by its material", 1.5, 0.25, "of one mass and radius"),
+    EngineLaw("LIGGGHTS, hertz", 1.5, 0.25, "of one mass and radius"),
+    EngineLaw("Chrono SMC, Hertz by coefficients", 1.5, 0.5, "of one mass and radius"),
+    EngineLaw("LAMMPS, gran/hertz", 1.5, 0.5, "of one mass and radius"),
+)
+
+
+def exact_in(law: GeneralisedHuntCrossley) -> tuple[EngineLaw, ...]:
+    """Return the engines that have exactly this law.
+
+    By exponents: an identified one is never exactly 1.5, a known one may be (``exponent=1.5``). No
+    engine here remembers; of :meth:`GeneralisedHuntCrossley.relaxed` and
+    :meth:`~GeneralisedHuntCrossley.instantaneous` one can be asked.
+    """
+    if law.remembers:
+        return ()
+    return tuple(
+        engine
+        for engine in ENGINES
+        if engine.exponent == law.exponent
+        and (law.damping == 0.0 or engine.damping_exponent == law.damping_exponent)
+    )
+
+
+def kelvin_voigt(*, stiffness: float, damping: float) -> GeneralisedHuntCrossley:
+    """Return F = K x + B v.
+
+    Of PyBullet (contactStiffness, contactDamping), PhysX and Isaac (compliant contact,
+    compliantContactAccelerationSpring off), Newton and Gazebo Classic's ODE (kp, kd).
+
+    Parameters
+    ----------
+    stiffness, damping : float
+        K, N/m, > 0; B, N·s/m, ≥ 0.
+    """
+    return GeneralisedHuntCrossley(
+        above_zero("stiffness", stiffness), 1.0, not_below_zero("damping", damping), 0.0
+    )
+
+
+def drake_point(*, stiffness: float, dissipation: float) -> GeneralisedHuntCrossley:
+    """Return F = k x (1 + d v): Drake's point contact, continuous, TAMSI, Lagged or Similar.
+
+    So that K = k, B = k d and n = p = 1, up to v = −1/d, from where on the engine's force is 0.
+    Of two bodies k = k₁k₂/(k₁ + k₂) and d = (k₂d₁ + k₁d₂)/(k₁ + k₂) (Drake, *Compliant contact*).
+
+    Parameters
+    ----------
+    stiffness : float
+        point_contact_stiffness of the pair, N/m, > 0.
+    dissipation : float
+        hunt_crossley_dissipation of the pair, s/m, ≥ 0.
+    """
+    k = above_zero("stiffness", stiffness)
+    return GeneralisedHuntCrossley(k, 1.0, k * not_below_zero("dissipation", dissipation), 1.0)
+
+
+def drake_sap(*, stiffness: float, relaxation_time: float) -> GeneralisedHuntCrossley:
+    """Return F = k (x + τ v): Drake's SAP, which ignores the dissipation.
+
+    Castro, Permenter & Han, *An unconstrained convex formulation of compliant contact*, IEEE T-RO
+    39 (2023) 1301–1320. K = k, B = k τ, n = 1, p = 0. τ is no relaxation of the material.
+
+    Parameters
+    ----------
+    stiffness : float
+        Of the pair, in series, N/m, > 0.
+    relaxation_time : float
+        τ of both bodies added up, s, ≥ 0; 0.1 each unless set.
+    """
+    k = above_zero("stiffness", stiffness)
+    damping = k * not_below_zero("relaxation_time", relaxation_time)
+    return kelvin_voigt(stiffness=k, damping=damping)
+
+
+def drake_hydroelastic(
+    *, modulus: float, thickness: float, radius: float, dissipation: float
+) -> GeneralisedHuntCrossley:
+    """Return F = (π E R/H) x² (1 + d v): a rigid sphere on Drake's hydroelastic half-space.
+
+    The engine has (E/H) π x² (3R − x)/3: less by x/3R, 17 % at half the radius. K = π E R/H,
+    n = p = 2. Elandt et al., *A pressure field model for fast, robust approximation of net contact
+    force and moment between nominally rigid objects*, IROS 2019.
+
+    Parameters
+    ----------
+    modulus : float
+        hydroelastic_modulus E, Pa, > 0.
+    thickness : float
+        Of the half-space's slab, H, m, > 0.
+    radius : float
+        Of the sphere, R, m, > 0.
+    dissipation : float
+        hunt_crossley_dissipation, s/m, ≥ 0.
+    """
+    pressure = above_zero("modulus", modulus) / above_zero("thickness", thickness)
+    k = math.pi * pressure * above_zero("radius", radius)
+    return GeneralisedHuntCrossley(k, 2.0, k * not_below_zero("dissipation", dissipation), 2.0)
+
+
+def mujoco(
+    *,
+    solref: tuple[float, float],
+    solimp: tuple[float, float, float, float, float],
+    inverse_mass: float,
+) -> GeneralisedHuntCrossley:
+    """Return the law of one MuJoCo contact whose solref is in the direct format, (−S, −D).
+
+    F = [d²/(d_w² (1 − d) Â)] S x + [d/(d_w (1 − d) Â)] D v + [d/((1 − d) Â)] ẍ,  d = d(x)
+
+    after R F = a_ref − a, R = (1 − d)/d · Â (MuJoCo, *Computation*, constraint model). The last
+    term, a mass d/((1 − d) Â) that the contact adds, is left out: keep d_w small. With d constant
+    K = S/((1 − d) Â), B = D/((1 − d) Â), n = 1, p = 0; with d = d_w (x/width)^q, n = 1 + 2q and
+    p = q, as far as 1 − d is 1 and d well above the 1e-4 that the engine begins with: for
+    d_w = 0.01, q = 1 the spring is 2.5 % high at half the width. Up to x = midpoint · width.
+
+    Parameters
+    ----------
+    solref : tuple of float
+        −S and −D: 1/s² and 1/s, < 0 and ≤ 0.
+    solimp : tuple of float
+        (d₀, d_w, width, midpoint, q): d₀ = d_w; or d₀ ≤ 1e-4, q ≥ 1 and a midpoint ≥ 0.99.
+    inverse_mass : float
+        Â, 1/kg, > 0: the sum of both bodies' translational body_invweight0.
+    """
+    spring = above_zero("-solref[0]", -number("solref", solref[0]))
+    damper = not_below_zero("-solref[1]", -number("solref", solref[1]))
+    low, high, width, midpoint, power = (number_in("solimp", each, 0.0, 1e30) for each in solimp)
+    mobility = above_zero("inverse_mass", inverse_mass)
+    number_in("solimp", high, 1e-4, 0.9999)
+    if low == high:
+        mass = 1.0 / ((1.0 - high) * mobility)
+        return kelvin_voigt(stiffness=spring * mass, damping=damper * mass)
+    if not (low <= 1e-4 and power >= 1.0 and 0.99 <= midpoint <= 1.0 and width > 0.0):
+        raise InvalidParameterError(
+            "solimp must have one impedance, d0 = dwidth, or rise as a power of depth: d0 <= 1e-4, "
+            f"midpoint >= 0.99, power >= 1, not {solimp!r}"
+        )
+    # Up to the midpoint the engine has (x/width)^q/midpoint^(q − 1).
+    rise = midpoint ** (1.0 - power) * width**-power
+    return GeneralisedHuntCrossley(
+        spring * rise**2 / mobility, 1.0 + 2.0 * power, damper * rise / mobility, power
+    )
+
+
+def simbody(*, modulus: float, radius: float, dissipation: float) -> GeneralisedHuntCrossley:
+    """Return F = 4/3 √R E x^1.5 (1 + 3/2 c v): Simbody's and OpenSim's HuntCrossleyForce.
+
+    K = 4/3 √R E, B = 3/2 c K, n = p = 1.5. Of two bodies E^(2/3) = s E₁^(2/3),
+    s = E₂^(2/3)/(E₁^(2/3) + E₂^(2/3)), c = s c₁ + (1 − s) c₂ (Simbody, HuntCrossleyForce).
+
+    Parameters
+    ----------
+    modulus : float
+        Plane-strain modulus of the pair, Pa, > 0, which OpenSim calls stiffness.
+    radius : float
+        Of the sphere, or of the pair R₁R₂/(R₁ + R₂), m, > 0.
+    dissipation : float
+        c, s/m, ≥ 0.
+    """
+    k = _hertz(modulus, radius)
+    return GeneralisedHuntCrossley(
+        k, 1.5, 1.5 * k * not_below_zero("dissipation", dissipation), 1.5
+    )
+
+
+def hertz_tsuji(
+    *, modulus: float, radius: float, mass: float, restitution: float
+) -> GeneralisedHuntCrossley:
+    """Return F = 4/3 E √R x^1.5 + 2 √(5/6) β √(2 E √R m) x^¼ v, β = −ln e/√(π² + ln² e).
+
+    A damper for which restitution does not depend on speed (Tsuji, Tanaka & Ishida, *Powder
+    Technology* 71 (1992) 239–250), as Chrono's SMC has it with material properties, and LIGGGHTS
+    in ``model hertz``. n = 1.5, p = 0.25.
+
+    Parameters
+    ----------
+    modulus : float
+        Effective, 1/E = (1 − ν₁²)/E₁ + (1 − ν₂²)/E₂, Pa, > 0.
+    radius : float
+        Effective, R₁R₂/(R₁ + R₂), m, > 0.
+    mass : float
+        Effective, m₁m₂/(m₁ + m₂), kg, > 0.
+    restitution : float
+        e, in (0, 1].
+    """
+    k = _hertz(modulus, radius)
+    loss = -math.log(number_in("restitution", restitution, 0.0, 1.0, open_low=True))
+    beta = loss / math.hypot(math.pi, loss)
+    # 2 √(5/6) √(2 E √R m) = √(20/3 · 3/4 K m)
+    damping = beta * math.sqrt(5.0 * k * above_zero("mass", mass))
+    return GeneralisedHuntCrossley(k, 1.5, damping, 0.25)
+
+
+def chrono_hertz(
+    *, stiffness: float, damping: float, radius: float, mass: float
+) -> GeneralisedHuntCrossley:
+    """Return F = R √x (kₙ x + m gₙ v): Chrono's SMC Hertz with coefficients of one's own.
+
+    K = R kₙ, B = R m gₙ, n = 1.5, p = 0.5: the damper of a half-space. LAMMPS gran/hertz has √R
+    in place of R: give it √R.
+
+    Parameters
+    ----------
+    stiffness, damping : float
+        kₙ, N/m^2.5, > 0, and gₙ, 1/(s·m^1.5), ≥ 0.
+    radius, mass : float
+        Effective, m and kg, > 0.
+    """
+    scale = above_zero("radius", radius)
+    damper = above_zero("mass", mass) * not_below_zero("damping", damping)
+    return GeneralisedHuntCrossley(
+        scale * above_zero("stiffness", stiffness), 1.5, scale * damper, 0.5
+    )
+
+
+def _hertz(modulus: float, radius: float) -> float:
+    return 4.0 / 3.0 * math.sqrt(above_zero("radius", radius)) * above_zero("modulus", modulus)

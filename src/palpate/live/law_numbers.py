@@ -1,0 +1,205 @@
+"""What follows from the loop's verdict, in the process that shows it: numbers, and words.
+
+They take most of a millisecond, which the loop has not.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from palpate.digits import rounded, with_error
+from palpate.estimators.law_verdicts import STRONG, UNDECIDED
+from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
+from palpate.live.verdict_on_laws import estimate_of
+from palpate.quantities.oscillation import in_hertz
+
+#: Of each number its unit, and what it is called in a sentence.
+NUMBERS: Mapping[str, tuple[str, str]] = {
+    "stiffness": ("N/m", "K′"),
+    "damping": ("N·s/m", "B′"),
+    "loss_tangent": ("", "tan δ"),
+    "instantaneous_stiffness": ("N/m", "at once"),
+    "relaxed_stiffness": ("N/m", "relaxed"),
+    "relaxation_time": ("s", "relaxation time"),
+}
+_FELT = tuple(NUMBERS)[:5]
+
+Numbers = dict[str, tuple[float, float]]
+
+
+def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
+    """Return :data:`NUMBERS` that the law in force has, each with its standard error.
+
+    At the motion's own depth and frequency, outside whose band a law says nothing; none before the
+    first verdict, and until the next after a change of the material.
+
+    Parameters
+    ----------
+    verdict : mapping
+        Of :func:`verdict_on`.
+    """
+    parameters, depth, omega = verdict["parameters"], verdict["depth"], verdict["frequency"]
+    # The motion is that of the samples since; of a law of before it says no band.
+    if not (verdict["known"] and parameters and depth and omega and min(depth, omega) > 0.0):
+        return {}
+    estimate = estimate_of(verdict)
+
+    def felt(law: GeneralisedHuntCrossley) -> tuple[float, ...]:
+        whole = law.dynamic_stiffness(depth, omega)
+        return (
+            whole.real,
+            whole.imag / omega,
+            whole.imag / whole.real if whole.real else math.nan,
+            law.instantaneous().stiffness_at(depth),
+            law.relaxed().stiffness_at(depth),
+        )
+
+    values, errors = estimate.with_errors(felt)
+    found = dict(zip(_FELT, zip(values.tolist(), errors.tolist(), strict=True), strict=True))
+    law: GeneralisedHuntCrossley = estimate.law
+    if not law.remembers:  # it is one stiffness, whenever
+        del found["instantaneous_stiffness"], found["relaxed_stiffness"]
+    elif isinstance(law.relaxation, SingleRelaxation):
+        found["relaxation_time"] = law.relaxation.time, float(estimate.standard_errors[7])
+    return found
+
+
+def certainty(verdict: Mapping[str, Any]) -> str:
+    """How sure the verdict is, in a word: none, before, alone, open, weak or strong."""
+    if not verdict["known"]:
+        return "none" if verdict["parameters"] is None else "before"
+    lead, second = lead_of(verdict)
+    if not second:
+        return "alone"
+    return "open" if lead < UNDECIDED else "weak" if lead < STRONG else "strong"
+
+
+def standing(verdict: Mapping[str, Any]) -> str:
+    """By how much the law in force leads, in words."""
+    lead, second = lead_of(verdict)
+    return {
+        "none": "no verdict yet",
+        "before": "of before: of the samples since there is no verdict yet",
+        "alone": "the only law that competes",
+        "open": f"cannot be told from {second}: before it by {rounded(max(lead, 0.0), 2)}",
+        "weak": f"not sure: before {second} by {rounded(lead, 2)}, and ten are strong evidence",
+        "strong": f"before {second} by {rounded(lead, 3)}",
+    }[certainty(verdict)]
+
+
+def lead_of(verdict: Mapping[str, Any]) -> tuple[float, str]:
+    """By how much the law in force leads before which other; NaN where there is none."""
+    own = [each["score"] for each in verdict["standings"] if each["law"] == verdict["law"]]
+    others = [each for each in verdict["standings"] if each["law"] != verdict["law"]]
+    if not (own and others):
+        return math.nan, ""
+    return float(others[0]["score"]) - float(own[0]), str(others[0]["law"])
+
+
+def in_words(verdict: Mapping[str, Any], numbers: Numbers) -> str:
+    """The verdict in a line of text."""
+    if verdict["parameters"] is None:
+        return "no law yet"
+    words = f"{verdict['law']} ({standing(verdict)})"
+    if numbers:
+        named = [
+            f"{NUMBERS[name][1]} {written(numbers, name)}" for name in ("stiffness", "damping")
+        ]
+        depth, often = rounded(1e3 * verdict["depth"], 2), in_hertz(verdict["frequency"])
+        words += f", {', '.join(named)} at {depth} mm and {often}"
+    return words
+
+
+def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
+    """The verdict at the end of a run, in lines.
+
+    Parameters
+    ----------
+    verdict : mapping
+        As for :func:`numbers_of`.
+    """
+    numbers = numbers_of(verdict)
+    yield f"law: {in_words(verdict, {})}" + _evidence(verdict)
+    if numbers:
+        depth, often = rounded(1e3 * verdict["depth"], 3), in_hertz(verdict["frequency"])
+        named = [f"{NUMBERS[name][1]} {written(numbers, name)}" for name in numbers]
+        yield f"a small oscillation of {often} about {depth} mm: {', '.join(named)}"
+    yield from verdict["flags"]
+
+
+def _evidence(verdict: Mapping[str, Any]) -> str:
+    if not verdict["known"]:
+        return ""
+    changes = int(verdict["changes"])
+    turned = f", changed {changes} times" if changes else ""
+    effective, samples = rounded(verdict["effective_samples"], 3), rounded(verdict["samples"], 4)
+    return f"; {effective} independent samples of {samples}{turned}"
+
+
+def written(numbers: Numbers, name: str) -> str:
+    """One of them with its error bar and unit."""
+    return with_error(*numbers[name], unit=NUMBERS[name][0])
+
+
+def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, float | str]:
+    """The verdict as fields of a message: words, and plain numbers in SI.
+
+    Parameters
+    ----------
+    verdict : mapping
+        As for :func:`numbers_of`.
+    origin : float
+        What the loop counts its times from, s.
+    """
+    fields: dict[str, float | str] = {
+        "law": str(verdict["law"]) if verdict["parameters"] is not None else "",
+        "standing": standing(verdict),
+        "lead": lead_of(verdict)[0],
+        "samples": _number(verdict["samples"]),
+        "independent_samples": _number(verdict["effective_samples"]),
+        "since": origin + float(verdict["since"]),
+        "changes": float(verdict["changes"]),
+        # Of a probe that has not moved there is neither.
+        "depth": _number(verdict["depth"] or None),
+        "frequency": _number(verdict["frequency"] or None),
+    }
+    numbers = numbers_of(verdict)
+    for name in NUMBERS:
+        value, error = numbers.get(name, (math.nan, math.nan))
+        fields |= {name: value, f"{name}_standard_error": error}
+    fields["flags"] = "; ".join(verdict["flags"])
+    return fields
+
+
+def told(verdict: Mapping[str, Any]) -> dict[str, Any]:
+    """The verdict with what follows from it, for the page; without the covariance.
+
+    Parameters
+    ----------
+    verdict : mapping
+        As for :func:`numbers_of`.
+    """
+    lead, second = lead_of(verdict)
+    return {
+        **{name: value for name, value in verdict.items() if name != "covariance"},
+        "certainty": certainty(verdict),
+        "standing": standing(verdict),
+        "lead": lead,
+        "second": second,
+        "numbers": numbers_of(verdict),
+        "spectrum": _spectrum(verdict["parameters"]),
+    }
+
+
+def _spectrum(parameters: Sequence[float] | None) -> tuple[float, float] | None:
+    """The shortest and the longest relaxation time of a spectrum, which are no estimates."""
+    if parameters is None:
+        return None
+    relaxation = GeneralisedHuntCrossley.from_parameters(parameters).relaxation
+    if relaxation is None or isinstance(relaxation, SingleRelaxation):
+        return None
+    return relaxation.spectrum[1:]
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
