@@ -92,7 +92,7 @@ def lone_page():
         own.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def telling():
     """A run that tells laws apart: a material that remembers, and is firmer every second time."""
     time_ = np.arange(0.0, 3.0, 1e-3)
