@@ -68,10 +68,6 @@ def words_of(
 NEGATIVE_STIFFNESS = (
     "negative stiffness: by this law the force falls as the probe goes deeper; check the signs"
 )
-NEGATIVE_RELAXED = (
-    "negative relaxed stiffness: where the material ends up once all has relaxed, these samples do "
-    "not say; K′ and B′ at their own frequency they do: press, and hold for longer"
-)
 NEGATIVE_DAMPING = "negative damping: this law gives energy back, which no passive material does"
 
 
@@ -91,8 +87,8 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
         guarded=estimate.guarded,
         left_out=int(np.count_nonzero(trace.rejected)),
     )
-    if isinstance(law, GeneralisedHuntCrossley) and law.stiffness < 0.0:
-        flags.append(NEGATIVE_RELAXED if law.remembers else NEGATIVE_STIFFNESS)
+    if isinstance(law, GeneralisedHuntCrossley) and law.stiffness < 0.0 and not law.remembers:
+        flags.append(NEGATIVE_STIFFNESS)
     if isinstance(estimator, ViscoelasticContact):
         flags += _memory_flags(estimator)
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):

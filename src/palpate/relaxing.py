@@ -1,6 +1,7 @@
 """For how long a material relaxes: the place of the relaxation times, by a whole contact."""
 
 import math
+import sys
 
 from palpate.contact import Contact
 from palpate.estimators import ViscoelasticContact
@@ -48,7 +49,8 @@ def suggest_sample_time(contact: Contact, bank: ViscoelasticContact) -> float:
             effective = max(evidence.effective_samples, math.e)
         penalty = 2.0 * math.log(effective)
         cost = min(
-            effective * math.log(mean_square) + penalty * CANDIDATES[int(index)].parameters
+            effective * math.log(max(mean_square, sys.float_info.min))
+            + penalty * CANDIDATES[int(index)].parameters
             for index, _, mean_square in evidence.rows
         )
         if place == 0 or cost + penalty < least:

@@ -37,9 +37,8 @@ def choices(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
     }
     if not given.chooses_samples:
         ways["gate"] = choose_gate
-    if (
-        given.knows_offset and settings.get("surface") is None
-    ):  # a search for the surface has the free approach
+    # A search for the surface has the free approach.
+    if given.knows_offset and settings.get("surface") is None:
         ways["offset_deviation"] = lambda contact: contact.tare_deviation
         ways["surface_deviation"] = _surface_deviation
     return {

@@ -14,7 +14,7 @@ from palpate.stages import timed
 
 
 def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) -> Laws | None:
-    """Which law it is; None where the identified one is none of those that are told apart.
+    """Which law it is; None where the identified one is none of those that are compared.
 
     Methods of one contact that were given the same share the answer.
 
@@ -37,12 +37,12 @@ def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) 
     names = ("gate", "outlier_rejection", "exponent")
     key = repr([*(given.get(name) for name in names), estimate.surface])
     if key not in data.laws:
-        data.laws[key] = Laws.of(_told_apart(data.contact, given, estimate.surface))
+        data.laws[key] = Laws.of(_compared(data.contact, given, estimate.surface))
     return data.laws[key]
 
 
 @timed("laws")
-def _told_apart(contact: Contact, given: dict[str, Any], surface: float) -> ViscoelasticContact:
+def _compared(contact: Contact, given: dict[str, Any], surface: float) -> ViscoelasticContact:
     kept = given.get("exponent")
     low, high = ViscoelasticContact.exponents
     bank = ViscoelasticContact(

@@ -92,9 +92,9 @@ def lone_page():
         own.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def telling():
-    """A run that tells laws apart: a material that remembers, and is firmer every second time."""
+    """A run that compares laws: a material that remembers, and is firmer every second time."""
     time_ = np.arange(0.0, 3.0, 1e-3)
     depth = 4e-3 - 6e-3 * np.cos(4.0 * np.pi * time_)
     law = palpate.GeneralisedHuntCrossley(

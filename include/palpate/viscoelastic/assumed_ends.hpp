@@ -26,16 +26,19 @@ namespace palpate::viscoelastic {
 inline constexpr double assumed_ends = 0.04;
 inline constexpr double assumed_ends_exponent = 0.03;
 
-// Adds to the covariance of the law's numbers in SI; nothing where the law has no spectrum, or the
-// motion no frequency.
+// Adds to the covariance of the law's numbers in SI; nothing where the law has no spectrum. Of a
+// motion that is not known, as where its samples were forgotten and the answer stands, depth and
+// frequency are those of the units.
 template <class Times, class Motion, std::size_t Size>
 void add_assumed_ends(Matrix<Size>& joint, const Solution& s, const GeneralisedHuntCrossley& law,
                       const Times& times, const Motion& motion, const Units& u) noexcept {
   const Memory memory = s.law().memory;
   const bool spectrum = memory == Memory::flat || memory == Memory::power_law;
-  if (!spectrum || !(motion.depth > 0.0 && motion.frequency_squared > 0.0)) return;
-  const double omega = std::sqrt(motion.frequency_squared) * u.velocity * u.per_penetration;
-  const double depth = motion.depth * u.penetration, log_depth = std::log(depth);
+  if (!spectrum) return;
+  const bool known = motion.depth > 0.0 && motion.frequency_squared > 0.0;
+  const double omega =
+      (known ? std::sqrt(motion.frequency_squared) : 1.0) * u.velocity * u.per_penetration;
+  const double depth = (known ? motion.depth : 1.0) * u.penetration, log_depth = std::log(depth);
   const Spectrum<Times::count> weights = spectrum_of<Times>(memory, s.fit.second());
   double kept = 0.0, lost = 0.0, tau = times.time(0.0);
   for (std::size_t i = 0; i < Times::count; ++i, tau *= Times::ratio) {

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+from palpate.diagnosis import Quantity
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
-from palpate.estimators import DynamicStiffness, ViscoelasticContact
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification import Identification
 from palpate.recordings.truth import truth_of
@@ -56,23 +56,18 @@ def felt_beside_truth(result: Identification) -> str:
     truth = stated_truth(result)
     if truth is None or not (truth.remembers or result.law.remembers):
         return ""
-    felt = _felt(result)
-    if felt is None:
+    try:
+        felt = result.dynamic_stiffness()
+    except InvalidParameterError:  # of a probe that never moved there is no frequency
         return ""
     real = GeneralisedHuntCrossley.of(truth).dynamic_stiffness(felt.depth, felt.frequency)
-    parts = (
-        (felt.stiffness, felt.stiffness_error, real.real, "N/m"),
-        (felt.damping, felt.damping_error, real.imag / felt.frequency, "N·s/m"),
-    )
-    words = " and ".join(
-        f"{with_error(value, error, unit=unit)} ({beside_truth(value, exact, error)})"
-        for value, error, exact, unit in parts
-    )
+    stiffness = _felt_beside(felt.stiffness, real.real, "N/m")
+    damping = _felt_beside(felt.damping, real.imag / felt.frequency, "N·s/m")
     same = comparable(result.law, truth) == set(result.law.names())
     other = "" if same else "the file's law is another; "
     return (
         f"{other}an oscillation of {rounded(felt.frequency, 3)} rad/s about "
-        f"{rounded(1e3 * felt.depth, 3)} mm feels {words}"
+        f"{rounded(1e3 * felt.depth, 3)} mm feels {stiffness} and {damping}"
     )
 
 
@@ -94,6 +89,12 @@ def beside_truth(value: float, truth: float, *errors: float) -> str:
     return f"{words}, {_signed((value - truth) / error)} σ"
 
 
+def _felt_beside(found: Quantity, exact: float, unit: str) -> str:
+    bars = found.standard_error, found.systematic
+    words = with_error(found.value, *bars, unit=unit)
+    return f"{words} ({beside_truth(found.value, exact, *bars)})"
+
+
 def _same_memory(law: GeneralisedHuntCrossley, truth: GeneralisedHuntCrossley) -> bool:
     if not (law.remembers and truth.remembers):
         return law.remembers == truth.remembers
@@ -102,29 +103,6 @@ def _same_memory(law: GeneralisedHuntCrossley, truth: GeneralisedHuntCrossley) -
     ends = [[each.shortest_time, each.longest_time] for each in (law, truth)]
     # One relaxation time is identified, and so is its difference from the truth.
     return 0.0 in ends[0] or bool(np.ptp(np.log(ends), axis=0).max() < _SAME_TIME)
-
-
-def _felt(result: Identification) -> DynamicStiffness | None:
-    """Stiffness and damping at the motion's own frequency; of a law without memory at any."""
-    if isinstance(result.estimator, ViscoelasticContact):
-        try:
-            return result.estimator.dynamic_stiffness()
-        except InvalidParameterError:  # of a probe that never moved there is no frequency
-            return None
-    there, taken = result.diagnosis.working_depth, result.trace.taken
-    x, v = result.contact.penetration[taken], result.contact.velocity[taken]
-    spread = float(np.std(x)) if x.size else 0.0
-    if not spread > 0.0:
-        return None
-    stiffness, damping = there.stiffness, there.damping
-    return DynamicStiffness(
-        there.depth,
-        float(np.sqrt(np.mean(v**2))) / spread,
-        stiffness.value,
-        math.hypot(stiffness.standard_error, stiffness.systematic),
-        damping.value,
-        math.hypot(damping.standard_error, damping.systematic),
-    )
 
 
 def _signed(distance: float) -> str:

@@ -35,7 +35,7 @@ class Data:
         self.velocity = contact.velocity[self.known]
         self.force = contact.force[self.known]
         self.segment = contact.segment[self.known]
-        #: By how they were told apart: methods of one contact share them.
+        #: By how they were compared: methods of one contact share them.
         self.laws: dict[str, Laws] = {}
 
     def __len__(self) -> int:

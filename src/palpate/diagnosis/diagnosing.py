@@ -80,7 +80,7 @@ def diagnose_parts(
         The working depth, which the verdict is about, and others, m, > 0. Unless given the median
         and the 90th percentile of the penetration of the samples taken.
     laws : Laws, optional
-        What laws that are told apart made of the same samples.
+        What laws that are compared made of the same samples.
     """
     found = list(data.findings)
     with np.errstate(all="ignore"):  # a column of an absurd fit may overflow; it is then left out

@@ -84,7 +84,7 @@ class Fit:
     depth : float, optional
         The working depth, m; the median penetration of the samples taken unless given.
     laws : Laws, optional
-        That were told apart by the same samples.
+        That were compared by the same samples.
     """
 
     def __init__(

@@ -50,7 +50,7 @@ def better_law(fit: Fit) -> Cause | None:
 
 
 def standing_of(law: ForceLaw, verdict: LawVerdict) -> Standing | None:
-    """Return how an identified law stood among those that were told apart."""
+    """Return how an identified law stood among those that were compared."""
     if isinstance(law, HuntCrossley):
         return verdict.standing_of("hunt-crossley", "none")
     if isinstance(law, KelvinVoigt):

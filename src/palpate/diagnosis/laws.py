@@ -1,4 +1,4 @@
-"""What laws that are told apart made of the samples that were identified."""
+"""What laws that are compared made of the samples that were identified."""
 
 from dataclasses import dataclass
 
@@ -62,7 +62,7 @@ def remedy_of_memory(laws: Laws | None, time: float) -> str:
     Parameters
     ----------
     laws : Laws, optional
-        That were told apart.
+        That were compared.
     time : float
         For how long the residual remembers, s.
     """

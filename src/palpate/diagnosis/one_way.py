@@ -10,7 +10,7 @@ def one_way(fit: Fit) -> Finding | None:
 
     At one speed v spring, damper and memory are functions of the depth alone, x = vt, of which the
     residual shows nothing: that of Hunt and Crossley, K xⁿ + B v xⁿ, is one power. Of laws that
-    are told apart any may win there, and a half-space's spring even come out negative.
+    are compared any may win there, and a half-space's spring even come out negative.
     """
     v = fit.data.velocity[fit.inside]
     if not abs(float(v.mean())) > ONE_WAY * fit.speed:
@@ -18,8 +18,8 @@ def one_way(fit: Fit) -> Finding | None:
     chosen = fit.laws is not None and fit.laws.own
     return Finding(
         "one way",
-        "the probe goes one way at nearly one speed: stiffness, damping and memory are told apart "
-        "by the shape of the law alone, and their error bars do not say so",
+        "the probe goes one way at nearly one speed: stiffness, damping and memory are "
+        "distinguished by the shape of the law alone, and their error bars do not say so",
         "press and let go, at several speeds",
         stiffness="with-care" if chosen else "trust",
         damping="do-not-trust",

@@ -15,7 +15,7 @@ USUAL = "hunt-crossley"
 _DAMPERS = {"none": "spring", "hunt-crossley": "hunt-crossley", "half-space": "half-space"}
 
 
-def _told_apart() -> dict[str, dict[str, str]]:
+def _by_name() -> dict[str, dict[str, str]]:
     """Settings of :class:`ViscoelasticContact` by the law that is asked for."""
     settings: dict[str, dict[str, str]] = {"auto": {}, "any": {"memory": "any"}}
     settings["half-space"] = {"damping": "half-space", "memory": "none"}
@@ -28,14 +28,14 @@ def _told_apart() -> dict[str, dict[str, str]]:
     return settings
 
 
-_TOLD_APART = _told_apart()
+_SETTINGS = _by_name()
 
 
 def law_names() -> tuple[str, ...]:
     """Return what a law may be asked for by: its kind, or how it is to be found."""
     plain = [kind for kind in FORCE_LAWS if kind != GeneralisedHuntCrossley.kind]
     able = {estimator.law_type.kind for estimator in ESTIMATORS.values()}
-    return tuple(dict.fromkeys([USUAL, *_TOLD_APART, *(kind for kind in plain if kind in able)]))
+    return tuple(dict.fromkeys([USUAL, *_SETTINGS, *(kind for kind in plain if kind in able)]))
 
 
 def estimator_by_law(
@@ -65,7 +65,7 @@ def estimator_by_law(
         raise InvalidParameterError(
             f"law must be one of {', '.join(law_names())}, not {shown(law)}"
         )
-    settings = _TOLD_APART.get(law)
+    settings = _SETTINGS.get(law)
     if given is ViscoelasticContact and law == USUAL:
         settings = {"damping": law, "memory": "none"}
     if given is None:
@@ -86,7 +86,7 @@ def _usual_of(law: str) -> type[ContactEstimator]:
 def _at_odds(law: str, method: type[ContactEstimator]) -> str:
     own = f"the {method.law_type.kind} law alone"
     if method is ViscoelasticContact:
-        own = ", ".join((USUAL, *_TOLD_APART))
+        own = ", ".join((USUAL, *_SETTINGS))
     return (
         f"law {law} and method {method.method} do not go together, which identifies {own}: leave "
         "one of them out"

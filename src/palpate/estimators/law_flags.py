@@ -14,7 +14,7 @@ _BARE_MENTION = 2.0
 def tie_flags(standings: tuple[Standing, ...]) -> tuple[str, ...]:
     """Say of laws that fit as well as the best, none where there are none.
 
-    A motion at one speed, such as an approach alone, tells damper and spring apart by the noise.
+    A motion at one speed, such as an approach alone, distinguishes damper and spring by the noise.
     """
     tied = [str(each.candidate) for each in standings[1:] if each.score < _BARE_MENTION]
     if not tied:
@@ -49,8 +49,9 @@ def motion_flags(standings: tuple[Standing, ...], one_way: float) -> tuple[str, 
     if not standings or not abs(one_way) > ONE_WAY:
         return ()
     return (
-        "the motion goes one way at nearly one speed: damping, memory and stiffness are told apart "
-        "by the shape of the law alone, and may be far off; press and let go, at several speeds",
+        "the motion goes one way at nearly one speed: damping, memory and stiffness are "
+        "distinguished by the shape of the law alone, and may be far off; press and let go, at "
+        "several speeds",
     )
 
 
@@ -107,8 +108,9 @@ def memory_flags(estimate: Estimate, duration: float, *, begun: bool) -> tuple[s
         flags.append("relaxation stiffness not identifiable: press quickly, and hold")
     if law.stiffness < 0.0:
         flags.append(
-            "the relaxed stiffness is negative, which no material's is: the motion does not tell "
-            "it from what relaxes; press from out of contact, and hold"
+            "negative relaxed stiffness: where the material ends up once all has relaxed, these "
+            "samples do not say; K′ and B′ at their own frequency they do: press from out of "
+            "contact, and hold"
         )
     # The longest of the law's times: the only one, or the end of its spectrum.
     if begun and law.parameters[7] > _FORGOTTEN:

@@ -69,12 +69,12 @@ class Candidate:
         return {"damping": self.damping, "memory": self.memory, "linear": self.linear}
 
 
-#: Every law that can be offered; the first five are told apart by the everyday bank.
+#: Every law that can be offered; the first five are distinguished by the everyday bank.
 CANDIDATES: tuple[Candidate, ...] = tuple(
     Candidate(DAMPINGS[damping], MEMORIES[memory], linear)
     for damping, memory, linear in _core.defaults["ViscoelasticContact"]["candidates"]
 )
-#: How many of them are told apart by the everyday bank, from the first on.
+#: How many of them are distinguished by the everyday bank, from the first on.
 EVERYDAY = 5
 #: Differences of the score, twice those of a logarithm of the odds: e and e⁵ to one (Kass &
 #: Raftery, J. Am. Stat. Assoc. 90, 1995).
@@ -121,6 +121,11 @@ class Standing:
 
 
 _NUMBERS = ("samples", "effective_samples", "depth", "frequency")
+
+
+def band_about(frequency: float) -> tuple[float, float]:
+    """Frequencies that a motion contained, rad/s, by its own: half to twice; laws part beyond."""
+    return 0.5 * frequency, 2.0 * frequency
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +213,7 @@ class LawVerdict:
     @property
     def band(self) -> tuple[float, float]:
         """Frequencies that the motion contained, rad/s: half to twice its own."""
-        return 0.5 * self.frequency, 2.0 * self.frequency
+        return band_about(self.frequency)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from palpate.validation import number_in, shown
 SWITCHES = {"outlier_rejection": OutlierRejection, "change_detector": ChangeDetector}
 #: Numbers that only some methods have.
 NUMBERS = ("stiffness_drift", "dissipation_drift", "exponent_drift")
-#: Which laws an estimator that tells them apart offers.
+#: Which laws an estimator that compares them offers.
 CHOICES = {"damping": ("auto", *DAMPINGS), "memory": ("auto", "any", *MEMORIES)}
 #: Of the recording or the tip rather than the method: another method has them too.
 _KEPT = ("gate", "sample_time", "scale", "exponent", "outlier_rejection", "change_detector")

@@ -25,7 +25,7 @@ class LawsInForce:
     """The law in force, since when, and which were before it.
 
     Where the evidence is given up, as when the material changes, there is none until the next
-    verdict, and the count of changes begins anew.
+    verdict, and the count of changes starts again.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ def default_estimator(
 ) -> ContactEstimator:
     """Return an estimator as a run begins with it.
 
-    Variable projection, and the estimator that tells laws apart, leave outliers out and find
+    Variable projection, and the estimator that compares laws, leave outliers out and find
     changes; others, such as the paper's, are as their authors have them.
 
     Parameters

@@ -21,7 +21,7 @@ _DAMPING = GeneralisedHuntCrossley.names().index("damping")
 def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the verdict of what a loop's board says, as plain numbers and words.
 
-    None of an estimator that tells no laws apart.
+    None of an estimator that compares no laws.
 
     Parameters
     ----------

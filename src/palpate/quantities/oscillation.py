@@ -11,6 +11,7 @@ from palpate.diagnosis.finding import Quantity, WorkingDepth, defined
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ViscoelasticContact
+from palpate.estimators.law_verdicts import band_about
 from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
 from palpate.validation import number, number_in
 
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from palpate.identification import Identification
 
 _TURN = 2.0 * math.pi
-# Frequencies that a motion contained, by its own: beyond, laws that fit it alike part.
-_LOW, _HIGH = 0.5, 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +97,7 @@ def relaxation_time_of(result: "Identification") -> Quantity | None:
 
 def band_of(result: "Identification") -> tuple[float, float]:
     """Return the frequencies that the motion contained, rad/s: half to twice its own."""
-    omega = _own_frequency(result)
-    return _LOW * omega, _HIGH * omega
+    return band_about(_own_frequency(result))
 
 
 def in_hertz(frequency: float) -> str:
@@ -126,7 +124,7 @@ def _in_band(result: "Identification", frequency: float | None) -> float:
             "there are too few samples"
         )
     if frequency is None:
-        return low / _LOW
+        return _own_frequency(result)
     omega = number("frequency", frequency)
     if not low <= omega <= high:
         raise InvalidParameterError(

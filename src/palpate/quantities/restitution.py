@@ -129,7 +129,7 @@ def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Qu
 
 
 def _in_words(law: ForceLaw) -> str:
-    if getattr(law, "remembers", False):
+    if law.remembers:
         return "a law with memory"
     words = "a law whose damping does not grow with depth as its force"
     return words if isinstance(law, GeneralisedHuntCrossley) else f"the {law.kind} law"

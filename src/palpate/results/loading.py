@@ -51,7 +51,7 @@ class SavedResult:
     fixed : tuple of str
         The law's parameters that were given, and not identified.
     law_verdict : LawVerdict, optional
-        Which law it is, and by what evidence; None where no laws were told apart.
+        Which law it is, and by what evidence; None where no laws were compared.
     description : dict
         The whole of ``result.json``; ``docs/results.md`` says what is in it.
     """

@@ -45,7 +45,7 @@ class WorkingDepth:
 def at_depth(status: dict[str, Any], row: Floats, depth: float) -> str:
     """Stiffness and damping at a depth [m], with error bars, of a row of the ring.
 
-    Of an estimator that tells laws apart which it is, and what a small oscillation feels.
+    Of an estimator that compares laws which it is, and what a small oscillation feels.
     """
     kind = FORCE_LAWS.get(status.get("law", {}).get("kind", ""))
     if kind is None or not depth > 0.0:

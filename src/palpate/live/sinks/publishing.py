@@ -160,7 +160,7 @@ def words_of(
 ) -> dict[str, str | float]:
     """What is said in words: numbers with their units and error bars, and what was lost.
 
-    And which law it is, by an estimator that tells laws apart: words, and plain numbers in SI.
+    And which law it is, by an estimator that compares laws: words, and plain numbers in SI.
     """
     named = dict(zip(fields.names, values, strict=True))
     said: dict[str, str | float] = {"method": str(page["method"]), "law": str(page["law"]["kind"])}

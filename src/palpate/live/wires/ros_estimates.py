@@ -44,7 +44,7 @@ class RosEncoder:
         self._template, self._at, self._form = bytearray(), 0, struct.Struct("")
 
     def hash_of(self, type_name: str) -> str:
-        """Return the hash of a type's description, by which ROS 2 tells versions of it apart."""
+        """Return the hash of a type's description, by which ROS 2 distinguishes versions of it."""
         return self._store.hash_rihs01(type_name)
 
     def definition_of(self, type_name: str) -> tuple[str, str]:

@@ -33,7 +33,7 @@ class Message:
     number : int, optional
         By the sender's count.
     sender : object
-        By which publishers are told apart.
+        By which publishers are distinguished.
     """
 
     topic: int
