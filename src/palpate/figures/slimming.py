@@ -2,6 +2,7 @@
 
 import re
 import zlib
+from functools import lru_cache
 
 
 def slim(svg: str) -> str:
@@ -36,6 +37,8 @@ def _path(found: re.Match[str]) -> str:
     return f' d="{written.replace(" -", "-")}"'
 
 
+# Most steps of a curve are among a few hundred.
+@lru_cache(maxsize=4096)
 def _step(tenths: int) -> str:
     return re.sub(r"^(-?)0\.", r"\1.", f"{tenths / 10:g}")
 

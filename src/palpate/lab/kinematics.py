@@ -67,24 +67,25 @@ class Geometry:
         angles: Floats = arctan2(reach[..., 1], reach[..., 0]) + ELBOW * turn
         return angles
 
-    def motor_speeds(
+    def motor_motion(
         self,
         lateral_position: Floats,
         penetration: Floats,
         lateral_velocity: Floats,
         velocity: Floats,
-    ) -> Floats:
-        """Speeds of the four motors, rad/s; shape (k, 4).
+    ) -> tuple[Floats, Floats]:
+        """Angles of the four motors, rad, and their speeds, rad/s; shapes (k, 4).
 
         A distal link keeps its length: (wrist − elbow) · (wrist velocity − elbow velocity) = 0.
         """
         angles = self.motor_angles(lateral_position, penetration)
         wrists = self.wrists(lateral_position, penetration)[..., PANTOGRAPH, :]
-        along = wrists - self.elbows(angles)
-        turning = np.stack([-sin(angles), cos(angles)], axis=-1) * self.proximal
+        out = np.stack([cos(angles), sin(angles)], axis=-1)
+        along = wrists - (self.motors + self.proximal * out)
+        turning = np.stack([-out[..., 1], out[..., 0]], axis=-1) * self.proximal
         moving = np.stack([lateral_velocity, velocity], axis=-1)[..., None, :]
         speeds: Floats = (along * moving).sum(axis=-1) / (along * turning).sum(axis=-1)
-        return speeds
+        return angles, speeds
 
     def elbows(self, angles: Floats) -> Floats:
         """Places of the four elbows; shape (k, 4, 2)."""

@@ -63,20 +63,8 @@ class Homogeneous:
         law = self.law
         if isinstance(law, GeneralisedHuntCrossley) and law.remembers:
             return _remembering(law)
-        parameters = law.parameters[None]
-        own = type(law).forces.__func__ is ForceLaw.forces.__func__  # type: ignore[attr-defined]
-        # One sample in arrays of its own: several times as quick, a call, where a law is compiled.
-        depth, speed = np.empty((1, 1)), np.empty((1, 1))
-
-        def force(
-            time: float, lateral_position: float, penetration: float, velocity: float
-        ) -> float:
-            if own:
-                return law.force(penetration, velocity)
-            depth[0, 0], speed[0, 0] = penetration, velocity
-            return float(law.forces(parameters, depth, speed)[0, 0])
-
-        return force
+        felt = law.in_a_loop()
+        return lambda time, lateral_position, penetration, velocity: felt(penetration, velocity)
 
     def force(
         self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
@@ -126,13 +114,13 @@ class Relaxing:
     def touch(self) -> Touch:
         """Return the force of a rested material, as a function of what is done to it."""
         branch = _MaxwellBranch(self.branch_stiffness, self.relaxation_time)
-        law = self.law
+        felt = self.law.in_a_loop()
 
         def force(
             time: float, lateral_position: float, penetration: float, velocity: float
         ) -> float:
             relaxing = branch.force(time, penetration)
-            return max(law.force(penetration, velocity) + relaxing, 0.0)
+            return max(felt(penetration, velocity) + relaxing, 0.0)
 
         return force
 

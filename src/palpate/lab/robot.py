@@ -112,14 +112,40 @@ class _Encoders:
     def __init__(self, counts_per_turn: float, home: Floats, random: np.random.Generator) -> None:
         phase = random.uniform(0.0, 1.0, home.size)
         self._step = 2.0 * math.pi / counts_per_turn if counts_per_turn > 0.0 else 0.0
-        self._home, self._phase = home, phase
+        self._zeros = list(zip(home.tolist(), phase.tolist(), strict=True))
 
-    def read(self, angles: Floats) -> Floats:
+    def read(self, angles: list[float]) -> list[float]:
         """Angles as counted, rad."""
-        if self._step == 0.0:
-            return angles.copy()
-        counts = np.floor((angles - self._home) / self._step + self._phase)
-        return self._home + counts * self._step
+        step = self._step
+        if step == 0.0:
+            return angles
+        return [
+            home + math.floor((angle - home) / step + phase) * step
+            for angle, (home, phase) in zip(angles, self._zeros, strict=True)
+        ]
+
+
+class _PositionControl:
+    """Torques that hold the motors to their angles, one sample after the other."""
+
+    def __init__(self, settings: TwinPantograph, sample_time: float, counted: list[float]) -> None:
+        self._settings, self._sample_time = settings, sample_time
+        self._kept = math.exp(-settings.velocity_filter * sample_time)
+        self._counted, self._filtered = counted, [0.0] * len(counted)
+
+    def torques(self, counted: list[float], goal: list[float], speed: list[float]) -> list[float]:
+        """N·m, for angles as counted [rad], and angles and speeds that are wanted."""
+        kept, step, before = self._kept, self._sample_time, self._counted
+        self._filtered = [
+            kept * filtered + (1.0 - kept) * ((now - last) / step)
+            for filtered, now, last in zip(self._filtered, counted, before, strict=True)
+        ]
+        self._counted = counted
+        stiff, damped = self._settings.proportional_gain, self._settings.derivative_gain
+        limit = self._settings.torque_limit
+        every = zip(goal, counted, speed, self._filtered, strict=True)
+        wanted = [stiff * (q - now) + damped * (rate - known) for q, now, rate, known in every]
+        return [min(max(torque, -limit), limit) for torque in wanted]
 
 
 class Simulation:
@@ -150,74 +176,69 @@ class Simulation:
                 f"{sample_time:g} s"
             )
         self._mujoco = require_mujoco()
-        self._settings, self._geometry = settings, Geometry()
+        self._geometry = Geometry()
         first = command.lateral_position[:1], command.penetration[:1]
-        self._home = self._geometry.motor_angles(*first)[0]
-        self._encoders = _Encoders(settings.counts_per_turn, self._home, random)
+        home = self._geometry.motor_angles(*first)[0]
+        self._encoders = _Encoders(settings.counts_per_turn, home, random)
+        counted = self._encoders.read(home.tolist())
+        self._control = _PositionControl(settings, sample_time, counted)
         self._substeps = math.ceil(sample_time / settings.time_step - 1e-9)
-        self._sample_time = sample_time
-        xml = rig_xml(self._geometry, self._home, time_step=sample_time / self._substeps)
+        self._step_time = sample_time / self._substeps
+        xml = rig_xml(self._geometry, home, time_step=self._step_time)
         self.model: mujoco.MjModel = self._mujoco.MjModel.from_xml_string(xml)
         self.data: mujoco.MjData = self._mujoco.MjData(self.model)
-        self._motors = np.array([self.model.joint(f"motor_{i}").qposadr[0] for i in range(4)])
-        self._tip = self.model.site("tip").id
-        self._tip_body = self.model.site_bodyid[self._tip]
+        motors = [self.model.joint(f"motor_{i}").qposadr[0] for i in range(4)]
+        self._motors = list(zip(motors, home.tolist(), strict=True))
+        # Views of what MuJoCo works in, for to ask for one takes as long as to read it.
+        self._positions, self._torques = self.data.qpos, self.data.ctrl
+        self._applied = self.data.qfrc_applied
+        tip = self.model.site("tip").id
+        self._tip, self._tip_body = self.data.site_xpos[tip], int(self.model.site_bodyid[tip])
         self._tip_velocity = self.data.sensor("tip_velocity").data
+        self._push, self._twist = np.zeros(3), np.zeros(3)
         self._before = 0.0
-        self._filtered = np.zeros(4)
-        self._counted = self._encoders.read(self._home)
 
     def simulate(
         self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
     ) -> SimulatedMotion:
         """Follow a command over its times [s]; the next call continues from where this one ends."""
-        goal = self._geometry.motor_angles(command.lateral_position, command.penetration)
-        speed = self._geometry.motor_speeds(
+        goals, speeds = self._geometry.motor_motion(
             command.lateral_position,
             command.penetration,
             command.lateral_velocity,
             command.velocity,
         )
-        samples = np.empty((time.size, 4))
-        counted = np.empty((time.size, 4))
-        for k, now in enumerate(time.tolist()):
+        samples, counts = [], []
+        every = zip(time.tolist(), goals.tolist(), speeds.tolist(), strict=True)
+        for k, (now, goal, speed) in enumerate(every):
             if progress is not None and k % 100 == 0:
                 progress(now)
-            counted[k] = self._encoders.read(self._angles())
-            self._control(counted[k], goal[k], speed[k])
-            samples[k] = self._sample(now, touch)
-        recorded = self._geometry.tip(counted)[1]
-        return SimulatedMotion(samples[:, 0], samples[:, 1], samples[:, 2], samples[:, 3], recorded)
+            counted = self._encoders.read(self._angles())
+            self._torques[:] = self._control.torques(counted, goal, speed)
+            counts.append(counted)
+            samples.append(self._sample(now, touch))
+        felt = np.array(samples, dtype=np.float64).reshape(-1, 4).T.copy()
+        recorded = self._geometry.tip(np.array(counts, dtype=np.float64).reshape(-1, 4))[1]
+        return SimulatedMotion(*felt, recorded)
 
     def _sample(self, now: float, touch: Touch) -> tuple[float, float, float, float]:
         """Advance by a sample time; what the tip did and felt at its beginning."""
-        step = self._sample_time / self._substeps
         felt = self._step(now, touch)
         for substep in range(1, self._substeps):
-            self._step(now + substep * step, touch)
+            self._step(now + substep * self._step_time, touch)
         return felt
 
-    def _angles(self) -> Floats:
-        angles: Floats = self.data.qpos[self._motors] + self._home
-        return angles
-
-    def _control(self, counted: Floats, goal: Floats, speed: Floats) -> None:
-        kept = math.exp(-self._settings.velocity_filter * self._sample_time)
-        difference = (counted - self._counted) / self._sample_time
-        self._filtered = kept * self._filtered + (1.0 - kept) * difference
-        self._counted = counted
-        torque = self._settings.proportional_gain * (goal - counted)
-        torque += self._settings.derivative_gain * (speed - self._filtered)
-        limit = self._settings.torque_limit
-        self.data.ctrl[:] = np.clip(torque, -limit, limit)
+    def _angles(self) -> list[float]:
+        turned = self._positions.tolist()
+        return [turned[address] + home for address, home in self._motors]
 
     def _step(self, now: float, touch: Touch) -> tuple[float, float, float, float]:
         """Advance by a substep; what the tip did and felt at its beginning."""
         mujoco, model, data = self._mujoco, self.model, self.data
         mujoco.mj_step1(model, data)
-        lateral_position, depth, _ = data.site_xpos[self._tip].tolist()
+        lateral_position, depth, _ = self._tip.tolist()
         # MuJoCo moves by x(t + h) = x(t) + h v(t + h): its velocity is that of half a step ago.
-        lagging = float(self._tip_velocity[1])
+        lagging = self._tip_velocity.item(1)
         velocity = 1.5 * lagging - 0.5 * self._before
         self._before = lagging
         force = touch(now, lateral_position, depth, velocity)
@@ -227,16 +248,10 @@ class Simulation:
                 f"{model.opt.timestep:g} s: the simulation breaks down at t = {now:.3f} s; take a "
                 "softer material, a smaller time_step, or an ideal probe"
             )
-        data.qfrc_applied[:] = 0.0
-        push = np.array([0.0, -force, 0.0])
+        self._applied.fill(0.0)
+        self._push[1] = -force
         mujoco.mj_applyFT(
-            model,
-            data,
-            push,
-            np.zeros(3),
-            data.site_xpos[self._tip],
-            self._tip_body,
-            data.qfrc_applied,
+            model, data, self._push, self._twist, self._tip, self._tip_body, self._applied
         )
         mujoco.mj_step2(model, data)
         return depth, velocity, lateral_position, force

@@ -132,15 +132,14 @@ class Experiment(ABC):
     title : str
         What a person calls it.
     group : str
-        One process measures those of a group one after the other, for they press the same;
-        one of its own unless given.
+        One process measures a seed of those of a group, one after the other: they press the same.
     size : tuple of float
         Width and height of the figure, in.
     """
 
     name: str
     title: str
-    group: str = field(default="", kw_only=True)
+    group: str = field(default="pressed once", kw_only=True)
     size: tuple[float, float] = field(default=(10.5, 8.0), kw_only=True)
 
     @property

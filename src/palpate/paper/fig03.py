@@ -31,7 +31,6 @@ class TrajectoryFollowed(Experiment):
         "Penetration over time: commanded, and reached in the ball, the sponge and the PVC "
         "phantom; below, how far each lags behind the command, with the range over the seeds."
     )
-    group: str = "sponge"
     size: tuple[float, float] = (9.5, 6.0)
 
     def measure(self, seed: int) -> tuple[Numbers, Curves]:

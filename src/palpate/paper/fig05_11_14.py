@@ -52,7 +52,7 @@ class Repetitions(Experiment):
 
     material: str
     beside: tuple[str, ...] = ()
-    group: str = field(default="repetitions", kw_only=True)
+    group: str = field(default="pressed three times", kw_only=True)
     size: tuple[float, float] = field(default=(10.5, 6.2), kw_only=True)
 
     @property

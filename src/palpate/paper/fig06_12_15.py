@@ -234,13 +234,12 @@ def _verdict_line(outcomes: Sequence[Outcome], name: str) -> str:
 
 
 EXPERIMENTS = (
-    Condition("fig06", "Rubber ball, condition 10", ("ball",), group="ball", size=(10.5, 3.8)),
+    Condition("fig06", "Rubber ball, condition 10", ("ball",), size=(10.5, 3.8)),
     Condition(
         "fig12",
         "Sponge, condition 10",
         ("sponge", "relaxing-sponge"),
-        group="sponge",
         size=(10.5, 6.7),
     ),
-    Condition("fig15", "PVC phantom, condition 10", ("pvc",), group="pvc", size=(10.5, 3.8)),
+    Condition("fig15", "PVC phantom, condition 10", ("pvc",), size=(10.5, 3.8)),
 )

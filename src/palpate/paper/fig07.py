@@ -95,7 +95,6 @@ class ForgettingFactors(Experiment):
         "initial covariances. Below: a probe held at one depth, and convergence and overshoot of "
         "every seed over the initial covariance."
     )
-    group: str = "ball"
     size: tuple[float, float] = (10.5, 10.0)
 
     def measure(self, seed: int) -> tuple[Numbers, Curves]:

@@ -280,7 +280,6 @@ EXPERIMENTS = (
         "ball",
         (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS),
         ("I", "II"),
-        group="ball",
         size=(11.4, 9.0),
     ),
     Comparison(
@@ -290,7 +289,6 @@ EXPERIMENTS = (
         (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS),
         ("III", "IV"),
         beside="relaxing-sponge",
-        group="sponge",
         size=(11.4, 9.0),
     ),
     Comparison(
@@ -299,7 +297,6 @@ EXPERIMENTS = (
         "pvc",
         (SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS, ExtendedKelvinVoigtRLS),
         ("V", "VI"),
-        group="pvc",
         size=(14.0, 9.0),
     ),
 )

@@ -55,7 +55,6 @@ class NearTruth(Experiment):
         "K, B and n of the double stage from starts 2, 10 and 30 % off the truth, which stay "
         "apart. Below: how far apart they end over how far off they start, for ball and sponge."
     )
-    group: str = "sponge"
     size: tuple[float, float] = (10.5, 8.5)
 
     def measure(self, seed: int) -> tuple[Numbers, Curves]:

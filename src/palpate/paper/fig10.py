@@ -50,7 +50,6 @@ class Hysteresis(Experiment):
         "the surface as Hunt–Crossley does and Kelvin–Voigt does not; and the last millimetre, "
         "where Kelvin–Voigt pulls."
     )
-    group: str = "ball"
     size: tuple[float, float] = (10.5, 7.6)
 
     def measure(self, seed: int) -> tuple[Numbers, Curves]:

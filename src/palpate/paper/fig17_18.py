@@ -208,14 +208,12 @@ EXPERIMENTS = (
         "fig17",
         "Rubber ball, Hunt–Crossley by the single stage: two sines and one",
         SingleStageRLS,
-        group="ball",
         size=(11.5, 9.2),
     ),
     Richness(
         "fig18",
         "Rubber ball, Kelvin–Voigt: two sines and one",
         KelvinVoigtRLS,
-        group="ball",
         size=(11.5, 7.0),
     ),
 )

@@ -70,7 +70,6 @@ class Intermittent(Experiment):
         "and a hard zone every five seconds: the regular single stage is lost, the "
         "self-perturbing one follows."
     )
-    group: str = "pvc"
     size: tuple[float, float] = (10.5, 10.0)
 
     def measure(self, seed: int) -> tuple[Numbers, Curves]:

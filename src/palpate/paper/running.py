@@ -6,6 +6,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 
 from palpate.errors import PalpateError
@@ -77,7 +78,8 @@ class PaperRun:
 
     def _measurements(self) -> Iterator[_Task]:
         """Each seed of each group, one group after the other, without what is there already."""
-        groups = groupby(sorted(self.experiments, key=_group), key=_group)
+        group = attrgetter("group")
+        groups = groupby(sorted(self.experiments, key=group), key=group)
         for members in [tuple(together) for _, together in groups]:
             for seed in range(self.seeds):
                 left = tuple(each for each in members if (each.name, seed) not in self.outcomes)
@@ -140,10 +142,6 @@ class PaperRun:
         }
         unfinished = tuple(f"{name} ({words})" for name, words in missing.items())
         return Report(tuple(sections), self.seeds, unfinished, tuple(self.failures))
-
-
-def _group(experiment: Experiment) -> str:
-    return experiment.group or experiment.name
 
 
 def run_paper(
