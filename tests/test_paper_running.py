@@ -75,12 +75,12 @@ def test_a_folder_that_cannot_be_written_is_said_before_the_work(tmp_path):
             run(folder, Tiny(seconds=1e6))
 
 
-SLOW = Tiny("b", seconds=60.0, slow_from=2)
+SLOW = Tiny("b", group="slow", seconds=60.0, slow_from=2)
 COMMAND = """
 import sys
 from paper_cases import Tiny
 from palpate import cli, paper
-paper.EXPERIMENTS = {"a": Tiny("a"), "b": Tiny("b", seconds=60.0, slow_from=2)}
+paper.EXPERIMENTS = {"a": Tiny("a"), "b": Tiny("b", group="slow", seconds=60.0, slow_from=2)}
 sys.argv = ["palpate", "paper", "--seeds", "4", "--workers", "1", "-o", sys.argv[1]]
 cli.main()
 """

@@ -218,8 +218,9 @@ class Simulation:
             counts.append(counted)
             samples.append(self._sample(now, touch))
         felt = np.array(samples, dtype=np.float64).reshape(-1, 4).T.copy()
+        depth, velocity, lateral_position, force = felt
         recorded = self._geometry.tip(np.array(counts, dtype=np.float64).reshape(-1, 4))[1]
-        return SimulatedMotion(*felt, recorded)
+        return SimulatedMotion(depth, velocity, lateral_position, force, recorded)
 
     def _sample(self, now: float, touch: Touch) -> tuple[float, float, float, float]:
         """Advance by a sample time; what the tip did and felt at its beginning."""

@@ -6,20 +6,18 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from palpate.figures.style import LIGHT, style
 from palpate.force_laws import ForceLaw
 from palpate.paper.judges import JUDGES
 from palpate.paper.judging import Finding, Judge
+from palpate.paper.panels import Figure
 from palpate.paper.quantities import Numbers, over_seeds
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
 
 Curves = dict[str, Floats]
 #: Says a number over the seeds, or several that are alike: median, and the range in brackets.
@@ -58,6 +56,14 @@ class Claim:
     unit: str = ""
     reading: str = ""
     depends: str = ""
+
+    @classmethod
+    def of(cls, key: str, said: Mapping[str, str], notes: Mapping[str, str]) -> "Claim":
+        """Return the claim that the file says so, with the notes that it asks for."""
+        known = {name: words.format(**notes) for name, words in said.items() if name != "ours"}
+        ours = said.get("ours", "")  # such as "largest bias left [mN]"
+        measured, _, unit = ours.rpartition(" [") if ours.endswith("]") else (ours, "", "")
+        return cls(key, **known, measured=measured, unit=unit.removesuffix("]"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +158,7 @@ class Experiment(ABC):
         """Return numbers by name, and what is drawn; the same seed gives the same."""
 
     @abstractmethod
-    def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
+    def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
         """Draw the first outcome, beside what the other seeds gave where that can be shown.
 
         In the colours for a light background, which are exchanged for a dark one.
@@ -182,7 +188,7 @@ class Experiment(ABC):
         """Hold what was measured against every claim."""
         return {claim.key: self.judges[claim.key](outcome.numbers) for claim in self.claims}
 
-    def figure(self, outcomes: Sequence[Outcome]) -> "Figure":
+    def figure(self, outcomes: Sequence[Outcome]) -> Figure:
         """Return the figure of some outcomes."""
         with style(LIGHT) as new_figure:
             figure = new_figure(figsize=self.size, layout="constrained")
@@ -195,8 +201,7 @@ class Experiment(ABC):
 
     def tabulated(self, outcomes: Sequence[Outcome]) -> tuple[Table, ...]:
         """Return the tables of some outcomes."""
-        every = [outcome.numbers for outcome in outcomes]
-        return self.tables(partial(over_seeds, every))
+        return self.tables(partial(over_seeds, [outcome.numbers for outcome in outcomes]))
 
 
 def by_symbol(
@@ -204,17 +209,16 @@ def by_symbol(
 ) -> dict[str, float]:
     """Name the values of several parameters: "time α = 5 K [s]", and so on."""
     end = f" [{unit}]" if unit else ""
-    pairs = zip(symbols, values, strict=True)
-    return {f"{what} {symbol}{end}": float(value) for symbol, value in pairs}
+    return {f"{what} {s}{end}": float(value) for s, value in zip(symbols, values, strict=True)}
 
 
 def by_parameter(
     what: str, law: ForceLaw | type[ForceLaw], values: Iterable[float]
 ) -> dict[str, float]:
     """Name a law's parameters, or their errors, with the unit of each."""
-    units = (f" [{unit}]" if unit else "" for unit in law.units)
-    named = zip(law.symbols, units, values, strict=True)
-    return {f"{what} {symbol}{unit}": float(value) for symbol, unit, value in named}
+    ends = (f" [{unit}]" if unit else "" for unit in law.units)
+    names = (f"{what} {symbol}{end}" for symbol, end in zip(law.symbols, ends, strict=True))
+    return {name: float(value) for name, value in zip(names, values, strict=True)}
 
 
 def rounded(values: "ArrayLike") -> list[float]:
@@ -235,16 +239,7 @@ def all_claims() -> Mapping[str, tuple[Claim, ...]]:
     """Return every claim, by experiment."""
     whole = claims_file()
     return {
-        name: tuple(_claim(key, said, whole["notes"]) for key, said in claims.items())
+        name: tuple(Claim.of(key, said, whole["notes"]) for key, said in claims.items())
         for name, claims in whole.items()
         if name not in ("abstract", "notes")
     }
-
-
-def _claim(key: str, said: Mapping[str, str], notes: Mapping[str, str]) -> Claim:
-    measured, _, unit = said.get("ours", "").rpartition("[")
-    if not unit.endswith("]"):
-        measured, unit = unit, ""
-    named = {name: said.get(name, "") for name in ("where", "words", "number")}
-    noted = {name: said.get(name, "").format(**notes) for name in ("reading", "depends")}
-    return Claim(key, **named, measured=measured.strip(), unit=unit.removesuffix("]"), **noted)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,13 +9,10 @@ from palpate.estimators import VariableProjection
 from palpate.figures.style import LIGHT as THEME
 from palpate.lab import THREE_SINES, Measurement
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table
-from palpate.paper.panels import LABELS, draw_truth, thinned
+from palpate.paper.panels import LABELS, Figure, draw_truth, thinned
 from palpate.paper.quantities import Numbers
 from palpate.paper.sessions import START, identified, session
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MATERIALS = ("ball", "sponge", "pvc")
 
@@ -48,7 +44,7 @@ class TrajectoryFollowed(Experiment):
             curves[name] = 1e3 * measurement.truth.penetration[drawn]
         return numbers, curves
 
-    def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
+    def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
         """Draw the first seed, and the range of the lag over all."""
         first = outcomes[0].curves
         time = np.array(first["time"])

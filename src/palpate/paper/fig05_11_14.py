@@ -2,15 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from palpate.estimators import ContactEstimator, DoubleStageRLS, SingleStageRLS, VariableProjection
 from palpate.figures.style import LIGHT as THEME
-from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
-from palpate.lab import MATERIALS, Homogeneous
 from palpate.paper.experiment import (
     Curves,
     Experiment,
@@ -20,14 +17,18 @@ from palpate.paper.experiment import (
     by_parameter,
     by_symbol,
 )
-from palpate.paper.panels import LABELS, UNITS, draw_lines, draw_truth, thinned
+from palpate.paper.panels import (
+    LABELS,
+    UNITS,
+    Axes,
+    Figure,
+    draw_lines,
+    draw_truth,
+    known,
+    thinned,
+)
 from palpate.paper.quantities import Numbers, named, readable
-from palpate.paper.sessions import identified, pressed, session
-from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from palpate.paper.sessions import identified, pressed, session, truth_of
 
 REPETITIONS = 3
 # Made when they are wanted: what a module holds may outlive the compiled module at the end.
@@ -68,49 +69,33 @@ class Repetitions(Experiment):
     def measure(self, seed: int) -> tuple[Numbers, Curves]:
         """Press three times; PVC is held against the ball and the sponge."""
         numbers: dict[str, float] = {}
-        curves: dict[str, Floats] = {}
+        curves: Curves = {}
+        seeds = [REPETITIONS * seed + i for i in range(REPETITIONS)]
         for material in (self.material, *self.beside):
+            contacts = [pressed(material, "three-sines", each) for each in seeds]
             for method, estimator in METHODS.items():
-                results = [
-                    identified(
-                        pressed(material, "three-sines", REPETITIONS * seed + i), estimator()
-                    )
-                    for i in range(REPETITIONS)
-                ]
-                numbers |= _spread(f"{material} {method}", results)
+                results = [identified(contact, estimator()) for contact in contacts]
+                values = np.array([result.law.parameters for result in results])
+                spread = 100.0 * np.ptp(values, axis=0) / np.abs(values.mean(axis=0))
+                numbers |= by_symbol(f"spread {material} {method}", spread, "%")
                 if material == self.material:
                     numbers |= _finals(method, results)
                     curves |= _courses(method, results)
-            truth = session(material, "three-sines", REPETITIONS * seed).truth.window(3.0)
+            truth = session(material, "three-sines", seeds[0]).truth.window(3.0)
             # The level of the excitation that the rig reached.
             numbers[f"motion {material} [mm]"] = 1e3 * float(np.std(truth.penetration))
         return numbers, curves
 
-    def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
+    def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
         """Draw the first seed's courses, and every seed's final values."""
-        truth, first = _truth(self.material), outcomes[0].curves
+        truth = dict(zip(UNITS, truth_of(self.material), strict=True))
         axes = figure.subplots(2, 3, height_ratios=(1.5, 1.0))
-        time = np.array(first["time"])
-        for i, (symbol, unit) in enumerate(UNITS.items()):
-            upper, lower, true = axes[0, i], axes[1, i], truth.parameters[i]
-            label = f"{symbol} [{unit}]" if unit else symbol
-            lines = {
-                f"single stage, {k + 1}": np.array(first[f"single-stage {k}/{symbol}"])
-                for k in range(REPETITIONS)
-            }
-            draw_lines(upper, time, lines, linestyle="-", linewidth=1.1)
-            projected = np.array(first[f"variable-projection 0/{symbol}"])
-            looks = {"color": THEME.ink, "linestyle": "--", "linewidth": 1.1}
-            upper.plot(time, projected, label="variable projection, 1", **looks)
-            draw_truth(upper, true)
-            # The start-up leaves any scale: what is shown is where the estimates stay, three times.
-            settled = np.abs(np.stack([*lines.values(), projected])[:, time > time[0] + 1.0] - true)
-            reach = 3.0 * float(np.nanmax(settled, initial=0.02 * abs(true)))
-            upper.set(ylim=(true - reach, true + reach), xlim=(time[0], time[-1]))
-            upper.set(
-                title=("stiffness", "damping", "exponent")[i], ylabel=label, xlabel="time [s]"
-            )
-            _draw_finals(lower, symbol, outcomes, true)
+        titles = ("stiffness", "damping", "exponent")
+        for upper, lower, symbol, title in zip(*axes, UNITS, titles, strict=True):
+            label = f"{symbol} [{UNITS[symbol]}]" if UNITS[symbol] else symbol
+            _draw_courses(upper, symbol, outcomes[0], truth[symbol])
+            upper.set(title=title, ylabel=label, xlabel="time [s]")
+            _draw_finals(lower, symbol, outcomes, truth[symbol])
             lower.set(xlabel=label)
         axes[1, 0].set_title("final values, all seeds")
         shown = axes[0, 0].get_legend_handles_labels()
@@ -118,14 +103,11 @@ class Repetitions(Experiment):
 
     def tables(self, say: Say) -> tuple[Table, ...]:
         """Final values and how far the repetitions lie apart, by method."""
-        truth = _truth(self.material)
-        rows = [("truth, ours", *(readable(value) for value in truth.parameters), "")]
+        rows = [("truth, ours", *map(readable, truth_of(self.material)), "")]
         for method in METHODS:
-            finals = (
-                say(*(f"final {method} {k} {symbol}" for k in range(REPETITIONS)))
-                for symbol in UNITS
-            )
-            rows.append((method, *finals, f"{say(f'spread {self.material} {method}')} %"))
+            each = [[f"final {method} {k} {s}" for k in range(REPETITIONS)] for s in UNITS]
+            spread = f"{say(f'spread {self.material} {method}')} %"
+            rows.append((method, *(say(*names) for names in each), spread))
         header = ("method", "K, N/mⁿ", "B, N·s/mⁿ⁺¹", "n", "spread of three repetitions")
         note = (
             "Median of all repetitions and seeds, range in brackets. Spread: largest minus least "
@@ -133,13 +115,6 @@ class Repetitions(Experiment):
         )
         title = f"{LABELS[self.material].capitalize()}: final values from set I"
         return (Table(title, header, tuple(rows), note),)
-
-
-def _truth(material: str) -> HuntCrossley:
-    known = MATERIALS[material]
-    assert isinstance(known, Homogeneous)
-    assert isinstance(known.law, HuntCrossley)
-    return known.law
 
 
 def _finals(method: str, results: Sequence[Identification]) -> dict[str, float]:
@@ -154,47 +129,47 @@ def _finals(method: str, results: Sequence[Identification]) -> dict[str, float]:
     return numbers | {f"B/K {method} [s/m]": mean[1] / mean[0]}
 
 
-def _spread(what: str, results: Sequence[Identification]) -> dict[str, float]:
-    """Largest minus least of the repetitions, relative to their mean, %, by parameter."""
-    values = np.array([result.law.parameters for result in results])
-    spread = 100.0 * np.ptp(values, axis=0) / np.abs(values.mean(axis=0))
-    return by_symbol(f"spread {what}", spread, "%")
-
-
-def _courses(method: str, results: Sequence[Identification]) -> dict[str, Floats]:
+def _courses(method: str, results: Sequence[Identification]) -> Curves:
     """Parameters over time: of every repetition by the single stage, of the first by others."""
-    curves: dict[str, Floats] = {}
+    drawn = thinned(results[0].contact.time)
+    curves = {"time": results[0].contact.time[drawn]}
     for k, result in enumerate(results if method == "single-stage" else results[:1]):
-        drawn = thinned(result.contact.time)
-        known = np.where(result.trace.taken[:, None], result.trace.parameters, np.nan)[drawn]
-        curves |= {f"{method} {k}/{symbol}": known[:, i] for i, symbol in enumerate(UNITS)}
-        if k == 0:
-            curves["time"] = result.contact.time[drawn]
+        columns = known(result)[drawn].T
+        curves |= {f"{method} {k}/{symbol}": y for symbol, y in zip(UNITS, columns, strict=True)}
     return curves
 
 
-def _draw_finals(axes: "Axes", symbol: str, outcomes: Sequence[Outcome], truth: float) -> None:
+def _draw_courses(axes: Axes, symbol: str, outcome: Outcome, truth: float) -> None:
+    """Every repetition by the single stage, and the first by variable projection."""
+    curves, time = outcome.curves, np.array(outcome.curves["time"])
+    singles = {
+        f"single stage, {k + 1}": curves[f"single-stage {k}/{symbol}"] for k in range(REPETITIONS)
+    }
+    projected = curves[f"variable-projection 0/{symbol}"]
+    draw_lines(axes, time, singles, linestyle="-", linewidth=1.1)
+    axes.plot(time, projected, "--", label="variable projection, 1", color=THEME.ink, linewidth=1.1)
+    draw_truth(axes, truth)
+    # The start-up leaves any scale: what is shown is where the estimates stay, three times.
+    settled = np.abs(np.array([*singles.values(), projected])[:, time > time[0] + 1.0] - truth)
+    reach = 3.0 * float(np.nanmax(settled, initial=0.02 * abs(truth)))
+    axes.set(ylim=(truth - reach, truth + reach), xlim=(time[0], time[-1]))
+
+
+def _draw_finals(axes: Axes, symbol: str, outcomes: Sequence[Outcome], truth: float) -> None:
     """Final values of two methods, each with two standard errors, beside the truth."""
-    methods = ("single-stage", "variable-projection")
-    for row, method in enumerate(methods):
+    methods = {"single-stage": THEME.lines[0], "variable-projection": THEME.ink}
+    for row, (method, colour) in enumerate(methods.items()):
         values, errors = (
             [
                 value
                 for outcome in outcomes
                 for k in range(REPETITIONS)
-                for value in named(f"{what} {k} {symbol}", outcome.numbers).values()
+                for value in named(f"{what} {method} {k} {symbol}", outcome.numbers).values()
             ]
-            for what in (f"final {method}", f"standard error {method}")
+            for what in ("final", "standard error")
         )
-        axes.errorbar(
-            values,
-            row + np.linspace(-0.3, 0.3, len(values)),
-            xerr=2.0 * np.array(errors),
-            fmt="o",
-            color=THEME.lines[0] if row == 0 else THEME.ink,
-            markersize=3.0,
-            linewidth=0.8,
-        )
+        rows, bars = row + np.linspace(-0.3, 0.3, len(values)), 2.0 * np.array(errors)
+        axes.errorbar(values, rows, xerr=bars, fmt="o", color=colour, markersize=3.0, linewidth=0.8)
     axes.axvline(truth, color=THEME.ink, linewidth=0.9, linestyle=":")
     axes.set_yticks(range(len(methods)), [method.replace("-", " ") for method in methods])
     axes.set_ylim(len(methods) - 0.4, -0.6)

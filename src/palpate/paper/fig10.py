@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.estimators import ContactEstimator, KelvinVoigtRLS, SingleStageRLS, VariableProjection
@@ -14,15 +14,10 @@ from palpate.identification import Identification
 from palpate.lab import BALL, Bench, Homogeneous, IdealProbe, Probing
 from palpate.lab.trajectories import NEAR_SURFACE
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table
-from palpate.paper.panels import draw_lines, draw_truth
+from palpate.paper.panels import Axes, Figure, draw_lines, draw_truth
 from palpate.paper.quantities import Numbers, over_seeds
 from palpate.paper.sessions import START, identified, pressed, session
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
 #: From here on the approach is over, s.
 SINES = 2.5
@@ -78,7 +73,7 @@ class Hysteresis(Experiment):
             curves[f"predicted/{name}"] = np.where(inside, force, np.nan)[keep]
         return numbers, curves
 
-    def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
+    def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
         """Draw the first outcome; the last panel's title gives the least force of all seeds."""
         first = outcomes[0]
         (motion, loop), (viscous, near) = figure.subplots(2, 2)
@@ -111,12 +106,12 @@ class Hysteresis(Experiment):
         return (Table.of(say, "Near the surface", ("model",), columns, rows, note),)
 
 
-def _inside(contact: Contact) -> "NDArray[np.bool_]":
+def _inside(contact: Contact) -> NDArray[np.bool_]:
     return np.asarray((contact.penetration > 0.0) & (contact.time > SINES), dtype=np.bool_)
 
 
 def _summary(
-    name: str, result: Identification, force: Floats, inside: "NDArray[np.bool_]"
+    name: str, result: Identification, force: Floats, inside: NDArray[np.bool_]
 ) -> dict[str, float]:
     contact = result.contact
     pulls = inside & (force < 0.0)
@@ -148,7 +143,7 @@ def _ideal(law: HuntCrossley, speed: float, seed: int) -> float:
 
 
 def _draw_loop(
-    axes: "Axes", outcome: Outcome, methods: Sequence[str], stiffness: float = 0.0
+    axes: Axes, outcome: Outcome, methods: Sequence[str], stiffness: float = 0.0
 ) -> None:
     """Force over penetration, less a spring's."""
     depth = np.array(outcome.curves["penetration"])

@@ -3,11 +3,12 @@
 A judge is an expression: ``judge(ratio("scatter α = 0.1", "scatter α = 5"), above(3.0))``.
 """
 
-import itertools
 import math
 import operator
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 
 from palpate.paper.quantities import (
     Numbers,
@@ -132,24 +133,15 @@ def that(of: Of, kept: Condition) -> Condition:
     return replace(kept, of=quantity(of))
 
 
-def above(*others: Of) -> Condition:
-    """More than all of these."""
-    return _compared(operator.gt, others)
+def compared(by: Callable[[float, float], bool], *others: Of) -> Condition:
+    """Compares so with all of these."""
+    return Condition(
+        lambda value, *rest: all(by(value, each) for each in rest), quantities(*others)
+    )
 
 
-def below(*others: Of) -> Condition:
-    """Less than all of these."""
-    return _compared(operator.lt, others)
-
-
-def at_most(*others: Of) -> Condition:
-    """Not more than any of these."""
-    return _compared(operator.le, others)
-
-
-def at_least(*others: Of) -> Condition:
-    """Not less than any of these."""
-    return _compared(operator.ge, others)
+above, below = partial(compared, operator.gt), partial(compared, operator.lt)
+at_least, at_most = partial(compared, operator.ge), partial(compared, operator.le)
 
 
 def between(low: float, high: float) -> Condition:
@@ -175,13 +167,4 @@ def never() -> Condition:
 def increasing(*of: Of) -> Condition:
     """Each quantity is larger than the one before."""
     first, *others = quantities(*of)
-    return Condition(
-        lambda *values: all(a < b for a, b in itertools.pairwise(values)), tuple(others), first
-    )
-
-
-def _compared(compare: Callable[[float, float], bool], others: Iterable[Of]) -> Condition:
-    return Condition(
-        lambda value, *rest: all(compare(value, each) for each in rest),
-        quantities(*others),
-    )
+    return Condition(lambda *values: all(a < b for a, b in pairwise(values)), tuple(others), first)

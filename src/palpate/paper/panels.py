@@ -4,15 +4,17 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from palpate.figures.style import LIGHT as THEME
 from palpate.identification import Identification
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from numpy.typing import ArrayLike
+    from matplotlib.axes import Axes as Axes
+    from matplotlib.figure import Figure as Figure
+else:  # matplotlib takes half a second, and is loaded where something is drawn
+    Axes = Figure = Any
 
 #: What a person calls the lab's materials.
 LABELS: Mapping[str, str] = {
@@ -37,9 +39,13 @@ def early_and_late(elapsed: Floats) -> NDArray[np.intp]:
 
 def thinned(time: Floats) -> NDArray[np.intp]:
     """Which samples to draw over the clock: one in 5 in the first half second, then one in 20."""
-    early = time < time[0] + 0.5
-    position = np.arange(time.size)
-    return np.flatnonzero(np.where(early, position % 5 == 0, position % 20 == 0))
+    return np.flatnonzero(np.arange(time.size) % np.where(time < time[0] + 0.5, 5, 20) == 0)
+
+
+def known(result: Identification) -> Floats:
+    """Parameters sample by sample, NaN where none was taken; shape (k, p)."""
+    trace = result.trace
+    return np.where(trace.taken[:, None], trace.parameters, np.nan)
 
 
 def traced(prefix: str, result: Identification, clock: str = "elapsed") -> dict[str, Floats]:
@@ -48,14 +54,15 @@ def traced(prefix: str, result: Identification, clock: str = "elapsed") -> dict[
     taken = trace.taken
     elapsed = np.cumsum(contact.time_steps[taken])
     keep = early_and_late(elapsed)
-    known = trace.parameters[taken][keep]
-    curves = {f"{prefix}/{symbol}": known[:, i] for i, symbol in enumerate(result.law.symbols)}
+    columns = trace.parameters[taken][keep].T
+    named = zip(result.law.symbols, columns, strict=True)
+    curves = {f"{prefix}/{symbol}": column for symbol, column in named}
     curves[f"{prefix}/error"] = (contact.force - trace.predicted_force)[taken][keep]
     return {clock: elapsed[keep], **curves}
 
 
 def draw_lines(
-    axes: "Axes",
+    axes: Axes,
     x: "ArrayLike",
     lines: Mapping[str, "ArrayLike"] | Iterable[tuple[str | None, "ArrayLike"]],
     *,
@@ -70,7 +77,7 @@ def draw_lines(
 
 
 def draw_course(
-    axes: "Axes",
+    axes: Axes,
     curves: Mapping[str, list[float]],
     symbol: str,
     shown: Mapping[str, str],
@@ -85,6 +92,6 @@ def draw_course(
     axes.set(ylabel=f"{symbol} [{unit}]" if unit else symbol, **settings)
 
 
-def draw_truth(axes: "Axes", value: float, label: str | None = "truth") -> None:
+def draw_truth(axes: Axes, value: float, label: str | None = "truth") -> None:
     """Dot a line where the truth, or another fixed value, is."""
     axes.axhline(value, color=THEME.ink, linewidth=0.9, linestyle=":", label=label)

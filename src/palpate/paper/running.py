@@ -5,8 +5,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import groupby
-from operator import attrgetter
 from pathlib import Path
 
 from palpate.errors import PalpateError
@@ -14,15 +12,13 @@ from palpate.paper import outcomes as on_disk
 from palpate.paper.experiment import Experiment, Outcome
 from palpate.paper.report.contents import Report, Section
 from palpate.paper.report.writing import write_report
-from palpate.paper.workers import Failure, Result, drawn, measured, processes
+from palpate.paper.workers import Failure, Given, Result, perform, processes
 from palpate.writing import make_folder
 
 #: Told what has just been finished, and how many of how many outcomes and figures are.
 Progress = Callable[[str, int, int], None]
-#: A seed to measure, or outcomes to draw.
-Given = int | list[Outcome]
-#: What a process does, to which experiments, and what it is given.
-_Task = tuple[Callable[..., list[Result]], tuple[Experiment, ...], Given]
+#: Experiments, and what to do with them.
+Task = tuple[tuple[Experiment, ...], Given]
 
 
 @dataclass(slots=True)
@@ -49,13 +45,11 @@ class PaperRun:
 
     def resume(self) -> None:
         """Read the outcomes that an earlier run by the same code has left."""
-        for experiment in self.experiments:
-            for seed in range(self.seeds):
-                outcome = on_disk.read(self.folder, experiment, seed)
-                if outcome is not None:
-                    self.outcomes[experiment.name, seed] = outcome
-            if on_disk.figures_are_current(self.folder, experiment, self.seeds):
-                self.drawn.add(experiment.name)
+        for each in self.experiments:
+            found = (on_disk.read(self.folder, each, seed) for seed in range(self.seeds))
+            self.outcomes |= {(each.name, outcome.seed): outcome for outcome in found if outcome}
+            if on_disk.figures_are_current(self.folder, each, self.seeds):
+                self.drawn.add(each.name)
         self.reused = len(self.outcomes)
 
     def work(self, workers: int, progress: Progress) -> None:
@@ -64,7 +58,7 @@ class PaperRun:
         if not tasks:
             return
         with processes(min(workers, len(tasks))) as pool:
-            pending = {pool.submit(w, each, given): (each, given) for w, each, given in tasks}
+            pending = {pool.submit(perform, *task): task for task in tasks}
             while pending:
                 # In the order of the work: what was finished first is written down first.
                 finished = wait(pending, return_when=FIRST_COMPLETED).done
@@ -72,27 +66,23 @@ class PaperRun:
                     experiments, given = pending.pop(future)
                     self._settle(experiments, given, future, progress)
                     with suppress(BrokenExecutor):  # a worker died: what it did is among failures
-                        more = self._drawings(experiments) if isinstance(given, int) else []
-                        for work, each, outcomes in more:
-                            pending[pool.submit(work, each, outcomes)] = each, outcomes
+                        for task in self._drawings(experiments) if isinstance(given, int) else ():
+                            pending[pool.submit(perform, *task)] = task
 
-    def _measurements(self) -> Iterator[_Task]:
+    def _measurements(self) -> Iterator[Task]:
         """Each seed of each group, one group after the other, without what is there already."""
-        group = attrgetter("group")
-        groups = groupby(sorted(self.experiments, key=group), key=group)
-        for members in [tuple(together) for _, together in groups]:
+        for group in sorted({each.group for each in self.experiments}):
+            members = [each for each in self.experiments if each.group == group]
             for seed in range(self.seeds):
                 left = tuple(each for each in members if (each.name, seed) not in self.outcomes)
                 if left:
-                    yield measured, left, seed
+                    yield left, seed
 
-    def _drawings(self, experiments: Iterable[Experiment]) -> list[_Task]:
+    def _drawings(self, experiments: Iterable[Experiment]) -> Iterator[Task]:
         """Those of the experiments of which every seed is there, and no figure."""
-        return [
-            (drawn, (each,), self._of(each))
-            for each in experiments
-            if self._complete(each) and each.name not in self.drawn
-        ]
+        for each in experiments:
+            if self._complete(each) and each.name not in self.drawn:
+                yield (each,), self._of(each)
 
     def _settle(
         self,
@@ -107,41 +97,38 @@ class PaperRun:
         except Exception as error:  # a worker that died
             results = [Failure(f"{type(error).__name__}: {error}")] * len(experiments)
         for experiment, result in zip(experiments, results, strict=True):
-            name = experiment.name
-            what = f"{name}, {f'seed {given}' if isinstance(given, int) else 'figure'}"
+            what = f"{experiment.name}, {f'seed {given}' if isinstance(given, int) else 'figure'}"
             if isinstance(result, Failure):
                 self.failures.append(f"{what}: {result.words}")
             elif isinstance(result, Outcome):
                 # Known before it is written: an interrupt may come while the disk takes its time,
                 # and the page then counts every outcome that is there.
-                self.outcomes[name, result.seed] = result
+                self.outcomes[experiment.name, result.seed] = result
                 on_disk.write(self.folder, experiment, result)
             else:
                 on_disk.write_figures(self.folder, experiment, self.seeds, result)
-                self.drawn.add(name)
+                self.drawn.add(experiment.name)
             total = len(self.experiments) * (self.seeds + 1)
             progress(what, len(self.outcomes) + len(self.drawn), total)
 
     def _of(self, experiment: Experiment) -> list[Outcome]:
         every = (self.outcomes.get((experiment.name, seed)) for seed in range(self.seeds))
-        return [outcome for outcome in every if outcome is not None]
+        return [outcome for outcome in every if outcome]
 
     def _complete(self, experiment: Experiment) -> bool:
         return len(self._of(experiment)) == self.seeds
 
     def report(self) -> Report:
         """Return what is finished, and the names of what is not."""
-        complete = [each for each in self.experiments if self._complete(each)]
-        sections = (Section.of(each, self._of(each), each.name in self.drawn) for each in complete)
-        missing = {
-            each.name: "no figure"
-            if each in complete
-            else f"{len(self._of(each))} of {self.seeds} seeds"
-            for each in self.experiments
-            if each not in complete or each.name not in self.drawn
-        }
-        unfinished = tuple(f"{name} ({words})" for name, words in missing.items())
-        return Report(tuple(sections), self.seeds, unfinished, tuple(self.failures))
+        sections, missing = [], []
+        for each in self.experiments:
+            outcomes, drawn = self._of(each), each.name in self.drawn
+            if len(outcomes) < self.seeds:
+                missing.append(f"{each.name} ({len(outcomes)} of {self.seeds} seeds)")
+                continue
+            sections.append(Section.of(each, outcomes, drawn))
+            missing += [] if drawn else [f"{each.name} (no figure)"]
+        return Report(tuple(sections), self.seeds, tuple(missing), tuple(self.failures))
 
 
 def run_paper(

@@ -5,11 +5,10 @@ import os
 import signal
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from palpate.figures.slimming import slim
@@ -24,31 +23,24 @@ class Failure:
     words: str
 
 
+#: A seed to measure, or outcomes to draw.
+Given = int | list[Outcome]
 #: What a task gives: one seed, or a figure for a light and for a dark background.
 Result = Outcome | tuple[str, str] | Failure
 
 
-def measured(experiments: Sequence[Experiment], seed: int) -> list[Result]:
-    """Run one seed of experiments that press the same."""
-    return [_tried(partial(each.run, seed)) for each in experiments]
+def perform(experiments: Sequence[Experiment], given: Given) -> list[Result]:
+    """Run one seed of experiments that press the same, or draw their outcomes."""
+    return [_tried(experiment, given) for experiment in experiments]
 
 
-def drawn(experiments: Sequence[Experiment], outcomes: Sequence[Outcome]) -> list[Result]:
-    """Draw an experiment of all seeds, for both backgrounds.
-
-    Not into files, for a worker that is stopped could not take its half of one away.
-    """
-
-    def both(experiment: Experiment) -> tuple[str, str]:
-        light = slim(as_svg(experiment.figure(outcomes)))
-        return light, recoloured(light)
-
-    return [_tried(partial(both, each)) for each in experiments]
-
-
-def _tried(work: Callable[[], Result]) -> Result:
+def _tried(experiment: Experiment, given: Given) -> Result:
     try:
-        return work()
+        if isinstance(given, int):
+            return experiment.run(given)
+        # Not into files, for a worker that is stopped could not take its half of one away.
+        light = slim(as_svg(experiment.figure(given)))
+        return light, recoloured(light)
     except Exception as error:
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(last.filename).name}:{last.lineno}"

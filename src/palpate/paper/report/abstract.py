@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from palpate.paper.experiment import claims_file
-from palpate.paper.report.verdicts import Judgement, Verdict
+from palpate.paper.report.verdicts import Judgement, Verdict, verdict_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +29,7 @@ class Line:
     @property
     def verdict(self) -> Verdict:
         """Of all together."""
-        if self.held == self.checked:
-            return Verdict.REPRODUCED
-        return Verdict.PARTLY if self.held else Verdict.NOT_REPRODUCED
-
-    @property
-    def counted(self) -> str:
-        """The count in words."""
-        return f"{self.held} of {self.checked} claims reproduced in every seed"
+        return verdict_of(self.held, self.checked)
 
 
 def abstract(judgements: Sequence[Judgement]) -> Iterator[Line]:

@@ -3,7 +3,7 @@
 import os
 import platform
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
@@ -76,11 +76,8 @@ def circumstances() -> dict[str, str]:
     """Return when and on what this was made."""
     machine = f"{platform.system()} on {platform.machine()}, {os.cpu_count()} processors"
     made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    return {
-        "made": made,
-        "machine": machine,
-        "versions": ", ".join(f"{name} {number}" for name, number in versions().items()),
-    }
+    named = ", ".join(f"{name} {number}" for name, number in versions().items())
+    return {"made": made, "machine": machine, "versions": named}
 
 
 def settings() -> tuple[Table, ...]:
@@ -100,22 +97,16 @@ def settings() -> tuple[Table, ...]:
         ("sensors", Sensors().describe()),
         ("variable projection", "same samples, no starts, no forgetting, offset estimated"),
     )
-    laws = tuple(
-        (name, ", ".join(_truth(material.describe()))) for name, material in MATERIALS.items()
-    )
+    laws = tuple((name, _in_words(material.describe())) for name, material in MATERIALS.items())
     motions = tuple(
         (name, _motion(trajectory))
         for name, trajectory in TRAJECTORIES.items()
         if isinstance(trajectory, Probing | Palpation)
     )
+    ours = "Within the orders of magnitude that the paper's text gives; its tables are lost."
     return (
         Table("How the experiments are set", ("setting", "value"), chosen),
-        Table(
-            "The materials, ours",
-            ("material", "truth, SI"),
-            laws,
-            "Within the orders of magnitude that the paper's text gives; its tables are lost.",
-        ),
+        Table("The materials, ours", ("material", "truth, SI"), laws, ours),
         Table("The motions", ("motion", "command"), motions),
     )
 
@@ -135,12 +126,11 @@ def _motion(trajectory: Probing | Palpation) -> str:
     )
 
 
-def _truth(described: dict[str, Any]) -> Iterator[str]:
-    for key, value in described.items():
-        if isinstance(value, list) and isinstance(value[0], dict):
-            yield "; ".join(", ".join(_truth(part)) for part in value)
-        elif isinstance(value, list):
-            yield f"{key} {', '.join(f'{each:g}' for each in value)}"
-        else:
-            shown = f"{value:g}" if isinstance(value, float) else str(value)
-            yield shown if key == "kind" else f"{key.replace('_', ' ')} {shown}"
+def _in_words(truth: Any) -> str:
+    """What a material says of itself: a number, words, or several by name."""
+    if isinstance(truth, dict):
+        named = {key.replace("_", " "): _in_words(value) for key, value in truth.items()}
+        return ", ".join(v if key == "kind" else f"{key} {v}" for key, v in named.items())
+    if isinstance(truth, list):
+        return "; ".join(map(_in_words, truth))
+    return f"{truth:g}" if isinstance(truth, float) else str(truth)

@@ -1,13 +1,13 @@
 """The report as one HTML page that needs nothing beside it."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from html import escape
 from pathlib import Path
 
 from palpate.paper.experiment import Experiment, Table
 from palpate.paper.outcomes import figures_of
-from palpate.paper.report.abstract import abstract
+from palpate.paper.report.abstract import Line, abstract
 from palpate.paper.report.contents import ABOUT, TITLE, Report, Section, circumstances, settings
 from palpate.paper.report.page_style import PAPER
 from palpate.paper.report.verdicts import SIGNS, Judgement, Verdict
@@ -15,12 +15,7 @@ from palpate.reports import html
 from palpate.reports.drawings import inline
 from palpate.reports.style import DRAWINGS, STYLE
 
-CLASSES = {
-    Verdict.REPRODUCED: "yes",
-    Verdict.PARTLY: "partly",
-    Verdict.NOT_REPRODUCED: "no",
-    Verdict.UNCHECKED: "open",
-}
+CLASSES = dict(zip(Verdict, ("yes", "partly", "no", "open"), strict=True))
 
 
 def page(report: Report, folder: Path) -> str:
@@ -35,6 +30,7 @@ def page(report: Report, folder: Path) -> str:
     """
     parts = [
         *_head(report),
+        *_contents(report),
         "<main>",
         *_claims_of_all(report),
         *_settings(),
@@ -45,47 +41,43 @@ def page(report: Report, folder: Path) -> str:
 
 
 def _head(report: Report) -> Iterator[str]:
-    yield "<header>"
-    yield f"<h1>{escape(TITLE)}</h1>"
+    yield f"<header><h1>{escape(TITLE)}</h1>"
     yield f"<p>{escape(ABOUT)}</p>"
-    for words, listed in (
-        ("Not finished", report.unfinished),
-        ("Failed", report.failures),
-    ):
+    left = {"Not finished": report.unfinished, "Failed": report.failures}
+    for words, listed in left.items():
         if listed:
             yield f'<p class="note"><strong>{words}:</strong> {escape("; ".join(listed))}.</p>'
-    yield from _abstract(report)
+    if lines := [_sentence(line) for line in abstract(report.judgements)]:
+        yield "<h2>What reproduces, and what does not</h2>"
+        yield _list(lines, "abstract")
     yield from html.definitions({**circumstances(), "seeds": f"{report.seeds}, from 0 on"})
     yield "</header>"
-    yield '<nav aria-label="Contents">'
-    yield "<h2>Contents</h2>"
-    yield "<ul>"
-    yield '<li><a href="#claims">Every claim</a></li>'
-    yield '<li><a href="#settings">Settings and materials</a></li>'
-    for section in report.sections:
-        experiment = section.experiment
-        yield f'<li><a href="#{experiment.name}">{_heading(experiment)}</a></li>'
-    yield "</ul>"
+
+
+def _sentence(line: Line) -> str:
+    """What reproduces, or does not and why."""
+    why = "" if line.verdict is Verdict.REPRODUCED else f" {escape(line.because)}"
+    counted = f"({line.held} of {line.checked} claims reproduced in every seed)"
+    sign = f'<span class="badge {CLASSES[line.verdict]}">{SIGNS[line.verdict]}</span>'
+    words = f"<strong>{escape(line.words)}.</strong>{why}"
+    return f'{sign}{words} <span class="soft">{counted}</span>'
+
+
+def _contents(report: Report) -> Iterator[str]:
+    places = {"claims": "Every claim", "settings": "Settings and materials"}
+    places |= {each.experiment.name: _heading(each.experiment) for each in report.sections}
+    yield '<nav aria-label="Contents"><h2>Contents</h2>'
+    yield _list(f'<a href="#{name}">{escape(words)}</a>' for name, words in places.items())
     yield "</nav>"
 
 
-def _abstract(report: Report) -> Iterator[str]:
-    """What reproduces, what does not, and why."""
-    lines = list(abstract(report.judgements))
-    if not lines:
-        return
-    yield "<h2>What reproduces, and what does not</h2>"
-    yield '<ul class="abstract">'
-    for line in lines:
-        why = "" if line.verdict is Verdict.REPRODUCED else f" {escape(line.because)}"
-        counted = f'<span class="soft">({escape(line.counted)})</span>'
-        sign = f'<span class="badge {CLASSES[line.verdict]}">{SIGNS[line.verdict]}</span>'
-        yield f"<li>{sign}<strong>{escape(line.words)}.</strong>{why} {counted}</li>"
-    yield "</ul>"
+def _list(items: Iterable[str], kind: str = "") -> str:
+    named = f' class="{kind}"' if kind else ""
+    return f"<ul{named}>\n" + "\n".join(f"<li>{item}</li>" for item in items) + "\n</ul>"
 
 
 def _heading(experiment: Experiment) -> str:
-    return f"{escape(_figure(experiment.name))}: {escape(experiment.title)}"
+    return f"{_figure(experiment.name)}: {experiment.title}"
 
 
 def _figure(name: str) -> str:
@@ -94,12 +86,9 @@ def _figure(name: str) -> str:
 
 
 def _claims_of_all(report: Report) -> Iterator[str]:
-    yield '<section id="claims">'
-    yield "<h2>Every claim of the paper</h2>"
-    yield '<ul class="counts">'
-    for verdict, count in report.counts.items():
-        yield f"<li>{_badge(verdict, f'{count} {verdict.value}')}</li>"
-    yield "</ul>"
+    yield '<section id="claims"><h2>Every claim of the paper</h2>'
+    counts = report.counts.items()
+    yield _list((_badge(verdict, f"{n} {verdict.value}") for verdict, n in counts), "counts")
     yield (
         "<p>Ours is the median over the seeds, with the range in brackets. A claim is reproduced "
         "where it holds in every seed. One that does not reproduce is a result: beside its figure "
@@ -136,16 +125,12 @@ def _claim(each: Judgement) -> Iterator[str]:
     """A claim with all that stands behind its verdict."""
     claim = each.claim
     yield f'<div class="claim" id="{_anchor(each)}">'
-    where = f"<small>{escape(claim.where)}</small>"
-    yield f"<p><q>{escape(claim.words)}</q> {where}</p>"
+    yield f"<p><q>{escape(claim.words)}</q> <small>{escape(claim.where)}</small></p>"
     yield f"<p>{_badge(each.verdict, each.verdict_words)}</p>"
     numbers = {"its number": claim.number, claim.measured or "ours": each.ours_words}
-    said = [f"{escape(name)}: {escape(value)}" for name, value in numbers.items() if value]
-    if said:
-        yield f"<p>{'; '.join(said)}</p>"
-    for words in (each.words, each.remark):
-        if words:
-            yield f'<p class="soft">{escape(words)}</p>'
+    if said := "; ".join(f"{name}: {value}" for name, value in numbers.items() if value):
+        yield f"<p>{escape(said)}</p>"
+    yield from (f'<p class="soft">{escape(w)}</p>' for w in (each.words, each.remark) if w)
     yield "</div>"
 
 
@@ -157,18 +142,15 @@ def _table(table: Table) -> Iterator[str]:
 
 
 def _settings() -> Iterator[str]:
-    yield '<section id="settings">'
-    yield "<h2>Settings and materials</h2>"
+    yield '<section id="settings"><h2>Settings and materials</h2>'
     for table in settings():
         yield from _table(table)
     yield "</section>"
 
 
 def _section(section: Section, folder: Path) -> Iterator[str]:
-    experiment = section.experiment
-    name, words = experiment.name, experiment.caption
-    yield f'<section id="{name}">'
-    yield f"<h2>{_heading(experiment)}</h2>"
+    name, words = section.experiment.name, section.experiment.caption
+    yield f'<section id="{name}"><h2>{escape(_heading(section.experiment))}</h2>'
     if section.drawn:
         drawing = figures_of(folder, name)[0].read_text(encoding="utf-8")
         inside = inline(drawing, f"{name}-drawing", words)

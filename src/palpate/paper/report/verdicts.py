@@ -4,7 +4,7 @@ import enum
 import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from palpate.paper.experiment import Claim, Experiment, Outcome
@@ -28,6 +28,15 @@ SIGNS = {
     Verdict.NOT_REPRODUCED: "✗",
     Verdict.UNCHECKED: "–",
 }
+
+
+def verdict_of(held: int, checked: int) -> Verdict:
+    """Reproduced or not: in all seeds, or claims, that could tell; partly: in some of them."""
+    if not checked:
+        return Verdict.UNCHECKED
+    if held == checked:
+        return Verdict.REPRODUCED
+    return Verdict.PARTLY if held else Verdict.NOT_REPRODUCED
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +72,8 @@ class Judgement:
 
     @property
     def verdict(self) -> Verdict:
-        """Reproduced or not: in all seeds that could tell; partly: in some of them."""
-        if not self.checked:
-            return Verdict.UNCHECKED
-        if self.held == self.checked:
-            return Verdict.REPRODUCED
-        return Verdict.PARTLY if self.held else Verdict.NOT_REPRODUCED
+        """Of all seeds together."""
+        return verdict_of(self.held, self.checked)
 
     @property
     def verdict_words(self) -> str:
@@ -102,17 +107,10 @@ class Judgement:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers and words."""
-        claim, ours = self.claim, self.ours
+        ours = self.ours
         return {
             "experiment": self.experiment,
-            "key": claim.key,
-            "where": claim.where,
-            "words": claim.words,
-            "number": claim.number,
-            "unit": claim.unit,
-            "measured": claim.measured,
-            "reading": claim.reading,
-            "depends_on": claim.depends,
+            **asdict(self.claim),
             "verdict": self.verdict.value,
             "seeds_checked": self.checked,
             "seeds_held": self.held,
