@@ -23,4 +23,8 @@ figure .wide:focus-visible { outline-offset: -2px; }
   #claims th, #claims td { border: 0; padding: 0.1rem 0; }
   #claims td[data-name]::before { content: attr(data-name) ": "; color: var(--soft); }
 }
+@media print {
+  :root { font-size: 75%; } nav { display: none; } section { break-inside: auto; }
+  h2, caption, thead { break-after: avoid; } tr, figure, .claim { break-inside: avoid; }
+}
 """
