@@ -2,6 +2,8 @@
 
 import math
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -59,3 +61,10 @@ class Tiny(Experiment):
         return (
             Table("Thirds & more", ("of", "third"), (("seed", say("third")),), "as <they> came"),
         )
+
+
+@contextmanager
+def no_processes(count):
+    """In place of ``running.processes``: starting some takes seconds, and one test has done it."""
+    with ThreadPoolExecutor(1) as pool:
+        yield pool

@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from paper_cases import Tiny
+from paper_cases import Tiny, no_processes
 
 from palpate import paper
 
@@ -20,8 +20,9 @@ def tiny(monkeypatch):
     monkeypatch.setattr(paper, "EXPERIMENTS", {name: Tiny(name) for name in ("a", "b")})
 
 
-def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path):
+def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path, monkeypatch):
     pytest.importorskip("mujoco")
+    monkeypatch.setattr("palpate.paper.running.processes", no_processes)
     folder = tmp_path / "report"
     status, out, err = run("-o", folder, "--seeds", 2, "--workers", 1)
     assert status == 0

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from paper_cases import Tiny
+from paper_cases import Tiny, no_processes
 
 from palpate import PalpateError, RecordingError
 from palpate.paper import Claim
@@ -57,7 +57,8 @@ def test_the_same_seed_gives_the_same_files(tmp_path):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
 
 
-def test_a_failure_names_experiment_and_seed_and_the_rest_is_done(tmp_path):
+def test_a_failure_names_experiment_and_seed_and_the_rest_is_done(tmp_path, monkeypatch):
+    monkeypatch.setattr("palpate.paper.running.processes", no_processes)
     experiments = Tiny("bad", fails_at=1), Tiny("ugly", undrawable=True), Tiny("good")
     with pytest.raises(PalpateError, match=r"^bad, seed 1: ArithmeticError: no such square") as end:
         run(tmp_path, *experiments)
@@ -78,7 +79,7 @@ def test_a_folder_that_cannot_be_written_is_said_before_the_work(tmp_path):
 SLOW = Tiny("b", group="slow", seconds=60.0, slow_from=2)
 COMMAND = """
 import sys
-from paper_cases import Tiny
+from paper_cases import Tiny, no_processes
 from palpate import cli, paper
 paper.EXPERIMENTS = {"a": Tiny("a"), "b": Tiny("b", group="slow", seconds=60.0, slow_from=2)}
 sys.argv = ["palpate", "paper", "--seeds", "4", "--workers", "1", "-o", sys.argv[1]]
