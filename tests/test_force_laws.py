@@ -84,9 +84,10 @@ def test_an_array_holds_what_each_of_its_numbers_gives(other):
     x, v = rng.uniform(-5e-3, 20e-3, 100), rng.uniform(-0.1, 0.1, 100)
     force = other.force(x, v)
     assert force.dtype == np.float64
-    assert force.tolist() == [
-        other.force(a, b) for a, b in zip(x.tolist(), v.tolist(), strict=True)
-    ]
+    each = list(zip(x.tolist(), v.tolist(), strict=True))
+    assert force.tolist() == [other.force(*sample) for sample in each]
+    felt = other.in_a_loop()
+    assert force.tolist() == [felt(*sample) for sample in each]
 
 
 SHAPES = [

@@ -119,8 +119,9 @@ class _Encoders:
         step = self._step
         if step == 0.0:
             return angles
+        # Not math.floor, which refuses what a simulation that breaks down may give.
         return [
-            home + math.floor((angle - home) / step + phase) * step
+            home + ((angle - home) / step + phase) // 1.0 * step
             for angle, (home, phase) in zip(angles, self._zeros, strict=True)
         ]
 

@@ -61,9 +61,9 @@ def quantities(*of: Of) -> tuple[Quantity, ...]:
 
 
 def _expanded(names: str) -> list[str]:
-    head, brace, rest = names.partition("{")
-    if not brace:
+    if "{" not in names:
         return [names]
+    head, _, rest = names.partition("{")
     words, _, tail = rest.partition("}")
     return [head + word + end for word in words.split("|") for end in _expanded(tail)]
 
@@ -72,9 +72,7 @@ def quantity(of: Of) -> Quantity:
     """Return the quantity that a name, or a plain number, stands for."""
     if isinstance(of, Quantity):
         return of
-    if isinstance(of, str):
-        return Quantity(lambda numbers: max(named(of, numbers).values()), of)
-    return Quantity(lambda _: of)
+    return _chosen(max, of) if isinstance(of, str) else Quantity(lambda _: of)
 
 
 def largest(*of: Of) -> Quantity:
@@ -85,7 +83,7 @@ def largest(*of: Of) -> Quantity:
 def least(*of: Of) -> Quantity:
     """Return the least of some quantities."""
     if len(of) == 1 and isinstance(name := of[0], str) and "{" not in name:
-        return Quantity(lambda numbers: min(named(name, numbers).values()), name, which="least ")
+        return _chosen(min, name, "least ")
     return _computed(min, of)
 
 
@@ -101,10 +99,11 @@ def times(factor: float, of: Of) -> Quantity:
 
 def farthest_from(middle: float, name: str) -> Quantity:
     """Return that of several numbers which is farthest from one."""
-    return Quantity(
-        lambda numbers: max(named(name, numbers).values(), key=lambda value: abs(value - middle)),
-        name,
-    )
+    return _chosen(lambda values: max(values, key=lambda value: abs(value - middle)), name)
+
+
+def _chosen(by: Callable[[Iterable[float]], float], name: str, which: str = "") -> Quantity:
+    return Quantity(lambda numbers: by(named(name, numbers).values()), name, which=which)
 
 
 def _computed(by: Callable[[list[float]], float], of: Iterable[Of]) -> Quantity:
