@@ -158,7 +158,7 @@ def test_who_is_sooner_is_judged_by_the_same_covariance_which_means_another_thin
         assert 0.3 < one / other < 3.0  # in SI it is as little as 0.05
 
 
-def test_the_logarithm_costs_little_up_to_the_paper_s_threshold_and_much_beyond():
+def test_the_logarithm_costs_little_up_to_the_threshold_of_a_tenth_and_more_beyond():
     assert largest("fig08", "bias at 0.1 K/B") < 1.0
     assert largest("fig08", "bias at 0.5 K/B") > 3.0
 

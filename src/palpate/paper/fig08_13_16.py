@@ -194,8 +194,8 @@ class Comparison(Experiment):
             "Seconds of contact until the estimates from all starts agree within 5 % and stay so; "
             "own end: until each is within 5 % of its own final value. "
             "First with each method's default P₀ (1e3 single stage, 1e8 Kelvin–Voigt and double "
-            "stage, 1e10 extended Kelvin–Voigt, in SI), then with the same P₀ for all, by which the "
-            "claims are judged. " + OVER
+            "stage, 1e10 extended Kelvin–Voigt, in SI), then with the same P₀ for all, by which "
+            "the claims are judged. " + OVER
         )
         return Table.of(say, title, ("method", "parameter"), columns, rows, note)
 
