@@ -21,7 +21,7 @@ from palpate.paper.quantities import farthest_from, largest, least, ratio, times
 
 FOLLOWED = {
     "formula": judge("peak speed commanded"),
-    "depth": judge(farthest_from(10.0, "mean depth"), between(9.0, 11.0)),
+    "depth": judge(farthest_from(10.0, "mean depth")),
     "inside": judge(least("least depth"), above(0.0)),
     # Half a step of the sensor, 1/16 N.
     "pause": judge(farthest_from(0.0, "bias left"), between(-62.5, 62.5)),
