@@ -1,7 +1,8 @@
 """The experiments of Haddadi & Hashtrudi-Zaad (2012), on the laboratory's rig.
 
 A module ``fig*.py`` holds one, or several that differ in the material alone; ``claims.toml`` what
-the paper says of each, and ``judges.py`` when that holds.
+the paper says of each, and ``judges.py`` when that holds; ``causes.py`` tries the reasons that the
+paper gives, each by itself.
 """
 
 import pkgutil

@@ -12,6 +12,7 @@ from palpate.figures.style import LIGHT as THEME
 from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import BALL, THREE_SINES, Bench, Command, IdealProbe, Trajectory
+from palpate.paper.causes import varying
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
 from palpate.paper.panels import DASHES, UNITS, draw_course, draw_lines, traced
 from palpate.paper.quantities import Numbers, named
@@ -110,6 +111,7 @@ class ForgettingFactors(Experiment):
             },
         }
         numbers, curves = _held(seed)
+        numbers |= varying(seed)
         numbers["λ after 1 s"] = 1.0 - 0.01 * math.exp(-5.0)
         for name, estimator in methods.items():
             result = identified(contact, estimator)

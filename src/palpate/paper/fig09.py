@@ -12,6 +12,7 @@ from palpate.figures.style import LIGHT as THEME
 from palpate.force_laws import HuntCrossley
 from palpate.identification import Identification
 from palpate.lab import BALL, SPONGE
+from palpate.paper.causes import conditions, wrong_exponent
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
 from palpate.paper.panels import DASHES, UNITS, draw_course, draw_truth, traced
 from palpate.paper.quantities import Numbers, named
@@ -71,6 +72,9 @@ class NearTruth(Experiment):
             for case, results in ends.items():
                 numbers |= _summary(f"{name} {case}", results, law)
             numbers[f"reach {name} [%]"] = _reach(name, numbers)
+            near = (each for off in OFF for each in ends[f"{off:g}"].values())
+            known = conditions(contact, law, near) | wrong_exponent(contact, law)
+            numbers |= {f"{name} {words}": value for words, value in known.items()}
             if name == "ball":
                 for off in DRAWN:
                     for way, result in ends[f"{off:g}"].items():
