@@ -238,7 +238,7 @@ def all_claims() -> Mapping[str, tuple[Claim, ...]]:
     return {
         name: tuple(_claim(key, said, whole["notes"]) for key, said in claims.items())
         for name, claims in whole.items()
-        if name not in ("abstract", "notes")
+        if name not in ("abstract", "notes", "not-held")
     }
 
 
@@ -246,6 +246,6 @@ def _claim(key: str, said: Mapping[str, str], notes: Mapping[str, str]) -> Claim
     measured, _, unit = said.get("ours", "").rpartition("[")
     if not unit.endswith("]"):
         measured, unit = unit, ""
-    named = {name: said.get(name, "") for name in ("where", "words", "number")}
-    noted = {name: said.get(name, "").format(**notes) for name in ("reading", "depends")}
+    named = {name: said.get(name, "") for name in ("where", "number")}
+    noted = {name: said.get(name, "").format(**notes) for name in ("words", "reading", "depends")}
     return Claim(key, **named, measured=measured.strip(), unit=unit.removesuffix("]"), **noted)

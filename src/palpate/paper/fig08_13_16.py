@@ -118,10 +118,9 @@ class Comparison(Experiment):
                 others = from_starts(contact, kind, starts, initial_covariance=size)
                 times[f"P₀ = {size:g} "] = list(others.values())
             for which, every in times.items():
-                what = f"time {which}{kind.method}"
-                numbers |= by_symbol(what, convergence_times(every), "s", symbols)
-            apart = 100.0 * spread(times[""])[-1]
-            numbers |= by_symbol(f"spread {kind.method}", apart, "%", symbols)
+                what, apart = f"{which}{kind.method}", 100.0 * spread(every)[-1]
+                numbers |= by_symbol(f"time {what}", convergence_times(every), "s", symbols)
+                numbers |= by_symbol(f"spread {what}", apart, "%", symbols)
             curves |= _curves(kind.method, results)
         projected = {NO_START: identified(contact, VariableProjection())}
         numbers |= _summary(VariableProjection, projected, material)

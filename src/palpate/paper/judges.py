@@ -83,6 +83,9 @@ CONDITION_ON_SPONGE = {
     "shortcoming": judge("broken sponge", above(0.0)),
     "limit": judge("final limit sponge"),
     "conservative": judge("worst error, 1 times slower", at_most(5.0)),
+    "concluded": judge(
+        "broken, 10 times slower", at_most(0.5), that("broken, 1 times slower", above(0.5))
+    ),
 }
 
 CONDITION_ON_PHANTOM = {
@@ -145,7 +148,25 @@ _KELVIN_VOIGT_ERROR = ratio(least("rmse kelvin-voigt"), "rmse single-stage")
 _RELAXING = "relaxing sponge"
 _ROBUST = largest(f"spread {_BOTH}")
 
+
+def _concluded(*others: str, elsewhere: str = "") -> dict[str, Judge]:
+    """Section VIII, on one material: more robust than the others, and closer."""
+    names, start = "|".join(others), "spread P₀ = {} single-stage"
+    closer = ratio(least(*(least(f"rmse {each}") for each in others)), "rmse single-stage")
+    sizes = ("10", "1000", "1e+06")
+    return {
+        "concluded-robust": judge(
+            start.format("1000"),
+            *(that(start.format(size), below(f"spread P₀ = {size} {{{names}}}")) for size in sizes),
+            beside=f"spread {{single-stage|{names}}}",
+            elsewhere=elsewhere,
+        ),
+        "concluded-error": judge(closer, above(1.0), elsewhere=elsewhere),
+    }
+
+
 COMPARED_ON_BALL = {
+    **_concluded("double-stage", "kelvin-voigt"),
     "rate": judge("time single-stage", below("time double-stage")),
     "error": judge(_DOUBLE_OVER_SINGLE, above(1.0)),
     "consistency": judge(
@@ -160,6 +181,7 @@ COMPARED_ON_BALL = {
 }
 
 COMPARED_ON_SPONGE = {
+    **_concluded("double-stage", "kelvin-voigt", elsewhere=_RELAXING),
     "kelvin-voigt-rate": judge(
         _OVER_KELVIN_VOIGT, between(1.0 / 1.5, 1.5), beside=_BESIDE_SPEED, elsewhere=_RELAXING
     ),
@@ -174,6 +196,7 @@ _EXTENDED = "extended-kelvin-voigt"
 _EXTENDED_ERROR = least(f"rmse {_EXTENDED}")
 
 COMPARED_ON_PHANTOM = {
+    **_concluded("double-stage", "kelvin-voigt", _EXTENDED),
     "parameters": unchecked(),
     "robust": judge(_ROBUST, at_most(5.0)),
     "first-small": judge(largest("first over final single-stage {I|II|III} K|B"), below(0.1)),
@@ -227,6 +250,11 @@ _CONDITION = "condition number of {}, one sine"
 _CONDITIONS = {of: _CONDITION.format(of) for of in ("1, v, ln x", "1, v, x", "x, v, a")}
 
 RICHNESS = {
+    "too-long": judge(
+        "time one sine",
+        above(5.0),
+        beside=("time {two|three} sines", "time P₀ = {0.1|1|10} one sine, 450 s"),
+    ),
     "two-enough": judge(
         "largest difference from three sines, two sines",
         at_most(5.0),

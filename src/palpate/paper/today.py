@@ -59,8 +59,8 @@ class Today(Experiment):
     caption = (
         "Force error over time of each method's law, learned from the first five seconds; the "
         "other five, shaded, it had not seen. Below, RMSE% over those, and stiffness and damping "
-        "that a small oscillation of the motion's own frequency feels, with their error bars at two "
-        "standard errors, for every seed; the truth dotted."
+        "that a small oscillation of the motion's own frequency feels, with their error bars at "
+        "two standard errors, for every seed; the truth dotted."
     )
     group: str = "sponge"
     size: tuple[float, float] = (11.0, 7.5)
@@ -123,14 +123,15 @@ class Today(Experiment):
         header = ("method", "RMSE% unseen", *(f"{s} [{u}]" for s, u in QUANTITIES.items()))
         header += (*(f"trust {symbol}?" for symbol in QUANTITIES), "and all?", "advised")
         note = (
-            "Learned from 2 to 7 s, RMSE% from 7 to 12 s; noise alone would leave 2 %. K′ and B′ at "
-            "the motion's own frequency and median depth; ± two standard errors, the repeatable and "
-            "the systematic one together. Median over the seeds, range in brackets. The truth: F = "
-            "300 x + 300 x v and a branch of 150 N/m that relaxes with 1 s. The paper's methods as it "
-            "sets them, the others with default settings; advised is the law that the diagnosis "
-            "names first. Without memory the best fit of the first half is no guide to the second, "
-            "which has relaxed further. --law auto offers one kind of memory, a flat spectrum, which "
-            "this sponge does not have: it says so, and sends on to --law any."
+            "Learned from 2 to 7 s, RMSE% from 7 to 12 s; noise alone would leave 2 %. K′ and B′ "
+            "at the motion's own frequency and median depth; ± two standard errors, the repeatable "
+            "and the systematic one together. Median over the seeds, range in brackets. The truth: "
+            "F = 300 x + 300 x v and a branch of 150 N/m that relaxes with 1 s. The paper's "
+            "methods as it sets them, the others with default settings; advised is the law that "
+            "the diagnosis names first. Without memory the best fit of the first half is no guide "
+            "to the second, which has relaxed further. --law auto offers one kind of memory, a "
+            "flat spectrum, which this sponge does not have: it says so, and sends on to --law "
+            "any."
         )
         return (Table(self.title, header, rows, note),)
 

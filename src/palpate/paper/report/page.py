@@ -9,6 +9,7 @@ from palpate.paper.experiment import Experiment, Table
 from palpate.paper.outcomes import figures_of
 from palpate.paper.report.abstract import abstract
 from palpate.paper.report.contents import ABOUT, TITLE, Report, Section, circumstances, settings
+from palpate.paper.report.not_held import not_held
 from palpate.paper.report.page_style import PAPER
 from palpate.paper.report.verdicts import SIGNS, Judgement, Verdict
 from palpate.reports import html
@@ -37,6 +38,7 @@ def page(report: Report, folder: Path) -> str:
         *_head(report),
         "<main>",
         *_claims_of_all(report),
+        *_not_held(),
         *_settings(),
         *(line for section in report.sections for line in _section(section, folder)),
         "</main>",
@@ -61,6 +63,7 @@ def _head(report: Report) -> Iterator[str]:
     yield "<h2>Contents</h2>"
     yield "<ul>"
     yield '<li><a href="#claims">Every claim</a></li>'
+    yield '<li><a href="#not-held">Not held against anything</a></li>'
     yield '<li><a href="#settings">Settings and materials</a></li>'
     for section in report.sections:
         experiment = section.experiment
@@ -85,7 +88,9 @@ def _abstract(report: Report) -> Iterator[str]:
 
 
 def _heading(experiment: Experiment) -> str:
-    return f"{escape(_figure(experiment.name))}: {escape(experiment.title)}"
+    figure = _figure(experiment.name)
+    title = experiment.title if figure == experiment.name else f"{figure}: {experiment.title}"
+    return escape(title)
 
 
 def _figure(name: str) -> str:
@@ -115,6 +120,20 @@ def _claims_of_all(report: Report) -> Iterator[str]:
             f"<td>{_badge(each.verdict, each.verdict_words)}</td></tr>"
         )
     yield from html.table_end()
+    yield "</section>"
+
+
+def _not_held() -> Iterator[str]:
+    """What the paper says besides, a list for each reason."""
+    yield '<section id="not-held">'
+    yield "<h2>Not held against anything</h2>"
+    yield "<p>What sections II to VIII say besides, and why no number here speaks of it.</p>"
+    for each in not_held():
+        yield f"<h3>{escape(each.why)}</h3>"
+        yield "<ul>"
+        for where, words in each.sentences:
+            yield f"<li><q>{escape(words)}</q> <small>{escape(where)}</small></li>"
+        yield "</ul>"
     yield "</section>"
 
 
