@@ -1,8 +1,8 @@
 """The experiments of Haddadi & Hashtrudi-Zaad (2012), on the laboratory's rig.
 
-A module ``fig*.py`` holds one, or several that differ in the material alone; ``claims.toml`` what
-the paper says of each, and ``judges.py`` when that holds; ``causes.py`` tries the reasons that the
-paper gives, each by itself.
+A module ``fig*.py`` holds one, or several that differ in the material alone, and ``today.py`` what
+its authors would see today; ``causes.py`` tries the reasons that the paper gives, each by itself.
+``claims.toml`` has what the paper says of each, and ``judges.py`` when that holds.
 """
 
 import pkgutil
@@ -13,7 +13,8 @@ from palpate.paper.judging import Finding
 
 __all__ = ["EXPERIMENTS", "Claim", "Experiment", "Finding", "Outcome", "Table"]
 
-_MODULES = [each.name for each in pkgutil.iter_modules(__path__) if each.name.startswith("fig")]
+_NAMES = [each.name for each in pkgutil.iter_modules(__path__)]
+_MODULES = [name for name in _NAMES if name.startswith("fig") or name == "today"]
 _ALL: list[Experiment] = [
     experiment
     for name in _MODULES

@@ -241,5 +241,5 @@ def all_claims() -> Mapping[str, tuple[Claim, ...]]:
     return {
         name: tuple(Claim.of(key, said, whole["notes"]) for key, said in claims.items())
         for name, claims in whole.items()
-        if name not in ("abstract", "notes")
+        if name not in ("abstract", "notes", "not-held")
     }

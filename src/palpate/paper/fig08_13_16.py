@@ -122,10 +122,9 @@ class Comparison(Experiment):
                 times[f"P₀ = {size:g} "] = list(others.values())
                 errors[size, kind] = [each.prediction_rmse_percent for each in others.values()]
             for which, every in times.items():
-                what = f"time {which}{kind.method}"
-                numbers |= by_symbol(what, convergence_times(every), "s", symbols)
-            apart = 100.0 * spread(times[""])[-1]
-            numbers |= by_symbol(f"spread {kind.method}", apart, "%", symbols)
+                what, apart = f"{which}{kind.method}", 100.0 * spread(every)[-1]
+                numbers |= by_symbol(f"time {what}", convergence_times(every), "s", symbols)
+                numbers |= by_symbol(f"spread {what}", apart, "%", symbols)
             curves |= _curves(kind.method, results)
         for size in SAME_COVARIANCES:
             pairs = zip(errors[size, DoubleStageRLS], errors[size, SingleStageRLS], strict=True)

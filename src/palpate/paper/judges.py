@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from palpate.paper.judging import (
+    Condition,
     Judge,
     about,
     above,
@@ -17,7 +18,7 @@ from palpate.paper.judging import (
     that,
     unchecked,
 )
-from palpate.paper.quantities import farthest_from, largest, least, ratio, times
+from palpate.paper.quantities import Quantity, farthest_from, largest, least, ratio, times
 
 FOLLOWED = {
     "formula": judge("peak speed commanded"),
@@ -78,6 +79,9 @@ CONDITION_ON_SPONGE = {
     "shortcoming": judge("broken sponge"),
     "limit": judge("final limit sponge"),
     "conservative": judge("worst error, 1 times slower", at_most(5.0)),
+    "concluded": judge(
+        "broken, 10 times slower", at_most(0.5), that("broken, 1 times slower", above(0.5))
+    ),
 }
 
 CONDITION_ON_PHANTOM = {
@@ -151,7 +155,25 @@ _RELAXING = "relaxing sponge"
 _ROBUST = largest(f"spread {_BOTH}")
 _WITH, _WITHOUT = (f"time {words} ln" for words in ("with", "without"))
 
+
+def _concluded(*others: str, elsewhere: str = "") -> dict[str, Judge]:
+    """Section VIII, on one material: more robust than the others, and closer."""
+    names, start = "|".join(others), "spread P₀ = {} single-stage"
+    closer = ratio(least(*(least(f"rmse {each}") for each in others)), "rmse single-stage")
+    sizes = ("10", "1000", "1e+06")
+    return {
+        "concluded-robust": judge(
+            start.format("1000"),
+            *(that(start.format(size), below(f"spread P₀ = {size} {{{names}}}")) for size in sizes),
+            beside=f"spread {{single-stage|{names}}}",
+            elsewhere=elsewhere,
+        ),
+        "concluded-error": judge(closer, above(1.0), elsewhere=elsewhere),
+    }
+
+
 COMPARED_ON_BALL = {
+    **_concluded("double-stage", "kelvin-voigt"),
     "rate": judge(
         largest(*(f"time {same} single-stage" for same in _SAME)),
         *(that(f"time {same} single-stage", below(f"time {same} double-stage")) for same in _SAME),
@@ -184,6 +206,7 @@ COMPARED_ON_BALL = {
 }
 
 COMPARED_ON_SPONGE = {
+    **_concluded("double-stage", "kelvin-voigt", elsewhere=_RELAXING),
     "kelvin-voigt-rate": judge(
         least(*_OVER_KELVIN_VOIGT),
         at_least(1.0 / 1.5),
@@ -206,6 +229,7 @@ _EXTENDED = "extended-kelvin-voigt"
 _EXTENDED_ERROR = least(f"rmse {_EXTENDED}")
 
 COMPARED_ON_PHANTOM = {
+    **_concluded("double-stage", "kelvin-voigt", _EXTENDED),
     "parameters": unchecked(),
     "robust": judge(_ROBUST, at_most(5.0)),
     "first-small": judge(largest("first over final single-stage {I|II|III} K|B"), below(0.1)),
@@ -272,6 +296,11 @@ _CONDITION = "condition number of {}, one sine"
 _CONDITIONS = {of: _CONDITION.format(of) for of in ("1, v, ln x", "1, v, x", "x, v, a")}
 
 RICHNESS = {
+    "too-long": judge(
+        "time one sine",
+        above(5.0),
+        beside=("time {two|three} sines", "time P₀ = {0.1|1|10} one sine, 450 s"),
+    ),
     "two-enough": judge(
         "largest difference from three sines, two sines",
         at_most(5.0),
@@ -310,45 +339,111 @@ RICHNESS_FOR_KELVIN_VOIGT = {
 
 #: The paper's 0.05 N, read as up to half as much again.
 _FLOOR = 0.075
-_TENTH = ", a tenth stiffer"
+_NEAR = ", 7 % apart"
 _AFTER = "mean error after change"
 _OFF = "K off at a zone's end"
+_SP = "self-perturbing"
+
+
+def _remains(which: str) -> Quantity:
+    """The second visit of the other zone over the first."""
+    return ratio(f"{_AFTER} regular{which} 3", f"{_AFTER} regular{which} 1")
+
+
+def _smaller(which: str) -> Quantity:
+    """How many times smaller self-perturbation makes the error."""
+    return ratio(least(f"{_AFTER} regular{which}"), f"{_AFTER} {_SP}{which}")
+
+
+def _tenfold(which: str) -> Condition:
+    """The gain after each change."""
+    before = times(10.0, f"corrected before a change {_SP}{which}")
+    return that(least(f"corrected after a change {_SP}{which}"), above(before))
+
 
 INTERMITTENT = {
     "first-error": judge(
         "first error regular", between(1.0, 3.0), that("first error lasts regular", at_most(4.0))
     ),
     "first-zone": judge("mean error before regular", at_most(_FLOOR)),
-    "regular-error": judge(
-        f"{_AFTER} regular 1", between(0.25, 1.0), beside=f"{_AFTER} regular{_TENTH} 1"
-    ),
+    "regular-error": judge(f"{_AFTER} regular{_NEAR} 1", beside=f"{_AFTER} regular 1"),
     "regular-remains": judge(
-        f"{_AFTER} regular 3",
-        above(2.0 * _FLOOR),
-        that(f"{_AFTER} regular 1", above(2.0 * _FLOOR)),
-        beside=f"{_AFTER} regular {{2|4}}",
+        f"{_AFTER} regular{_NEAR} 3",
+        that(_remains(_NEAR), between(0.5, 2.0)),
+        that(_remains(""), between(0.5, 2.0)),
+        beside=(f"{_AFTER} regular{_NEAR} {{1|2|4}}", f"{_AFTER} regular {{1|3}}"),
     ),
     "regular-constant": judge(
-        "range after 10 s regular K", at_most(5.0), beside=f"range after 10 s regular{_TENTH} K"
+        f"range after 10 s regular{_NEAR} K", at_most(5.0), beside="range after 10 s regular K"
     ),
-    "regular-unsuitable": judge(f"{_OFF} regular", above(20.0)),
+    "small-gain": judge(
+        "corrected before a change regular",
+        below(1.0),
+        that(f"corrected before a change λ = 0.99{_NEAR}", above(1.0)),
+        that(f"{_AFTER} λ = 0.99{_NEAR}", below(least(f"{_AFTER} regular{_NEAR}"))),
+        beside="corrected at first regular",
+    ),
+    "regular-unsuitable": judge(
+        f"{_OFF} regular", above(20.0), beside=f"{_OFF} {{regular|{_SP}}}{_NEAR}"
+    ),
+    "gain-by-itself": judge(
+        least(f"corrected after a change {_SP}{_NEAR}"),
+        _tenfold(_NEAR),
+        _tenfold(""),
+        beside="corrected after a change regular",
+    ),
     "perturbed-error": judge(
-        f"{_AFTER} self-perturbing",
+        f"{_AFTER} {_SP}{_NEAR}",
         at_most(_FLOOR),
-        beside=(f"{_AFTER} self-perturbing{_TENTH}", f"{_AFTER} variable projection"),
+        that(f"first 2 ms {_SP}{_NEAR}", between(0.25, 1.0)),
+        beside=(
+            f"{_AFTER} {_SP}",
+            f"first 2 ms {_SP}",
+            f"{_AFTER} variable projection{_NEAR}",
+        ),
     ),
     "perturbed-soon": judge(
-        "back self-perturbing",
-        at_most(2.0),
-        beside="back {regular|constants exchanged|variable projection}",
+        f"mean back {_SP}{_NEAR}",
+        at_most(4.0),
+        beside=(
+            f"back {_SP}{_NEAR}",
+            f"mean back {{{_SP}|regular|constants exchanged|variable projection}}",
+        ),
     ),
     "perturbed-converges": judge(
-        f"{_OFF} self-perturbing", at_most(5.0), beside=f"{_OFF} variable projection"
+        f"{_OFF} {_SP}",
+        at_most(5.0),
+        beside=(f"{_OFF} {_SP}{_NEAR}", f"{_OFF} variable projection"),
     ),
     "dead-zone": judge(
         "error that perturbs",
-        that(f"{_AFTER} self-perturbing{_TENTH} 1", at_most(_FLOOR)),
-        that(f"{_AFTER} constants exchanged{_TENTH} 1", above(_FLOOR)),
+        that(f"{_AFTER} {_SP}{_NEAR} 1", at_most(_FLOOR)),
+        that(f"{_AFTER} constants exchanged{_NEAR} 1", above(_FLOOR)),
+    ),
+    "sensitivity": judge(
+        f"{_AFTER} γ = 0.25{_NEAR} 1",
+        above(2.0 * _FLOOR),
+        that(f"{_AFTER} γ = 0.25 1", at_most(2.0 * _FLOOR)),
+        that(f"{_AFTER} {_SP}{_NEAR} 1", at_most(_FLOOR)),
+    ),
+    "gain-by-contrast": judge(
+        ratio("K back with β = 0.05, ten times", "K back with β = 0.05, 1.3 times"),
+        increasing("K back with β = 0.05, {1.3 times|twice|ten times}"),
+        beside="K back with β = {0.005|0.5|5}, {1.3 times|ten times}",
+    ),
+    "reset": judge(ratio(f"time of K {_SP}", "time of K no reset"), below(1.0)),
+    "threshold": judge(
+        "error by force above 0.5 N",
+        below("error by force above 0 N"),
+        that("free, but force above 0.5 N", below("free, but force above 0 N")),
+        beside="contact misjudged by force above {0|0.5} N",
+    ),
+    "concluded": judge(
+        _smaller(_NEAR),
+        at_least(2.0),
+        that(_smaller(""), at_least(2.0)),
+        that(f"time of K {_SP}{_NEAR}", below(f"time of K regular{_NEAR}")),
+        that(f"time of K {_SP}", below("time of K regular")),
     ),
 }
 
@@ -370,4 +465,5 @@ JUDGES: Mapping[str, Mapping[str, Judge]] = {
     "fig17": RICHNESS,
     "fig18": RICHNESS_FOR_KELVIN_VOIGT,
     "fig19": INTERMITTENT,
+    "today": {},
 }

@@ -9,6 +9,7 @@ from palpate.paper.experiment import Experiment, Table
 from palpate.paper.outcomes import figures_of
 from palpate.paper.report.abstract import Line, abstract
 from palpate.paper.report.contents import ABOUT, TITLE, Report, Section, circumstances, settings
+from palpate.paper.report.not_held import not_held
 from palpate.paper.report.page_style import PAPER
 from palpate.paper.report.verdicts import SIGNS, Judgement, Verdict
 from palpate.reports import html
@@ -33,6 +34,7 @@ def page(report: Report, folder: Path) -> str:
         *_contents(report),
         "<main>",
         *_claims_of_all(report),
+        *_not_held(),
         *_settings(),
         *(line for section in report.sections for line in _section(section, folder)),
         "</main>",
@@ -64,7 +66,8 @@ def _sentence(line: Line) -> str:
 
 
 def _contents(report: Report) -> Iterator[str]:
-    places = {"claims": "Every claim", "settings": "Settings and materials"}
+    places = {"claims": "Every claim", "not-held": "Not held against anything"}
+    places |= {"settings": "Settings and materials"}
     places |= {each.experiment.name: _heading(each.experiment) for each in report.sections}
     yield '<nav aria-label="Contents"><h2>Contents</h2>'
     yield _list(f'<a href="#{name}">{escape(words)}</a>' for name, words in places.items())
@@ -77,7 +80,8 @@ def _list(items: Iterable[str], kind: str = "") -> str:
 
 
 def _heading(experiment: Experiment) -> str:
-    return f"{_figure(experiment.name)}: {experiment.title}"
+    figure, title = _figure(experiment.name), experiment.title
+    return title if figure == experiment.name else f"{figure}: {title}"
 
 
 def _figure(name: str) -> str:
@@ -104,6 +108,16 @@ def _claims_of_all(report: Report) -> Iterator[str]:
             f"<td>{_badge(each.verdict, each.verdict_words)}</td></tr>"
         )
     yield from html.table_end()
+    yield "</section>"
+
+
+def _not_held() -> Iterator[str]:
+    """What the paper says besides, a list for each reason."""
+    yield '<section id="not-held"><h2>Not held against anything</h2>'
+    yield "<p>What sections II to VIII say besides, and why no number here speaks of it.</p>"
+    for why, sentences in not_held().items():
+        yield f"<h3>{escape(why)}</h3>"
+        yield _list(f"<q>{escape(words)}</q> <small>{escape(w)}</small>" for w, words in sentences)
     yield "</section>"
 
 

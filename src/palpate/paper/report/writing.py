@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.paper.report.contents import TITLE, Report, Section, circumstances, settings
+from palpate.paper.report.not_held import not_held
 from palpate.paper.report.page import page
 from palpate.writing import write_text
 
@@ -30,6 +31,7 @@ def as_dict(report: Report) -> dict[str, Any]:
         "settings": [asdict(table) for table in settings()],
         "verdicts": {verdict.value: count for verdict, count in report.counts.items()},
         "claims": [judgement.as_dict() for judgement in report.judgements],
+        "not_held": not_held(),
         "experiments": [_section_as_dict(section) for section in report.sections],
     }
 
@@ -80,4 +82,8 @@ def claims_as_markdown(report: Report) -> str:
             each.remark,
         )
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    rows += ["", "Not held against anything:", ""]
+    for why, sentences in not_held().items():
+        said = "; ".join(f"“{words}” ({where})" for where, words in sentences)
+        rows += [f"- **{why}** {said}"]
     return f"{report.summary}; {report.seeds} seeds.\n\n" + "\n".join(rows) + "\n"
