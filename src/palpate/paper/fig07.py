@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,16 +14,12 @@ from palpate.identification import Identification
 from palpate.lab import BALL, THREE_SINES, Bench, Command, IdealProbe, Trajectory
 from palpate.paper.causes import varying
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.panels import DASHES, UNITS, draw_course, draw_lines, traced
+from palpate.paper.panels import DASHES, UNITS, Axes, Figure, draw_course, draw_lines, traced
 from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import START, identified, pressed
 from palpate.paper.starts import starts_of, times_to
 from palpate.settings import ConstantForgetting, FadingForgetting, Forgetting
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 PROFILES: dict[str, Forgetting] = {
     "λ = 1": ConstantForgetting(1.0),
@@ -119,7 +115,7 @@ class ForgettingFactors(Experiment):
             curves |= traced(name, result)
         return numbers, curves
 
-    def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
+    def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
         """Draw a column for forgetting, one for P₀; below, the held probe and every seed."""
         curves = outcomes[0].curves
         grid = figure.subplots(4, 2, height_ratios=(1.0, 1.0, 1.0, 0.9))
@@ -199,7 +195,7 @@ def _held(seed: int) -> tuple[dict[str, float], dict[str, Floats]]:
     return numbers, curves
 
 
-def _draw_seeds(axes: "Axes", outcomes: Sequence[Outcome]) -> None:
+def _draw_seeds(axes: Axes, outcomes: Sequence[Outcome]) -> None:
     """Convergence and overshoot over P₀."""
     for i, outcome in enumerate(outcomes):
         shown = {"time to 5 % [s]": "time", "overshoot of K or B / truth": "overshoot"}

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from palpate.paper.experiment import (
     by_parameter,
     by_symbol,
 )
-from palpate.paper.panels import draw_course, draw_lines, traced
+from palpate.paper.panels import Axes, Figure, draw_course, draw_lines, traced
 from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import identified, pressed, session
 from palpate.paper.starts import (
@@ -39,10 +39,6 @@ from palpate.paper.starts import (
     starts_of,
     times_to,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Recursive = type[RecursiveLeastSquaresEstimator]
 
@@ -134,7 +130,7 @@ class Comparison(Experiment):
         numbers |= _summary(VariableProjection, projected, material)
         return numbers, curves | _curves(VariableProjection.method, projected)
 
-    def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
+    def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
         """Draw the first outcome, a column for each method; the titles give the RMSE% of all."""
         grid = figure.subplots(4, len(self.methods), sharex=True, squeeze=False)
         for column, kind in zip(grid.T, self.methods, strict=True):
@@ -270,7 +266,7 @@ def _rows(kind: type[ContactEstimator]) -> tuple[int | None, ...]:
     return (0, 1, None) if len(kind.law_type.symbols) == 2 else (0, 2, 1)
 
 
-def _set_scale(axes: "Axes", final: float, symbol: str) -> None:
+def _set_scale(axes: Axes, final: float, symbol: str) -> None:
     if symbol == "n":
         axes.set_ylim(0.0, 3.0)
     elif symbol == "B":

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,16 +14,12 @@ from palpate.identification import Identification
 from palpate.lab import BALL, SPONGE
 from palpate.paper.causes import conditions, wrong_exponent
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.panels import DASHES, UNITS, draw_course, draw_truth, traced
+from palpate.paper.panels import DASHES, UNITS, Axes, Figure, draw_course, draw_truth, traced
 from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import identified, pressed
 from palpate.paper.starts import AGREED, convergence_times
 from palpate.settings import Scale
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MATERIALS = {"ball": BALL, "sponge": SPONGE}
 #: How far from the final values the starts lie: all three parameters off by that, either way.
@@ -82,7 +78,7 @@ class NearTruth(Experiment):
                 curves |= traced("projection", identified(contact, VariableProjection()))
         return numbers, curves
 
-    def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
+    def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
         """Draw the first outcome's parameters, and below where every seed ends."""
         curves = outcomes[0].curves
         grid = figure.add_gridspec(4, len(DRAWN), height_ratios=(1.0, 1.0, 1.0, 1.1))
@@ -150,7 +146,7 @@ def _reach(material: str, numbers: Numbers) -> float:
     return reach
 
 
-def _draw_ends(axes: "Axes", outcomes: Sequence[Outcome]) -> None:
+def _draw_ends(axes: Axes, outcomes: Sequence[Outcome]) -> None:
     """How far apart every seed ends, over how far off the starts are."""
     for i, material in enumerate(MATERIALS):
         for j, outcome in enumerate(outcomes):

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from palpate.identification import Identification
 from palpate.lab import BALL, ONE_SINE, Bench, IdealProbe
 from palpate.paper.causes import SAME_COVARIANCES, condition_number
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.panels import draw_course, draw_lines, draw_truth, traced
+from palpate.paper.panels import Axes, Figure, draw_course, draw_lines, draw_truth, traced
 from palpate.paper.quantities import Numbers, named
 from palpate.paper.sessions import START, identified, pressed
 from palpate.paper.starts import (
@@ -24,10 +24,6 @@ from palpate.paper.starts import (
     starts_of,
     times_to,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SECONDS = 22.0
 #: How long the ideal probe goes on, s.
@@ -118,7 +114,7 @@ class Richness(Experiment):
             numbers |= by_symbol(f"time P₀ = {size:g} {motion}", times, "s", self.symbols)
         return numbers
 
-    def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
+    def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
         """Draw the first outcome; beside it the convergence times of every seed over P₀."""
         rows = len(self.symbols)
         grid = figure.subplots(rows + 1, 3)
@@ -152,7 +148,7 @@ class Richness(Experiment):
         column[-1].set(xscale="log", ylim=(-1.0, 1.0), ylabel="force error [N]")
         column[-1].set(xlabel="time since contact [s]")
 
-    def _draw_times(self, axes: "Axes", symbol: str, outcomes: Sequence[Outcome]) -> None:
+    def _draw_times(self, axes: Axes, symbol: str, outcomes: Sequence[Outcome]) -> None:
         for j, outcome in enumerate(outcomes):
             for i, (motion, sizes) in enumerate(self.norms.items()):
                 names = (f"time P₀ = {size:g} {motion} {symbol} [s]" for size in sizes)

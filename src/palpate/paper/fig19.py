@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from palpate.figures.style import LIGHT as THEME
 from palpate.identification import Identification
 from palpate.lab import INCLUSION, PVC, Homogeneous
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table, by_symbol
-from palpate.paper.panels import UNITS, draw_course, draw_lines, draw_truth
+from palpate.paper.panels import UNITS, Figure, draw_course, draw_lines, draw_truth, known
 from palpate.paper.perturbing import (
     CHANGES,
     CONTRASTS,
@@ -31,9 +31,6 @@ from palpate.paper.quantities import Numbers
 from palpate.paper.sessions import START, identified, pressed
 from palpate.settings import ChangeDetector, ConstantForgetting, SelfPerturbation
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SECONDS = 27.0
 #: A change takes half a second about its middle.
@@ -102,7 +99,7 @@ class Intermittent(Experiment):
                     curves |= _curves(f"{name}{which}", result)
         return numbers | times_by_gain(seed) | thresholds(seed), curves
 
-    def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
+    def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
         """Draw the first outcome; the truth dotted, the second zone shaded."""
         grid = figure.subplots(6, 2, height_ratios=(1.0, 1.0, 1.0, 1.2, 0.7, 1.2))
         for column, (which, hard) in zip(grid.T, ZONES.items(), strict=True):
@@ -227,8 +224,8 @@ def _back(error: Floats, contact: Contact) -> float:
 
 def _curves(name: str, result: Identification) -> dict[str, Floats]:
     contact, trace = result.contact, result.trace
-    known = np.where(trace.taken[:, None], trace.parameters, np.nan)[::EVERY]
-    curves = {f"{name}/{symbol}": known[:, i] for i, symbol in enumerate(UNITS)}
+    courses = zip(UNITS, known(result)[::EVERY].T, strict=True)
+    curves = {f"{name}/{symbol}": course for symbol, course in courses}
     error = np.abs(np.where(trace.taken, contact.force - trace.predicted_force, 0.0))
     # The largest of each 50 samples, so that no peak is thinned away.
     blocks = error[: len(error) // EVERY * EVERY].reshape(-1, EVERY)

@@ -5,7 +5,7 @@ Every method learns from the first half of a recording, and predicts the second.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,12 +23,9 @@ from palpate.identification import Identification
 from palpate.lab import RELAXING_SPONGE
 from palpate.metrics import rmse_percent
 from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table
-from palpate.paper.panels import draw_lines
+from palpate.paper.panels import Figure, draw_lines
 from palpate.paper.quantities import Numbers
 from palpate.paper.sessions import GATE, SI, START, pressed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: What is learned from ends here, s.
 HALF = 7.0
@@ -80,7 +77,7 @@ class Today(Experiment):
             curves[f"{name}/error"] = (contact.force - predicted)[::EVERY]
         return numbers, curves
 
-    def draw(self, figure: "Figure", outcomes: Sequence[Outcome]) -> None:
+    def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
         """Draw the first outcome's errors, and every seed's numbers."""
         curves = outcomes[0].curves
         grid = figure.add_gridspec(2, 3, height_ratios=(1.2, 1.0))
