@@ -16,10 +16,12 @@ from palpate.paper import outcomes as on_disk
 from palpate.paper.experiment import all_claims
 from palpate.paper.fig07 import Held
 from palpate.paper.judges import JUDGES
+from palpate.paper.perturbing import correction, palpated
 from palpate.paper.quantities import named
 from palpate.paper.running import run_paper
-from palpate.paper.sessions import pressed
+from palpate.paper.sessions import identified, pressed
 from palpate.paper.starts import convergence_times, from_starts, starts_of
+from palpate.settings import ConstantForgetting
 
 pytest.importorskip("mujoco")
 pytest.importorskip("matplotlib")
@@ -227,6 +229,38 @@ def test_self_perturbation_follows_a_change_that_least_squares_does_not():
         )
         assert perturbed < 0.1 * regular
     assert holds("fig19", "perturbed-converges")
+
+
+def test_what_a_sample_corrects_of_its_error_is_what_the_regressors_say():
+    contact = palpated(0.07, SEED, 3.0)
+    result = identified(contact, SingleStageRLS(forgetting=ConstantForgetting()))
+    taken = result.trace.taken
+    x, v = contact.penetration[taken], contact.velocity[taken]
+    phi = np.stack([np.ones_like(x), v, np.log(x)], axis=1)
+    covariance = np.linalg.inv(np.eye(3) / 1e3 + phi[:-1].T @ phi[:-1])
+    expected = phi[-1] @ covariance @ phi[-1]
+    time, corrected = correction(result)
+    assert time[-1] == contact.time[-1]
+    # The parameters, of the order of 1e5, are known to 1e-16 of their size.
+    assert corrected[-1] == pytest.approx(100.0 * expected / (1.0 + expected), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_zones_that_hardly_differ_show_the_errors_of_the_paper():
+    assert 0.25 < largest("fig19", "mean error after change regular, 7 % apart 1") < 1.0
+    for key in ("perturbed-error", "small-gain", "gain-by-itself", "reset", "sensitivity"):
+        assert holds("fig19", key)
+    assert not holds("fig19", "gain-by-contrast")
+
+
+@pytest.mark.slow
+def test_today_a_sponge_that_relaxes_is_found_out_and_its_memory_identified():
+    for name in ("single stage", "double stage", "Kelvin–Voigt", "variable projection"):
+        assert largest("today", f"mark of all {name}") == 2.0
+    # By the law with its kind of memory, down to the noise, and within the bars but for chance.
+    assert largest("today", "rmse unseen memory: --law any") < 2.5
+    for symbol in ("K′", "B′"):
+        assert largest("today", f"{symbol} off memory: --law any") < 1.5
 
 
 @pytest.mark.slow

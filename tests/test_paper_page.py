@@ -11,6 +11,7 @@ from palpate.paper.experiment import all_claims, claims_file
 from palpate.paper.outcomes import figures_of
 from palpate.paper.report.abstract import abstract
 from palpate.paper.report.contents import Report, Section
+from palpate.paper.report.not_held import not_held
 from palpate.paper.report.verdicts import Judgement, Verdict
 from palpate.paper.report.writing import write_report
 
@@ -151,8 +152,22 @@ def test_a_line_of_the_abstract_is_the_verdict_of_its_claims_together():
     assert list(abstract([judged(others[0][0], None)])) == []
 
 
+def test_what_is_held_against_nothing_is_said_with_its_reason(folder, page):
+    markdown = (folder / "claims.md").read_text(encoding="utf-8")
+    judged = {claim.words for claims in all_claims().values() for claim in claims}
+    for group in not_held():
+        for where, words in group.sentences:
+            assert where.partition("-")[0] in ("II", "III", "IV", "V", "VI", "VII", "VIII")
+            assert words not in judged
+            assert words in page.words
+            assert words in markdown
+        assert group.why in page.words
+        assert group.why in markdown
+
+
 def test_the_json_holds_the_same(folder, report):
     whole = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    assert len(whole["not_held"]) == len(not_held())
     assert [claim["words"] for claim in whole["claims"]] == [
         each.claim.words for each in report.judgements
     ]
