@@ -11,7 +11,8 @@ figure svg { display: block; width: 100%; height: auto; max-width: 62rem; }
 figure .wide:focus-visible { outline-offset: -2px; }
 #claims q { display: block; max-width: 34rem; }
 #claims .badge { white-space: normal; }
-#not-held h3 { font-size: 1rem; margin-bottom: 0; } #not-held small { color: var(--soft); }
+#not-held h3 { font-size: 1rem; margin-bottom: 0; }
+#not-held small { color: var(--soft); white-space: nowrap; }
 .claim { border-left: 4px solid var(--line); padding: 0.1rem 0 0.1rem 1rem; margin: 1.25rem 0; }
 .claim p { margin: 0.25rem 0; }
 .claim small { color: var(--soft); }
