@@ -119,7 +119,9 @@ class Intermittent(Experiment):
             "Mean |force error| in each zone, N, without the half second of a change, and of the "
             "first two samples that are wrong; back: until its mean over 5 ms is first below 0.1 N "
             "after a change, the slowest of four; K back: until K is within 5 % of the truth for "
-            "the rest of the stay, mean of four."
+            "the rest of the stay, mean of four. Self-perturbing: β = 0.05, γ = 2.5 N⁻²; constants "
+            "exchanged: β = 2.5, γ = 0.05; γ = 0.25: with β = 0.05; no reset: self-perturbing with "
+            "λ = 1 throughout; λ = 0.99: regular, with λ constant."
         )
         errors = (
             Table.of(
