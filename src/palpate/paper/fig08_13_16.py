@@ -141,26 +141,22 @@ class Comparison(Experiment):
     def tables(self, say: Say) -> tuple[Table, ...]:
         """Return starts, RMSE% and convergence times."""
         starts, errors = self.numerals
-        title = f"Table {starts}: initial values, {self.material}"
+        header, title = ("method", "start", "initial values, SI"), f"Table {starts}: initial values"
+        rows = tuple(
+            (kind.method, start, _said(say, kind, f"start {kind.method} {start}"))
+            for kind in self.kinds
+            for start in _names(kind)
+        )
         tables = [
-            Table(title, ("method", "start", "initial values, SI"), self._starts(say), OVER),
+            Table(f"{title}, {self.material}", header, rows, OVER),
             self._errors(say, f"Table {errors}: RMSE%, {self.material}"),
             self._times(say, f"Convergence, {self.material}"),
         ]
         if self.beside:
             prefix = self.beside.replace("-", " ") + " "
-            tables += [
-                self._errors(say, f"RMSE%, {self.beside}", prefix),
-                self._times(say, f"Convergence, {self.beside}", prefix),
-            ]
+            tables.append(self._errors(say, f"RMSE%, {self.beside}", prefix))
+            tables.append(self._times(say, f"Convergence, {self.beside}", prefix))
         return tuple(tables)
-
-    def _starts(self, say: Say) -> tuple[tuple[str, ...], ...]:
-        return tuple(
-            (kind.method, start, _said(say, kind, f"start {kind.method} {start}"))
-            for kind in self.kinds
-            for start in _names(kind)
-        )
 
     def _errors(self, say: Say, title: str, prefix: str = "") -> Table:
         rows = tuple(
