@@ -83,9 +83,7 @@ CONDITION_ON_SPONGE = {
     "shortcoming": judge("broken sponge", above(0.0)),
     "limit": judge("final limit sponge"),
     "conservative": judge("worst error, 1 times slower", at_most(5.0)),
-    "concluded": judge(
-        "broken, 10 times slower", at_most(0.5), that("broken, 1 times slower", above(0.5))
-    ),
+    "concluded": judge("broken, 10 times slower", beside="broken, 1 times slower"),
 }
 
 CONDITION_ON_PHANTOM = {
@@ -152,7 +150,6 @@ _ROBUST = largest(f"spread {_BOTH}")
 def _concluded(*others: str, elsewhere: str = "") -> dict[str, Judge]:
     """Section VIII, on one material: more robust than the others, and closer."""
     names, start = "|".join(others), "spread P₀ = {} single-stage"
-    closer = ratio(least(*(least(f"rmse {each}") for each in others)), "rmse single-stage")
     sizes = ("10", "1000", "1e+06")
     return {
         "concluded-robust": judge(
@@ -161,7 +158,9 @@ def _concluded(*others: str, elsewhere: str = "") -> dict[str, Judge]:
             beside=f"spread {{single-stage|{names}}}",
             elsewhere=elsewhere,
         ),
-        "concluded-error": judge(closer, above(1.0), elsewhere=elsewhere),
+        "concluded-error": judge(
+            _DOUBLE_OVER_SINGLE, above(1.0), beside=f"rmse {{{names}}}", elsewhere=elsewhere
+        ),
     }
 
 
