@@ -2,7 +2,7 @@
 
 A module ``fig*.py`` holds one, or several that differ in the material alone, and ``today.py`` what
 its authors would see today; ``causes.py`` tries the reasons that the paper gives, each by itself.
-``claims.toml`` has what the paper says of each, and ``judges.py`` when that holds.
+``claims.toml`` has what the paper says of each, and ``judges`` when that holds.
 """
 
 import pkgutil

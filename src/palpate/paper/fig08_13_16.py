@@ -141,14 +141,14 @@ class Comparison(Experiment):
     def tables(self, say: Say) -> tuple[Table, ...]:
         """Return starts, RMSE% and convergence times."""
         starts, errors = self.numerals
-        header, title = ("method", "start", "initial values, SI"), f"Table {starts}: initial values"
+        title = f"Table {starts}: initial values, {self.material}"
         rows = tuple(
             (kind.method, start, _said(say, kind, f"start {kind.method} {start}"))
             for kind in self.kinds
             for start in _names(kind)
         )
         tables = [
-            Table(f"{title}, {self.material}", header, rows, OVER),
+            Table(title, ("method", "start", "initial values, SI"), rows, OVER),
             self._errors(say, f"Table {errors}: RMSE%, {self.material}"),
             self._times(say, f"Convergence, {self.material}"),
         ]

@@ -18,7 +18,7 @@ from palpate.writing import write_text
 # What judges and reports measures nothing: a claim is reworded and judged anew without a run.
 _NOT_MEASURING = (
     "cli",
-    "paper/judges.py",
+    "paper/judges",
     "paper/judging.py",
     "paper/quantities.py",
     "paper/report",
