@@ -56,6 +56,7 @@ TITLES = {
 BELOW, ABOVE = 1e-3, 1e3
 # Errors below this are drawn on a linear scale, N.
 FINE = 0.25
+OVER = "Median over the seeds, range in brackets."
 
 
 @dataclass(frozen=True)
@@ -189,9 +190,6 @@ class Comparison(Experiment):
             "the claims are judged. " + OVER
         )
         return Table.of(say, title, ("method", "parameter"), columns, rows, note)
-
-
-OVER = "Median over the seeds, range in brackets."
 
 
 def _names(kind: type[ContactEstimator]) -> tuple[str, ...]:
