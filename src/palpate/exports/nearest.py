@@ -11,7 +11,7 @@ from palpate.validation import Floats
 
 _GOLDEN = 0.5 * (1.0 + 5.0**0.5)
 _EXPONENTS = (0.5, 3.0)
-_SECTIONS = 30  # 2.5/φ³⁰ = 10⁻⁶
+_SECTIONS = 22  # n to 2.5/φ²² = 6·10⁻⁵; the error is flat there
 
 
 def with_exponents(law: ForceLaw, motion: Motion, n: float, p: float) -> GeneralisedHuntCrossley:
