@@ -19,7 +19,7 @@ from palpate.exports.errors import drop_to, force_error, rebound_by
 from palpate.exports.kelvin_voigt import stable_step
 from palpate.exports.nearest import kelvin_voigt, with_exponents, without_memory
 from palpate.exports.registry import MODULES
-from palpate.lab import BALL, PVC, SPONGE, TISSUE
+from palpate.lab import BALL, PERFECT, PVC, SPONGE, THREE_SINES, TISSUE, Bench, IdealProbe
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 LAWS = {
@@ -334,6 +334,19 @@ def test_an_export_never_replaces_what_it_was_made_of(ball, saved, tmp_path):
     made = exports.export(ball, "usd")
     with pytest.raises(RecordingError, match="this file is read"):
         made.save(saved, inputs=[saved / "material.usda"])
+
+
+def test_the_laboratory_presses_what_was_exported_and_identifies_it(toy):
+    toy(factor=1.02)
+    made = exports.export(BALL.law, "toy")
+    sensors = replace(PERFECT, force_noise=0.05)
+    bench = Bench(exports.Pressed(made), THREE_SINES, IdealProbe(), sensors)
+    found = palpate.identify(bench.run(seed=1, seconds=5.0).contact)
+    errors = np.abs(found.law.parameters - 1.02 * BALL.law.parameters) / found.standard_errors
+    assert (errors[:2] < 3.0).all()
+    assert json.loads(found.contact.provenance["truth"])["engine"] == "toy"
+    with pytest.raises(InvalidParameterError, match="by an ideal probe only"):
+        exports.Pressed(made).touch()
 
 
 def test_the_command_prints_the_claim_and_writes_the_files(run, saved, tmp_path):

@@ -1,9 +1,9 @@
 """An export to USD, read back by the library that Newton's and PhysX's importers read it with."""
 
 import pytest
-from peers.installed import installed
 
 from palpate import KelvinVoigt, exports
+from peers.installed import installed
 
 pytestmark = pytest.mark.peers
 

@@ -10,6 +10,7 @@ from palpate.exports.engine import Engine, Fragment, Replayed
 from palpate.exports.errors import Drop
 from palpate.exports.exporting import Export, export
 from palpate.exports.motion import Motion
+from palpate.exports.pressed import Pressed
 from palpate.exports.registry import engine_called, engines
 from palpate.exports.statement import Statement
 
@@ -21,6 +22,7 @@ __all__ = [
     "Export",
     "Fragment",
     "Motion",
+    "Pressed",
     "Replayed",
     "Statement",
     "engine_called",
