@@ -62,8 +62,12 @@ class Fragment(ABC):
         The time step from which on the simulation is unstable, s.
     warnings, refusals : tuple of str
         What a user should know; and why this should not be used.
+    follows : bool
+        Whether the engine has to follow a motion in time, sample by sample; else it is asked for
+        its force at one state after another.
     """
 
+    follows: ClassVar[bool] = False
     form: str
     asked: Asked = field(repr=False)
     numbers: Mapping[str, float]

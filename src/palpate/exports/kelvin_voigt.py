@@ -37,5 +37,4 @@ def stable_step(law: GeneralisedHuntCrossley, mass: float, depth: float) -> floa
     """
     k = law.exponent * law.stiffness * depth ** (law.exponent - 1.0)
     c = law.damping * depth**law.damping_exponent
-    root = math.sqrt(c * c + 4.0 * k * mass) - c
-    return root / k
+    return float((math.sqrt(c * c + 4.0 * k * mass) - c) / k)

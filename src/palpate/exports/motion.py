@@ -130,8 +130,7 @@ class Motion:
         For an engine that is asked for its force at one state after another: they are no motion any
         more that could be followed in time.
         """
-        places = np.flatnonzero(self.judged)
-        places = places[:: -(-places.size // MOST_SAMPLES)]
+        places = self.firm_places()
         force = None if self.force is None else self.force[places]
         return Motion(
             self.time[places],
@@ -143,6 +142,11 @@ class Motion:
             force,
             self.source,
         )
+
+    def firm_places(self) -> NDArray[np.int64]:
+        """Which samples :meth:`firm` takes."""
+        places = np.flatnonzero(self.judged)
+        return places[:: -(-places.size // MOST_SAMPLES)]
 
 
 def surface_and_offset(result: "Identification | SavedResult") -> tuple[float, float]:
