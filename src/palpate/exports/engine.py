@@ -125,6 +125,8 @@ class Engine(ABC):
         Of palpate, which brings it.
     takes : frozenset of str
         Which of model, geom and tip_radius it can do something with.
+    continuous : bool
+        Whether it can do without time steps: a time step of 0.
     """
 
     name: ClassVar[str]
@@ -133,6 +135,7 @@ class Engine(ABC):
     distribution: ClassVar[str | None] = None
     extra: ClassVar[str] = ""
     takes: ClassVar[frozenset[str]] = frozenset()
+    continuous: ClassVar[bool] = False
 
     @abstractmethod
     def fit(self, asked: Asked) -> Fragment:

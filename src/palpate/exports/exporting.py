@@ -91,7 +91,7 @@ def export(
     tip_radius : float, optional
         Of a round tip, m, in (0, 1], where the engine's law has it.
     time_step : float
-        Of the simulation, s, in (0, 1].
+        Of the simulation, s, in (0, 1]; 0 where the engine can do without, as Drake can.
     allow : bool
         Export what would be refused; the fragment says so.
     replay : bool
@@ -118,7 +118,7 @@ def export(
         tip_radius=None
         if radius is None
         else number_in("tip_radius", radius, 0.0, 1.0, open_low=True),
-        time_step=number_in("time_step", time_step, 0.0, 1.0, open_low=True),
+        time_step=number_in("time_step", time_step, 0.0, 1.0, open_low=not engine.continuous),
         form=form,
     )
     _check(engine, asked, given_radius=tip_radius is not None)

@@ -21,7 +21,7 @@ from palpate.exports.drake.slab import slab
 from palpate.exports.drake.spheres import Spheres, nested_spheres, one_sphere
 from palpate.exports.engine import Engine
 from palpate.exports.errors import force_error
-from palpate.exports.kelvin_voigt import impact_warnings, is_kelvin_voigt
+from palpate.exports.kelvin_voigt import is_kelvin_voigt
 from palpate.exports.nearest import kelvin_voigt, with_exponents
 from palpate.force_laws import GeneralisedHuntCrossley
 
@@ -56,6 +56,7 @@ class Drake(Engine):
     distribution: ClassVar[str | None] = "drake"
     extra: ClassVar[str] = "peers"
     takes: ClassVar[frozenset[str]] = frozenset({"tip_radius"})
+    continuous: ClassVar[bool] = True
 
     def fit(self, asked: Asked) -> DrakeContact:
         """Return the law as contacts of Drake, of the form asked for or the one that is nearest.
@@ -219,7 +220,7 @@ def _sap(asked: Asked) -> DrakeContact:
         },
         engine_law=law,
         exact=is_kelvin_voigt(asked.law) and asked.law.damping >= 0.0,
-        warnings=(_SAP, *impact_warnings(asked), *_negative(asked.law), *_step(asked)),
+        warnings=(_SAP, *_negative(asked.law), *_step(asked)),
         parts=sap_parts(law, _radius(asked), asked.mass_or_one, asked.motion.deepest),
         setting=Setting("point", SAP, asked.time_step),
         law=law,

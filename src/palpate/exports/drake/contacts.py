@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-
 from palpate.exports.drake.running import Plant, Setting, forces, rebound
 from palpate.exports.drake.slab import Slab
 from palpate.exports.drake.spheres import Spheres
