@@ -1,5 +1,6 @@
 """An exported fragment, for the laboratory to press: the engine's force in place of a law's."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -45,31 +46,20 @@ class Pressed:
         InvalidParameterError
             Always.
         """
-        raise InvalidParameterError(
-            f"{self.name} can be pressed by an ideal probe only, whose motion is known beforehand"
-        )
+        raise ideal_only(self.name)
 
     def force(
         self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
     ) -> Floats:
         """Force of the engine [N] along a whole motion, shapes (k,); 0 out of contact."""
-        force = np.zeros_like(time)
-        inside = np.flatnonzero(penetration > 0.0)
-        if not inside.size:
-            return force
-        motion = Motion(
-            time[inside],
-            penetration[inside],
-            velocity[inside],
-            np.gradient(velocity, time)[inside],
-            np.ones(inside.size, dtype=np.bool_),
-        )
+        return inside(time, penetration, velocity, self._pushed)
+
+    def _pushed(self, motion: Motion) -> Floats:
         ran = self._made.fragment.replay(motion)
         if ran is None:
             engine = self._made.statement.engine
             raise MissingExtraError(f"{engine.title} is not run here: nothing can press it")
-        force[inside] = ran.force
-        return force
+        return ran.force
 
     def describe(self) -> dict[str, Any]:
         """Return the law that was exported, SI, and the engine."""
@@ -77,3 +67,30 @@ class Pressed:
         law = statement.nearest.law.simplest()
         inside = {"engine": statement.engine.name, "form": statement.fragment.form}
         return {"kind": law.kind, **law.as_dict(), **inside}
+
+
+def inside(
+    time: Floats, penetration: Floats, velocity: Floats, push: Callable[[Motion], Floats]
+) -> Floats:
+    """Force along a motion, N: the engine's below the surface, 0 elsewhere."""
+    force = np.zeros_like(time)
+    below = np.flatnonzero(penetration > 0.0)
+    if below.size:
+        force[below] = push(
+            Motion(
+                time[below],
+                penetration[below],
+                velocity[below],
+                np.gradient(velocity, time)[below],
+                np.ones(below.size, dtype=np.bool_),
+            )
+        )
+    return force
+
+
+def ideal_only(name: str) -> InvalidParameterError:
+    """What to say where another probe would press it."""
+    return InvalidParameterError(
+        f"{name} can be pressed by an ideal probe only (--probe ideal), whose motion is known "
+        "beforehand: the contact of an engine has the acceleration in it"
+    )

@@ -7,6 +7,7 @@ from palpate.exports.comparing import Compared
 from palpate.exports.engine import Fragment
 from palpate.exports.nearest import Nearest
 from palpate.exports.source import Source
+from palpate.exports.text import percent
 
 #: Beyond it, %, an engine has another contact than the one that was identified.
 MOST_PERCENT = 5.0
@@ -41,7 +42,7 @@ def _of_the_result(source: Source, nearest: Nearest) -> list[str]:
     if not source.law.remembers and any(each < 0.0 for each in _strengths(source)):
         found.append(
             f"the law has a negative stiffness or damping, and makes energy: {nearest.which} it is "
-            f"another, by {rounded(nearest.error_percent, 2)} % of force"
+            f"another, by {percent(nearest.error_percent)} of force"
         )
     return found
 
@@ -50,7 +51,7 @@ def _of_engine(fragment: Fragment, compared: Compared) -> list[str]:
     found = []
     if not compared.percent <= MOST_PERCENT:  # which NaN is not either
         found.append(
-            f"the force of the engine is off by {rounded(compared.percent, 2)} %, more than "
+            f"the force of the engine is off by {percent(compared.percent)}, more than "
             f"{MOST_PERCENT:g} %, {'replayed' if compared.replayed else 'as predicted'}"
         )
     limit, step = fragment.largest_step, fragment.asked.time_step
@@ -75,13 +76,13 @@ def _warnings_of_the_result(source: Source, nearest: Nearest) -> list[str]:
     if nearest.which and source.law.remembers:
         found.append(
             f"the law remembers, which no engine does: this is {nearest.which}, "
-            f"{rounded(nearest.error_percent, 2)} % of force from it on this motion, and more at "
+            f"{percent(nearest.error_percent)} of force from it on this motion, and more at "
             "other speeds"
         )
     elif nearest.which:
         found.append(
             f"the law is none that engines have: this is {nearest.which}, "
-            f"{rounded(nearest.error_percent, 2)} % of force from it"
+            f"{percent(nearest.error_percent)} of force from it"
         )
     return found
 
@@ -106,8 +107,8 @@ def _warnings_of_engine(source: Source, fragment: Fragment, compared: Compared) 
         )
     if compared.replayed and abs(compared.percent - compared.predicted_percent) > _AS_PREDICTED:
         found.append(
-            f"the engine was off by {rounded(compared.percent, 2)} %, and predicted was "
-            f"{rounded(compared.predicted_percent, 2)} %: its version may differ from those known"
+            f"the engine was off by {percent(compared.percent)}, and predicted was "
+            f"{percent(compared.predicted_percent)}: its version may differ from those known"
         )
     return found
 

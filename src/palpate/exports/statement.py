@@ -9,6 +9,7 @@ from palpate.exports.comparing import Compared
 from palpate.exports.engine import Engine, Fragment
 from palpate.exports.nearest import Nearest
 from palpate.exports.source import Source
+from palpate.exports.text import percent
 
 #: Below it, %, an error is the arithmetic's: single precision in an engine leaves 10⁻⁵.
 EXACT = 1e-3
@@ -79,16 +80,16 @@ class Statement:
         measured, leaves = found.against_measured_percent, found.law_leaves_percent
         if found.replayed:
             how = f"Replayed in {title} {self.engine.version() or ''}, {found.how}".rstrip()
-            how += f"; {_percent(found.predicted_percent)} was predicted."
+            how += f"; {percent(found.predicted_percent)} was predicted."
         else:
             why = f"{title} is not run here"
             if self.engine.distribution is not None:
                 why = f"{title} is not installed" if not self.engine.version() else "not asked for"
             how = f"Not replayed here ({why}): every error of the engine is a predicted one."
-        three = f"Error of force against the law {_percent(found.percent)}"
+        three = f"Error of force against the law {percent(found.percent)}"
         if measured is not None and leaves is not None:
-            three += f", against the measured force {_percent(measured)}"
-            three += f"; the law itself leaves {_percent(leaves)}"
+            three += f", against the measured force {percent(measured)}"
+            three += f"; the law itself leaves {percent(leaves)}"
         return [how, three + "."]
 
     def law_lines(self) -> list[str]:
@@ -159,7 +160,11 @@ class Statement:
                 if errors is None
                 else {name: _defined(float(e)) for name, e in zip(law, errors, strict=True)}
             ),
-            "exported_law": {"which": self.nearest.which or None, **self._own()},
+            "exported_law": {
+                "which": self.nearest.which or None,
+                "kind": self.nearest.law.simplest().kind,
+                **self.nearest.law.simplest().as_dict(),
+            },
             "numbers": {name: _defined(value) for name, value in self._numbers().items()},
             "mass": asked.mass,
             "time_step": asked.time_step,
@@ -185,7 +190,7 @@ class Statement:
         if self.exact:
             return "exact: the engine has this law"
         how = "replayed" if self.compared.replayed else "predicted, not replayed here"
-        return f"within {_percent(self.compared.percent)} of the law's force ({how})"
+        return f"within {percent(self.compared.percent)} of the law's force ({how})"
 
     def _where(self) -> str:
         motion = self.source.motion
@@ -202,7 +207,7 @@ class Statement:
         assumed = "" if self.fragment.asked.mass is not None else " (assumed)"
         numbers = f"{rounded(found.rebound, 3)} for {rounded(drop.restitution, 3)}"
         return (
-            f"restitution within {_percent(abs(found.rebound_percent))} "
+            f"restitution within {percent(abs(found.rebound_percent))} "
             f"({numbers}{how}) where {mass} kg{assumed} meets it at "
             f"{rounded(drop.speed, 2)} m/s, to {rounded(1e3 * drop.depth, 3)} mm"
         )
@@ -214,17 +219,6 @@ _OWN = ("stiffness", "exponent", "damping", "damping_exponent")
 def _parameter(value: float, error: float, unit: str, *, bare: bool) -> str:
     words = rounded(value, 6) if bare else parameter(value, error)
     return f"{words} {unit}".rstrip()
-
-
-def _percent(value: float) -> str:
-    """Two digits, rounded up: what is within 0.31 % is not within 0.3 %."""
-    if not math.isfinite(value):
-        return "an unknown part"
-    if value <= 0.0:
-        return "0 %"
-    place = 10.0 ** (math.floor(math.log10(value)) - 1)
-    up = math.ceil(value / place - 1e-9) * place
-    return f"{rounded(up, 2)} %"
 
 
 def _defined(value: float | None) -> float | None:
