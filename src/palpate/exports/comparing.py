@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from palpate.exports.engine import Fragment, Replayed
 from palpate.exports.errors import Drop, drop_to, force_error
-from palpate.exports.motion import Motion
+from palpate.exports.motion import MOST_SAMPLES, Motion
 from palpate.exports.nearest import Nearest
 from palpate.exports.source import Source
 from palpate.force_laws import ForceLaw
@@ -83,8 +83,9 @@ def compared(source: Source, nearest: Nearest, fragment: Fragment, *, replay: bo
         Whether the real engine is asked, where it is there.
     """
     whole = source.motion
-    motion = whole if fragment.follows else whole.firm()
-    law = law_along(source.law, whole, motion)
+    most = fragment.most_samples
+    motion = whole if fragment.follows else whole.firm(most)
+    law = law_along(source.law, whole, motion, most)
     predicted = fragment.predicted(motion)
     ran = fragment.replay(motion) if replay else None
     drop = drop_to(nearest.law, fragment.asked.mass_or_one, whole.deepest)
@@ -102,10 +103,10 @@ def compared(source: Source, nearest: Nearest, fragment: Fragment, *, replay: bo
     )
 
 
-def law_along(law: ForceLaw, whole: Motion, motion: Motion) -> Floats:
+def law_along(law: ForceLaw, whole: Motion, motion: Motion, most: int = MOST_SAMPLES) -> Floats:
     """Force by a law at a motion's samples, N; what it remembers is that of the whole motion."""
     force = whole.force_by(law)
-    return force if motion is whole else force[whole.firm_places()]
+    return force if motion is whole else force[whole.firm_places(most)]
 
 
 def _against_law(ran: Replayed, law: ForceLaw, motion: Motion, there: Floats) -> float:

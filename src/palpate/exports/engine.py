@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.exports.asked import Asked
 from palpate.exports.errors import Drop, rebound_by
-from palpate.exports.motion import Motion
+from palpate.exports.motion import MOST_SAMPLES, Motion
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
@@ -65,9 +65,12 @@ class Fragment(ABC):
     follows : bool
         Whether the engine has to follow a motion in time, sample by sample; else it is asked for
         its force at one state after another.
+    most_samples : int
+        At how many states, for an engine that is slow.
     """
 
     follows: ClassVar[bool] = False
+    most_samples: ClassVar[int] = MOST_SAMPLES
     form: str
     asked: Asked = field(repr=False)
     numbers: Mapping[str, float]

@@ -17,7 +17,7 @@ from palpate.exports.drake.contacts import (
     slab_parts,
 )
 from palpate.exports.drake.running import Setting
-from palpate.exports.drake.slab import slab
+from palpate.exports.drake.slab import FINEST, slab
 from palpate.exports.drake.spheres import Spheres, nested_spheres, one_sphere
 from palpate.exports.engine import Engine
 from palpate.exports.errors import force_error
@@ -32,13 +32,15 @@ SAP = "sap"
 _DEEPEST = 0.9
 
 _TWO_BODIES = (
-    "stiffnesses of the two bodies are in series and their dissipations are averaged: both are "
-    "written, and a body without properties of its own would soften the contact"
+    "Stiffnesses of the two bodies are in series, and their dissipations averaged: a body without",
+    "properties of its own would soften the contact, so both are written.",
 )
-_NOT_SAP = "not for SAP, which ignores the dissipation and adds 0.1 s of relaxation time to a body"
+_NOT_SAP = (
+    "Not for SAP, which ignores the dissipation and takes 0.1 s of relaxation time for each body.",
+)
 _SAP = (
-    "SAP ignores the dissipation; the relaxation times of both bodies add, 0.1 s each unless set, "
-    "so that the tip's is written as 0"
+    "SAP ignores the dissipation. Stiffnesses of the two bodies are in series and their relaxation",
+    "times add, 0.1 s each unless set: so both are written, the tip's as 0.",
 )
 
 
@@ -116,7 +118,7 @@ def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
         numbers[f"point_contact_stiffness{mark}"] = float(spheres.stiffness[place])
         numbers[f"hunt_crossley_dissipation{mark}"] = float(spheres.dissipation[place])
     exact = law.exponent == 1.0 and (law.damping == 0.0 or law.damping_exponent == 1.0)
-    warnings = [_TWO_BODIES, _NOT_SAP, *_negative(law), *_step(asked)]
+    warnings = [*_negative(law), *_step(asked)]
     if spheres.gaps[-1] > 0.9 * radius:
         warnings.append(
             "the tip is smaller than it is pressed in: its inner spheres are raised, and hold for "
@@ -130,6 +132,7 @@ def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
         warnings=tuple(warnings),
         parts=point_parts(spheres, radius, mass, deepest),
         setting=Setting("point", LAGGED, asked.time_step),
+        heed=(*_TWO_BODIES, *_NOT_SAP),
         spheres=spheres,
     )
 
@@ -184,6 +187,12 @@ def _hydroelastic(asked: Asked) -> DrakeContact:
             f"contact: the tip was pressed {1e3 * deepest:.3g} mm deep; take another form"
         )
     found = slab(_dissipating(asked.law), asked.motion, asked.tip_radius)
+    if found.halvings > FINEST:
+        raise InvalidParameterError(
+            f"tip_radius of {1e3 * asked.tip_radius:.3g} mm is too large for Drake's hydroelastic "
+            f"contact: pressed {1e3 * deepest:.3g} mm deep at most, the sphere's mesh would have to "
+            "be finer than can be simulated; take another form"
+        )
     return SlabContact(
         form="hydroelastic",
         asked=asked,
@@ -194,16 +203,16 @@ def _hydroelastic(asked: Asked) -> DrakeContact:
             "mesh_resolution_hint": found.resolution_hint,
         },
         warnings=(
-            _NOT_SAP,
             *_negative(asked.law),
-            "written without friction, which would push back on the tip's flanks as it goes straight "
-            "in: with a coefficient of 1 the force was nearly half higher at 50 mm/s",
+            "written without friction, which would push back on the tip's flanks as it goes "
+            "straight in: with a coefficient of 1 the force was nearly half higher at 50 mm/s",
             "the modulus holds for this radius and this box: pressure goes with modulus over "
             "half of its height",
             *_step(asked),
         ),
         parts=slab_parts(found, asked.mass_or_one),
         setting=Setting("hydroelastic", LAGGED, asked.time_step),
+        heed=_NOT_SAP,
         slab=found,
     )
 
@@ -220,9 +229,10 @@ def _sap(asked: Asked) -> DrakeContact:
         },
         engine_law=law,
         exact=is_kelvin_voigt(asked.law) and asked.law.damping >= 0.0,
-        warnings=(_SAP, *_negative(asked.law), *_step(asked)),
+        warnings=(*_negative(asked.law), *_step(asked)),
         parts=sap_parts(law, _radius(asked), asked.mass_or_one, asked.motion.deepest),
         setting=Setting("point", SAP, asked.time_step),
+        heed=_SAP,
         law=law,
     )
 
