@@ -17,18 +17,22 @@ from palpate.validation import Floats
 # A spring misses nothing where d is at its least, 1e-4, and so may add as little mass as this; with
 # less, d could no longer fall enough towards the surface (20 times, for the shapes seen).
 SPRING_HIGH = 0.002
-# What a damper may have: a factor of 1.5 apart. Less is clamped at 1e-4 too soon, more adds mass.
+# What a damper may have, a factor of 1.5 apart, or of 4 where shares are tried as well. Less is
+# clamped at 1e-4 too soon, more adds mass.
 DAMPER_HIGHS = (0.002, 0.003, 0.005, 0.0075, 0.011, 0.017, 0.025, 0.04, 0.06)
+SHARED_HIGHS = (0.003, 0.011, 0.04)
 # The force's bar is .6 %, restitution's 3 %: a percent of the one counts as five of the other.
 _FORCE_TO_REBOUND = 5.0
 # Of a spring's force that the damper's row may hold instead, so that it need not pull.
-_SHARES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)
+_SHARES = (0.0, 0.05, 0.15, 0.3)
 # How far a width goes beyond the deepest sample.
 _ROOM = 1.02
 # A row may pull ten times as strongly as the whole contact ever pushes.
 _ADHESION = 10.0
 # Steps to a drop, where e has to be known to a tenth of a percent only.
 _COARSE = 400
+# Drops that are judged, as parts of the greatest depth.
+_DROPS = (1.0, 0.3)
 # Points of the table that a drop is integrated with.
 _TABLE = 2000
 
@@ -69,18 +73,30 @@ def two_contacts(
 def _best(
     law: GeneralisedHuntCrossley, motion: Motion, mobility: float, contacts: int, adhesion: float
 ) -> Rows:
-    depths = depths_that_count(motion)
-    drops = [drop_to(law, 1.0 / mobility, part * motion.deepest) for part in (1.0, 0.3)]
+    made = _candidates(law, depths_that_count(motion), mobility, contacts, adhesion)
+    judged = _judge(law, motion, 1.0 / mobility)
+    return min(made, key=judged)
+
+
+def badness(rows: Rows, law: GeneralisedHuntCrossley, motion: Motion) -> float:
+    """Error of the force on a motion, %, and a fifth of that of restitution in two drops."""
+    return _judge(law, motion, 1.0 / rows.mobility)(rows)
+
+
+def _judge(law: GeneralisedHuntCrossley, motion: Motion, mass: float) -> Callable[[Rows], float]:
+    drops = [drop_to(law, mass, part * motion.deepest) for part in _DROPS]
     target = motion.force_by(law)
 
-    def badness(rows: Rows) -> float:
+    def judged(rows: Rows) -> float:
         force = rows.force(motion.penetration, motion.velocity, motion.acceleration)
-        off = [abs(rebound(rows, drop, _half_period(law, drop) / _COARSE) - drop.restitution)
-               for drop in drops]  # fmt: skip
-        return force_error(force, target, motion.judged) + 100.0 * max(off) / _FORCE_TO_REBOUND
+        off = [
+            rebound(rows, drop, _half_period(law, drop) / _COARSE) - drop.restitution
+            for drop in drops
+        ]
+        rebounds = max(abs(each) for each in off)
+        return force_error(force, target, motion.judged) + 100.0 * rebounds / _FORCE_TO_REBOUND
 
-    made = _candidates(law, depths, mobility, contacts, adhesion)
-    return min(made, key=badness)
+    return judged
 
 
 def _candidates(
@@ -89,7 +105,7 @@ def _candidates(
     shares = (0.0,) if adhesion else _SHARES
     spring = _spring(law, depths)
     found = []
-    for damper in _dampers(law, depths):
+    for damper in _dampers(law, depths, DAMPER_HIGHS if adhesion else SHARED_HIGHS):
         if damper is None:
             return [Rows((_row(spring, 0.0, mobility, contacts, adhesion),), mobility, contacts)]
         for share in shares:
@@ -109,7 +125,9 @@ def _spring(law: GeneralisedHuntCrossley, depths: Floats) -> Profile:
     return profiles.spring(depths, law.stiffness * depths**law.exponent, SPRING_HIGH)
 
 
-def _dampers(law: GeneralisedHuntCrossley, depths: Floats) -> list[Profile | None]:
+def _dampers(
+    law: GeneralisedHuntCrossley, depths: Floats, highs: tuple[float, ...]
+) -> list[Profile | None]:
     if law.damping == 0.0:
         return [None]
     if law.damping_exponent == 0.0:
@@ -117,7 +135,7 @@ def _dampers(law: GeneralisedHuntCrossley, depths: Floats) -> list[Profile | Non
         return [profiles.constant(LEAST, float(depths[-1]), scale)]
     target = law.damping * depths**law.damping_exponent
     low = law.damping_exponent < 1.0
-    return [profiles.damper(depths, target, high, low=low) for high in DAMPER_HIGHS]
+    return [profiles.damper(depths, target, high, low=low) for high in highs]
 
 
 def _shared(
@@ -166,20 +184,21 @@ def rebound(rows: Rows, drop: Drop, step: float) -> float:
         s.
     """
     deepest = 1.5 * drop.depth
-    push, drag, added = _tables(rows, deepest)
+    rows_at = [_tables(row, rows, deepest) for row in rows.rows]
     spacing = deepest / _TABLE
-    x, v = 0.0, drop.speed
-    # Ten half periods of the steps that a drop takes; a body that stays has no rebound.
+    # Where the tip touches, MuJoCo has no contact yet: the first step is free flight.
+    x, v = step * drop.speed, drop.speed
+    # A million steps: a body that has not come back by then stays.
     for _ in range(1_000_000):
         place = min(x / spacing, _TABLE - 1.0)
         k = int(place)
         part = place - k
-        held = push[k] + part * (push[k + 1] - push[k])
-        held += (drag[k] + part * (drag[k + 1] - drag[k])) * v
-        mass = drop.mass + added[k] + part * (added[k + 1] - added[k])
-        if not any(row.adhesion for row in rows.rows):
-            held = max(held, 0.0)
-        v -= step * held / mass
+        felt = []
+        for push, drag, added, pull in rows_at:
+            held = push[k] + part * (push[k + 1] - push[k])
+            held += (drag[k] + part * (drag[k + 1] - drag[k])) * v
+            felt.append((held, added[k] + part * (added[k + 1] - added[k]), pull))
+        v += step * _acceleration(felt, drop.mass)
         x += step * v
         if x <= 0.0:
             return max(-v, 0.0) / drop.speed
@@ -188,14 +207,29 @@ def rebound(rows: Rows, drop: Drop, step: float) -> float:
     return 0.0
 
 
-def _tables(rows: Rows, deepest: float) -> tuple[list[float], list[float], list[float]]:
-    """Force at rest, damping and added mass at evenly spaced depths from just inside."""
+def _acceleration(felt: list[tuple[float, float, float]], mass: float) -> float:
+    """ẍ of a free body, m ẍ = −Σ f, each f = held + m_a ẍ, but not below what it may pull with."""
+    pushing = felt
+    while True:
+        load = sum(held for held, _, _ in pushing)
+        load -= sum(each[2] for each in felt if each not in pushing)
+        a = -load / (mass + sum(added for _, added, _ in pushing))
+        left = [each for each in pushing if each[0] + each[1] * a >= -each[2]]
+        if len(left) == len(pushing):
+            return a
+        pushing = left
+
+
+def _tables(
+    row: Row, rows: Rows, deepest: float
+) -> tuple[list[float], list[float], list[float], float]:
+    """Force at rest, damping and added mass at even depths from just inside; the adhesion."""
     depths = np.linspace(0.0, deepest, _TABLE + 1)
     depths[0] = 1e-6 * depths[1]
-    each = [row.springs_and_dampers(depths, rows.mobility) for row in rows.rows]
-    push = rows.contacts * np.sum([spring for spring, _ in each], axis=0)
-    drag = rows.contacts * np.sum([damper for _, damper in each], axis=0)
-    return push.tolist(), drag.tolist(), rows.added_mass(depths).tolist()
+    n = rows.contacts
+    spring, damper = row.springs_and_dampers(depths, rows.mobility)
+    mass = row.added_mass(depths, rows.mobility)
+    return (n * spring).tolist(), (n * damper).tolist(), (n * mass).tolist(), n * row.adhesion
 
 
 def _half_period(law: GeneralisedHuntCrossley, drop: Drop) -> float:

@@ -22,8 +22,8 @@ _LATTICE = (6, 7, 7, 5, 5)
 _KEPT, _CLOUD, _ROUNDS, _SHRINK = 6, 150, 40, 0.6
 _SEED = 20121
 # Misfits count in N over the fourth root of the force there: by the force alone (0) a spring of
-# n = 1.5 is 10 % off at a seventh of the depth, 33 % at a fourteenth and .21 % on the paper's motion;
-# so 6 %, 26 % and .31 %.
+# n = 1.5 is 10 % off at a seventh of the depth, 33 % at a fourteenth and .21 % on the paper's
+# motion; so 6 %, 26 % and .31 %.
 _EVENNESS = 0.25
 
 
@@ -123,4 +123,5 @@ def _search(fit: _Fit, lowest: Floats, highest: Floats) -> Floats:
             else:
                 step = _SHRINK * step
         found.append((float(least), best))
-    return min(found, key=lambda each: each[0])[1]
+    nearest_of_all: Floats = min(found, key=lambda each: each[0])[1]
+    return nearest_of_all

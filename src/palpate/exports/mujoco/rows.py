@@ -12,7 +12,6 @@ Gravity and every other force are in ẍ already. The last term is a mass that t
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from palpate.validation import Floats
 
@@ -21,12 +20,12 @@ LEAST, MOST = 1e-4, 0.9999
 
 
 def impedance(
-    depth: ArrayLike,
-    low: ArrayLike,
-    high: ArrayLike,
-    width: ArrayLike,
-    midpoint: ArrayLike,
-    power: ArrayLike,
+    depth: Floats | float,
+    low: Floats | float,
+    high: Floats | float,
+    width: Floats | float,
+    midpoint: Floats | float,
+    power: Floats | float,
 ) -> Floats:
     """Return d(x): from ``low`` at the surface to ``high`` at the width, along MuJoCo's sigmoid.
 
@@ -38,7 +37,8 @@ def impedance(
     rising = z**p * m ** (1.0 - p)
     falling = 1.0 - (1.0 - z) ** p * (1.0 - m) ** (1.0 - p)
     y = np.where(z <= m, rising, falling)
-    return np.asarray(low + y * (np.asarray(high) - low))
+    found: Floats = low + y * (high - low)
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class Row:
     adhesion: float = 0.0
 
     def reach(self, penetration: Floats) -> Floats:
-        """d at each penetration [m], and 0 where there is no contact."""
+        """Impedance at each penetration [m], and 0 where there is no contact."""
         inside = np.asarray(penetration) - self.inset
         return np.where(inside > 0.0, impedance(inside, *self.solimp), 0.0)
 
@@ -110,21 +110,10 @@ class Rows:
 
     def force(self, penetration: Floats, velocity: Floats, acceleration: Floats) -> Floats:
         """What MuJoCo pushes with along a motion, N: added mass, clamps, clipping and all."""
-        each = [
-            row.force(penetration, velocity, acceleration, self.mobility) for row in self.rows
-        ]
+        each = [row.force(penetration, velocity, acceleration, self.mobility) for row in self.rows]
         return np.asarray(self.contacts * np.sum(each, axis=0))
 
     def added_mass(self, penetration: Floats) -> Floats:
         """Σ d/((1 − d) Â), kg."""
         each = [row.added_mass(penetration, self.mobility) for row in self.rows]
         return np.asarray(self.contacts * np.sum(each, axis=0))
-
-    def accelerations(self, penetration: float, velocity: float, mass: float) -> float:
-        """ẍ of a free body of a mass [kg] on it, m/s²: m ẍ = −f, of which f has m_a ẍ."""
-        x, push, added = np.array([penetration]), 0.0, 0.0
-        for row in self.rows:
-            spring, damper = row.springs_and_dampers(x, self.mobility)
-            push += float(spring[0] + damper[0] * velocity)
-            added += float(row.added_mass(x, self.mobility)[0])
-        return -self.contacts * push / (mass + self.contacts * added)
