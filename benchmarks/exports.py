@@ -44,12 +44,12 @@ SEEDS, NOISE = 20, 0.05  # of round trips; N
 @lru_cache(maxsize=64)
 def made(law: str, to: str, form: str = "auto", mass: float = 1.0) -> exports.Export:
     """An export of one of the laws, by whichever error."""
-    return exports.export(LAWS[law], to, form=form, mass=mass, allow=True, **tip(to, form))
+    return exports.export(LAWS[law], to, form=form, mass=mass, allow=True, tip_radius=tip(to, form))
 
 
-def tip(to: str, form: str) -> dict[str, float]:
-    """Its radius, for the engines whose law has it."""
-    return {"tip_radius": RADIUS} if to == "opensim" or form == "hydroelastic" else {}
+def tip(to: str, form: str = "auto") -> float | None:
+    """Its radius, m, for the engines whose law has it."""
+    return RADIUS if to == "opensim" or form == "hydroelastic" else None
 
 
 def error(law: str, to: str, form: str = "auto", mass: float = 1.0) -> float:
@@ -210,7 +210,7 @@ def measure_time() -> Section:
             if there(to):
                 begun = perf_counter()
                 found = exports.export(
-                    result, to, mass=1.0, allow=True, **tip(to, "auto")
+                    result, to, mass=1.0, allow=True, tip_radius=tip(to)
                 ).statement
                 seconds = perf_counter() - begun
                 rows.append(Row(f"{name} to {to}: {words(found)}", seconds, "s", limit=Limit(30.0)))
@@ -243,8 +243,8 @@ def measure_round_trip() -> Section:
                 Row(f"{name}: stiffness or damping at depth, the mean", felt, "%"),
             ]
     notes = (
-        "The stated error ε is one of force, and moves a parameter by s.e. · ε ‖F‖/σ at most, which "
-        "is taken off; literally it is that fraction of the parameter.",
+        "The stated error ε is one of force. It moves a parameter by s.e. · ε ‖F‖/σ at most, "
+        "which is taken off; literally it is that fraction of the parameter.",
     )
     return Section(f"Round trip: beyond the stated error, worst of {SEEDS} seeds", rows, notes)
 
