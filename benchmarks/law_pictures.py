@@ -162,10 +162,10 @@ def draw(path: Path, picture: Picture, found: Explained, theme: Theme) -> None:
         words = f"{found.law}: rms {_from_to(found)}"
         figure.suptitle(words, x=0.01, ha="left", fontsize=10.5)
         save(figure, path)
-    _with_few_colours(path)
+    with_few_colours(path)
 
 
-def _with_few_colours(path: Path) -> None:
+def with_few_colours(path: Path) -> None:
     """A third of the bytes: lines of five colours need few more at their edges."""
     from PIL import Image
 

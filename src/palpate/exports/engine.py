@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.exports.asked import Asked
 from palpate.exports.errors import Drop, rebound_by
-from palpate.exports.motion import Motion
+from palpate.exports.motion import MOST_SAMPLES, Motion
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
@@ -62,8 +62,15 @@ class Fragment(ABC):
         The time step from which on the simulation is unstable, s.
     warnings, refusals : tuple of str
         What a user should know; and why this should not be used.
+    follows : bool
+        Whether the engine has to follow a motion in time, sample by sample; else it is asked for
+        its force at one state after another.
+    most_samples : int
+        At how many states, for an engine that is slow.
     """
 
+    follows: ClassVar[bool] = False
+    most_samples: ClassVar[int] = MOST_SAMPLES
     form: str
     asked: Asked = field(repr=False)
     numbers: Mapping[str, float]
@@ -121,6 +128,8 @@ class Engine(ABC):
         Of palpate, which brings it.
     takes : frozenset of str
         Which of model, geom and tip_radius it can do something with.
+    continuous : bool
+        Whether it can do without time steps: a time step of 0.
     """
 
     name: ClassVar[str]
@@ -129,6 +138,7 @@ class Engine(ABC):
     distribution: ClassVar[str | None] = None
     extra: ClassVar[str] = ""
     takes: ClassVar[frozenset[str]] = frozenset()
+    continuous: ClassVar[bool] = False
 
     @abstractmethod
     def fit(self, asked: Asked) -> Fragment:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from palpate.identification import Identification
     from palpate.results.loading import SavedResult
 
-#: An engine is asked for the force at so many states at most: of Drake, the slowest, 20 s.
+#: An engine is asked for the force at so many states at most, unless it is slow.
 MOST_SAMPLES = 20_000
 #: Where the paper's motion is judged: deeper, m, than where the probe enters.
 FIRM = 2e-3
@@ -124,14 +124,13 @@ class Motion:
         steps[list(self.starts)] = float(np.median(inside)) if inside.size else 1e-3
         return force_over_breaks(law, self.penetration, self.velocity, steps, list(self.starts))
 
-    def firm(self) -> "Motion":
-        """Return the judged samples alone, at most :data:`MOST_SAMPLES`, evenly chosen.
+    def firm(self, most: int = MOST_SAMPLES) -> "Motion":
+        """Return the judged samples alone, at most so many, evenly chosen.
 
         For an engine that is asked for its force at one state after another: they are no motion any
         more that could be followed in time.
         """
-        places = np.flatnonzero(self.judged)
-        places = places[:: -(-places.size // MOST_SAMPLES)]
+        places = self.firm_places(most)
         force = None if self.force is None else self.force[places]
         return Motion(
             self.time[places],
@@ -143,6 +142,11 @@ class Motion:
             force,
             self.source,
         )
+
+    def firm_places(self, most: int = MOST_SAMPLES) -> NDArray[np.int64]:
+        """Which samples :meth:`firm` takes."""
+        places = np.flatnonzero(self.judged)
+        return places[:: -(-places.size // most)]
 
 
 def surface_and_offset(result: "Identification | SavedResult") -> tuple[float, float]:

@@ -9,6 +9,10 @@ from palpate.exports.motion import Motion
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Floats
 
+_GOLDEN = 0.5 * (1.0 + 5.0**0.5)
+_EXPONENTS = (0.5, 3.0)
+_SECTIONS = 22  # n to 2.5/φ²² = 6·10⁻⁵; the error is flat there
+
 
 def with_exponents(law: ForceLaw, motion: Motion, n: float, p: float) -> GeneralisedHuntCrossley:
     """Return the K xⁿ + B xᵖ v nearest to a law: least squares over the judged samples, B ≥ 0.
@@ -17,7 +21,8 @@ def with_exponents(law: ForceLaw, motion: Motion, n: float, p: float) -> General
     """
     if isinstance(law, GeneralisedHuntCrossley) and not law.remembers:
         undamped = law.damping == 0.0
-        if law.exponent == n and (undamped or law.damping_exponent == p):
+        same = law.exponent == n and (undamped or law.damping_exponent == p)
+        if same and law.damping >= 0.0:
             return GeneralisedHuntCrossley(law.stiffness, n, law.damping, p)
     firm = motion.judged
     x, v = motion.penetration[firm], motion.velocity[firm]
@@ -32,15 +37,15 @@ def kelvin_voigt(law: ForceLaw, motion: Motion) -> GeneralisedHuntCrossley:
 
 
 @dataclass(frozen=True, slots=True)
-class WithoutMemory:
-    """The law without memory that stands for one that remembers.
+class Nearest:
+    """The law of one power of depth, without memory, that stands for another.
 
     Attributes
     ----------
     law : GeneralisedHuntCrossley
         The one exported.
     which : str
-        How it came about, in words; empty of a law that does not remember: it is that law.
+        How it came about, in words; empty where it is the law itself.
     error_percent : float
         Of its force against that of the whole law, over the judged samples.
     """
@@ -49,28 +54,50 @@ class WithoutMemory:
     which: str = ""
     error_percent: float = 0.0
 
+    @classmethod
+    def of(
+        cls, member: GeneralisedHuntCrossley, law: ForceLaw, motion: Motion, which: str
+    ) -> "Nearest":
+        """Return a law in place of another, with its error along a motion."""
+        error = force_error(motion.force_by(member), motion.force_by(law), motion.judged)
+        return cls(member, which, error)
 
-def without_memory(law: GeneralisedHuntCrossley, motion: Motion) -> WithoutMemory:
+
+def without_memory(law: GeneralisedHuntCrossley, motion: Motion) -> Nearest:
     """Return the member without memory whose force is nearest along a motion.
 
     The relaxed one, the instantaneous one, or K and B by least squares with the law's exponents.
     """
     if not law.remembers:
-        return WithoutMemory(law)
-    whole = motion.force_by(law)
+        return Nearest(law)
+    fitted = with_exponents(law, motion, law.exponent, law.damping_exponent)
     members = {
-        "once it has relaxed": law.relaxed(),
-        "before anything has relaxed": law.instantaneous(),
-        "nearest along this motion": with_exponents(
-            law, motion, law.exponent, law.damping_exponent
-        ),
+        "the law once it has relaxed": law.relaxed(),
+        "the law before anything has relaxed": law.instantaneous(),
+        "K and B nearest to the law with memory along this motion": fitted,
     }
-    errors = {
-        which: force_error(motion.force_by(member), whole, motion.judged)
-        for which, member in members.items()
-    }
-    which = min(errors, key=lambda each: errors[each])
-    return WithoutMemory(members[which], which, errors[which])
+    found = [Nearest.of(member, law, motion, which) for which, member in members.items()]
+    return min(found, key=lambda each: (each.law.stiffness <= 0.0, each.error_percent))
+
+
+def one_power(law: ForceLaw, motion: Motion) -> Nearest:
+    """Return the K xⁿ + B v nearest to a law of two powers of depth, K₁ x + K₂ x² + B v.
+
+    n by a golden section over what lies between the two powers and a little beyond them.
+    """
+
+    def member(n: float) -> Nearest:
+        nearest = with_exponents(law, motion, n, 0.0)
+        return Nearest.of(nearest, law, motion, "one power of depth nearest along this motion")
+
+    low, high = _EXPONENTS
+    for _ in range(_SECTIONS):
+        first, second = high - (high - low) / _GOLDEN, low + (high - low) / _GOLDEN
+        if member(first).error_percent < member(second).error_percent:
+            high = second
+        else:
+            low = first
+    return member(0.5 * (low + high))
 
 
 def _least_squares(elastic: Floats, damper: Floats, force: Floats) -> tuple[float, float]:

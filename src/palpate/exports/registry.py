@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from types import MappingProxyType
 
-from palpate.errors import InvalidParameterError
+from palpate.errors import ExportRefusedError, InvalidParameterError
 from palpate.exports.engine import Engine
 
 #: A module, of which ``ENGINE`` is the engine; none of them imports the simulator itself.
@@ -32,7 +32,13 @@ def engine_called(name: str) -> Engine:
     ------
     InvalidParameterError
         There is none.
+    ExportRefusedError
+        It is one that ignores what it would be given.
     """
+    if name in ("gazebo", "gz", "dart"):
+        from palpate.exports.gazebo_classic import DART
+
+        raise ExportRefusedError(DART)
     if name not in MODULES:
         raise InvalidParameterError(f"to must be one of {', '.join(MODULES)}, not {name!r}")
     engine: Engine = import_module(MODULES[name]).ENGINE

@@ -1,6 +1,9 @@
-"""Text for engines: numbers that read back exactly, and comments."""
+"""Text for engines and about them: numbers that read back exactly, errors, and comments."""
 
+import math
 from collections.abc import Sequence
+
+from palpate.digits import rounded
 
 
 def digits(value: float) -> str:
@@ -19,3 +22,14 @@ def hash_comment(notes: Sequence[str], indent: str = "") -> str:
     """Lines as comments that begin with #."""
     lines = [line for note in notes for line in note.splitlines()]
     return "\n".join(f"{indent}# {line}".rstrip() for line in lines)
+
+
+def percent(value: float) -> str:
+    """An error in two digits, rounded up: what is within 0.31 % is not within 0.3 %."""
+    if not math.isfinite(value):
+        return "an unknown part"
+    if value <= 0.0:
+        return "0 %"
+    place = 10.0 ** (math.floor(math.log10(value)) - 1)
+    up = math.ceil(value / place - 1e-9) * place
+    return f"{rounded(up, 2)} %"

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from palpate.exports.asked import Asked
 from palpate.exports.engine import Engine, Fragment
-from palpate.exports.kelvin_voigt import impact_warnings, is_kelvin_voigt, stable_step
+from palpate.exports.kelvin_voigt import is_kelvin_voigt, stable_step
 from palpate.exports.nearest import kelvin_voigt
 from palpate.exports.text import digits, hash_comment
 
@@ -134,7 +134,7 @@ class Usd(Engine):
             engine_law=law,
             exact=is_kelvin_voigt(asked.law),
             largest_step=stable_step(law, asked.mass_or_one, asked.motion.deepest),
-            warnings=(*impact_warnings(asked), _COMBINED, _NEWTON),
+            warnings=(_COMBINED, _NEWTON),
         )
 
 

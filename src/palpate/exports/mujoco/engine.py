@@ -9,7 +9,7 @@ import numpy as np
 from palpate.errors import InvalidParameterError
 from palpate.exports.asked import Asked
 from palpate.exports.engine import Engine, Fragment
-from palpate.exports.kelvin_voigt import impact_warnings, is_kelvin_voigt, stable_step
+from palpate.exports.kelvin_voigt import is_kelvin_voigt, stable_step
 from palpate.exports.mujoco.fitting import FITS, badness
 from palpate.exports.mujoco.fragments import AsCallback, InRows
 from palpate.exports.mujoco.robot import Robot, read
@@ -191,7 +191,7 @@ def _about(form: str, asked: Asked, rows: Rows) -> tuple[str, ...]:
         "body_invweight0 of both bodies): another body needs another export"
     )
     if form == "kelvin-voigt":
-        return (mass, *impact_warnings(asked))
+        return (mass,)
     words = [mass]
     rising = [row for row in rows.rows if row.solimp[0] < row.solimp[1]]
     if rising:
