@@ -12,8 +12,8 @@ from palpate.exports.engine import Fragment, Replayed
 from palpate.exports.errors import Drop, drop_to
 from palpate.exports.motion import Motion
 from palpate.exports.mujoco import callback, texts
-from palpate.exports.mujoco.fitting import rebound
 from palpate.exports.mujoco.pressing import Pressed
+from palpate.exports.mujoco.rebounding import rebound
 from palpate.exports.mujoco.robot import Robot, compiled
 from palpate.exports.mujoco.rows import Rows
 from palpate.exports.mujoco.texts import PADS, TIP, Place
