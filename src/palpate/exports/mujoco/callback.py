@@ -16,8 +16,9 @@ MODULE = '''\
         mujoco.mj_step(model, data)
 
 The two geoms must not collide by themselves (contype="0" conaffinity="0"). MuJoCo has one such
-callback for all models: while it is installed others are left alone, and one that was there before
-is called first and put back at the end.
+callback for all models: other models are left alone, and a callback that was there before is called
+first and put back at the end. While any is installed MuJoCo compiles no model from Python ("Python
+exception raised"): compile them before.
 """
 
 import mujoco

@@ -62,7 +62,11 @@ class MuJoCo(Engine):
         form, rows = self._chosen(asked, mobility, 1 if robot is None else robot.contacts)
         if rows is None:
             return _as_callback(asked, mobility, robot)
-        return _in_rows(form, asked, rows, robot)
+        made = _in_rows(form, asked, rows, robot)
+        if form != "pair" or self.pulls():
+            return made
+        words = f"MuJoCo {self.version()} is too old for the adhesion of a pair: not replayed here"
+        return replace(made, runs=False, warnings=(*made.warnings, words))
 
     def _chosen(self, asked: Asked, mobility: float, contacts: int) -> tuple[str, Rows | None]:
         """The form, and its rows; None of the callback."""
@@ -88,7 +92,8 @@ class MuJoCo(Engine):
             return ("kelvin-voigt",)
         if not self.pulls():
             return ("two-contacts",)
-        # A law that pulls where a body leaves must not do so in the engine.
+        # A law whose damper is stronger than its spring near the surface pulls there, and so does a
+        # pair: where a body leaves, rows that only push may be nearer.
         leaves = law.damping == 0.0 or law.damping_exponent >= law.exponent
         return ("pair",) if leaves else ("pair", "two-contacts")
 
@@ -131,7 +136,8 @@ def _as_callback(asked: Asked, mobility: float, robot: Robot | None) -> AsCallba
     chosen = _not_in_rows(law) if asked.form == "auto" else ""
     warnings = [f"{chosen.partition(':')[0]}: so it is a callback"] if chosen else []
     warnings.append(
-        "mjcb_passive is one for all models, and Python at every step: some 20 µs of it"
+        "mjcb_passive is one for all models, and none can be compiled while it is installed; it is "
+        "Python at every step, some 20 µs of it"
     )
     refusals = () if robot is None else robot.refusals
     if robot is not None and robot.contacts > 1:

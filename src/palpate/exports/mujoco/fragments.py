@@ -12,8 +12,8 @@ from palpate.exports.engine import Fragment, Replayed
 from palpate.exports.errors import Drop, drop_to
 from palpate.exports.motion import Motion
 from palpate.exports.mujoco import callback, texts
-from palpate.exports.mujoco.fitting import rebound
 from palpate.exports.mujoco.pressing import Pressed
+from palpate.exports.mujoco.rebounding import rebound
 from palpate.exports.mujoco.robot import Robot, compiled
 from palpate.exports.mujoco.rows import Rows
 from palpate.exports.mujoco.texts import PADS, TIP, Place
@@ -93,9 +93,12 @@ class InRows(_InMuJoCo):
     ----------
     rows : Rows
         Their numbers.
+    runs : bool
+        Whether the installed engine has what they need.
     """
 
     rows: Rows
+    runs: bool = True
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the pads and pairs, and scenes that have them."""
@@ -122,6 +125,8 @@ class InRows(_InMuJoCo):
 
     def replay(self, motion: Motion) -> Replayed | None:
         """Force by inverse dynamics, in the user's own model where there is one."""
+        if not self.runs:
+            return None
         try:
             return Replayed(self.pressed().along_motion(motion), BY_INVERSE)
         except MissingExtraError:
@@ -129,7 +134,7 @@ class InRows(_InMuJoCo):
 
     def rebound(self, drop: Drop) -> float | None:
         """Restitution in the small scene, of a body of Â's mass."""
-        if not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
+        if not self.runs or not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
             return None
         try:
             mujoco = require_mujoco()

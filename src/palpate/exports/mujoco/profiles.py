@@ -17,9 +17,10 @@ from palpate.validation import Floats
 _LOWEST = np.array([0.0, LEAST, 1.0, 1.0, 0.0])
 _HIGHEST = np.array([1.0, MOST, 16.0, 5.0, 0.2])
 # Points of the first lattice, in each direction.
-_LATTICE = (6, 7, 7, 5, 5)
+_LATTICE = (4, 5, 6, 4, 4)
 # The best so many of them are gone on from, by steps that shrink where none of a cloud is better.
-_KEPT, _CLOUD, _ROUNDS, _SHRINK = 6, 150, 40, 0.6
+# Five times as many points fit no better (measured: by 0.003 % of force).
+_KEPT, _CLOUD, _ROUNDS, _SHRINK = 3, 60, 60, 0.6
 _SEED = 20121
 # Misfits count in N over the fourth root of the force there: by the force alone (0) a spring of
 # n = 1.5 is 10 % off at a seventh of the depth, 33 % at a fourteenth and .21 % on the paper's
