@@ -136,23 +136,29 @@ class SlabContact(DrakeContact):
 
 
 def point_parts(spheres: Spheres, radius: float, mass: float, deepest: float) -> Parts:
-    """A tip of spheres that give way, on a surface that does not.
+    """One sphere on a surface that gives way; or spheres that give way on one that does not.
 
-    They have one centre as long as they fit; of a tip smaller than the gaps the inner ones, a tenth
-    of its radius, are raised instead, and hold for a surface below the tip only.
+    Spheres have one centre as long as they fit; of a tip smaller than the gaps the inner ones, a
+    tenth of its radius, are raised instead, and hold for a surface below the tip only.
     """
-    rigid = RIGID * float(spheres.stiffness.sum())
+    rigid = _point_material(RIGID * float(spheres.stiffness.sum()), 0.0)
+    soft = [
+        _point_material(float(k), float(d))
+        for k, d in zip(spheres.stiffness, spheres.dissipation, strict=True)
+    ]
+    if len(soft) == 1:
+        tip = Tip("tip", radius, 0.0, rigid)
+        return Parts(soft[0], (tip,), radius, mass, *_box(radius, deepest))
     tips = []
     for number, gap in enumerate(spheres.gaps.tolist()):
         inner = max(radius - gap, 0.1 * radius)
-        material = {
-            "point_contact_stiffness": float(spheres.stiffness[number]),
-            "hunt_crossley_dissipation": float(spheres.dissipation[number]),
-        }
         # From the outer sphere's lowest point upwards.
-        tips.append(Tip(f"tip_{number + 1}", inner, gap - (radius - inner), material))
-    surface = {"point_contact_stiffness": rigid, "hunt_crossley_dissipation": 0.0}
-    return Parts(surface, tuple(tips), radius, mass, *_box(radius, deepest))
+        tips.append(Tip(f"tip_{number + 1}", inner, gap - (radius - inner), soft[number]))
+    return Parts(rigid, tuple(tips), radius, mass, *_box(radius, deepest))
+
+
+def _point_material(stiffness: float, dissipation: float) -> dict[str, float]:
+    return {"point_contact_stiffness": stiffness, "hunt_crossley_dissipation": dissipation}
 
 
 def sap_parts(law: GeneralisedHuntCrossley, radius: float, mass: float, deepest: float) -> Parts:

@@ -10,7 +10,7 @@ SDF = """\
 {comment}
 <sdf version="1.9" xmlns:drake="http://drake.mit.edu">
   <model name="contact">
-    <!-- The surface is what gives way: paste its proximity properties into yours. -->
+    <!-- The surface: paste its proximity properties into yours. -->
     <link name="surface">
       <collision name="surface">
         <pose>0 0 {middle} 0 0 0</pose>
@@ -52,7 +52,7 @@ URDF = """\
 {comment}
 <robot name="contact" xmlns:drake="http://drake.mit.edu">
   <link name="ground"/>
-  <!-- The surface is what gives way: paste its proximity properties into yours. -->
+  <!-- The surface: paste its proximity properties into yours. -->
   <link name="surface">
     <collision name="surface">
       <origin xyz="0 0 {middle}"/>
