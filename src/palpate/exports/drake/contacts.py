@@ -10,7 +10,7 @@ from palpate.exports.drake.spheres import Spheres
 from palpate.exports.drake.text import SCENE, Parts, Tip, sdf, urdf
 from palpate.exports.engine import Fragment, Replayed
 from palpate.exports.errors import Drop
-from palpate.exports.implicit import rebound_by_steps
+from palpate.exports.implicit import rebound_by_steps, steps_down
 from palpate.exports.motion import Motion
 from palpate.exports.text import digits, hash_comment, xml_comment
 from palpate.force_laws import GeneralisedHuntCrossley
@@ -35,6 +35,8 @@ class DrakeContact(Fragment):
         What is easily got wrong with it; a comment in every file.
     """
 
+    # Of a drop on its way down, for the way up may take 20 times as many: some seconds.
+    most_steps: ClassVar[int] = 5000
     parts: Parts = field(repr=False)
     setting: Setting
     heed: tuple[str, ...]
@@ -68,8 +70,10 @@ class DrakeContact(Fragment):
         how = f"state by state in a plant of {self._plant_in_words()}"
         return Replayed(force, how)
 
-    def rebound(self, drop: Drop) -> float:
-        """Restitution in Drake, by steps of the time step."""
+    def rebound(self, drop: Drop) -> float | None:
+        """Restitution in Drake, by steps of the time step; None of a drop that takes too many."""
+        if steps_down(drop, self.setting.time_step) > self.most_steps:
+            return None
         return rebound(Plant(self._text(), self.setting), drop)
 
     def _text(self) -> str:
@@ -119,6 +123,7 @@ class SlabContact(DrakeContact):
 
     # A state takes 3 to 5 ms.
     most_samples: ClassVar[int] = 2000
+    most_steps: ClassVar[int] = 200
     slab: Slab
 
     def predicted(self, motion: Motion) -> Floats:

@@ -11,14 +11,13 @@ from types import ModuleType
 import numpy as np
 
 from palpate.exports.errors import Drop
+from palpate.exports.implicit import LONGEST, steps_down
 from palpate.exports.motion import Motion
 from palpate.validation import Floats
 from palpate.writing import temporary_file
 
 # kg. Of 100 N and a step of 10 ms it takes 10⁻⁹ m/s.
 HEAVY = 1e9
-# Steps in which a body is back, or stays: 10 s of a millisecond.
-_MOST_STEPS = 100_000
 
 
 class Scene:
@@ -116,7 +115,7 @@ def rebound(texts: Mapping[str, str], radius: float, time_step: float, drop: Dro
     with scene(texts, radius, time_step) as there:
         there.weigh(drop.mass)
         there.put(0.0, drop.speed)
-        for _ in range(_MOST_STEPS):
+        for _ in range(math.ceil(LONGEST * steps_down(drop, time_step)) + 10):
             there.step()
             x, v = there.state()
             if x <= 0.0 and v < 0.0:
