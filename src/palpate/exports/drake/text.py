@@ -51,7 +51,7 @@ URDF = """\
 <?xml version="1.0"?>
 {comment}
 <robot name="contact" xmlns:drake="http://drake.mit.edu">
-  <link name="ground"/>
+  <link name="world"/>
   <!-- The surface: paste its proximity properties into yours. -->
   <link name="surface">
     <collision name="surface">
@@ -61,7 +61,7 @@ URDF = """\
     </collision>
   </link>
   <joint name="fixed" type="fixed">
-    <parent link="ground"/>
+    <parent link="world"/>
     <child link="surface"/>
   </joint>
   <!-- The tip: its collisions belong into the link that touches. -->
@@ -74,7 +74,7 @@ URDF = """\
   </link>
   <joint name="slide" type="prismatic">
     <origin xyz="0 0 {radius}"/>
-    <parent link="ground"/>
+    <parent link="world"/>
     <child link="tip"/>
     <axis xyz="0 0 -1"/>
     <limit effort="0"/>
