@@ -13,15 +13,13 @@ from palpate.exports.errors import Drop, drop_to
 from palpate.exports.motion import Motion
 from palpate.exports.mujoco import callback, texts
 from palpate.exports.mujoco.pressing import Pressed
-from palpate.exports.mujoco.rebounding import rebound
+from palpate.exports.mujoco.rebounding import MOST_STEPS, rebound
 from palpate.exports.mujoco.robot import Robot, compiled
 from palpate.exports.mujoco.rows import Rows
 from palpate.exports.mujoco.texts import PADS, TIP, Place
 from palpate.lab.robot import require_mujoco
 from palpate.validation import Floats
 
-# Simulated seconds after which a body that has not come back stays.
-_LONGEST = 20.0
 #: How the real engine was moved, in words.
 BY_INVERSE = "by mj_inverse, state by state"
 
@@ -199,7 +197,7 @@ def _thrown(mujoco: Any, model: Any) -> float:
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     first = float(data.qvel[0])
-    while data.time < _LONGEST:
+    for _ in range(MOST_STEPS):
         mujoco.mj_step(model, data)
         if data.qpos[0] >= 0.0:
             return max(float(data.qvel[0]), 0.0) / -first
