@@ -13,7 +13,7 @@ import numpy as np
 from cyclopts import App
 
 import palpate
-from benchmarks.law_pictures import DOTS_AN_INCH, INCHES, with_few_colours
+from benchmarks.law_pictures import DOTS_AN_INCH, INCHES, noise_of, with_few_colours
 from benchmarks.law_recordings import folder_of_recordings
 from palpate import exports
 from palpate.figures.style import DARK, LIGHT, Theme, save, style
@@ -89,10 +89,10 @@ def draw(path: Path, felt: Felt, theme: Theme) -> None:
         figure = new_figure(figsize=INCHES, layout="constrained")
         panels = figure.subplots(1, 3)
         _draw_panels(panels, felt, theme)
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=3)
-        found = felt.made.statement.compared
-        words = f"MuJoCo, {felt.made.fragment.form}: {found.percent:.2g} % from the law"
+        lines = [*panels[0].get_lines(), *panels[2].get_lines()]
+        figure.legend(handles=lines, loc="outside upper right", ncols=4)
+        percent = felt.made.statement.compared.percent
+        words = f"MuJoCo, {felt.made.fragment.form}: {percent:.2g} % from the law"
         figure.suptitle(words, x=0.01, ha="left", fontsize=10.5)
         save(figure, path)
     with_few_colours(path)
@@ -103,7 +103,7 @@ def _draw_panels(panels: Any, felt: Felt, theme: Theme) -> None:
     shown = felt.time < SHOWN
     looks: tuple[tuple[str, Floats, dict[str, Any]], ...] = (
         ("measured", felt.measured, {"color": theme.measured, "linewidth": 2.6}),
-        ("in MuJoCo", felt.engine, {"color": theme.lines[0], "linewidth": 1.1}),
+        ("MuJoCo", felt.engine, {"color": theme.lines[0], "linewidth": 1.1}),
     )
     for label, force, look in looks:
         over_time.plot(felt.time[shown], force[shown], label=label, **look)
@@ -116,15 +116,14 @@ def _draw_panels(panels: Any, felt: Felt, theme: Theme) -> None:
     for rest, colour, dashes, label in residuals:
         middle = _smoothed(rest)
         left.plot(felt.time[shown], middle[shown], dashes, color=colour, linewidth=1.1, label=label)
-    noise = 2.0 * float(np.std(felt.measured - felt.law - _smoothed(felt.measured - felt.law)))
+    noise = 2.0 * noise_of(felt.measured)
     left.axhspan(-noise, noise, color=theme.measured, alpha=0.45, linewidth=0.0)
     over_time.set(xlabel="time in contact [s]", ylabel="force [N]")
     loop.set(xlabel="penetration [mm]", ylabel="force [N]")
     left.set(xlabel="time in contact [s]", ylabel="residual [N]")
     over_time.set_title("force", loc="left")
     loop.set_title("loop", loc="left")
-    left.set_title("what is left, over 25 samples; grey: ± 2 s.d. of noise", loc="left", fontsize=9)
-    left.legend(loc="upper right")
+    left.set_title("residual; grey: noise ± 2 s.d.", loc="left")
 
 
 def _smoothed(values: Floats) -> Floats:

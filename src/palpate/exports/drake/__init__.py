@@ -93,7 +93,9 @@ def _nearest(asked: Asked) -> DrakeContact:
     if law.exponent <= 1.0:
         found = _point(asked, "point", _nearest_point(asked))
     else:
-        found = _point(asked, "nested-spheres", _spheres(asked))
+        spheres = _spheres(asked)
+        form = "nested-spheres" if spheres.gaps.size > 1 else "point"
+        found = _point(asked, form, spheres)
     # SAP's damper does not grow with depth: not for a law of which it grows nearly as the force.
     if law.damping > 0.0 and law.damping_exponent < 0.5 * law.exponent:
         return min(found, _sap(asked), key=_error)
@@ -190,8 +192,8 @@ def _hydroelastic(asked: Asked) -> DrakeContact:
     if found.halvings > FINEST:
         raise InvalidParameterError(
             f"tip_radius of {1e3 * asked.tip_radius:.3g} mm is too large for Drake's hydroelastic "
-            f"contact: pressed {1e3 * deepest:.3g} mm deep at most, the sphere's mesh would have to "
-            "be finer than can be simulated; take another form"
+            f"contact: pressed {1e3 * deepest:.3g} mm deep at most, it would need a mesh finer "
+            "than can be simulated; take another form"
         )
     return SlabContact(
         form="hydroelastic",
@@ -246,9 +248,9 @@ def _step(asked: Asked) -> tuple[str, ...]:
     if more < 0.02 * own:
         return ()
     return (
-        f"a step of {1e3 * asked.time_step:.3g} ms damps by {more:.2g} N·s/m beside the law's "
-        f"{own:.2g} at {1e3 * depth:.3g} mm, in any motion: where impacts matter take a smaller "
-        "step, or time_step=0, a continuous plant",
+        f"a step of {1e3 * asked.time_step:.3g} ms damps a body by {more:.2g} N·s/m beside the "
+        f"law's {own:.2g} at {1e3 * depth:.3g} mm: where impacts matter take a smaller step, or "
+        "time_step=0, a continuous plant",
     )
 
 

@@ -10,7 +10,7 @@ from palpate.exports.drake.spheres import Spheres
 from palpate.exports.drake.text import SCENE, Parts, Tip, sdf, urdf
 from palpate.exports.engine import Fragment, Replayed
 from palpate.exports.errors import Drop
-from palpate.exports.implicit import rebound_by_steps
+from palpate.exports.implicit import rebound_by_steps, steps_down
 from palpate.exports.motion import Motion
 from palpate.exports.text import digits, hash_comment, xml_comment
 from palpate.force_laws import GeneralisedHuntCrossley
@@ -35,6 +35,8 @@ class DrakeContact(Fragment):
         What is easily got wrong with it; a comment in every file.
     """
 
+    # Of a drop on its way down, for the way up may take 20 times as many: some seconds.
+    most_steps: ClassVar[int] = 5000
     parts: Parts = field(repr=False)
     setting: Setting
     heed: tuple[str, ...]
@@ -68,8 +70,10 @@ class DrakeContact(Fragment):
         how = f"state by state in a plant of {self._plant_in_words()}"
         return Replayed(force, how)
 
-    def rebound(self, drop: Drop) -> float:
-        """Restitution in Drake, by steps of the time step."""
+    def rebound(self, drop: Drop) -> float | None:
+        """Restitution in Drake, by steps of the time step; None of a drop that takes too many."""
+        if steps_down(drop, self.setting.time_step) > self.most_steps:
+            return None
         return rebound(Plant(self._text(), self.setting), drop)
 
     def _text(self) -> str:
@@ -95,11 +99,11 @@ class PointContact(DrakeContact):
 
     def predicted(self, motion: Motion) -> Floats:
         """Force of all spheres, N."""
-        return self.spheres.force(motion.penetration, motion.velocity)
+        return self.spheres.force(motion.penetration, motion.velocity, self.setting.time_step)
 
     def force_at(self, penetration: float, velocity: float) -> float:
         """Force at one state, N."""
-        return self.spheres.at(penetration, velocity)
+        return self.spheres.at(penetration, velocity, self.setting.time_step)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -118,7 +122,8 @@ class SlabContact(DrakeContact):
     """A rigid sphere on a hydroelastic slab."""
 
     # A state takes 3 to 5 ms.
-    most_samples: ClassVar[int] = 2000
+    most_samples: ClassVar[int] = 1000
+    most_steps: ClassVar[int] = 200
     slab: Slab
 
     def predicted(self, motion: Motion) -> Floats:
@@ -136,23 +141,29 @@ class SlabContact(DrakeContact):
 
 
 def point_parts(spheres: Spheres, radius: float, mass: float, deepest: float) -> Parts:
-    """A tip of spheres that give way, on a surface that does not.
+    """One sphere on a surface that gives way; or spheres that give way on one that does not.
 
-    They have one centre as long as they fit; of a tip smaller than the gaps the inner ones, a tenth
-    of its radius, are raised instead, and hold for a surface below the tip only.
+    Spheres have one centre as long as they fit; of a tip smaller than the gaps the inner ones, a
+    tenth of its radius, are raised instead, and hold for a surface below the tip only.
     """
-    rigid = RIGID * float(spheres.stiffness.sum())
+    rigid = _point_material(RIGID * float(spheres.stiffness.sum()), 0.0)
+    soft = [
+        _point_material(float(k), float(d))
+        for k, d in zip(spheres.stiffness, spheres.dissipation, strict=True)
+    ]
+    if len(soft) == 1:
+        tip = Tip("tip", radius, 0.0, rigid)
+        return Parts(soft[0], (tip,), radius, mass, *_box(radius, deepest))
     tips = []
     for number, gap in enumerate(spheres.gaps.tolist()):
         inner = max(radius - gap, 0.1 * radius)
-        material = {
-            "point_contact_stiffness": float(spheres.stiffness[number]),
-            "hunt_crossley_dissipation": float(spheres.dissipation[number]),
-        }
         # From the outer sphere's lowest point upwards.
-        tips.append(Tip(f"tip_{number + 1}", inner, gap - (radius - inner), material))
-    surface = {"point_contact_stiffness": rigid, "hunt_crossley_dissipation": 0.0}
-    return Parts(surface, tuple(tips), radius, mass, *_box(radius, deepest))
+        tips.append(Tip(f"tip_{number + 1}", inner, gap - (radius - inner), soft[number]))
+    return Parts(rigid, tuple(tips), radius, mass, *_box(radius, deepest))
+
+
+def _point_material(stiffness: float, dissipation: float) -> dict[str, float]:
+    return {"point_contact_stiffness": stiffness, "hunt_crossley_dissipation": dissipation}
 
 
 def sap_parts(law: GeneralisedHuntCrossley, radius: float, mass: float, deepest: float) -> Parts:

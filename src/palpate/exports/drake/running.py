@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 
 from palpate.exports.errors import Drop
+from palpate.exports.implicit import LONGEST, steps_down
 from palpate.exports.motion import Motion
 from palpate.validation import Floats
 
 # kg. Of 100 N and a step of 10 ms it takes 10⁻⁹ m/s; 10³ times as heavy gave the same digits.
 HEAVY = 1e9
-# Steps in which a body is back, or stays: 10 s of a millisecond.
-_MOST_STEPS = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +100,7 @@ def rebound(plant: Plant, drop: Drop) -> float:
     plant.weigh(drop.mass)
     plant.put(0.0, drop.speed)
     plant.simulator.Initialize()
-    for k in range(1, _MOST_STEPS + 1):
+    for k in range(1, math.ceil(LONGEST * steps_down(drop, plant.step)) + 10):
         plant.simulator.AdvanceTo(k * plant.step)
         x, v = plant.plant.GetPositionsAndVelocities(plant.context)
         if x <= 0.0 and v < 0.0:

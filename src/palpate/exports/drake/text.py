@@ -10,7 +10,7 @@ SDF = """\
 {comment}
 <sdf version="1.9" xmlns:drake="http://drake.mit.edu">
   <model name="contact">
-    <!-- The surface is what gives way: paste its proximity properties into yours. -->
+    <!-- The surface: paste its proximity properties into yours. -->
     <link name="surface">
       <collision name="surface">
         <pose>0 0 {middle} 0 0 0</pose>
@@ -51,8 +51,8 @@ URDF = """\
 <?xml version="1.0"?>
 {comment}
 <robot name="contact" xmlns:drake="http://drake.mit.edu">
-  <link name="ground"/>
-  <!-- The surface is what gives way: paste its proximity properties into yours. -->
+  <link name="world"/>
+  <!-- The surface: paste its proximity properties into yours. -->
   <link name="surface">
     <collision name="surface">
       <origin xyz="0 0 {middle}"/>
@@ -61,7 +61,7 @@ URDF = """\
     </collision>
   </link>
   <joint name="fixed" type="fixed">
-    <parent link="ground"/>
+    <parent link="world"/>
     <child link="surface"/>
   </joint>
   <!-- The tip: its collisions belong into the link that touches. -->
@@ -74,7 +74,7 @@ URDF = """\
   </link>
   <joint name="slide" type="prismatic">
     <origin xyz="0 0 {radius}"/>
-    <parent link="ground"/>
+    <parent link="world"/>
     <child link="tip"/>
     <axis xyz="0 0 -1"/>
     <limit effort="0"/>

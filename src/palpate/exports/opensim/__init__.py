@@ -65,7 +65,7 @@ class Contact(Fragment):
 
     def rebound(self, drop: Drop) -> float:
         """Restitution in OpenSim, whose integrator keeps to an accuracy and not to a step."""
-        return self._scene().rebound(drop, self.asked.time_step)
+        return self._scene().rebound(drop)
 
     def _scene(self) -> Scene:
         return Scene(self.files(())["contact.osim"])

@@ -11,8 +11,8 @@ from palpate.exports.motion import Motion
 from palpate.validation import Floats
 from palpate.writing import temporary_file
 
-# Steps in which a body is back, or stays: 10 s of a millisecond.
-_MOST_STEPS = 10_000
+# A body is looked at so often on its way down, and given so many times as long to come back.
+_LOOKS, _LONGEST = 100, 20
 # With it the exact restitution came out to seven digits.
 _ACCURACY = 1e-8
 
@@ -41,8 +41,9 @@ class Scene:
             force[k] = -self._force.getRecordValues(self._state).get(self._column)
         return force
 
-    def rebound(self, drop: Drop, step: float) -> float:
-        """Restitution of a body of the drop's mass, looked at by steps [s]; 0 of one that stays."""
+    def rebound(self, drop: Drop) -> float:
+        """Restitution of a body of the drop's mass; 0 of one that stays."""
+        step = drop.depth / drop.speed / _LOOKS
         self._model.getBodySet().get("tip").setMass(drop.mass)
         state = self._model.initSystem()
         self._coordinate.setValue(state, 0.0)
@@ -51,7 +52,7 @@ class Scene:
         manager.setIntegratorAccuracy(_ACCURACY)
         manager.setIntegratorMaximumStepSize(step)
         manager.initialize(state)
-        for k in range(1, _MOST_STEPS + 1):
+        for k in range(1, _LOOKS * _LONGEST):
             state = manager.integrate(k * step)
             x, v = self._coordinate.getValue(state), self._coordinate.getSpeedValue(state)
             if x <= 0.0 and v < 0.0:

@@ -16,7 +16,7 @@ from palpate.errors import InvalidParameterError
 from palpate.exports.asked import Asked
 from palpate.exports.engine import Engine, Fragment, Replayed
 from palpate.exports.errors import Drop
-from palpate.exports.implicit import rebound_by_steps
+from palpate.exports.implicit import rebound_by_steps, steps_down
 from palpate.exports.kelvin_voigt import is_kelvin_voigt
 from palpate.exports.motion import Motion
 from palpate.exports.nearest import kelvin_voigt
@@ -27,6 +27,8 @@ from palpate.force_laws import GeneralisedHuntCrossley
 
 #: contactDamping of a body that sets none, N·s/m: both bodies' add (btCollisionObject).
 OTHERS_DAMPING = 0.1
+# Of a drop on its way down, for the way up may take 20 times as many: some seconds.
+_MOST_STEPS = 20_000
 
 _HEED = (
     "Set them on one body only: on both, the stiffness would be halved and the damping doubled.",
@@ -85,8 +87,10 @@ class Contact(Fragment):
         force = running.forces(self.files(()), self._radius, step, motion)
         return Replayed(force, f"state by state, in steps of {1e3 * step:.3g} ms")
 
-    def rebound(self, drop: Drop) -> float:
-        """Restitution in PyBullet, by steps of the time step."""
+    def rebound(self, drop: Drop) -> float | None:
+        """Restitution in PyBullet, by steps of the time step; None of a drop of too many."""
+        if steps_down(drop, self.asked.time_step) > _MOST_STEPS:
+            return None
         return running.rebound(self.files(()), self._radius, self.asked.time_step, drop)
 
     @property

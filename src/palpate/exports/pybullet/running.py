@@ -11,21 +11,20 @@ from types import ModuleType
 import numpy as np
 
 from palpate.exports.errors import Drop
+from palpate.exports.implicit import LONGEST, steps_down
 from palpate.exports.motion import Motion
 from palpate.validation import Floats
 from palpate.writing import temporary_file
 
 # kg. Of 100 N and a step of 10 ms it takes 10⁻⁹ m/s.
 HEAVY = 1e9
-# Steps in which a body is back, or stays: 10 s of a millisecond.
-_MOST_STEPS = 100_000
 
 
 class Scene:
     """A free tip above a surface, in a simulation of its own; see :func:`scene`."""
 
     def __init__(self, bullet: ModuleType, client: int, radius: float) -> None:
-        self._bullet, self._client, self._radius = bullet, client, radius
+        self._bullet, self.client, self._radius = bullet, client, radius
         self.surface, self.tip = -1, -1
 
     def load(self, texts: Mapping[str, str]) -> None:
@@ -33,7 +32,7 @@ class Scene:
         self.surface = self._read("surface.urdf", texts)
         self.tip = self._read("tip.urdf", texts)
         self._bullet.changeDynamics(
-            self.tip, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=self._client
+            self.tip, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=self.client
         )
 
     def weigh(self, mass: float) -> None:
@@ -44,7 +43,7 @@ class Scene:
             -1,
             mass=mass,
             localInertiaDiagonal=[inertia] * 3,
-            physicsClientId=self._client,
+            physicsClientId=self.client,
         )
 
     def put(self, penetration: float, velocity: float) -> None:
@@ -53,28 +52,28 @@ class Scene:
             self.tip,
             [0.0, 0.0, self._radius - penetration],
             [0.0, 0.0, 0.0, 1.0],
-            physicsClientId=self._client,
+            physicsClientId=self.client,
         )
         self._bullet.resetBaseVelocity(
-            self.tip, [0.0, 0.0, -velocity], [0.0] * 3, physicsClientId=self._client
+            self.tip, [0.0, 0.0, -velocity], [0.0] * 3, physicsClientId=self.client
         )
 
     def step(self) -> float:
         """Take a step, and return the force on the tip in it, N."""
-        self._bullet.stepSimulation(physicsClientId=self._client)
-        points = self._bullet.getContactPoints(self.tip, self.surface, physicsClientId=self._client)
+        self._bullet.stepSimulation(physicsClientId=self.client)
+        points = self._bullet.getContactPoints(self.tip, self.surface, physicsClientId=self.client)
         return float(sum(point[9] for point in points))
 
     def state(self) -> tuple[float, float]:
         """Penetration, m, and velocity into the surface, m/s."""
-        place = self._bullet.getBasePositionAndOrientation(self.tip, physicsClientId=self._client)
-        velocity = self._bullet.getBaseVelocity(self.tip, physicsClientId=self._client)
+        place = self._bullet.getBasePositionAndOrientation(self.tip, physicsClientId=self.client)
+        velocity = self._bullet.getBaseVelocity(self.tip, physicsClientId=self.client)
         return self._radius - place[0][2], -velocity[0][2]
 
     def _read(self, name: str, texts: Mapping[str, str]) -> int:
         with temporary_file(name, [texts[name].encode()]) as path:
             body: int = self._bullet.loadURDF(
-                str(path), useFixedBase=name == "surface.urdf", physicsClientId=self._client
+                str(path), useFixedBase=name == "surface.urdf", physicsClientId=self.client
             )
         return body
 
@@ -82,7 +81,7 @@ class Scene:
 @contextmanager
 def scene(texts: Mapping[str, str], radius: float, time_step: float) -> Iterator[Scene]:
     """A scene of these files, without weight, and gone at the end."""
-    pybullet = _quiet_pybullet()
+    pybullet = quiet_pybullet()
     client = pybullet.connect(pybullet.DIRECT)
     try:
         # Files are cached by their names, and a slop of 10⁻⁵ m is taken off the depth unless set.
@@ -116,7 +115,7 @@ def rebound(texts: Mapping[str, str], radius: float, time_step: float, drop: Dro
     with scene(texts, radius, time_step) as there:
         there.weigh(drop.mass)
         there.put(0.0, drop.speed)
-        for _ in range(_MOST_STEPS):
+        for _ in range(math.ceil(LONGEST * steps_down(drop, time_step)) + 10):
             there.step()
             x, v = there.state()
             if x <= 0.0 and v < 0.0:
@@ -126,7 +125,7 @@ def rebound(texts: Mapping[str, str], radius: float, time_step: float, drop: Dro
     return 0.0
 
 
-def _quiet_pybullet() -> ModuleType:
+def quiet_pybullet() -> ModuleType:
     """PyBullet, which says as it is imported when it was built: here on standard error.
 
     A command's standard output may be JSON that another program reads.
