@@ -189,6 +189,24 @@ def test_the_callback_leaves_other_models_and_the_callback_before_it_alone():
         mujoco.set_mjcb_passive(None)
 
 
+def test_the_callback_runs_as_a_program_and_in_the_users_own_model(model, monkeypatch, capsys):
+    path = model(ARM.format(more=""))
+    fragment = fitted(LAWS["ball"], model=path, geom="tip", mass=None, form="callback")
+    assert error(fragment, SHORT) < 1e-10
+    files = fragment.files([])
+    for name, text in files.items():
+        (path.parent / name).write_text(text, encoding="utf-8")
+    mujoco.MjModel.from_xml_path(str(path.parent / "robot_scene.xml")).geom("palpate_pad")
+    small = fitted(LAWS["ball"], form="callback").files([])
+    (path.parent / "scene.xml").write_text(small["scene.xml"], encoding="utf-8")
+    monkeypatch.chdir(path.parent)
+    exec(small["palpate_contact.py"], {"__name__": "__main__"})
+    peak, leaves = (float(word) for word in capsys.readouterr().out.split() if word[0].isdigit())
+    drop = drop_to(LAWS["ball"], 1.0, MOTION.deepest)
+    assert leaves / drop.speed == pytest.approx(drop.restitution, rel=5e-3)
+    assert peak > 2000.0 * MOTION.deepest
+
+
 def test_a_replay_leaves_no_callback_behind_when_it_fails(monkeypatch):
     fragment = fitted(LAWS["ball"], form="callback")
     for run in (

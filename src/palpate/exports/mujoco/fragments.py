@@ -148,7 +148,10 @@ class AsCallback(_InMuJoCo):
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the module, and a scene for it."""
-        return self._files({"palpate_contact.py": self._module(notes)}, notes)
+        files = {"palpate_contact.py": self._module(notes)}
+        if self.robot is not None:
+            files["contact.xml"] = texts.fragment(None, self.tip, self.place, notes)
+        return self._files(files, notes)
 
     def _module(self, notes: Sequence[str] = ()) -> str:
         return callback.module_text(self.asked.law, self.tip, PADS[0], notes)
