@@ -324,6 +324,7 @@ def test_a_mesh_is_refused(model):
         (ARM, "finger", "no 'finger'; there are floor, palm, tip"),
         (ARM, "floor", "floor is a plane"),
         (ARM.replace("</worldbody>", ""), "tip", "MuJoCo cannot read it"),
+        (BOX.replace("foot", "palpate_pad"), "palpate_pad", "take the earlier export out"),
         (BOX.replace("<freejoint/>", ""), "foot", "stands in the world"),
         (BOX.replace('mass="2"', 'mass="0"'), "foot", "MuJoCo cannot compile it"),
     ],
@@ -338,10 +339,14 @@ def test_a_model_that_is_not_there_is_told_in_words(tmp_path):
         fitted(KELVIN_VOIGT, model=tmp_path / "robot.xml", geom="tip", mass=None)
 
 
-def test_a_model_that_overrides_its_contacts_is_refused(model):
-    text = BOX.replace("<worldbody>", '<option><flag override="enable"/></option><worldbody>', 1)
+@pytest.mark.parametrize(
+    "flag, words",
+    [("override='enable'", "overrides every contact"), ("contact='disable'", "contacts off")],
+)
+def test_a_model_whose_options_undo_the_contact_is_refused(model, flag, words):
+    text = BOX.replace("<worldbody>", f"<option><flag {flag}/></option><worldbody>", 1)
     fragment = fitted(KELVIN_VOIGT, model=model(text), geom="foot", mass=None)
-    assert "overrides every contact" in fragment.refusals[0]
+    assert words in fragment.refusals[-1]
 
 
 def test_a_slide_weighs_to_a_contact_what_its_body_weighs(model):
