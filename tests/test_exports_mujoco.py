@@ -13,6 +13,7 @@ from palpate.exports.mujoco.engine import _too_narrow
 from palpate.exports.mujoco.robot import _pressed
 from palpate.exports.mujoco.rows import Row, Rows
 from palpate.exports.mujoco.texts import Place
+from palpate.force_laws import engines
 
 mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 
@@ -102,7 +103,11 @@ def test_kelvin_voigt_is_read_back_from_one_contact():
     columns = np.column_stack([SHORT.penetration, SHORT.velocity])
     found = np.linalg.lstsq(columns, fragment.replay(SHORT).force, rcond=None)[0]
     assert found == pytest.approx([2000.0, 16.6], rel=1e-3)
-    assert fragment.numbers["pair0 solref[0]"] == pytest.approx(-2000.0 * (1.0 - 1e-4))
+    [row] = fragment.rows.rows
+    law = engines.mujoco(
+        solref=(-row.spring, -row.damper), solimp=row.solimp, inverse_mass=fragment.mobility
+    )
+    assert law.parameters == pytest.approx(KELVIN_VOIGT.parameters)
 
 
 @pytest.mark.parametrize("mass", [0.1, 1.0, 10.0])

@@ -57,6 +57,11 @@ class _InMuJoCo(Fragment):
             rows, mass=1.0 / self.mobility, time_step=step, speed=speed, depth=depth, notes=notes
         )
 
+    @property
+    def how(self) -> str:
+        """How the real engine is moved, in words."""
+        return BY_INVERSE if self.robot is None else f"{BY_INVERSE}, in {self.robot.path.name}"
+
     def scene_rows(self) -> Rows | None:
         """The rows of the scene, whose tip has one contact."""
         return None
@@ -126,7 +131,7 @@ class InRows(_InMuJoCo):
         if not self.runs:
             return None
         try:
-            return Replayed(self.pressed().along_motion(motion), BY_INVERSE)
+            return Replayed(self.pressed().along_motion(motion), self.how)
         except MissingExtraError:
             return None
 
@@ -179,7 +184,7 @@ class AsCallback(_InMuJoCo):
                 pressed.data.qvel[:] = -motion.velocity[k] * out
                 pressed.mujoco.mj_inverse(pressed.model, pressed.data)
                 force[k] = contact.force
-        return Replayed(force, BY_INVERSE)
+        return Replayed(force, self.how)
 
     def rebound(self, drop: Drop) -> float | None:
         """Restitution in the small scene, with the callback installed."""
