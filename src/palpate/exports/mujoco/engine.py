@@ -24,8 +24,8 @@ PULLS = (3, 11)
 _OFF = 0.1
 
 _FRICTIONLESS = (
-    "the contact is frictionless (condim 1): with a pyramidal cone a condim of 3 would change the "
-    "force along the normal"
+    "the contact is frictionless (condim 1): a condim of 3 would change the force along the normal "
+    "under a pyramidal cone, and friction would grow with a pair's adhesion"
 )
 
 
