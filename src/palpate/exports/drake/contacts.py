@@ -122,7 +122,7 @@ class SlabContact(DrakeContact):
     """A rigid sphere on a hydroelastic slab."""
 
     # A state takes 3 to 5 ms.
-    most_samples: ClassVar[int] = 1000
+    most_samples: ClassVar[int] = 500
     most_steps: ClassVar[int] = 200
     slab: Slab
 
