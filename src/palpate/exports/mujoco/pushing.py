@@ -96,8 +96,8 @@ def _impact(law: GeneralisedHuntCrossley, drop: Drop) -> Floats:
         course.append((x, v, a))
     states = np.array(course).reshape(-1, 3)
     if not course:
-        return states.T
-    return states[np.linspace(0, len(course) - 1, _SAMPLES[1]).astype(int)].T
+        return np.asarray(states.T)
+    return np.asarray(states[np.linspace(0, len(course) - 1, _SAMPLES[1]).astype(int)].T)
 
 
 @dataclass(frozen=True, slots=True)
