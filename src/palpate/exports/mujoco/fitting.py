@@ -54,7 +54,8 @@ def pair(law: GeneralisedHuntCrossley, motion: Motion, mobility: float, contacts
     """A spring and a damper, each a row that may pull: F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0."""
     depths, share = depths_that_count(motion), mobility / contacts
     strongest = float(np.abs(motion.force_by(law)[motion.judged]).max())
-    adhesion = float(f"{_ADHESION * strongest / contacts:.2g}")
+    # Without a damper nothing has to pull.
+    adhesion = float(f"{_ADHESION * strongest / contacts:.2g}") if law.damping else 0.0
     shape = _spring(law, depths)
     high = shape.solimp[1]
     spring = Row(shape.scale * high**2 * share, 0.0, shape.solimp, shape.inset, adhesion)
