@@ -204,6 +204,12 @@ def _about(form: str, asked: Asked, rows: Rows) -> tuple[str, ...]:
     if rising:
         widest = min(row.solimp[2] + row.inset for row in rising)
         words.append(f"deeper than {1e3 * widest:.3g} mm the force no longer follows the law")
+    law = asked.law
+    if form == "pair" and law.damping and law.damping_exponent < law.exponent:
+        words.append(
+            "where a body leaves, the pair pulls as the law does, which a real contact does not: "
+            "for impacts take two-contacts or the callback (--form)"
+        )
     shallow = _shallow(asked.law, rows, asked.motion.deepest)
     if shallow:
         words.append(
