@@ -6,6 +6,7 @@ import pytest
 from export_cases import BALL_LAW, KELVIN_VOIGT_LAW, fitted, predicted_percent
 
 from palpate.errors import InvalidParameterError
+from palpate.exports.nearest import kelvin_voigt
 from palpate.force_laws import GeneralisedHuntCrossley
 
 
@@ -30,10 +31,12 @@ def test_a_step_that_damps_more_than_the_law_is_said_and_counted() -> None:
     assert predicted_percent(fragment) > 0.3
 
 
-def test_another_law_becomes_the_nearest_of_kelvin_and_voigt() -> None:
+def test_another_law_is_the_nearest_of_kelvin_and_voigt() -> None:
     fragment = fitted("pybullet", GeneralisedHuntCrossley(2e4, 1.5, 3e4, 1.5))
     assert not fragment.exact
     assert predicted_percent(fragment) > 5.0
+    nearest = kelvin_voigt(fragment.asked.law, fragment.asked.motion)
+    assert fragment.engine_law.parameters == pytest.approx(nearest.parameters)
 
 
 def test_a_law_that_does_not_push_is_no_contact() -> None:

@@ -17,7 +17,7 @@ from palpate.exports.drake.contacts import (
     slab_parts,
 )
 from palpate.exports.drake.running import Setting
-from palpate.exports.drake.slab import FINEST, slab
+from palpate.exports.drake.slab import FINEST, Slab, slab
 from palpate.exports.drake.spheres import Spheres, nested_spheres, one_sphere
 from palpate.exports.engine import Engine
 from palpate.exports.errors import force_error
@@ -69,10 +69,7 @@ class Drake(Engine):
             The stiffness is not above 0; or the slab is asked for without the tip's radius, or for
             a tip that is pressed in too deep.
         """
-        if asked.law.stiffness <= 0.0:
-            raise InvalidParameterError(
-                f"a law with a stiffness of {asked.law.stiffness:.3g} cannot be a contact of Drake"
-            )
+        _pushing(asked.law)
         if asked.form == "point":
             return _point(asked, "point", _nearest_point(asked))
         if asked.form == "nested-spheres":
@@ -143,7 +140,7 @@ def _nearest_point(asked: Asked) -> Spheres:
     """One sphere: where p = n with the law's own dissipation, which keeps restitution."""
     law, motion = _dissipating(asked.law), asked.motion
     if law.damping_exponent != law.exponent and law.damping > 0.0:
-        return one_sphere(with_exponents(law, motion, 1.0, 1.0))
+        return one_sphere(_pushing(with_exponents(law, motion, 1.0, 1.0)))
     x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
     if law.exponent == 1.0:
         return one_sphere(law)
@@ -170,13 +167,23 @@ def _dissipating(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
     return GeneralisedHuntCrossley(law.stiffness, law.exponent, 0.0, law.exponent)
 
 
+def _pushing(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
+    """The law, which must have a spring."""
+    if law.stiffness > 0.0:
+        return law
+    raise InvalidParameterError(
+        f"a law with a stiffness of {law.stiffness:.3g} cannot be a contact of Drake"
+    )
+
+
 def _negative(law: GeneralisedHuntCrossley) -> tuple[str, ...]:
     if law.damping >= 0.0:
         return ()
     return ("the law's damping is negative, which Drake does not take: it is written as 0",)
 
 
-def _hydroelastic(asked: Asked) -> DrakeContact:
+def _slab(asked: Asked) -> Slab:
+    """The slab that is nearest to the law, where the tip goes with one."""
     if asked.tip_radius is None:
         raise InvalidParameterError(
             "tip_radius is needed for Drake's hydroelastic contact, whose force goes with it: give "
@@ -195,6 +202,11 @@ def _hydroelastic(asked: Asked) -> DrakeContact:
             f"contact: pressed {1e3 * deepest:.3g} mm deep at most, it would need a mesh finer "
             "than can be simulated; take another form"
         )
+    return found
+
+
+def _hydroelastic(asked: Asked) -> DrakeContact:
+    found = _slab(asked)
     return SlabContact(
         form="hydroelastic",
         asked=asked,
@@ -220,8 +232,7 @@ def _hydroelastic(asked: Asked) -> DrakeContact:
 
 
 def _sap(asked: Asked) -> DrakeContact:
-    law = kelvin_voigt(asked.law, asked.motion)
-    law = _dissipating(law)
+    law = _pushing(kelvin_voigt(_dissipating(asked.law), asked.motion))
     return SapContact(
         form="sap",
         asked=asked,
@@ -235,7 +246,6 @@ def _sap(asked: Asked) -> DrakeContact:
         parts=sap_parts(law, _radius(asked), asked.mass_or_one, asked.motion.deepest),
         setting=Setting("point", SAP, asked.time_step),
         heed=_SAP,
-        law=law,
     )
 
 
