@@ -7,7 +7,7 @@ from palpate.exports.comparing import Compared
 from palpate.exports.engine import Fragment
 from palpate.exports.nearest import Nearest
 from palpate.exports.source import Source
-from palpate.exports.text import percent
+from palpate.exports.text import length, percent
 
 #: Beyond it, %, an engine has another contact than the one that was identified.
 MOST_PERCENT = 5.0
@@ -96,7 +96,7 @@ def _warnings_of_engine(source: Source, fragment: Fragment, compared: Compared) 
         )
     if compared.drop.speed > source.motion.fastest and source.verdict is not None:
         found.append(
-            f"the law was identified at speeds to {rounded(source.motion.fastest, 2)} m/s: an "
+            f"the law was identified at speeds to {length(source.motion.fastest, 2)}/s: an "
             f"impact at {rounded(compared.drop.speed, 2)} m/s is beyond the recording"
         )
     limit, step = fragment.largest_step, fragment.asked.time_step

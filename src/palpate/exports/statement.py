@@ -9,7 +9,7 @@ from palpate.exports.comparing import Compared
 from palpate.exports.engine import Engine, Fragment
 from palpate.exports.nearest import Nearest
 from palpate.exports.source import Source
-from palpate.exports.text import percent
+from palpate.exports.text import length, percent
 
 #: Below it, %, an error is the arithmetic's: single precision in an engine leaves 10⁻⁵.
 EXACT = 1e-3
@@ -194,9 +194,8 @@ class Statement:
 
     def _where(self) -> str:
         motion = self.source.motion
-        shallow, deep = rounded(1e3 * motion.shallowest, 2), rounded(1e3 * motion.deepest, 3)
-        speed = rounded(1e3 * motion.fastest, 2)
-        return f"on {motion.source}, depths {shallow} to {deep} mm at speeds to {speed} mm/s"
+        depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
+        return f"on {motion.source}, depths {depths} at speeds to {length(motion.fastest, 2)}/s"
 
     def _rebound(self) -> str:
         found = self.compared
@@ -209,7 +208,7 @@ class Statement:
         return (
             f"restitution within {percent(abs(found.rebound_percent))} "
             f"({numbers}{how}) where {mass} kg{assumed} meets it at "
-            f"{rounded(drop.speed, 2)} m/s, to {rounded(1e3 * drop.depth, 3)} mm"
+            f"{rounded(drop.speed, 2)} m/s, to {length(drop.depth, 3)}"
         )
 
 

@@ -33,3 +33,10 @@ def percent(value: float) -> str:
     place = 10.0 ** (math.floor(math.log10(value)) - 1)
     up = math.ceil(value / place - 1e-9) * place
     return f"{rounded(up, 2)} %"
+
+
+def length(metres: float, figures: int) -> str:
+    """A length in mm; in µm where it is less than a tenth of one."""
+    if abs(metres) >= 1e-4 or metres == 0.0:
+        return f"{rounded(1e3 * metres, figures)} mm"
+    return f"{rounded(1e6 * metres, figures)} µm"

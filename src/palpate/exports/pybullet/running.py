@@ -126,21 +126,26 @@ def rebound(texts: Mapping[str, str], radius: float, time_step: float, drop: Dro
 
 
 def quiet_pybullet() -> ModuleType:
-    """PyBullet, which says as it is imported when it was built: here on standard error.
+    """PyBullet, which says as it is imported when it was built: here to nobody.
 
-    A command's standard output may be JSON that another program reads.
+    It does so from C, on standard output or error by its version; a command's output may be JSON,
+    and its errors are one line.
     """
+    kept = {}
+    for descriptor in (1, 2):
+        with suppress(OSError):  # there is none
+            kept[descriptor] = os.dup(descriptor)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
     try:
-        kept = os.dup(1)
-    except OSError:  # there is no standard output
-        return import_module("pybullet")
-    try:
-        os.dup2(2, 1)
+        for descriptor in kept:
+            os.dup2(nowhere, descriptor)
         module = import_module("pybullet")
-        # It is printed by C, which keeps it until the process ends.
+        # C keeps what is printed until the process ends.
         with suppress(OSError, AttributeError, TypeError):
             ctypes.CDLL(None).fflush(None)
         return module
     finally:
-        os.dup2(kept, 1)
-        os.close(kept)
+        os.close(nowhere)
+        for descriptor, copy in kept.items():
+            os.dup2(copy, descriptor)
+            os.close(copy)
