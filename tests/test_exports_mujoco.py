@@ -397,3 +397,13 @@ def test_rows_that_only_push_are_clipped_one_by_one():
     scale = 1.0 / (1.0 - 1e-4)
     assert fragment.predicted(motion) == pytest.approx([20.0 * scale, 170.0 * scale])
     assert fragment.replay(motion).force == pytest.approx([20.0 * scale, 170.0 * scale])
+
+
+def test_an_exponent_just_below_one_is_written_as_one_and_a_lower_one_is_a_callback():
+    law = GeneralisedHuntCrossley(300.0, 0.9987, 3000.0, 0.9987)
+    pair = fitted(law)
+    assert pair.form == "pair"
+    assert any("0.9987 is written as 1" in words for words in pair.warnings)
+    off = force_error(pair.predicted(SHORT), SHORT.force_by(law), SHORT.judged)
+    assert off < 0.1
+    assert fitted(replace(law, exponent=0.9, damping_exponent=0.9)).form == "callback"

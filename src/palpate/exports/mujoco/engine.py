@@ -9,12 +9,14 @@ import numpy as np
 from palpate.errors import InvalidParameterError
 from palpate.exports.asked import Asked
 from palpate.exports.engine import Engine, Fragment
+from palpate.exports.errors import force_error
 from palpate.exports.kelvin_voigt import is_kelvin_voigt, stable_step
 from palpate.exports.mujoco.fitting import FITS, badness
 from palpate.exports.mujoco.fragments import AsCallback, InRows
 from palpate.exports.mujoco.robot import Robot, read
 from palpate.exports.mujoco.rows import Rows
-from palpate.exports.nearest import kelvin_voigt
+from palpate.exports.nearest import kelvin_voigt, with_exponents
+from palpate.exports.text import percent
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import above_zero
 
@@ -22,6 +24,9 @@ from palpate.validation import above_zero
 PULLS = (3, 11)
 # A spring that is off by more than this is worth a word, where it is not at all deep.
 _OFF = 0.1
+
+# %: an exponent below 1 is taken for 1 where that costs less than a pair's own error may be, 0.6.
+_NEARLY_ONE = 0.5
 
 _FRICTIONLESS = (
     "the contact is frictionless (condim 1): a condim of 3 would change the force along the normal "
@@ -54,7 +59,7 @@ class MuJoCo(Engine):
             no such law.
         """
         robot, mobility = _felt(asked)
-        asked = replace(asked, mass=1.0 / mobility)
+        asked, lifted = _lifted(replace(asked, mass=1.0 / mobility))
         if not asked.law.stiffness > 0.0:
             raise InvalidParameterError(
                 f"law must have a stiffness above 0 for MuJoCo, not {asked.law.stiffness:g}"
@@ -63,6 +68,7 @@ class MuJoCo(Engine):
         if rows is None:
             return _as_callback(asked, mobility, robot)
         made = _in_rows(form, asked, rows, robot)
+        made = replace(made, warnings=(*made.warnings, *lifted))
         if self.pulls() or not any(row.adhesion for row in rows.rows):
             return made
         words = f"MuJoCo {self.version()} is too old for the adhesion of a pair: not replayed here"
@@ -118,6 +124,23 @@ def _felt(asked: Asked) -> tuple[Robot | None, float]:
             "model and the geom that touches (--model robot.xml --geom tip)"
         )
     return None, 1.0 / above_zero("mass", asked.mass)
+
+
+def _lifted(asked: Asked) -> tuple[Asked, tuple[str, ...]]:
+    """With n = 1 where it is just below, as of a law that is identified with n = 1 it may be.
+
+    Rows have n ≥ 1; without this a scatter of n would turn a contact into a callback.
+    """
+    law, motion = asked.law, asked.motion
+    if law.exponent >= 1.0 or asked.form in ("callback", "kelvin-voigt"):
+        return asked, ()
+    p = 1.0 if law.damping_exponent == law.exponent else law.damping_exponent
+    near = with_exponents(law, motion, 1.0, p)
+    off = force_error(motion.force_by(near), motion.force_by(law), motion.judged)
+    if off > _NEARLY_ONE:
+        return asked, ()
+    words = f"an exponent of {law.exponent:.4g} is written as 1: {percent(off)} of force from it"
+    return replace(asked, law=near), (words,)
 
 
 def _not_in_rows(law: GeneralisedHuntCrossley) -> str:
