@@ -274,6 +274,16 @@ def test_a_contact_needs_the_mass_that_it_feels():
         fitted(KELVIN_VOIGT, mass=None)
 
 
+def test_a_mass_that_the_contact_adds_is_told_where_it_counts():
+    # A tonne on a material of 3 N: two rows of d = 1e-4 add 0.2 kg.
+    soft = GeneralisedHuntCrossley(300.0, 1.0, 4.0, 0.0)
+    words = "the mass that the contacts add comes to"
+    heavy = fitted(soft, mass=1000.0, form="pair")
+    assert sum(each.startswith(words) for each in heavy.warnings) == 1
+    assert error(heavy, SHORT) > 1.0
+    assert not any(each.startswith(words) for each in fitted(soft, form="pair").warnings)
+
+
 def test_a_width_within_the_recording_is_refused():
     row = Row(1.0, 1.0, (1e-4, 0.02, 0.01, 0.5, 2.0))
     assert (

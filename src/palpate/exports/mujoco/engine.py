@@ -24,6 +24,8 @@ from palpate.validation import above_zero
 PULLS = (3, 11)
 # A spring that is off by more than this is worth a word, where it is not at all deep.
 _OFF = 0.1
+# As is an added mass whose force is more than this, %: a fifth of what is refused.
+_HEAVY = 1.0
 
 # %: an exponent below 1 is taken for 1 where that costs less than a pair's own error may be, 0.6.
 _NEARLY_ONE = 0.5
@@ -228,6 +230,12 @@ def _about(form: str, asked: Asked, rows: Rows) -> tuple[str, ...]:
         widest = min(row.solimp[2] + row.inset for row in rising)
         words.append(f"deeper than {1e3 * widest:.3g} mm the force no longer follows the law")
     law = asked.law
+    heavy = _added(asked, rows)
+    if heavy > _HEAVY:
+        words.append(
+            f"the mass that the contacts add comes to {heavy:.2g} % of force on this motion: a "
+            "lighter body, a slower motion or the callback has less of it"
+        )
     if form == "pair" and law.damping and law.damping_exponent < law.exponent:
         words.append(
             "where a body leaves, the pair pulls as the law does, which a real contact does not: "
@@ -240,6 +248,14 @@ def _about(form: str, asked: Asked, rows: Rows) -> tuple[str, ...]:
             f"{100 * _OFF:.0f} %"
         )
     return tuple(words)
+
+
+def _added(asked: Asked, rows: Rows) -> float:
+    """Of Σ m_a ẍ against the law's force on the motion, %."""
+    motion = asked.motion
+    pushed = rows.added_mass(motion.penetration) * motion.acceleration
+    law = motion.force_by(asked.law)
+    return force_error(law + pushed, law, motion.judged)
 
 
 def _shallow(law: GeneralisedHuntCrossley, rows: Rows, deepest: float) -> float:

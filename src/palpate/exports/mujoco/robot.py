@@ -1,6 +1,6 @@
 """The user's own model: how it moves where it touches, and the fragment in it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from palpate.validation import Floats
 
 # The body of the surfaces while they are tried.
 _SURFACE = "palpate_surface"
-# Away enough that a surface touches nothing while it is looked for, m.
+# As far away a surface touches no geom, as large as that may be, m.
 _FAR = 10.0
 # A tip that moves by less than this along the normal at joint speeds of 1 does not move, m/s.
 _STUCK = 1e-6
@@ -86,15 +86,16 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
         raise InvalidParameterError(
             f"geom {geom} of {path.name} stands in the world: name one of a body that moves"
         )
-    place = _place(first, path, geom, kind)
-    there = _pressed(path, geom, (_ANY,), place)
+    there = _touching(first, kind)
+    if there is None:
+        raise InvalidParameterError(f"geom {geom} of {path.name} cannot move against a surface")
     counts = there.counts(deepest * np.array([0.05, 0.25, 0.5, 0.75, 1.0]))
     return Robot(
         path,
         geom,
         mobility,
         max(1, *counts) if len(counts) == 1 else 1,
-        place,
+        there.place,
         float(model.opt.timestep),
         _warnings(kind, geom, counts),
         _refusals(mujoco, model, kind, geom, counts),
@@ -171,39 +172,37 @@ def compiled(mujoco: Any, model: Any, geom: str, count: int, place: Place) -> Pr
     return Pressed(mujoco, model, data, model.geom(geom).id, pads, place, surface)
 
 
-def _place(first: Pressed, path: Path, geom: str, kind: str) -> Place:
-    """Where a surface touches the geom, facing up if it can move so; else as upright as it can."""
-    turned = first.data.geom_xmat[first.tip].reshape(3, 3)
-    axes = {"BOX": turned.T, "CYLINDER": turned.T[2:], "CAPSULE": turned.T[2:]}
-    normals = np.concatenate([axes.get(kind, np.eye(3)), -axes.get(kind, np.eye(3))])
+def _touching(pressed: Pressed, kind: str) -> Pressed | None:
+    """Put the surface where it touches the geom, facing as far up as the geom can move against it.
+
+    None where the geom moves against none.
+    """
+    turned = pressed.data.geom_xmat[pressed.tip].reshape(3, 3)
+    own = {"BOX": turned.T, "CYLINDER": turned.T[2:], "CAPSULE": turned.T[2:]}.get(kind, np.eye(3))
+    normals = np.round(np.concatenate([own, -own]), 15)
+    centre = np.array(pressed.data.geom_xpos[pressed.tip])
     for normal in normals[np.argsort(-normals[:, 2], kind="stable")]:
-        unit = _triple(np.round(normal, 15))
-        below = _triple(-_FAR * np.asarray(unit))
-        tried = _pressed(path, geom, (_ANY,), Place(below, unit))
-        line = np.zeros(6)
-        far = tried.mujoco.mj_geomDistance(
-            tried.model, tried.data, tried.pads[0], tried.tip, 10.0 * _FAR, line
-        )
-        at = np.asarray(below) + far * np.asarray(unit) + _beside(line[3:], np.asarray(unit))
-        place = Place(_triple(at), unit)
-        there = Pressed(
-            first.mujoco, tried.model, tried.data, tried.tip, tried.pads, place, tried.surface
-        )
+        far = _faced(pressed, Place(_triple(centre - _FAR * normal), _triple(normal)))
+        pads, line = far.pads[0], np.zeros(6)
+        gap = far.mujoco.mj_geomDistance(far.model, far.data, pads, far.tip, 2.0 * _FAR, line)
+        there = _faced(far, Place(_triple(centre + (gap - _FAR) * normal), _triple(normal)))
         out = there.along()
         if np.isfinite(out).all() and float(out @ out) < _STUCK**-2:
-            return place
-    raise InvalidParameterError(f"geom {geom} of {path.name} cannot move against a surface")
+            return there
+    return None
+
+
+def _faced(pressed: Pressed, place: Place) -> Pressed:
+    """Move the surface to another place."""
+    pressed.data.mocap_pos[pressed.surface] = place.position
+    pressed.data.mocap_quat[pressed.surface] = _turn(np.asarray(place.normal))
+    pressed.mujoco.mj_forward(pressed.model, pressed.data)
+    return replace(pressed, place=place)
 
 
 def _triple(values: Floats) -> tuple[float, float, float]:
     x, y, z = values.tolist()
     return x, y, z
-
-
-def _beside(point: Floats, normal: Floats) -> Floats:
-    """Of a point what is along the surface, so that it is placed below the tip."""
-    along: Floats = point - float(point @ normal) * normal
-    return along
 
 
 def _turn(normal: Floats) -> Floats:

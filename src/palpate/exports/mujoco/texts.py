@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from xml.etree import ElementTree
 
+import numpy as np
+
 from palpate.exports.mujoco.rows import Row, Rows
 from palpate.exports.text import digits, xml_comment
 
@@ -67,7 +69,8 @@ class Place:
 
 def pads(count: int, place: Place, indent: str = "    ") -> str:
     """The surfaces, one a row: massless, static, and met by the pairs alone."""
-    position, normal = _numbers(place.position), _numbers(place.normal)
+    # To a picometre: what is beyond is rounding.
+    position, normal = _numbers(np.round(place.position, 12).tolist()), _numbers(place.normal)
     turned = "" if place.normal == (0.0, 0.0, 1.0) else f' zaxis="{normal}"'
     return "\n".join(
         f'{indent}<geom name="{name}" type="plane" pos="{position}"{turned} size="0.1 0.1 0.01" '
