@@ -13,6 +13,7 @@ from palpate.exports.mujoco.engine import _too_narrow
 from palpate.exports.mujoco.robot import _pressed
 from palpate.exports.mujoco.rows import Row, Rows
 from palpate.exports.mujoco.texts import Place
+from palpate.force_laws import engines
 
 mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 
@@ -102,7 +103,11 @@ def test_kelvin_voigt_is_read_back_from_one_contact():
     columns = np.column_stack([SHORT.penetration, SHORT.velocity])
     found = np.linalg.lstsq(columns, fragment.replay(SHORT).force, rcond=None)[0]
     assert found == pytest.approx([2000.0, 16.6], rel=1e-3)
-    assert fragment.numbers["pair0 solref[0]"] == pytest.approx(-2000.0 * (1.0 - 1e-4))
+    [row] = fragment.rows.rows
+    law = engines.mujoco(
+        solref=(-row.spring, -row.damper), solimp=row.solimp, inverse_mass=fragment.mobility
+    )
+    assert law.parameters == pytest.approx(KELVIN_VOIGT.parameters)
 
 
 @pytest.mark.parametrize("mass", [0.1, 1.0, 10.0])
@@ -189,6 +194,24 @@ def test_the_callback_leaves_other_models_and_the_callback_before_it_alone():
         mujoco.set_mjcb_passive(None)
 
 
+def test_the_callback_runs_as_a_program_and_in_the_users_own_model(model, monkeypatch, capsys):
+    path = model(ARM.format(more=""))
+    fragment = fitted(LAWS["ball"], model=path, geom="tip", mass=None, form="callback")
+    assert error(fragment, SHORT) < 1e-10
+    files = fragment.files([])
+    for name, text in files.items():
+        (path.parent / name).write_text(text, encoding="utf-8")
+    mujoco.MjModel.from_xml_path(str(path.parent / "robot_scene.xml")).geom("palpate_pad")
+    small = fitted(LAWS["ball"], form="callback").files([])
+    (path.parent / "scene.xml").write_text(small["scene.xml"], encoding="utf-8")
+    monkeypatch.chdir(path.parent)
+    exec(small["palpate_contact.py"], {"__name__": "__main__"})
+    peak, leaves = (float(word) for word in capsys.readouterr().out.split() if word[0].isdigit())
+    drop = drop_to(LAWS["ball"], 1.0, MOTION.deepest)
+    assert leaves / drop.speed == pytest.approx(drop.restitution, rel=5e-3)
+    assert peak > 2000.0 * MOTION.deepest
+
+
 def test_a_replay_leaves_no_callback_behind_when_it_fails(monkeypatch):
     fragment = fitted(LAWS["ball"], form="callback")
     for run in (
@@ -210,6 +233,23 @@ def test_an_exponent_below_one_is_the_callbacks():
         fitted(law, form="pair")
     with pytest.raises(InvalidParameterError, match="no damping below 0"):
         fitted(GeneralisedHuntCrossley(2000.0, 1.0, -20.0, 1.0), form="pair")
+    # Its nearest K x + B v has no damper: a negative one would make solref positive.
+    law = GeneralisedHuntCrossley(2000.0, 1.0, -20.0, 0.0)
+    assert fitted(law, form="kelvin-voigt").rows.rows[0].damper == 0.0
+
+
+@pytest.mark.slow
+@pulling
+def test_a_law_that_pulls_where_a_body_leaves_is_carried_by_contacts_that_do_not():
+    law = GeneralisedHuntCrossley(2e4, 1.5, 300.0, 0.5)
+    drop = drop_to(law, 1.0, 0.012)
+    auto, pair = (fitted(law, form=form) for form in ("auto", "pair"))
+    assert auto.form == "two-contacts"
+    assert error(auto) < 0.6
+    # By 7 % too low of the pair.
+    assert auto.rebound(drop) == pytest.approx(drop.restitution, rel=0.03)
+    assert pair.rebound(drop) < 0.95 * drop.restitution
+    assert any("the pair pulls" in each for each in pair.warnings)
 
 
 @pytest.mark.slow
@@ -306,6 +346,7 @@ def test_a_mesh_is_refused(model):
         (ARM, "finger", "no 'finger'; there are floor, palm, tip"),
         (ARM, "floor", "floor is a plane"),
         (ARM.replace("</worldbody>", ""), "tip", "MuJoCo cannot read it"),
+        (BOX.replace("foot", "palpate_pad"), "palpate_pad", "take the earlier export out"),
         (BOX.replace("<freejoint/>", ""), "foot", "stands in the world"),
         (BOX.replace('mass="2"', 'mass="0"'), "foot", "MuJoCo cannot compile it"),
     ],
@@ -320,10 +361,14 @@ def test_a_model_that_is_not_there_is_told_in_words(tmp_path):
         fitted(KELVIN_VOIGT, model=tmp_path / "robot.xml", geom="tip", mass=None)
 
 
-def test_a_model_that_overrides_its_contacts_is_refused(model):
-    text = BOX.replace("<worldbody>", '<option><flag override="enable"/></option><worldbody>', 1)
+@pytest.mark.parametrize(
+    "flag, words",
+    [("override='enable'", "overrides every contact"), ("contact='disable'", "contacts off")],
+)
+def test_a_model_whose_options_undo_the_contact_is_refused(model, flag, words):
+    text = BOX.replace("<worldbody>", f"<option><flag {flag}/></option><worldbody>", 1)
     fragment = fitted(KELVIN_VOIGT, model=model(text), geom="foot", mass=None)
-    assert "overrides every contact" in fragment.refusals[0]
+    assert words in fragment.refusals[-1]
 
 
 def test_a_slide_weighs_to_a_contact_what_its_body_weighs(model):
@@ -337,7 +382,8 @@ def test_a_slide_weighs_to_a_contact_what_its_body_weighs(model):
 def test_a_law_without_damping_is_one_row_and_a_shallow_one_says_so():
     fragment = fitted(GeneralisedHuntCrossley(2e4, 1.5, 0.0, 1.5), motion=SHORT)
     assert len(fragment.rows.rows) == 1
-    assert fragment.rows.rows[0].damper == 0.0
+    assert fragment.rows.rows[0].damper == fragment.rows.rows[0].adhesion == 0.0
+    assert error(fragment, SHORT) < 0.6
     assert any("mm of depth the force at rest is off" in each for each in fragment.warnings)
 
 

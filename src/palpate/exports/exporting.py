@@ -151,6 +151,10 @@ def _check(engine: Engine, asked: Asked, *, given_radius: bool) -> None:
         raise InvalidParameterError(
             f"form must be one of {known} for {engine.name}, not {asked.form!r}"
         )
+    if asked.model is not None and asked.mass is not None:
+        raise InvalidParameterError("give mass or model: what the contact feels is taken from one")
+    if asked.geom is not None and asked.model is None and "geom" in engine.takes:
+        raise InvalidParameterError("geom names one of a model: give that too, as --model FILE")
     given = {
         "model": asked.model is not None,
         "geom": asked.geom is not None,

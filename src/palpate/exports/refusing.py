@@ -77,7 +77,7 @@ def _warnings_of_the_result(source: Source, nearest: Nearest) -> list[str]:
         found.append(
             f"the law remembers, which no engine does: this is {nearest.which}, "
             f"{percent(nearest.error_percent)} of force from it on this motion, and more at "
-            "other speeds"
+            "other speeds; restitution is that of this one"
         )
     elif nearest.which:
         found.append(

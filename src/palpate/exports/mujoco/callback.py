@@ -87,9 +87,9 @@ if __name__ == "__main__":
     model = mujoco.MjModel.from_xml_path("scene.xml")
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
+    peak = 0.0
     with ExactContact(model) as contact:
-        peak = 0.0
-        while data.time < 10.0 and (data.time == 0.0 or contact.penetration > 0.0):
+        while data.qpos[0] <= 0.0 and data.time < 10.0:
             mujoco.mj_step(model, data)
             peak = max(peak, contact.force)
     print(f"peak force {{peak:.3f}} N; leaves at {{float(data.qvel[0]):.4f}} m/s")

@@ -24,8 +24,8 @@ PULLS = (3, 11)
 _OFF = 0.1
 
 _FRICTIONLESS = (
-    "the contact is frictionless (condim 1): with a pyramidal cone a condim of 3 would change the "
-    "force along the normal"
+    "the contact is frictionless (condim 1): a condim of 3 would change the force along the normal "
+    "under a pyramidal cone, and friction would grow with a pair's adhesion"
 )
 
 
@@ -63,7 +63,7 @@ class MuJoCo(Engine):
         if rows is None:
             return _as_callback(asked, mobility, robot)
         made = _in_rows(form, asked, rows, robot)
-        if form != "pair" or self.pulls():
+        if self.pulls() or not any(row.adhesion for row in rows.rows):
             return made
         words = f"MuJoCo {self.version()} is too old for the adhesion of a pair: not replayed here"
         return replace(made, runs=False, warnings=(*made.warnings, words))
@@ -90,12 +90,13 @@ class MuJoCo(Engine):
     def _ways(self, law: GeneralisedHuntCrossley) -> tuple[str, ...]:
         if is_kelvin_voigt(law):
             return ("kelvin-voigt",)
+        if law.damping == 0.0:
+            return ("pair",)
         if not self.pulls():
             return ("two-contacts",)
         # A law whose damper is stronger than its spring near the surface pulls there, and so does a
         # pair: where a body leaves, rows that only push may be nearer.
-        leaves = law.damping == 0.0 or law.damping_exponent >= law.exponent
-        return ("pair",) if leaves else ("pair", "two-contacts")
+        return ("pair",) if law.damping_exponent >= law.exponent else ("pair", "two-contacts")
 
     def pulls(self) -> bool:
         """Whether the contacts of the installed version may pull; of the newest, without any."""
@@ -203,6 +204,12 @@ def _about(form: str, asked: Asked, rows: Rows) -> tuple[str, ...]:
     if rising:
         widest = min(row.solimp[2] + row.inset for row in rising)
         words.append(f"deeper than {1e3 * widest:.3g} mm the force no longer follows the law")
+    law = asked.law
+    if form == "pair" and law.damping and law.damping_exponent < law.exponent:
+        words.append(
+            "where a body leaves, the pair pulls as the law does, which a real contact does not: "
+            "for impacts take two-contacts or the callback (--form)"
+        )
     shallow = _shallow(asked.law, rows, asked.motion.deepest)
     if shallow:
         words.append(

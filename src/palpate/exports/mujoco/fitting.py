@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from palpate.errors import InvalidParameterError
 from palpate.exports.errors import drop_to, force_error
 from palpate.exports.motion import Motion
 from palpate.exports.mujoco import profiles
@@ -44,6 +45,13 @@ def depths_that_count(motion: Motion) -> Floats:
 def single(law: GeneralisedHuntCrossley, motion: Motion, mobility: float, contacts: int) -> Rows:
     """One row: the nearest Kelvin–Voigt law, S = K (1 − d) Â and D = B (1 − d) Â at d = 1e-4."""
     nearest = kelvin_voigt(law, motion)
+    if not (nearest.stiffness > 0.0 and nearest.damping >= 0.0):
+        # solref would turn positive, which is another format with another meaning.
+        raise InvalidParameterError(
+            f"form kelvin-voigt: the nearest K x + B v has K = {nearest.stiffness:.3g} N/m and B = "
+            f"{nearest.damping:.3g} N·s/m, and MuJoCo takes none below 0: take the callback "
+            "(--form callback)"
+        )
     share = (1.0 - LEAST) * mobility / contacts
     solimp = (LEAST, LEAST, _ROOM * motion.deepest, 0.5, 2.0)
     row = Row(share * nearest.stiffness, share * nearest.damping, solimp)
@@ -54,7 +62,8 @@ def pair(law: GeneralisedHuntCrossley, motion: Motion, mobility: float, contacts
     """A spring and a damper, each a row that may pull: F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0."""
     depths, share = depths_that_count(motion), mobility / contacts
     strongest = float(np.abs(motion.force_by(law)[motion.judged]).max())
-    adhesion = float(f"{_ADHESION * strongest / contacts:.2g}")
+    # Without a damper nothing has to pull.
+    adhesion = float(f"{_ADHESION * strongest / contacts:.2g}") if law.damping else 0.0
     shape = _spring(law, depths)
     high = shape.solimp[1]
     spring = Row(shape.scale * high**2 * share, 0.0, shape.solimp, shape.inset, adhesion)

@@ -13,15 +13,13 @@ from palpate.exports.errors import Drop, drop_to
 from palpate.exports.motion import Motion
 from palpate.exports.mujoco import callback, texts
 from palpate.exports.mujoco.pressing import Pressed
-from palpate.exports.mujoco.rebounding import rebound
+from palpate.exports.mujoco.rebounding import MOST_STEPS, rebound
 from palpate.exports.mujoco.robot import Robot, compiled
 from palpate.exports.mujoco.rows import Rows
 from palpate.exports.mujoco.texts import PADS, TIP, Place
 from palpate.lab.robot import require_mujoco
 from palpate.validation import Floats
 
-# Simulated seconds after which a body that has not come back stays.
-_LONGEST = 20.0
 #: How the real engine was moved, in words.
 BY_INVERSE = "by mj_inverse, state by state"
 
@@ -58,6 +56,11 @@ class _InMuJoCo(Fragment):
         return texts.scene(
             rows, mass=1.0 / self.mobility, time_step=step, speed=speed, depth=depth, notes=notes
         )
+
+    @property
+    def how(self) -> str:
+        """How the real engine is moved, in words."""
+        return BY_INVERSE if self.robot is None else f"{BY_INVERSE}, in {self.robot.path.name}"
 
     def scene_rows(self) -> Rows | None:
         """The rows of the scene, whose tip has one contact."""
@@ -128,7 +131,7 @@ class InRows(_InMuJoCo):
         if not self.runs:
             return None
         try:
-            return Replayed(self.pressed().along_motion(motion), BY_INVERSE)
+            return Replayed(self.pressed().along_motion(motion), self.how)
         except MissingExtraError:
             return None
 
@@ -150,7 +153,10 @@ class AsCallback(_InMuJoCo):
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the module, and a scene for it."""
-        return self._files({"palpate_contact.py": self._module(notes)}, notes)
+        files = {"palpate_contact.py": self._module(notes)}
+        if self.robot is not None:
+            files["contact.xml"] = texts.fragment(None, self.tip, self.place, notes)
+        return self._files(files, notes)
 
     def _module(self, notes: Sequence[str] = ()) -> str:
         return callback.module_text(self.asked.law, self.tip, PADS[0], notes)
@@ -178,7 +184,7 @@ class AsCallback(_InMuJoCo):
                 pressed.data.qvel[:] = -motion.velocity[k] * out
                 pressed.mujoco.mj_inverse(pressed.model, pressed.data)
                 force[k] = contact.force
-        return Replayed(force, BY_INVERSE)
+        return Replayed(force, self.how)
 
     def rebound(self, drop: Drop) -> float | None:
         """Restitution in the small scene, with the callback installed."""
@@ -199,7 +205,7 @@ def _thrown(mujoco: Any, model: Any) -> float:
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     first = float(data.qvel[0])
-    while data.time < _LONGEST:
+    for _ in range(MOST_STEPS):
         mujoco.mj_step(model, data)
         if data.qpos[0] >= 0.0:
             return max(float(data.qvel[0]), 0.0) / -first

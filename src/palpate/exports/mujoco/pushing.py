@@ -94,10 +94,10 @@ def _impact(law: GeneralisedHuntCrossley, drop: Drop) -> Floats:
         if not x > 0.0:
             break
         course.append((x, v, a))
-    states = np.array(course).reshape(-1, 3)
-    if not course:
-        return np.asarray(states.T)
-    return np.asarray(states[np.linspace(0, len(course) - 1, _SAMPLES[1]).astype(int)].T)
+    states: Floats = np.array(course).reshape(-1, 3)
+    if course:
+        states = states[np.linspace(0, len(course) - 1, _SAMPLES[1]).astype(int)]
+    return states.T
 
 
 @dataclass(frozen=True, slots=True)

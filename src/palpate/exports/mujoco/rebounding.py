@@ -9,8 +9,8 @@ from palpate.exports.mujoco.rows import Row, Rows
 
 # Points of the table that a drop is integrated with.
 _TABLE = 2000
-# A body that has not come back by then stays.
-_MOST_STEPS = 20_000
+#: A body that has not come back by then stays: a half period is some ten steps that are stable.
+MOST_STEPS = 20_000
 
 
 def rebound(rows: Rows, drop: Drop, step: float) -> float:
@@ -30,7 +30,7 @@ def rebound(rows: Rows, drop: Drop, step: float) -> float:
     spacing = deepest / _TABLE
     # Where the tip touches, MuJoCo has no contact yet: the first step is free flight.
     x, v = step * drop.speed, drop.speed
-    for _ in range(_MOST_STEPS):
+    for _ in range(MOST_STEPS):
         place = min(x / spacing, _TABLE - 1.0)
         k = int(place)
         part = place - k

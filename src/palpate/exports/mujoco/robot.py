@@ -93,7 +93,7 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
         path,
         geom,
         mobility,
-        max(counts) if len(counts) == 1 else 1,
+        max(1, *counts) if len(counts) == 1 else 1,
         place,
         float(model.opt.timestep),
         _warnings(kind, geom, counts),
@@ -122,6 +122,10 @@ def _pressed(path: Path, geom: str, rows: tuple[Row, ...], place: Place) -> Pres
         names = _names(spec)
         raise InvalidParameterError(
             f"geom: {path.name} has no {geom!r}; there are {', '.join(names) or 'none with a name'}"
+        )
+    if {*PADS, _SURFACE} & {each.name for each in [*spec.geoms, *spec.bodies]}:
+        raise InvalidParameterError(
+            f"model: {path.name} has a {PADS[0]} already: take the earlier export out of it"
         )
     # A body that is moved by hand has no mass and no inverse mass: to a contact it is the world.
     surface = spec.worldbody.add_body(
@@ -227,6 +231,8 @@ def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -
             f"{geom} is a {kind.lower()}, with which MuJoCo makes 1 to 3 contacts as it likes, and "
             "up to 3 times the force: give it a sphere, a capsule or a box to touch with"
         )
+    elif counts == {0}:
+        found.append(f"{geom} makes no contact with a surface in this model")
     elif len(counts) > 1:
         found.append(
             f"{geom} touches with {min(counts)} to {max(counts)} contacts, depending on depth, "
@@ -235,5 +241,5 @@ def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -
     if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         found.append("the model overrides every contact's solref and solimp: <flag override>")
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
-        found.append("the model has no contacts at all: <flag contact>")
+        found.append("the model switches contacts off: <flag contact>")
     return tuple(found)

@@ -102,10 +102,12 @@ def contact(rows: Rows, tip: str) -> str:
     return "\n".join([*lines, "  </contact>"])
 
 
-def fragment(rows: Rows, tip: str, place: Place, notes: Sequence[str]) -> str:
-    """What is to be pasted into a model, or included by it."""
+def fragment(rows: Rows | None, tip: str, place: Place, notes: Sequence[str]) -> str:
+    """What is to be pasted into a model, or included by it; without rows the surface alone."""
     return FRAGMENT.format(
-        comment=xml_comment(notes), pads=pads(len(rows.rows), place), contact=contact(rows, tip)
+        comment=xml_comment(notes),
+        pads=pads(1 if rows is None else len(rows.rows), place),
+        contact="" if rows is None else contact(rows, tip),
     )
 
 
