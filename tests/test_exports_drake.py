@@ -34,8 +34,8 @@ NAMESPACE = "{http://drake.mit.edu}"
         (BALL_LAW, "point", 1e-10),
         (SPONGE_LAW, "point", 1e-10),
         (KELVIN_VOIGT_LAW, "sap", 1e-10),
-        (HERTZ_LAW, "nested-spheres", 0.5),
-        (PVC_LAW, "nested-spheres", 0.5),
+        (HERTZ_LAW, "nested-spheres", 0.25),
+        (PVC_LAW, "nested-spheres", 0.25),
         # Its damper is not Hunt and Crossley's, and small.
         (HALF_SPACE_LAW, "nested-spheres", 1.0),
         # An identified exponent is never exactly 1.
@@ -62,8 +62,8 @@ def test_spheres_in_one_another_are_a_power_law_of_the_same_dissipation(exponent
     assert (np.diff(spheres.gaps) > 0.0).all()
     assert (spheres.stiffness > 0.0).all()
     assert spheres.dissipation == pytest.approx(2.0)
-    # As few as that: a tenth of what is refused.
-    assert len(spheres.gaps) <= 6
+    # So few are enough.
+    assert len(spheres.gaps) <= 8
 
 
 def test_spheres_carry_a_damper_of_another_power_each_by_its_own_dissipation() -> None:
