@@ -313,6 +313,20 @@ def test_what_an_engine_can_do_nothing_with_is_refused_rather_than_ignored(toy):
         palpate.exports.engine_called("unity")
 
 
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({}, "the mass that it feels"),
+        ({"mass": 1.0, "model": "robot.xml"}, "give mass or model"),
+        ({"geom": "tip"}, "geom names one of a model"),
+    ],
+    ids=["nothing", "both", "geom alone"],
+)
+def test_mujoco_is_told_what_the_contact_feels_in_one_way(given, words):
+    with pytest.raises(InvalidParameterError, match=words):
+        exports.export(BALL.law, "mujoco", **given)
+
+
 def test_every_engine_is_found_by_its_name_and_none_is_imported_for_that():
     assert exports.engines() == tuple(MODULES)
     for name in exports.engines():
