@@ -198,3 +198,9 @@ def test_a_step_that_damps_more_than_the_law_is_warned_of() -> None:
     coarse = engine.fit(asked(BALL_LAW, time_step=1e-3))
     assert any("damps a body by 2 N·s/m" in words for words in coarse.warnings)
     assert not engine.fit(asked(BALL_LAW, time_step=1e-4)).warnings
+
+
+def test_sap_needs_time_steps() -> None:
+    with pytest.raises(InvalidParameterError, match="time_step must be above 0"):
+        fitted("drake", KELVIN_VOIGT_LAW, form="sap", time_step=0.0)
+    assert fitted("drake", KELVIN_VOIGT_LAW, time_step=0.0).form == "point"

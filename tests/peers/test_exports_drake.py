@@ -126,3 +126,19 @@ def test_the_scene_runs(law, further, tmp_path) -> None:
         [sys.executable, tmp_path / "scene.py"], capture_output=True, text=True, check=True
     )
     assert "of the speed" in ran.stdout
+
+
+@pytest.mark.parametrize("law", [BALL_LAW, PVC_LAW], ids=["ball", "pvc"])
+def test_without_time_steps_impacts_are_the_laws(law, tmp_path) -> None:
+    fragment = fitted("drake", law, time_step=0.0)
+    drop = drop_to(law, 1.0, 12e-3)
+    assert fragment.rebound(drop) == pytest.approx(drop.restitution, rel=1e-3)
+    assert fragment.predicted_rebound(drop) == pytest.approx(drop.restitution, rel=1e-3)
+    replayed, predicted = replayed_percent(fragment, 50)
+    assert abs(replayed - predicted) < 1e-6
+    for name, text in fragment.files(()).items():
+        (tmp_path / name).write_text(text)
+    ran = subprocess.run(
+        [sys.executable, "scene.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert "of the speed" in ran.stdout

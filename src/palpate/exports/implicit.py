@@ -21,9 +21,14 @@ _BY_LAW = 2000
 _MOST_TRIES = 60
 
 
+def time_down(drop: Drop) -> float:
+    """How long the way down takes, s, or nearly: a quarter period, π/2 x/v₀ of a spring."""
+    return 0.5 * math.pi * drop.depth / drop.speed
+
+
 def steps_down(drop: Drop, step: float) -> float:
-    """How many steps the way down takes, or nearly: a quarter period, π/2 x/v₀ of a spring."""
-    return 0.5 * math.pi * drop.depth / (drop.speed * step)
+    """How many steps the way down takes, or nearly; without steps it is without bound."""
+    return time_down(drop) / step if step > 0.0 else math.inf
 
 
 def rebound_by_steps(force: Pointwise, drop: Drop, step: float) -> float:
@@ -38,11 +43,11 @@ def rebound_by_steps(force: Pointwise, drop: Drop, step: float) -> float:
     drop : Drop
         What falls, and how fast.
     step : float
-        h, s, > 0.
+        h, s; 0 of an engine without steps.
     """
     steps = steps_down(drop, step)
     if steps > _FINE:
-        return rebound(force, drop.mass, drop.speed, step * steps / _BY_LAW)
+        return rebound(force, drop.mass, drop.speed, time_down(drop) / _BY_LAW)
     x, v = 0.0, drop.speed
     for _ in range(math.ceil(LONGEST * steps) + 10):
         v = _after(force, drop.mass, step, x, v)

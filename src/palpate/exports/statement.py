@@ -187,8 +187,10 @@ class Statement:
         return f"{named}, {self.fragment.form}"
 
     def _force(self) -> str:
-        if self.exact:
+        if self.exact and self.compared.replayed:
             return "exact: the engine has this law"
+        if self.exact:
+            return "exact, as the engine is documented (not replayed here)"
         how = "replayed" if self.compared.replayed else "predicted, not replayed here"
         return f"within {percent(self.compared.percent)} of the law's force ({how})"
 

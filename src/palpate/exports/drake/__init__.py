@@ -84,7 +84,8 @@ class Drake(Engine):
 def _nearest(asked: Asked) -> DrakeContact:
     """By the law: exactly where it is one of Drake's, else the smallest error predicted."""
     law = asked.law
-    if is_kelvin_voigt(law) and law.damping > 0.0:
+    steps = asked.time_step > 0.0  # without them there is no SAP
+    if steps and is_kelvin_voigt(law) and law.damping > 0.0:
         return _sap(asked)
     found: DrakeContact
     if law.exponent <= 1.0:
@@ -94,7 +95,7 @@ def _nearest(asked: Asked) -> DrakeContact:
         form = "nested-spheres" if spheres.gaps.size > 1 else "point"
         found = _point(asked, form, spheres)
     # SAP's damper does not grow with depth: not for a law of which it grows nearly as the force.
-    if law.damping > 0.0 and law.damping_exponent < 0.5 * law.exponent:
+    if steps and law.damping > 0.0 and law.damping_exponent < 0.5 * law.exponent:
         return min(found, _sap(asked), key=_error)
     return found
 
@@ -232,6 +233,10 @@ def _hydroelastic(asked: Asked) -> DrakeContact:
 
 
 def _sap(asked: Asked) -> DrakeContact:
+    if asked.time_step == 0.0:
+        raise InvalidParameterError(
+            "time_step must be above 0 for Drake's SAP, which solves for the end of a step"
+        )
     law = _pushing(kelvin_voigt(_dissipating(asked.law), asked.motion))
     return SapContact(
         form="sap",

@@ -72,7 +72,8 @@ class DrakeContact(Fragment):
 
     def rebound(self, drop: Drop) -> float | None:
         """Restitution in Drake, by steps of the time step; None of a drop that takes too many."""
-        if steps_down(drop, self.setting.time_step) > self.most_steps:
+        step = self.setting.time_step
+        if step > 0.0 and steps_down(drop, step) > self.most_steps:
             return None
         return rebound(Plant(self._text(), self.setting), drop)
 
@@ -88,6 +89,8 @@ class DrakeContact(Fragment):
         )
 
     def _plant_in_words(self) -> str:
+        if self.setting.time_step == 0.0:
+            return "continuous time"
         return f"{1e3 * self.setting.time_step:.3g} ms, {self.setting.approximation}"
 
 

@@ -125,7 +125,7 @@ slide.set_translation_rate(context, SPEED)
 
 deepest, time = 0.0, 0.0
 while time < 10.0:
-    time += CONFIGURATION.time_step
+    time += CONFIGURATION.time_step or 1e-3
     simulator.AdvanceTo(time)
     depth, speed = slide.get_translation(context), slide.get_translation_rate(context)
     deepest = max(deepest, depth)
