@@ -274,6 +274,7 @@ def test_a_contact_needs_the_mass_that_it_feels():
         fitted(KELVIN_VOIGT, mass=None)
 
 
+@pulling
 def test_a_mass_that_the_contact_adds_is_told_where_it_counts():
     # A tonne on a material of 3 N: two rows of d = 1e-4 add 0.2 kg.
     soft = GeneralisedHuntCrossley(300.0, 1.0, 4.0, 0.0)
@@ -409,6 +410,7 @@ def test_rows_that_only_push_are_clipped_one_by_one():
     assert fragment.replay(motion).force == pytest.approx([20.0 * scale, 170.0 * scale])
 
 
+@pulling
 def test_an_exponent_just_below_one_is_written_as_one_and_a_lower_one_is_a_callback():
     law = GeneralisedHuntCrossley(300.0, 0.9987, 3000.0, 0.9987)
     pair = fitted(law)
