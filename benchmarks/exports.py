@@ -6,9 +6,6 @@ out. ``docs/exports.md`` keeps the tables.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
-from functools import lru_cache
-from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
 
@@ -19,37 +16,19 @@ from rich.console import Console
 import palpate
 from benchmarks import machine, report
 from benchmarks.export_identification import measure_system_identification
+from benchmarks.export_laws import LAWS, MODULES, made, there, tip
+from benchmarks.export_round_trip import measure_round_trip
 from benchmarks.report import Limit, Row, Section
-from palpate import HuntCrossley, KelvinVoigt, exports, lab
+from palpate import KelvinVoigt, exports
 from palpate.exports.errors import drop_to
-from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.writing import check_outputs, write_text
 
 app = App(name="python -m benchmarks.exports", help_format="plaintext", version_flags=[])
 
-LAWS: dict[str, ForceLaw] = {
-    "ball": lab.BALL.law,
-    "sponge": lab.SPONGE.law,
-    "n = 1.5": HuntCrossley(2e4, 3e4, 1.5),
-    "PVC": lab.PVC.law,
-}
-MODULES = {"drake": "pydrake", "opensim": "opensim", "pybullet": "pybullet", "mujoco": "mujoco"}
 RECORDINGS = Path(__file__).parents[1] / "examples" / "recordings"
 # m, of the drops whose restitution is compared; the second where little of the damping is left.
 DEPTH, SHALLOW = 12e-3, 3.6e-3
-RADIUS = 30e-3  # m, of the tip, where an engine's law has it
-SEEDS, NOISE = 20, 0.05  # of round trips; N
-
-
-@lru_cache(maxsize=64)
-def made(law: str, to: str, form: str = "auto", mass: float = 1.0) -> exports.Export:
-    """An export of one of the laws, by whichever error."""
-    return exports.export(LAWS[law], to, form=form, mass=mass, allow=True, tip_radius=tip(to, form))
-
-
-def tip(to: str, form: str = "auto") -> float | None:
-    """Its radius, m, for the engines whose law has it."""
-    return RADIUS if to == "opensim" or form == "hydroelastic" else None
 
 
 def error(law: str, to: str, form: str = "auto", mass: float = 1.0) -> float:
@@ -232,55 +211,6 @@ def words(found: exports.Statement) -> str:
     three = (errors.percent, errors.against_measured_percent, errors.law_leaves_percent)
     law, measured, leaves = (f"{each:.2g}" for each in three if each is not None)
     return f"{found.fragment.form}; {law} % of the law, {measured} of the measured ({leaves})"
-
-
-def measure_round_trip() -> Section:
-    """Export, record in the engine with 0.05 N of noise, identify: how far it is off."""
-    rows = []
-    for to, form, laws in (
-        ("mujoco", "pair", tuple(LAWS)),
-        ("mujoco", "callback", tuple(LAWS)),
-        ("drake", "auto", tuple(LAWS)),
-        ("opensim", "auto", ("n = 1.5",)),
-    ):
-        for law in laws if there(to) else ():
-            worst, literal, felt = round_trips(made(law, to, form), law)
-            name = f"{to}, {form}, {law}"
-            rows += [
-                Row(f"{name}: K, B, n", worst, "s.e.", limit=Limit(3.0)),
-                Row(f"{name}: K, B, n, taken literally", literal, "s.e."),
-                Row(f"{name}: stiffness or damping at depth, the mean", felt, "%"),
-            ]
-    notes = (
-        "The stated error ε is one of force. It moves a parameter by s.e. · ε ‖F‖/σ at most, "
-        "which is taken off; literally it is that fraction of the parameter.",
-    )
-    return Section(f"Round trip: beyond the stated error, worst of {SEEDS} seeds", rows, notes)
-
-
-def round_trips(export: exports.Export, law: str) -> tuple[float, float, float]:
-    """Worst of K, B and n, twice, in standard errors; bias of stiffness or damping at depth, %."""
-    bench = lab.Bench(exports.Pressed(export), lab.THREE_SINES, lab.IdealProbe(), lab.PERFECT)
-    clean, truth = bench.run(seed=0).contact, LAWS[law]
-    stated = 0.01 * export.statement.compared.percent
-    worst, literal, felt = [], [], []
-    for seed in range(SEEDS):
-        noise = NOISE * np.random.default_rng(seed).standard_normal(len(clean))
-        result = palpate.identify(replace(clean, force=clean.force + noise), trace=False)
-        off = np.abs(result.law.parameters - truth.parameters)
-        errors = result.standard_errors
-        size = float(np.linalg.norm(result.contact.force[result.trace.taken]))
-        worst.append(float((off / errors).max()) - stated * size / NOISE)
-        literal.append(float(((off - stated * truth.parameters) / errors).max()))
-        there_ = result.working_depths[0]
-        real = np.array([truth.stiffness_at(there_.depth), truth.damping_at(there_.depth)])
-        felt.append(np.array([there_.stiffness.value, there_.damping.value]) / real - 1.0)
-    return max(0.0, *worst), max(0.0, *literal), 100.0 * float(np.abs(np.mean(felt, axis=0)).max())
-
-
-def there(engine: str) -> bool:
-    """Whether an engine is installed."""
-    return find_spec(MODULES[engine]) is not None
 
 
 SECTIONS: tuple[Callable[[], Section], ...] = (

@@ -9,6 +9,7 @@ from palpate.errors import ExportRefusedError, InvalidParameterError
 from palpate.exports.asked import Asked
 from palpate.exports.comparing import compared
 from palpate.exports.engine import Engine, Fragment
+from palpate.exports.nearest import Nearest
 from palpate.exports.refusing import refusals, warnings
 from palpate.exports.registry import engine_called
 from palpate.exports.source import Exportable, Source
@@ -122,9 +123,19 @@ def export(
         form=form,
     )
     _check(engine, asked, given_radius=tip_radius is not None)
+    statement = _stated(engine, source, nearest, asked, replay=replay, allow=allow)
+    if statement.refused:
+        raise ExportRefusedError(f"{engine.title}: {statement.claim}", statement)
+    return Export(statement, statement.fragment, statement.fragment.files(statement.notes()))
+
+
+def _stated(
+    engine: Engine, source: Source, nearest: Nearest, asked: Asked, *, replay: bool, allow: bool
+) -> Statement:
+    """Fit, replay and judge."""
     fragment = engine.fit(asked)
     found = compared(source, nearest, fragment, replay=replay and engine.version() is not None)
-    statement = Statement(
+    return Statement(
         source,
         nearest,
         engine,
@@ -134,9 +145,6 @@ def export(
         warnings(source, nearest, fragment, found),
         allow,
     )
-    if statement.refused:
-        raise ExportRefusedError(f"{engine.title}: {statement.claim}", statement)
-    return Export(statement, fragment, fragment.files(statement.notes()))
 
 
 def save_refusal(statement: Statement, folder: Path, inputs: Sequence[Path] = ()) -> list[Path]:

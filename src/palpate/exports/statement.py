@@ -136,24 +136,10 @@ class Statement:
             "warnings": list(self.warnings),
             "replayed": found.replayed,
             "how": found.how or None,
-            "error_percent": {
-                "against_law": _defined(found.percent),
-                "predicted": _defined(found.predicted_percent),
-                "against_measured": _defined(found.against_measured_percent),
-                "law_leaves": _defined(found.law_leaves_percent),
-                "nearest": _defined(self.nearest.error_percent),
-            },
+            "error_percent": self._errors(),
             "depths": [source.motion.shallowest, source.motion.deepest],
             "fastest": source.motion.fastest,
-            "drop": {
-                "mass": found.drop.mass,
-                "speed": _defined(found.drop.speed),
-                "depth": found.drop.depth,
-                "restitution_of_law": _defined(found.drop.restitution),
-                "restitution": _defined(found.rebound),
-                "error_percent": _defined(found.rebound_percent),
-                "replayed": found.replayed_rebound is not None,
-            },
+            "drop": self._drop(),
             "law": {"kind": source.law.kind, **law},
             "standard_errors": (
                 None
@@ -172,6 +158,28 @@ class Statement:
             "source": source.name or None,
             "motion": source.motion.source,
             "verdict": None if source.verdict is None else source.verdict.as_dict(),
+        }
+
+    def _errors(self) -> dict[str, float | None]:
+        found = self.compared
+        return {
+            "against_law": _defined(found.percent),
+            "predicted": _defined(found.predicted_percent),
+            "against_measured": _defined(found.against_measured_percent),
+            "law_leaves": _defined(found.law_leaves_percent),
+            "nearest": _defined(self.nearest.error_percent),
+        }
+
+    def _drop(self) -> dict[str, Any]:
+        found, drop = self.compared, self.compared.drop
+        return {
+            "mass": drop.mass,
+            "speed": _defined(drop.speed),
+            "depth": drop.depth,
+            "restitution_of_law": _defined(drop.restitution),
+            "restitution": _defined(found.rebound),
+            "error_percent": _defined(found.rebound_percent),
+            "replayed": found.replayed_rebound is not None,
         }
 
     def _own(self) -> dict[str, float]:
