@@ -69,6 +69,7 @@ class Scaled(Fragment):
 class Toy(Engine):
     name: ClassVar[str] = "toy"
     title: ClassVar[str] = "Toy"
+    distribution: ClassVar[str] = "toy"
     forms: ClassVar[dict] = {"only": "the only way"}
     settings: ClassVar[dict] = {}
 
@@ -204,6 +205,16 @@ def test_a_claim_says_how_far_off_the_engine_was_and_how_that_is_known(toy, ball
     assert made.statement.claim in made.files["fragment.txt"]
     toy(runs=False)
     assert "predicted, not replayed here" in exports.export(ball, "toy").statement.claim
+
+
+def test_an_engine_that_does_not_load_is_said_and_its_error_predicted(toy, monkeypatch):
+    def broken(self, motion):
+        raise ImportError("numpy.core is gone")
+
+    monkeypatch.setattr(Scaled, "replay", broken)
+    made = exports.export(BALL.law, "toy")
+    assert "it does not load: numpy.core is gone" in str(made)
+    assert not made.statement.compared.replayed
 
 
 def test_an_exact_engine_is_called_exact_and_one_that_is_off_is_not(toy):

@@ -19,6 +19,8 @@ class Compared:
     ----------
     how : str
         How it was replayed; empty where it was not.
+    fails : str
+        Why an engine that is installed was not replayed all the same.
     predicted_percent : float
         Of the force that was predicted of the engine, against the law's.
     replayed_percent : float, optional
@@ -36,6 +38,7 @@ class Compared:
     """
 
     how: str
+    fails: str
     predicted_percent: float
     replayed_percent: float | None
     against_measured_percent: float | None
@@ -87,12 +90,17 @@ def compared(source: Source, nearest: Nearest, fragment: Fragment, *, replay: bo
     motion = whole if fragment.follows else whole.firm(most)
     law = law_along(source.law, whole, motion, most)
     predicted = fragment.predicted(motion)
-    ran = fragment.replay(motion) if replay else None
+    ran, fails = None, ""
+    try:
+        ran = fragment.replay(motion) if replay else None
+    except ImportError as error:  # installed, and yet it does not load
+        fails = " ".join(str(error).split())
     drop = drop_to(nearest.law, fragment.asked.mass_or_one, whole.deepest)
     measured = motion.force
     force = predicted if ran is None else ran.force
     return Compared(
         how="" if ran is None else ran.how,
+        fails=fails,
         predicted_percent=force_error(predicted, law, motion.judged),
         replayed_percent=None if ran is None else _against_law(ran, source.law, motion, law),
         against_measured_percent=_error(force, measured, motion),

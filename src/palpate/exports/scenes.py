@@ -9,12 +9,11 @@ import numpy as np
 from palpate.errors import RecordingError
 from palpate.exports.exporting import STATEMENT
 from palpate.exports.motion import Motion
-from palpate.exports.mujoco.pressing import Pressed
+from palpate.exports.mujoco.pressing import Pressed, engine_here
 from palpate.exports.mujoco.robot import compiled
 from palpate.exports.mujoco.texts import PADS, TIP, Place
 from palpate.exports.pressed import ideal_only, inside
 from palpate.lab.materials import Touch
-from palpate.lab.robot import require_mujoco
 from palpate.validation import Floats
 
 
@@ -67,7 +66,7 @@ class Scene:
 
 
 def _read(path: Path) -> Pressed:
-    mujoco = require_mujoco()
+    mujoco = engine_here()
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except Exception as error:  # the engine's own classes, of several kinds

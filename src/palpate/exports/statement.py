@@ -84,7 +84,9 @@ class Statement:
         else:
             why = f"{title} is not run here"
             if self.engine.distribution is not None:
-                why = f"{title} is not installed" if not self.engine.version() else "not asked for"
+                why = f"it does not load: {found.fails}" if found.fails else "not asked for"
+                if not self.engine.version():
+                    why = f"{title} is not installed: pip install 'palpate[{self.engine.extra}]'"
             how = f"Not replayed here ({why}): every error of the engine is a predicted one."
         three = f"Error of force against the law {percent(found.percent)}"
         if measured is not None and leaves is not None:

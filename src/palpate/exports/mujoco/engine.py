@@ -48,7 +48,7 @@ class MuJoCo(Engine):
         "callback": "the exact law, in a Python function that is called at every step",
     }
     distribution: ClassVar[str | None] = "mujoco"
-    extra: ClassVar[str] = "lab"
+    extra: ClassVar[str] = "exports"
     takes: ClassVar[frozenset[str]] = frozenset({"model", "geom"})
 
     def fit(self, asked: Asked) -> Fragment:

@@ -12,12 +12,11 @@ from palpate.exports.engine import Fragment, Replayed
 from palpate.exports.errors import Drop, drop_to
 from palpate.exports.motion import Motion
 from palpate.exports.mujoco import callback, texts
-from palpate.exports.mujoco.pressing import Pressed
+from palpate.exports.mujoco.pressing import Pressed, engine_here
 from palpate.exports.mujoco.rebounding import MOST_STEPS, rebound
 from palpate.exports.mujoco.robot import Robot, compiled
 from palpate.exports.mujoco.rows import Rows
 from palpate.exports.mujoco.texts import PADS, TIP, Place
-from palpate.lab.robot import require_mujoco
 from palpate.validation import Floats
 
 #: How the real engine was moved, in words.
@@ -71,7 +70,7 @@ class _InMuJoCo(Fragment):
         raise NotImplementedError
 
     def _small(self, count: int) -> Pressed:
-        mujoco = require_mujoco()
+        mujoco = engine_here()
         model = mujoco.MjModel.from_xml_string(self.scene(0.0))
         return compiled(mujoco, model, TIP, count, Place())
 
@@ -140,7 +139,7 @@ class InRows(_InMuJoCo):
         if not self.runs or not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
             return None
         try:
-            mujoco = require_mujoco()
+            mujoco = engine_here()
         except MissingExtraError:
             return None
         model = mujoco.MjModel.from_xml_string(self.scene(drop.speed))
@@ -191,7 +190,7 @@ class AsCallback(_InMuJoCo):
         if not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
             return None
         try:
-            mujoco = require_mujoco()
+            mujoco = engine_here()
         except MissingExtraError:
             return None
         model = mujoco.MjModel.from_xml_string(self.scene(drop.speed))

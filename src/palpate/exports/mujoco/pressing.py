@@ -7,7 +7,13 @@ import numpy as np
 
 from palpate.exports.motion import Motion
 from palpate.exports.mujoco.texts import Place
+from palpate.lab.robot import require_mujoco
 from palpate.validation import Floats
+
+
+def engine_here() -> Any:
+    """Return MuJoCo, or say how to install it."""
+    return require_mujoco("a model of MuJoCo needs MuJoCo: pip install 'palpate[exports]'")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from palpate.errors import InvalidParameterError
-from palpate.exports.mujoco.pressing import Pressed
+from palpate.exports.mujoco.pressing import Pressed, engine_here
 from palpate.exports.mujoco.rows import Row
 from palpate.exports.mujoco.texts import PADS, Place
-from palpate.lab.robot import require_mujoco
 from palpate.validation import Floats
 
 # The body of the surfaces while they are tried.
@@ -69,7 +68,7 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
     InvalidParameterError
         It is no model that MuJoCo compiles, has no such geom, or the geom cannot move.
     """
-    mujoco = require_mujoco()
+    mujoco = engine_here()
     if geom is None:
         names = _names(_spec(path))
         raise InvalidParameterError(
@@ -103,7 +102,7 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
 
 
 def _spec(path: Path) -> Any:
-    mujoco = require_mujoco()
+    mujoco = engine_here()
     if not path.is_file():
         raise InvalidParameterError(f"model: there is no file {path}")
     try:
@@ -118,7 +117,7 @@ def _names(spec: Any) -> list[str]:
 
 def _pressed(path: Path, geom: str, rows: tuple[Row, ...], place: Place) -> Pressed:
     """Compile a model with a surface for each row, and a pair of each with the geom."""
-    mujoco, spec = require_mujoco(), _spec(path)
+    mujoco, spec = engine_here(), _spec(path)
     if geom not in [each.name for each in spec.geoms]:
         names = _names(spec)
         raise InvalidParameterError(
