@@ -302,6 +302,19 @@ def test_a_surface_of_gazebo_classic_has_both_numbers_and_the_other_body_none(ba
     assert ElementTree.fromstring(made.files["surface.urdf"]).findtext("kp") == "2000"
 
 
+def test_a_time_step_is_counted_where_the_engine_takes_it_implicitly_and_said_where_explicitly():
+    stiff = KelvinVoigt(2e4, 20.0)
+    rebounds = [
+        exports.export(stiff, "gazebo-classic", time_step=step).statement.compared.rebound
+        for step in (1e-5, 1e-3, 3e-3)
+    ]
+    exact = exports.export(stiff, "usd").statement.compared.drop.restitution
+    assert rebounds[0] == pytest.approx(exact, rel=1e-2)
+    assert rebounds[0] > rebounds[1] > rebounds[2]
+    said = exports.export(stiff, "usd", time_step=0.02).statement.warnings
+    assert any("an explicit solver" in words for words in said)
+
+
 def test_gazebo_with_dart_is_refused_for_it_ignores_both_numbers():
     for to, form in (("gazebo", "auto"), ("gazebo-classic", "dart")):
         with pytest.raises(ExportRefusedError, match="ignores <kp> and <kd>"):

@@ -16,6 +16,8 @@ from typing import ClassVar
 from palpate.errors import ExportRefusedError
 from palpate.exports.asked import Asked
 from palpate.exports.engine import Engine, Fragment
+from palpate.exports.errors import Drop
+from palpate.exports.implicit import rebound_by_steps
 from palpate.exports.kelvin_voigt import is_kelvin_voigt
 from palpate.exports.nearest import kelvin_voigt
 from palpate.exports.text import digits, xml_comment
@@ -118,6 +120,14 @@ class _Surface(Fragment):
 
     law: GeneralisedHuntCrossley
     max_vel: float
+
+    def predicted_rebound(self, drop: Drop) -> float:
+        """Restitution by implicit steps, which damp by K h beside the law."""
+
+        def force(penetration: float, velocity: float) -> float:
+            return max(self.law.force(penetration, velocity), 0.0)
+
+        return rebound_by_steps(force, drop, self.asked.time_step)
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         asked = self.asked

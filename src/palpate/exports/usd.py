@@ -14,6 +14,7 @@ from palpate.exports.engine import Engine, Fragment
 from palpate.exports.kelvin_voigt import is_kelvin_voigt, stable_step
 from palpate.exports.nearest import kelvin_voigt
 from palpate.exports.text import digits, hash_comment
+from palpate.force_laws import GeneralisedHuntCrossley
 
 MATERIAL = """\
 #usda 1.0
@@ -111,6 +112,17 @@ class _Material(Fragment):
         }
 
 
+def _explicit(law: GeneralisedHuntCrossley, asked: Asked) -> tuple[str, ...]:
+    """A word on solvers that take the contact explicitly; PhysX and Newton's MuJoCo do not."""
+    limit = stable_step(law, asked.mass_or_one, asked.motion.deepest)
+    if asked.time_step < 0.5 * limit:
+        return ()
+    return (
+        f"an explicit solver, such as Newton's semi-implicit one, is unstable from a time step of "
+        f"{1e3 * limit:.2g} ms on",
+    )
+
+
 class Usd(Engine):
     """A material in USD, for Newton and PhysX."""
 
@@ -133,8 +145,7 @@ class Usd(Engine):
             },
             engine_law=law,
             exact=is_kelvin_voigt(asked.law),
-            largest_step=stable_step(law, asked.mass_or_one, asked.motion.deepest),
-            warnings=(_COMBINED, _NEWTON),
+            warnings=(_COMBINED, _NEWTON, *_explicit(law, asked)),
         )
 
 
