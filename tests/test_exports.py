@@ -184,10 +184,21 @@ def test_of_a_law_that_remembers_the_nearest_member_is_exported_with_its_error()
     assert not made.statement.exact
 
 
+def test_of_a_law_that_remembers_no_member_makes_energy():
+    law = palpate.GeneralisedHuntCrossley(
+        8000.0, 1.5, -200.0, 1.5, 8000.0, palpate.SingleRelaxation(0.1)
+    )
+    found = without_memory(law, Motion.of_paper()).law
+    assert found.stiffness > 0.0
+    assert found.damping >= 0.0
+
+
 def test_a_law_of_two_powers_of_depth_is_exported_as_one_power_with_its_error(toy):
     made = exports.export(ExtendedKelvinVoigt(500.0, 2e4, 3.0), "toy")
     assert 1.0 < made.statement.nearest.law.exponent < 2.0
     assert 0.1 < made.statement.compared.percent < 1.0
+    softening = exports.export(ExtendedKelvinVoigt(2000.0, -1e4, 3.0), "toy")
+    assert softening.statement.nearest.law.exponent < 1.0
     alone = exports.export(ExtendedKelvinVoigt(0.0, 2e4, 3.0), "toy").statement.nearest
     assert (alone.law.exponent, alone.error_percent) == (2.0, 0.0)
 

@@ -77,7 +77,15 @@ def without_memory(law: GeneralisedHuntCrossley, motion: Motion) -> Nearest:
         "K and B nearest to the law with memory along this motion": fitted,
     }
     found = [Nearest.of(member, law, motion, which) for which, member in members.items()]
-    return min(found, key=lambda each: (each.law.stiffness <= 0.0, each.error_percent))
+    # Not one that nothing pushes back by, or that makes energy.
+    return min(
+        found,
+        key=lambda each: (
+            each.law.stiffness <= 0.0,
+            each.law.damping < 0.0,
+            each.error_percent,
+        ),
+    )
 
 
 def one_power(law: ForceLaw, motion: Motion) -> Nearest:

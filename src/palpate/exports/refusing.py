@@ -118,9 +118,10 @@ def _because(source: Source) -> str:
 
 
 def _strengths(source: Source) -> list[float]:
-    names = ("stiffness", "quadratic_stiffness", "damping")
+    """Which of the law's parameters must not be below 0; of two springs one may."""
     values = source.law.as_dict()
-    return [values[name] for name in names if name in values]
+    springs = [] if "quadratic_stiffness" in values else ["stiffness"]
+    return [values[name] for name in (*springs, "damping") if name in values]
 
 
 def _ms(seconds: float) -> str:
