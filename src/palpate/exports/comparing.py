@@ -107,8 +107,14 @@ def compared(source: Source, nearest: Nearest, fragment: Fragment, *, replay: bo
         law_leaves_percent=_error(law, measured, motion),
         drop=drop,
         predicted_rebound=fragment.predicted_rebound(drop),
-        replayed_rebound=fragment.rebound(drop) if ran is not None else None,
+        replayed_rebound=fragment.rebound(drop) if ran is not None and _stable(fragment) else None,
     )
+
+
+def _stable(fragment: Fragment) -> bool:
+    """Whether a simulation at the time step asked for does not run away; else it is refused."""
+    limit = fragment.largest_step
+    return limit is None or fragment.asked.time_step < limit
 
 
 def law_along(law: ForceLaw, whole: Motion, motion: Motion, most: int = MOST_SAMPLES) -> Floats:
