@@ -145,7 +145,7 @@ def explained(record: Recorded) -> Explained:
         np.insert(record.penetration[places], gaps, np.nan),
         np.insert(record.force[places], gaps, np.nan),
         (np.insert(left[0], gaps, np.nan), np.insert(left[1], gaps, np.nan)),
-        _noise(record.force[places]),
+        noise_of(record.force[places]),
     )
 
 
@@ -162,10 +162,10 @@ def draw(path: Path, picture: Picture, found: Explained, theme: Theme) -> None:
         words = f"{found.law}: rms {_from_to(found)}"
         figure.suptitle(words, x=0.01, ha="left", fontsize=10.5)
         save(figure, path)
-    _with_few_colours(path)
+    with_few_colours(path)
 
 
-def _with_few_colours(path: Path) -> None:
+def with_few_colours(path: Path) -> None:
     """A third of the bytes: lines of five colours need few more at their edges."""
     from PIL import Image
 
@@ -208,7 +208,7 @@ def _draw_panels(panels: Any, picture: Picture, found: Explained, theme: Theme) 
     residual.set_title("left over; grey: ± 2 s.d. of noise", loc="left")
 
 
-def _noise(force: Floats) -> float:
+def noise_of(force: Floats) -> float:
     """White noise of a force that is smooth over four samples, N: third differences have √20."""
     return float(1.4826 * np.median(np.abs(np.diff(force, 3))) / np.sqrt(20.0))
 

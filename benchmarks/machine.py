@@ -15,6 +15,10 @@ PACKAGES = (
     "statsmodels",
     "mcap",
     "rosbags",
+    "mujoco",
+    "drake",
+    "opensim",
+    "pybullet",
 )
 
 

@@ -23,7 +23,8 @@ EXAMPLES = sorted(ROOT.glob("examples/*.py"))
 FENCED = re.compile(r"^(?P<above>[^\n]*)\n```(?P<language>\w+)\n(?P<text>.*?)^```$", re.M | re.S)
 NOT_RUN = re.compile(r"<!-- not run: .+ -->")
 COMMAND = re.compile(
-    r"(?:^|/)palpate ((?:identify|diagnose|compare|info|fleet|map|design|lab) [^#&\n]+)", re.M
+    r"(?:^|/)palpate ((?:identify|diagnose|compare|info|fleet|map|design|lab|export) [^#&\n]+)",
+    re.M,
 )
 
 
@@ -85,6 +86,7 @@ def briefly(monkeypatch):
 
 # They draw, or start processes, which takes long; other tests do the same.
 LONG = {ROOT / "docs" / name for name in ("results.md", "figures.md", "fleet.md")}
+LONG |= {ROOT / "docs" / name for name in ("exports.md", "exports-tutorial.md")}
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """What palpate raises. Every message says what is wrong, where, and what to do."""
 
+from typing import Any
+
 
 class PalpateError(Exception):
     """Any error of palpate's own."""
@@ -11,6 +13,20 @@ class InvalidParameterError(PalpateError, ValueError):
 
 class RecordingError(PalpateError, ValueError):
     """A recording cannot be used: the message names the file, the column and the row."""
+
+
+class ExportRefusedError(PalpateError, ValueError):
+    """A law is not exported, and why: the message says what allows it, where anything does.
+
+    Attributes
+    ----------
+    statement : Statement
+        What was found before it was refused.
+    """
+
+    def __init__(self, words: str, statement: Any = None) -> None:
+        super().__init__(words)
+        self.statement = statement
 
 
 class FleetError(PalpateError, RuntimeError):

@@ -22,7 +22,8 @@ from palpate.errors import PalpateError
 
 #: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
 COMMANDS = (
-    "identify", "diagnose", "compare", "info", "fleet", "map", "design", "lab", "live", "paper",
+    "identify", "diagnose", "compare", "info", "fleet", "map", "design", "lab", "export",
+    "live", "paper",
 )  # fmt: skip
 
 

@@ -53,13 +53,14 @@ def lab(
         palpate lab ball -o ball.csv
         palpate lab hunt-crossley --stiffness 2000 --damping 2000 --exponent 1.3 -o own.csv
         palpate lab tissue --seconds 30 -o tissue.csv
+        palpate lab ball-in-mujoco/scene.xml --probe ideal -o again.csv
 
     Parameters
     ----------
     material
         ball, sponge, pvc, inclusion, tissue, relaxing-sponge, soft-and-hard (by lateral position)
         or soft-then-hard (by time); or a force law, such as hunt-crossley, with parameters of one's
-        own.
+        own; or a scene of MuJoCo that palpate export wrote.
     output
         CSV to write; the truth stands in the notes above its header.
     trajectory
@@ -95,6 +96,7 @@ def lab(
     if picture is not None:
         _check_picture(picture, instruments)
     inputs = [] if trajectory in laboratory.TRAJECTORIES else [Path(trajectory)]
+    inputs += [Path(material)] if _is_scene(material) else []
     check_outputs([output, picture] if picture else [output], inputs)
     measurement = _run(bench, seed, seconds)
     write_contact(measurement.contact, output, notes=_versions(bench))
@@ -131,6 +133,10 @@ def _material(name: str, given: dict[str, float]) -> "Material":
                 f"hunt-crossley; {name} has its own parameters"
             )
         return MATERIALS[name]
+    if _is_scene(name):
+        from palpate.exports.scenes import Scene
+
+        return Scene(name)
     if name not in FORCE_LAWS:
         raise InvalidParameterError(
             f"MATERIAL must be one of {', '.join([*MATERIALS, *FORCE_LAWS])}, not {name!r}"
@@ -142,6 +148,10 @@ def _material(name: str, given: dict[str, float]) -> "Material":
         words += f", may have {_options(law.optional)}" if law.optional else ""
         raise InvalidParameterError(f"{words}, and no others")
     return Homogeneous(law_from({"kind": name, **given}), name)
+
+
+def _is_scene(name: str) -> bool:
+    return Path(name).suffix == ".xml"
 
 
 def _options(names: Iterable[str]) -> str:

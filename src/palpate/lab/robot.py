@@ -23,14 +23,15 @@ if TYPE_CHECKING:
 TOP_SPEED, PEAK_FORCE = 20.0, 1e4  # m/s, N
 
 
-def require_mujoco() -> Any:
-    """Return MuJoCo, or say how to install it."""
+_PANTOGRAPH = "the twin pantograph needs MuJoCo: pip install 'palpate[lab]', or use an ideal probe"
+
+
+def require_mujoco(words: str = _PANTOGRAPH) -> Any:
+    """Return MuJoCo, or say in words what needs it and how to install it."""
     try:
         import mujoco
     except ImportError:
-        raise MissingExtraError(
-            "the twin pantograph needs MuJoCo: pip install 'palpate[lab]', or use an ideal probe"
-        ) from None
+        raise MissingExtraError(words) from None
     except Exception as error:  # a graphics library asked for by MUJOCO_GL, but not there
         raise MissingExtraError(
             f"MuJoCo is installed but does not load: {error}; check the variable MUJOCO_GL"

@@ -135,6 +135,11 @@ def _described(file: Path) -> dict[str, Any]:
             f"schema {version}, and this one reads {SCHEMA_VERSION}; install that version, or "
             "identify again"
         )
+    if "trace" not in whole:
+        raise RecordingError(
+            f"{file}: printed by --json, which has no samples; palpate identify FILE -o FOLDER "
+            "writes a result that can be read back"
+        )
     return dict(whole)
 
 

@@ -1,0 +1,138 @@
+"""``python -m benchmarks.export_pictures FOLDER``: measured force, and that of a scene of MuJoCo.
+
+The laboratory's phantom, and a robot on silicone by others, from ``PALPATE_DATA`` or
+``../shared/data`` beside the checkout, which is left out where it is absent; light and dark. Pixels
+only: no copy of the data.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cyclopts import App
+
+import palpate
+from benchmarks.law_pictures import DOTS_AN_INCH, INCHES, noise_of, with_few_colours
+from benchmarks.law_recordings import folder_of_recordings
+from palpate import exports
+from palpate.figures.style import DARK, LIGHT, Theme, save, style
+from palpate.validation import Floats
+
+app = App(name="python -m benchmarks.export_pictures", help_format="plaintext", version_flags=[])
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+MASS = 1.0  # kg, of the probe in the scene
+# Force levels in the left panels are drawn for so many seconds.
+SHOWN = 3.0
+
+
+@dataclass(frozen=True)
+class Felt:
+    """A recording in firm contact, and the engine's force at its samples.
+
+    Attributes
+    ----------
+    time, penetration, measured, law, engine : numpy.ndarray, shape (k,)
+        s, m, and N: as measured, by the identified law, and in MuJoCo.
+    made : Export
+        Whose it is.
+    """
+
+    time: Floats
+    penetration: Floats
+    measured: Floats
+    law: Floats
+    engine: Floats
+    made: exports.Export
+
+
+@app.default
+def main(folder: Path) -> None:
+    """Draw them.
+
+    Parameters
+    ----------
+    folder
+        Where export-phantom.png, export-phantom-dark.png and so on are written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    recordings = {"phantom": EXAMPLES / "phantom.csv"}
+    others = folder_of_recordings()
+    if others is not None:
+        recordings["silicone"] = others / "G_silicone_d10mm_sphere.csv"
+    for name, file in recordings.items():
+        felt = pressed(file)
+        print(felt.made, flush=True)
+        for theme, ending in ((LIGHT, ""), (DARK, "-dark")):
+            draw(folder / f"export-{name}{ending}.png", felt, theme)
+
+
+def pressed(file: Path) -> Felt:
+    """Identify, export to MuJoCo, and replay."""
+    result = palpate.identify(file)
+    made = exports.export(result, "mujoco", mass=MASS)
+    motion = exports.Motion.recorded(result).firm()
+    ran = made.fragment.replay(motion)
+    assert ran is not None
+    assert motion.force is not None
+    law = motion.force_by(result.law)
+    time = motion.time - motion.time[0]
+    return Felt(time, motion.penetration, motion.force, law, ran.force, made)
+
+
+def draw(path: Path, felt: Felt, theme: Theme) -> None:
+    """Both forces over time, over penetration, and what is between them."""
+    import matplotlib
+
+    with style(theme) as new_figure, matplotlib.rc_context({"savefig.dpi": DOTS_AN_INCH}):
+        figure = new_figure(figsize=INCHES, layout="constrained")
+        panels = figure.subplots(1, 3)
+        _draw_panels(panels, felt, theme)
+        lines = [*panels[0].get_lines(), *panels[2].get_lines()]
+        figure.legend(handles=lines, loc="outside upper right", ncols=4)
+        percent = felt.made.statement.compared.percent
+        words = f"MuJoCo, {felt.made.fragment.form}: {percent:.2g} % from the law"
+        figure.suptitle(words, x=0.01, ha="left", fontsize=10.5)
+        save(figure, path)
+    with_few_colours(path)
+
+
+def _draw_panels(panels: Any, felt: Felt, theme: Theme) -> None:
+    over_time, loop, left = panels
+    shown = felt.time < SHOWN
+    looks: tuple[tuple[str, Floats, dict[str, Any]], ...] = (
+        ("measured", felt.measured, {"color": theme.measured, "linewidth": 2.6}),
+        ("MuJoCo", felt.engine, {"color": theme.lines[0], "linewidth": 1.1}),
+    )
+    for label, force, look in looks:
+        over_time.plot(felt.time[shown], force[shown], label=label, **look)
+        loop.plot(1e3 * felt.penetration[shown], force[shown], **look)
+    # The law's is under the engine's: dashes over a line show that both are there.
+    residuals = (
+        (felt.measured - felt.engine, theme.lines[0], "-", "measured − MuJoCo"),
+        (felt.measured - felt.law, theme.lines[1], "--", "measured − law"),
+    )
+    for rest, colour, dashes, label in residuals:
+        middle = _smoothed(rest)
+        left.plot(felt.time[shown], middle[shown], dashes, color=colour, linewidth=1.1, label=label)
+    noise = 2.0 * noise_of(felt.measured)
+    left.axhspan(-noise, noise, color=theme.measured, alpha=0.45, linewidth=0.0)
+    over_time.set(xlabel="time in contact [s]", ylabel="force [N]")
+    loop.set(xlabel="penetration [mm]", ylabel="force [N]")
+    left.set(xlabel="time in contact [s]", ylabel="residual [N]")
+    over_time.set_title("force", loc="left")
+    loop.set_title("loop", loc="left")
+    left.set_title("residual; grey: noise ± 2 s.d.", loc="left")
+
+
+def _smoothed(values: Floats) -> Floats:
+    """A running mean of 25 samples."""
+    window = np.full(25, 1.0 / 25.0)
+    around = np.pad(values, 12, mode="edge")
+    smooth: Floats = np.convolve(around, window, mode="valid")
+    return smooth
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,131 @@
+"""The command ``palpate export``."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from palpate.cli.groups import ENGINE, OUTPUT
+from palpate.cli.judging import UNTRUSTED
+from palpate.cli.printing import AsJson
+from palpate.cli.values import Depth, Duration, Folder
+
+if TYPE_CHECKING:
+    from palpate.exports import Statement
+
+
+@Parameter(name="*", group=ENGINE)
+@dataclass(frozen=True)
+class Into:
+    """What presses, and how the engine simulates it."""
+
+    mass: float | None = None
+    "Of the body that presses, as the contact feels it, kg; MuJoCo needs it, or --model."
+    model: Path | None = None
+    "A model of your own (MuJoCo's XML), from which is taken what the contact feels; with --geom."
+    geom: str | None = None
+    "The geom of --model that touches."
+    form: str = "auto"
+    "Which of the engine's ways; the best for the law unless given."
+    tip_radius: Depth | None = None
+    "Of a round tip, such as 5mm, where the engine's law has it."
+    time_step: Duration | None = None
+    "Of the simulation; 1ms unless given."
+
+    def options(self) -> dict[str, Any]:
+        """What is asked for, SI."""
+        from palpate.cli.quantities import quantity
+
+        found: dict[str, Any] = {
+            "mass": self.mass,
+            "model": self.model,
+            "geom": self.geom,
+            "form": self.form,
+        }
+        if self.tip_radius is not None:
+            found["tip_radius"] = quantity("--tip-radius", self.tip_radius, "penetration")
+        if self.time_step is not None:
+            found["time_step"] = quantity("--time-step", self.time_step, "time")
+        return found
+
+
+def export(
+    result: Path,
+    /,
+    *,
+    to: str,
+    output: Annotated[Folder | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
+    allow: Annotated[bool, Parameter(negative="")] = False,
+    replay: bool = True,
+    as_json: AsJson = False,
+    into: Into | None = None,
+) -> int:
+    """Write an identified law in the numbers of a simulation engine, with its error.
+
+    The recorded motion is replayed in the engine, where it is installed. What should not be used is
+    refused, with exit status 3: a result not to be trusted, or an engine that is off by more
+    than 5 % of force.
+
+    For example:
+
+        palpate identify ball.csv -o ball
+        palpate export ball --to mujoco --mass 1.0 -o ball-in-mujoco
+        palpate export ball --to mujoco --model robot.xml --geom tip -o ball-in-mujoco
+        palpate export ball --to drake --json
+
+    Parameters
+    ----------
+    result
+        What palpate identify FILE -o FOLDER wrote: the folder, or its result.json.
+    to
+        mujoco, drake, opensim, pybullet, gazebo-classic or usd.
+    output
+        Write fragment, smallest scene and statement to this folder.
+    allow
+        Export what would be refused; the fragment says so.
+    replay
+        Ask the real engine where it is installed; else its error is predicted.
+    as_json
+        Print the statement as one JSON object.
+    """
+    from palpate.errors import ExportRefusedError
+    from palpate.exports.exporting import export as run
+    from palpate.exports.exporting import save_refusal
+    from palpate.results.loading import RESULT, TRACES, load_result
+
+    saved = load_result(result)
+    inputs = [*(saved.folder / name for name in (RESULT, *TRACES)), *_given(into)]
+    try:
+        made = run(saved, to, allow=allow, replay=replay, **(into or Into()).options())
+    except ExportRefusedError as refused:
+        if refused.statement is None:
+            raise
+        paths = [] if output is None else save_refusal(refused.statement, output, inputs)
+        _print(refused.statement, paths, as_json=as_json)
+        return UNTRUSTED
+    paths = [] if output is None else made.save(output, inputs=inputs)
+    _print(made.statement, paths, as_json=as_json)
+    return 0
+
+
+def _given(into: Into | None) -> list[Path]:
+    return [] if into is None or into.model is None else [into.model]
+
+
+def _print(statement: "Statement", paths: list[Path], *, as_json: bool) -> None:
+    from palpate.cli.layout import say, say_path
+    from palpate.cli.printing import Terminal, print_json
+
+    if as_json:
+        print_json({**statement.as_dict(), "files": [str(path) for path in paths]})
+        return
+    console = Terminal()
+    first, *others = statement.words()
+    say(console, first, "bold")
+    for line in others:
+        say(console, line, "yellow" if line.startswith("Warning") else "")
+    if statement.refused:
+        say(console, "Nothing was exported; --allow exports it all the same, and says so in it.")
+    for path in paths:
+        say_path(console, f"wrote {path}", "dim")

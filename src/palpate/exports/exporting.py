@@ -1,0 +1,196 @@
+"""A law on its way into an engine: fitted, replayed, judged, and written down."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from palpate.errors import ExportRefusedError, InvalidParameterError
+from palpate.exports.asked import Asked
+from palpate.exports.comparing import compared
+from palpate.exports.engine import Engine, Fragment
+from palpate.exports.nearest import Nearest
+from palpate.exports.refusing import refusals, warnings
+from palpate.exports.registry import engine_called
+from palpate.exports.source import Exportable, Source
+from palpate.exports.statement import Statement
+from palpate.validation import number_in
+from palpate.writing import check_writable, make_folder, write_text
+
+STATEMENT = ("statement.json", "statement.md")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Export:
+    """A law in an engine's numbers, and how far that is from it.
+
+    Attributes
+    ----------
+    statement : Statement
+        In words and numbers: exact, or within so much, replayed or predicted.
+    fragment : Fragment
+        What the engine will do with it.
+    files : mapping of str to str
+        Text by file name: the first is what is to be pasted, ``scene`` the smallest that runs.
+    """
+
+    statement: Statement
+    fragment: Fragment = field(repr=False)
+    files: Mapping[str, str] = field(repr=False)
+
+    def __str__(self) -> str:
+        return "\n".join(self.statement.words())
+
+    def save(self, folder: str | Path, *, inputs: Sequence[Path] = ()) -> list[Path]:
+        """Write fragment, scene and statement to a folder, each whole or not at all.
+
+        Parameters
+        ----------
+        folder : str or Path
+            It is made where it is not there.
+        inputs : sequence of Path
+            Files that must not be written over.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be made or written to, or one of the files would replace an input.
+        """
+        return _saved({**self.files, **_written(self.statement, self.files)}, Path(folder), inputs)
+
+
+def export(
+    result: Exportable,
+    to: str,
+    *,
+    mass: float | None = None,
+    model: str | Path | None = None,
+    geom: str | None = None,
+    form: str = "auto",
+    tip_radius: float | None = None,
+    time_step: float = 1e-3,
+    allow: bool = False,
+    replay: bool = True,
+) -> Export:
+    """Return a law in the numbers of a simulation engine, with its error.
+
+    Parameters
+    ----------
+    result : Identification, SavedResult or ForceLaw
+        What was identified: the engine is replayed on the motion recorded. A law alone has no
+        recording and no verdict; the paper's motion stands in.
+    to : str
+        The engine: see :func:`engines`.
+    mass : float, optional
+        Of the body that presses, as the contact feels it, kg, in (0, 1e6].
+    model : str or Path, optional
+        A model of the engine's, in place of the mass: what its contact feels is taken from it.
+    geom : str, optional
+        The geom in the model that touches.
+    form : str
+        Which of the engine's ways; the best for the law unless given.
+    tip_radius : float, optional
+        Of a round tip, m, in (0, 1], where the engine's law has it.
+    time_step : float
+        Of the simulation, s, in (0, 1]; 0 where the engine can do without, as Drake can.
+    allow : bool
+        Export what would be refused; the fragment says so.
+    replay : bool
+        Ask the real engine, where it is installed; else its error is predicted.
+
+    Raises
+    ------
+    ExportRefusedError
+        The diagnosis does not trust the result, or the engine is off by more than 5 % of force,
+        or another reason; ``allow`` exports it all the same.
+    InvalidParameterError
+        An argument is out of its range, or the engine lacks one.
+    """
+    engine = engine_called(to)
+    source = Source.of(result)
+    nearest = source.nearest()
+    radius = source.tip_radius if tip_radius is None else tip_radius
+    asked = Asked(
+        law=nearest.law,
+        motion=source.motion,
+        mass=None if mass is None else number_in("mass", mass, 0.0, 1e6, open_low=True),
+        model=None if model is None else Path(model),
+        geom=geom,
+        tip_radius=None
+        if radius is None
+        else number_in("tip_radius", radius, 0.0, 1.0, open_low=True),
+        time_step=number_in("time_step", time_step, 0.0, 1.0, open_low=not engine.continuous),
+        form=form,
+    )
+    _check(engine, asked, given_radius=tip_radius is not None)
+    statement = _stated(engine, source, nearest, asked, replay=replay, allow=allow)
+    if statement.refused:
+        raise ExportRefusedError(f"{engine.title}: {statement.claim}", statement)
+    return Export(statement, statement.fragment, statement.fragment.files(statement.notes()))
+
+
+def _stated(
+    engine: Engine, source: Source, nearest: Nearest, asked: Asked, *, replay: bool, allow: bool
+) -> Statement:
+    """Fit, replay and judge."""
+    fragment = engine.fit(asked)
+    found = compared(source, nearest, fragment, replay=replay and engine.version() is not None)
+    return Statement(
+        source,
+        nearest,
+        engine,
+        fragment,
+        found,
+        refusals(source, nearest, fragment, found),
+        warnings(source, nearest, fragment, found),
+        allow,
+    )
+
+
+def save_refusal(statement: Statement, folder: Path, inputs: Sequence[Path] = ()) -> list[Path]:
+    """Write why nothing was exported."""
+    return _saved(_written(statement, {}), folder, inputs)
+
+
+def _check(engine: Engine, asked: Asked, *, given_radius: bool) -> None:
+    """Refuse what the engine can do nothing with, rather than ignore it."""
+    if asked.form != "auto" and asked.form not in engine.forms:
+        known = ", ".join(["auto", *engine.forms])
+        raise InvalidParameterError(
+            f"form must be one of {known} for {engine.name}, not {asked.form!r}"
+        )
+    if asked.model is not None and asked.mass is not None:
+        raise InvalidParameterError("give mass or model: what the contact feels is taken from one")
+    if asked.geom is not None and asked.model is None and "geom" in engine.takes:
+        raise InvalidParameterError("geom names one of a model: give that too, as --model FILE")
+    given = {
+        "model": asked.model is not None,
+        "geom": asked.geom is not None,
+        "tip_radius": given_radius,
+    }
+    for name, there in given.items():
+        if there and name not in engine.takes:
+            raise InvalidParameterError(f"{name} means nothing to {engine.title}: leave it out")
+
+
+def _written(statement: Statement, files: Mapping[str, str]) -> dict[str, str]:
+    """The statement's own two files."""
+    whole = {**statement.as_dict(), "files": list(files)}
+    title = f"# {statement.source.name or 'A law'} in {statement.engine.title}"
+    listed = [f"- `{name}`" for name in files] or ["Nothing was exported."]
+    page = "\n\n".join([title, *statement.words(), "\n".join(listed)])
+    number, words = STATEMENT
+    return {
+        number: json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n",
+        words: page + "\n",
+    }
+
+
+def _saved(files: Mapping[str, str], folder: Path, inputs: Sequence[Path]) -> list[Path]:
+    make_folder(folder)
+    paths = [folder / name for name in files]
+    for path in paths:
+        check_writable(path, inputs)
+    for path, text in zip(paths, files.values(), strict=True):
+        write_text(path, text, inputs)
+    return paths

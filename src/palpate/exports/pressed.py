@@ -1,0 +1,96 @@
+"""An exported fragment, for the laboratory to press: the engine's force in place of a law's."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.exports.exporting import Export
+from palpate.exports.motion import Motion
+from palpate.lab.materials import Touch
+from palpate.validation import Floats
+
+
+class Pressed:
+    """A material of the laboratory whose force is that of the real engine, state by state.
+
+    The round trip: of what an engine makes of a law the laboratory records a contact, which is
+    identified as any other.
+
+    Parameters
+    ----------
+    made : Export
+        By :func:`palpate.exports.export`; to be pressed by :class:`palpate.lab.IdealProbe`.
+
+    Raises
+    ------
+    InvalidParameterError
+        The engine is not run here, or has to follow a motion in its own time steps.
+    """
+
+    def __init__(self, made: Export) -> None:
+        engine = made.statement.engine
+        if made.fragment.follows:
+            raise InvalidParameterError(
+                f"{engine.title} moves a probe in its own steps, and cannot be asked state by state"
+            )
+        self._made = made
+        self.name = f"{made.statement.source.name or 'a law'} in {engine.title}"
+
+    def touch(self) -> Touch:
+        """Refuse: the contact of an engine has the probe's acceleration in it.
+
+        Raises
+        ------
+        InvalidParameterError
+            Always.
+        """
+        raise ideal_only(self.name)
+
+    def force(
+        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+    ) -> Floats:
+        """Force of the engine [N] along a whole motion, shapes (k,); 0 out of contact."""
+        return inside(time, penetration, velocity, self._pushed)
+
+    def _pushed(self, motion: Motion) -> Floats:
+        ran = self._made.fragment.replay(motion)
+        if ran is None:
+            engine = self._made.statement.engine
+            raise MissingExtraError(f"{engine.title} is not run here: nothing can press it")
+        return ran.force
+
+    def describe(self) -> dict[str, Any]:
+        """Return the law that was exported, SI, and the engine."""
+        statement = self._made.statement
+        law = statement.nearest.law.simplest()
+        inside = {"engine": statement.engine.name, "form": statement.fragment.form}
+        return {"kind": law.kind, **law.as_dict(), **inside}
+
+
+def inside(
+    time: Floats, penetration: Floats, velocity: Floats, push: Callable[[Motion], Floats]
+) -> Floats:
+    """Force along a motion, N: the engine's below the surface, 0 elsewhere."""
+    force = np.zeros_like(time)
+    below = np.flatnonzero(penetration > 0.0)
+    if below.size:
+        force[below] = push(
+            Motion(
+                time[below],
+                penetration[below],
+                velocity[below],
+                np.gradient(velocity, time)[below],
+                np.ones(below.size, dtype=np.bool_),
+            )
+        )
+    return force
+
+
+def ideal_only(name: str) -> InvalidParameterError:
+    """What to say where another probe would press it."""
+    return InvalidParameterError(
+        f"{name} can be pressed by an ideal probe only (--probe ideal), whose motion is known "
+        "beforehand: the contact of an engine has the acceleration in it"
+    )

@@ -1,0 +1,42 @@
+"""Text for engines and about them: numbers that read back exactly, errors, and comments."""
+
+import math
+from collections.abc import Sequence
+
+from palpate.digits import rounded
+
+
+def digits(value: float) -> str:
+    """A number in the fewest digits that read back as the same float."""
+    return f"{value:.0f}" if value == int(value) and abs(value) < 1e15 else repr(float(value))
+
+
+def xml_comment(notes: Sequence[str], indent: str = "") -> str:
+    """Lines as an XML comment, in which two hyphens may not stand together."""
+    lines = [line.replace("--", "- -") for note in notes for line in note.splitlines()]
+    inside = "\n".join(f"{indent}  {line}".rstrip() for line in lines)
+    return f"{indent}<!--\n{inside}\n{indent}-->"
+
+
+def hash_comment(notes: Sequence[str], indent: str = "") -> str:
+    """Lines as comments that begin with #."""
+    lines = [line for note in notes for line in note.splitlines()]
+    return "\n".join(f"{indent}# {line}".rstrip() for line in lines)
+
+
+def percent(value: float) -> str:
+    """An error in two digits, rounded up: what is within 0.31 % is not within 0.3 %."""
+    if not math.isfinite(value):
+        return "an unknown part"
+    if value <= 0.0:
+        return "0 %"
+    place = 10.0 ** (math.floor(math.log10(value)) - 1)
+    up = math.ceil(value / place - 1e-9) * place
+    return f"{rounded(up, 2)} %"
+
+
+def length(metres: float, figures: int) -> str:
+    """A length in mm; in µm where it is less than a tenth of one."""
+    if abs(metres) >= 1e-4 or metres == 0.0:
+        return f"{rounded(1e3 * metres, figures)} mm"
+    return f"{rounded(1e6 * metres, figures)} µm"

@@ -1,0 +1,152 @@
+"""USD: a physics material for Newton and for PhysX, both Kelvin–Voigt. Text, not replayed here.
+
+NewtonMaterialAPI has newton:contactStiffness and newton:contactDamping; PhysxMaterialAPI has
+physxMaterial:compliantContactStiffness and …Damping, N/m and N·s/m as long as
+compliantContactAccelerationSpring is false: true would make them mass-normalised.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from palpate.exports.asked import Asked
+from palpate.exports.engine import Engine, Fragment
+from palpate.exports.kelvin_voigt import is_kelvin_voigt, stable_step
+from palpate.exports.nearest import kelvin_voigt
+from palpate.exports.text import digits, hash_comment
+from palpate.force_laws import GeneralisedHuntCrossley
+
+MATERIAL = """\
+#usda 1.0
+{comment}
+(
+    defaultPrim = "Contact"
+    metersPerUnit = 1
+    kilogramsPerUnit = 1
+    upAxis = "Z"
+)
+
+def Material "Contact" (
+    prepend apiSchemas = ["PhysicsMaterialAPI", "NewtonMaterialAPI", "PhysxMaterialAPI"]
+)
+{{
+    float physics:restitution = 0
+    float physics:dynamicFriction = 0
+    float physics:staticFriction = 0
+    float newton:contactStiffness = {stiffness}
+    float newton:contactDamping = {damping}
+    float physxMaterial:compliantContactStiffness = {stiffness}
+    float physxMaterial:compliantContactDamping = {damping}
+    bool physxMaterial:compliantContactAccelerationSpring = 0
+}}
+"""
+
+SCENE = """\
+#usda 1.0
+{comment}
+(
+    defaultPrim = "World"
+    metersPerUnit = 1
+    kilogramsPerUnit = 1
+    upAxis = "Z"
+)
+
+def Xform "World"
+{{
+    def PhysicsScene "physics"
+    {{
+        vector3f physics:gravityDirection = (0, 0, -1)
+        float physics:gravityMagnitude = 0
+    }}
+
+    def "Contact" (
+        prepend references = @./material.usda@</Contact>
+    )
+    {{
+    }}
+
+    # The material stands on the ground alone: the tip must be rigid, for the engines combine both.
+    def Plane "ground" (
+        prepend apiSchemas = ["PhysicsCollisionAPI", "MaterialBindingAPI"]
+    )
+    {{
+        uniform token axis = "Z"
+        rel material:binding:physics = </World/Contact>
+    }}
+
+    def Sphere "tip" (
+        prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsCollisionAPI"]
+    )
+    {{
+        double radius = {radius}
+        float physics:mass = {mass}
+        double3 xformOp:translate = (0, 0, {radius})
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }}
+}}
+"""
+
+_COMBINED = (
+    "Newton and PhysX combine the materials of both bodies: give it to one, and read there how the "
+    "other counts"
+)
+_NEWTON = (
+    "Newton with SolverMuJoCo took these numbers as mass-normalised before its pull request 2964, "
+    "and approximately since: name the version you run"
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Material(Fragment):
+    """One material, of two numbers."""
+
+    def files(self, notes: Sequence[str]) -> Mapping[str, str]:
+        assert self.engine_law is not None
+        law, comment = self.engine_law, hash_comment(notes)
+        radius = self.asked.tip_radius or max(0.01, 2.0 * self.asked.motion.deepest)
+        numbers = {"stiffness": digits(law.stiffness), "damping": digits(law.damping)}
+        scene = {"radius": digits(radius), "mass": digits(self.asked.mass_or_one)}
+        return {
+            "material.usda": MATERIAL.format(comment=comment, **numbers),
+            "scene.usda": SCENE.format(comment=comment, **scene),
+        }
+
+
+def _explicit(law: GeneralisedHuntCrossley, asked: Asked) -> tuple[str, ...]:
+    """A word on solvers that take the contact explicitly; PhysX and Newton's MuJoCo do not."""
+    limit = stable_step(law, asked.mass_or_one, asked.motion.deepest)
+    if asked.time_step < 0.5 * limit:
+        return ()
+    return (
+        f"an explicit solver, such as Newton's semi-implicit one, is unstable from a time step of "
+        f"{1e3 * limit:.2g} ms on",
+    )
+
+
+class Usd(Engine):
+    """A material in USD, for Newton and PhysX."""
+
+    name: ClassVar[str] = "usd"
+    title: ClassVar[str] = "USD (Newton, PhysX)"
+    forms: ClassVar[Mapping[str, str]] = {"kelvin-voigt": "F = K x + B v, in two numbers"}
+    takes: ClassVar[frozenset[str]] = frozenset({"tip_radius"})
+
+    def fit(self, asked: Asked) -> Fragment:
+        """Return the nearest Kelvin–Voigt law as a material."""
+        law = kelvin_voigt(asked.law, asked.motion)
+        return _Material(
+            form="kelvin-voigt",
+            asked=asked,
+            numbers={
+                "newton:contactStiffness": law.stiffness,
+                "newton:contactDamping": law.damping,
+                "physxMaterial:compliantContactStiffness": law.stiffness,
+                "physxMaterial:compliantContactDamping": law.damping,
+            },
+            engine_law=law,
+            exact=is_kelvin_voigt(asked.law),
+            warnings=(_COMBINED, _NEWTON, *_explicit(law, asked)),
+        )
+
+
+ENGINE = Usd()

@@ -1,0 +1,45 @@
+"""What the exports to engines are tried with: laws, and what is asked."""
+
+import numpy as np
+
+from palpate.exports import Asked, Motion, engine_called
+from palpate.exports.errors import force_error
+from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.lab import BALL, PVC, SPONGE
+
+BALL_LAW = GeneralisedHuntCrossley.of(BALL.law)
+SPONGE_LAW = GeneralisedHuntCrossley.of(SPONGE.law)
+PVC_LAW = GeneralisedHuntCrossley.of(PVC.law)
+HERTZ_LAW = GeneralisedHuntCrossley(2e4, 1.5, 3e4, 1.5)
+KELVIN_VOIGT_LAW = GeneralisedHuntCrossley(2000.0, 1.0, 16.6, 0.0)
+# Of a sphere on a Kelvin–Voigt half-space: p = n − 1.
+HALF_SPACE_LAW = GeneralisedHuntCrossley(2e4, 1.5, 300.0, 0.5)
+
+
+def asked(law, **further):
+    """An export of a law, along the paper's motion."""
+    return Asked(law=law, motion=Motion.of_paper(), **further)
+
+
+def fitted(engine, law, **further):
+    """A law in an engine's numbers, along the paper's motion."""
+    return engine_called(engine).fit(asked(law, **further))
+
+
+def predicted_percent(fragment, law=None):
+    """Error of the force predicted, along the motion that it was made for."""
+    motion = fragment.asked.motion
+    reference = motion.force_by(fragment.asked.law if law is None else law)
+    return force_error(fragment.predicted(motion), reference, motion.judged)
+
+
+def replayed_percent(fragment, most=500):
+    """Errors of the force replayed and predicted at some of the states of the motion."""
+    motion = fragment.asked.motion.firm(most)
+    reference = motion.force_by(fragment.asked.law)
+    ran = fragment.replay(motion)
+    assert np.isfinite(ran.force).all()
+    return (
+        force_error(ran.force, reference, motion.judged),
+        force_error(fragment.predicted(motion), reference, motion.judged),
+    )

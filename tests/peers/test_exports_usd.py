@@ -1,0 +1,44 @@
+"""An export to USD, read back by the library that Newton's and PhysX's importers read it with."""
+
+import pytest
+
+from palpate import KelvinVoigt, exports
+from peers.installed import installed
+
+pytestmark = pytest.mark.peers
+
+
+@pytest.fixture
+def stage(tmp_path):
+    usd = installed("pxr.Usd")
+    made = exports.export(KelvinVoigt(2000.0, 16.5), "usd", mass=0.7, tip_radius=0.02)
+    made.save(tmp_path)
+    return usd.Stage.Open(str(tmp_path / "scene.usda"))
+
+
+def test_both_engines_find_their_numbers_on_the_material_that_the_ground_is_bound_to(stage):
+    physics, shade = installed("pxr.UsdPhysics"), installed("pxr.UsdShade")
+    ground = stage.GetPrimAtPath("/World/ground")
+    material, _ = shade.MaterialBindingAPI(ground).ComputeBoundMaterial("physics")
+    prim = material.GetPrim()
+    assert prim.HasAPI(physics.MaterialAPI)
+    written = prim.GetMetadata("apiSchemas").GetAddedOrExplicitItems()
+    assert {"NewtonMaterialAPI", "PhysxMaterialAPI"} <= set(written)
+    for name, value in (
+        ("newton:contactStiffness", 2000.0),
+        ("newton:contactDamping", 16.5),
+        ("physxMaterial:compliantContactStiffness", 2000.0),
+        ("physxMaterial:compliantContactDamping", 16.5),
+        # True would make both numbers mass-normalised.
+        ("physxMaterial:compliantContactAccelerationSpring", False),
+    ):
+        assert prim.GetAttribute(name).Get() == value, name
+
+
+def test_the_scene_is_in_metres_and_kilograms_and_its_probe_has_the_mass(stage):
+    geometry, physics = installed("pxr.UsdGeom"), installed("pxr.UsdPhysics")
+    assert geometry.GetStageMetersPerUnit(stage) == 1.0
+    assert physics.GetStageKilogramsPerUnit(stage) == 1.0
+    tip = stage.GetPrimAtPath("/World/tip")
+    assert physics.MassAPI(tip).GetMassAttr().Get() == pytest.approx(0.7)
+    assert geometry.Sphere(tip).GetRadiusAttr().Get() == 0.02

@@ -1,0 +1,442 @@
+"""What every export has in common: the motion, the nearest law, the claim, and what is refused."""
+
+import json
+import math
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+import palpate
+from palpate import ExtendedKelvinVoigt, GeneralisedHuntCrossley, HuntCrossley, KelvinVoigt, exports
+from palpate.diagnosis import Finding, Verdict
+from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
+from palpate.exports import Engine, Fragment, Motion, Replayed
+from palpate.exports.errors import drop_to, force_error, rebound_by
+from palpate.exports.kelvin_voigt import stable_step
+from palpate.exports.nearest import kelvin_voigt, with_exponents, without_memory
+from palpate.exports.registry import MODULES
+from palpate.lab import BALL, PERFECT, PVC, SPONGE, THREE_SINES, TISSUE, Bench, IdealProbe
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+LAWS = {
+    "ball": BALL.law,
+    "sponge": SPONGE.law,
+    "hertz": HuntCrossley(2e4, 3e4, 1.5),
+    "pvc": PVC.law,
+}
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return palpate.identify(EXAMPLES / "ball.csv")
+
+
+@pytest.fixture(scope="module")
+def saved(ball, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("exports") / "ball"
+    # The page and its drawings take seconds, and an export reads neither.
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("palpate.reports.identification.drawing", lambda *_: iter(()))
+        ball.save(folder)
+    return folder
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scaled(Fragment):
+    """An engine's contact that is too strong by a factor."""
+
+    factor: float = 1.0
+    runs: bool = True
+
+    def files(self, notes):
+        return {"fragment.txt": "\n".join(notes)}
+
+    def predicted(self, motion):
+        return motion.force_by(self.asked.law)
+
+    def predicted_rebound(self, drop):
+        return drop.restitution
+
+    def replay(self, motion):
+        force = self.factor * motion.force_by(self.asked.law)
+        return Replayed(force, "state by state") if self.runs else None
+
+
+class Toy(Engine):
+    name: ClassVar[str] = "toy"
+    title: ClassVar[str] = "Toy"
+    distribution: ClassVar[str] = "toy"
+    forms: ClassVar[dict] = {"only": "the only way"}
+    settings: ClassVar[dict] = {}
+
+    def fit(self, asked):
+        return Scaled(form="only", asked=asked, numbers={"k": 1.0}, **self.settings)
+
+    def version(self):
+        return "1.0"
+
+
+@pytest.fixture
+def toy(monkeypatch):
+    """Set what the engine called toy is like."""
+
+    def become(**settings):
+        monkeypatch.setattr(Toy, "settings", settings)
+
+    monkeypatch.setattr("palpate.exports.exporting.engine_called", lambda name: Toy())
+    become()
+    return become
+
+
+def test_the_recorded_motion_is_below_the_surface_that_was_estimated_and_without_the_offset(ball):
+    motion = Motion.recorded(ball)
+    assert np.array_equal(motion.force, ball.contact.force - ball.estimate.offset)
+    assert np.count_nonzero(motion.judged) == np.count_nonzero(ball.trace.taken)
+    assert (motion.penetration[motion.judged] > 0.0).all()
+    assert force_error(motion.force_by(ball.law), motion.force, motion.judged) == pytest.approx(
+        ball.fit_rmse_percent, rel=1e-3
+    )
+    firm = motion.firm()
+    assert firm.judged.all()
+    assert firm.deepest == motion.deepest
+
+
+def test_a_saved_result_gives_the_same_motion_and_verdict_as_the_one_in_memory(ball, saved):
+    there, here = Motion.recorded(palpate.load_result(saved)), Motion.recorded(ball)
+    for name in ("time", "penetration", "velocity", "acceleration", "force", "judged"):
+        assert np.array_equal(getattr(there, name), getattr(here, name)), name
+
+
+def test_a_gap_in_the_recording_makes_no_acceleration():
+    time = np.r_[np.arange(100), 5000 + np.arange(100)] * 1e-3
+    contact = palpate.Contact(
+        time,
+        penetration=np.full(200, 5e-3) + np.r_[np.zeros(100), np.full(100, 1e-3)],
+        velocity=np.zeros(200),
+        force=np.full(200, 10.0),
+        segment=np.repeat([0, 1], 100),
+    )
+    trace = palpate.Trace.empty(200, 3)
+    trace.status[:] = int(palpate.Status.UPDATED)
+
+    class Result:
+        description: ClassVar[dict] = {"results": [{}]}
+
+    result = Result()
+    result.contact, result.trace = contact, trace
+    motion = Motion.recorded(result)
+    assert motion.starts == (0, 100)
+    assert not motion.acceleration.any()
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_a_drop_by_the_exact_relation_is_the_one_by_integration(law):
+    general = GeneralisedHuntCrossley.of(law)
+    drop = drop_to(general, 1.0, 12e-3)
+    assert drop.restitution == palpate.restitution(law.damping / law.stiffness, drop.speed)
+    # RK4 at a thousandth of half a period: seen 6e-7.
+    assert rebound_by(general, drop) == pytest.approx(drop.restitution, rel=2e-6)
+
+
+def test_a_drop_of_a_body_without_damping_has_its_energy():
+    drop = drop_to(GeneralisedHuntCrossley(1e5, 2.0, 0.0, 0.0), 0.5, 10e-3)
+    assert 0.5 * 0.5 * drop.speed**2 == pytest.approx(1e5 * 10e-3**3 / 3.0, rel=1e-6)
+    assert drop.restitution == 1.0
+
+
+def test_the_nearest_kelvin_voigt_law_is_the_least_squares_and_the_law_itself_where_it_is_one():
+    motion = Motion.of_paper()
+    linear = KelvinVoigt(2000.0, 15.0)
+    assert kelvin_voigt(GeneralisedHuntCrossley.of(linear), motion).simplest() == linear
+    found = kelvin_voigt(PVC.law, motion)
+    least = force_error(motion.force_by(found), motion.force_by(PVC.law), motion.judged)
+    # Measured on this motion; what MuJoCo's and PyBullet's linear contact were seen to leave.
+    assert 17.0 < least < 18.0
+    for change in ({"stiffness": 1.01 * found.stiffness}, {"damping": 1.1 * found.damping}):
+        worse = replace(found, **change)
+        assert force_error(motion.force_by(worse), motion.force_by(PVC.law), motion.judged) > least
+
+
+def test_the_nearest_law_never_makes_energy():
+    falling = GeneralisedHuntCrossley(2000.0, 1.0, -50.0, 1.0)
+    for n, p in ((1.0, 0.0), (1.0, 1.0)):
+        assert with_exponents(falling, Motion.of_paper(), n, p).damping == 0.0
+
+
+def test_of_a_law_that_remembers_the_nearest_member_is_exported_with_its_error():
+    motion, law = Motion.of_paper(), TISSUE.law
+    found = without_memory(law, motion)
+    others = [
+        force_error(motion.force_by(each), motion.force_by(law), motion.judged)
+        for each in (law.relaxed(), law.instantaneous())
+    ]
+    assert found.error_percent < min(others)
+    assert not found.law.remembers
+    made = exports.export(law, "gazebo-classic", allow=True)
+    assert made.statement.as_dict()["error_percent"]["nearest"] == pytest.approx(
+        found.error_percent
+    )
+    assert any("remembers" in warning for warning in made.statement.warnings)
+    assert not made.statement.exact
+
+
+def test_of_a_law_that_remembers_no_member_makes_energy():
+    law = palpate.GeneralisedHuntCrossley(
+        8000.0, 1.5, -200.0, 1.5, 8000.0, palpate.SingleRelaxation(0.1)
+    )
+    found = without_memory(law, Motion.of_paper()).law
+    assert found.stiffness > 0.0
+    assert found.damping >= 0.0
+
+
+def test_a_law_of_two_powers_of_depth_is_exported_as_one_power_with_its_error(toy):
+    made = exports.export(ExtendedKelvinVoigt(500.0, 2e4, 3.0), "toy")
+    assert 1.0 < made.statement.nearest.law.exponent < 2.0
+    assert 0.1 < made.statement.compared.percent < 1.0
+    softening = exports.export(ExtendedKelvinVoigt(2000.0, -1e4, 3.0), "toy")
+    assert softening.statement.nearest.law.exponent < 1.0
+    alone = exports.export(ExtendedKelvinVoigt(0.0, 2e4, 3.0), "toy").statement.nearest
+    assert (alone.law.exponent, alone.error_percent) == (2.0, 0.0)
+
+
+def test_a_claim_says_how_far_off_the_engine_was_and_how_that_is_known(toy, ball):
+    toy(factor=1.0112)
+    made = exports.export(ball, "toy", mass=1.0)
+    found = made.statement.as_dict()
+    assert found["error_percent"]["against_law"] == pytest.approx(1.12)
+    assert found["error_percent"]["predicted"] < 1e-12
+    assert found["error_percent"]["law_leaves"] == pytest.approx(ball.fit_rmse_percent, rel=1e-3)
+    assert found["error_percent"]["against_measured"] > 1.12
+    assert "within 1.2 % of the law's force (replayed)" in made.statement.claim
+    assert any("and predicted was" in warning for warning in made.statement.warnings)
+    assert made.statement.claim in made.files["fragment.txt"]
+    toy(runs=False)
+    assert "predicted, not replayed here" in exports.export(ball, "toy").statement.claim
+
+
+def test_an_engine_that_does_not_load_is_said_and_its_error_predicted(toy, monkeypatch):
+    def broken(self, motion):
+        raise ImportError("numpy.core is gone")
+
+    monkeypatch.setattr(Scaled, "replay", broken)
+    made = exports.export(BALL.law, "toy")
+    assert "it does not load: numpy.core is gone" in str(made)
+    assert not made.statement.compared.replayed
+
+
+def test_an_exact_engine_is_called_exact_and_one_that_is_off_is_not(toy):
+    for factor, exact in ((1.0, True), (1.0 + 1e-7, True), (1.001, False)):
+        toy(exact=True, factor=factor)
+        assert exports.export(BALL.law, "toy").statement.exact is exact
+
+
+def test_more_than_five_percent_is_refused_and_what_is_allowed_says_so_in_the_fragment(toy):
+    for factor in (1.06, math.nan):
+        toy(factor=factor)
+        with pytest.raises(ExportRefusedError, match="more than 5 %") as refused:
+            exports.export(BALL.law, "toy")
+        assert refused.value.statement.refused
+        made = exports.export(BALL.law, "toy", allow=True)
+        assert "allowed although the force of the engine is off" in made.files["fragment.txt"]
+
+
+def test_a_result_that_is_not_to_be_trusted_is_refused_and_one_with_care_warns(toy, saved):
+    result = palpate.load_result(saved)
+    finding = Finding("delay", "the force is late", "--delay find", severity="do-not-trust")
+    for overall in ("do-not-trust", "with-care"):
+        verdict = Verdict(overall, overall, overall)
+        judged = replace(result, verdict=verdict, findings=(finding,))
+        if overall == "do-not-trust":
+            with pytest.raises(ExportRefusedError, match="do not trust: the force is late"):
+                exports.export(judged, "toy")
+        else:
+            [words] = [w for w in exports.export(judged, "toy").statement.warnings if "care" in w]
+            assert "the force is late (--delay find)" in words
+
+
+def test_a_damping_that_gives_energy_is_refused_and_exported_as_none(toy):
+    with pytest.raises(ExportRefusedError, match="makes energy"):
+        exports.export(HuntCrossley(2000.0, -5.0, 1.0), "toy")
+    made = exports.export(HuntCrossley(2000.0, -5.0, 1.0), "toy", allow=True)
+    assert made.statement.nearest.law.damping == 0.0
+    with pytest.raises(ExportRefusedError, match="nothing pushes back"):
+        exports.export(HuntCrossley(-2000.0, 5.0, 1.0), "toy", allow=True)
+
+
+def test_an_unstable_time_step_is_refused_and_one_near_it_warned_of(toy):
+    toy(largest_step=1.5e-3)
+    assert any("unstable" in w for w in exports.export(BALL.law, "toy").statement.warnings)
+    with pytest.raises(ExportRefusedError, match=r"below 1\.5 ms"):
+        exports.export(BALL.law, "toy", time_step=2e-3)
+
+
+def test_the_stable_step_is_that_of_a_semi_implicit_penalty():
+    law = GeneralisedHuntCrossley(2000.0, 1.0, 20.0, 0.0)
+    limit = stable_step(law, 1.0, 1e-2)
+    for step, stable in ((0.999 * limit, True), (1.001 * limit, False)):
+        x, v = 1e-3, 0.0
+        for _ in range(20_000):
+            v -= step * (law.stiffness * x + law.damping * v)
+            x += step * v
+        assert (abs(x) < 1.0) is stable
+
+
+@pytest.mark.parametrize("engine", ["usd", "gazebo-classic"])
+def test_what_has_no_engine_here_is_marked_and_its_impacts_are_warned_of(engine, ball, tmp_path):
+    made = exports.export(ball, engine, mass=1.0)
+    assert not made.statement.compared.replayed
+    for name, text in made.files.items():
+        assert "not replayed here" in text, name
+        assert "impacts will be wrong" in text, name
+    paths = made.save(tmp_path)
+    assert {path.name for path in paths} == {*made.files, "statement.json", "statement.md"}
+    whole = json.loads((tmp_path / "statement.json").read_text())
+    assert whole["files"] == list(made.files)
+    assert whole["law"]["stiffness"] == ball.law.stiffness
+
+
+def test_a_surface_of_gazebo_classic_has_both_numbers_and_the_other_body_none(ball):
+    made = exports.export(KelvinVoigt(2000.0, 16.0), "gazebo-classic", mass=0.5)
+    assert "exact" not in made.statement.claim or made.statement.exact
+    surface = ElementTree.fromstring(made.files["surface.sdf"])
+    assert surface.findtext(".//kp") == "2000"
+    assert surface.findtext(".//kd") == "16"
+    # The spring corrects K x/(h K + B) a second; a smaller max_vel, such as the default, cuts it.
+    assert float(surface.findtext(".//max_vel")) > 2000.0 * 14e-3 / (2.0 + 16.0)
+    world = ElementTree.fromstring(made.files["scene.world"])
+    assert [each.text for each in world.iter("kd")] == ["16", "0"]
+    assert world.findtext(".//mass") == "0.5"
+    assert ElementTree.fromstring(made.files["surface.urdf"]).findtext("kp") == "2000"
+
+
+def test_a_time_step_is_counted_where_the_engine_takes_it_implicitly_and_said_where_explicitly():
+    stiff = KelvinVoigt(2e4, 20.0)
+    rebounds = [
+        exports.export(stiff, "gazebo-classic", time_step=step).statement.compared.rebound
+        for step in (1e-5, 1e-3, 3e-3)
+    ]
+    exact = exports.export(stiff, "usd").statement.compared.drop.restitution
+    assert rebounds[0] == pytest.approx(exact, rel=1e-2)
+    assert rebounds[0] > rebounds[1] > rebounds[2]
+    said = exports.export(stiff, "usd", time_step=0.02).statement.warnings
+    assert any("an explicit solver" in words for words in said)
+
+
+def test_gazebo_with_dart_is_refused_for_it_ignores_both_numbers():
+    for to, form in (("gazebo", "auto"), ("gazebo-classic", "dart")):
+        with pytest.raises(ExportRefusedError, match="ignores <kp> and <kd>"):
+            exports.export(BALL.law, to, form=form)
+
+
+def test_what_an_engine_can_do_nothing_with_is_refused_rather_than_ignored(toy):
+    for given, words in (
+        ({"geom": "tip"}, "geom means nothing to Toy"),
+        ({"tip_radius": 5e-3}, "tip_radius means nothing to Toy"),
+        ({"form": "pair"}, "form must be one of auto, only for toy"),
+        ({"mass": -1.0}, "mass must be in"),
+        ({"time_step": math.nan}, "time_step must be finite"),
+    ):
+        with pytest.raises(InvalidParameterError, match=words):
+            exports.export(BALL.law, "toy", **given)
+    with pytest.raises(InvalidParameterError, match="result must be an Identification"):
+        exports.export("ball.csv", "toy")
+    with pytest.raises(InvalidParameterError, match="to must be one of mujoco"):
+        palpate.exports.engine_called("unity")
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({}, "the mass that it feels"),
+        ({"mass": 1.0, "model": "robot.xml"}, "give mass or model"),
+        ({"geom": "tip"}, "geom names one of a model"),
+    ],
+    ids=["nothing", "both", "geom alone"],
+)
+def test_mujoco_is_told_what_the_contact_feels_in_one_way(given, words):
+    with pytest.raises(InvalidParameterError, match=words):
+        exports.export(BALL.law, "mujoco", **given)
+
+
+def test_every_engine_is_found_by_its_name_and_none_is_imported_for_that():
+    assert exports.engines() == tuple(MODULES)
+    for name in exports.engines():
+        engine = exports.engine_called(name)
+        assert engine.name == name
+        assert engine.forms
+
+
+def test_a_law_alone_is_judged_on_the_papers_motion_and_that_is_said(toy):
+    made = exports.export(BALL.law, "toy")
+    assert "on the paper's motion" in made.statement.claim
+    assert any("a law alone" in warning for warning in made.statement.warnings)
+    found = made.statement.as_dict()
+    assert found["verdict"] is None
+    assert found["error_percent"]["against_measured"] is None
+
+
+def test_an_export_never_replaces_what_it_was_made_of(ball, saved, tmp_path):
+    made = exports.export(ball, "usd")
+    with pytest.raises(RecordingError, match="this file is read"):
+        made.save(saved, inputs=[saved / "material.usda"])
+
+
+def test_the_laboratory_presses_what_was_exported_and_identifies_it(toy):
+    toy(factor=1.02)
+    made = exports.export(BALL.law, "toy")
+    sensors = replace(PERFECT, force_noise=0.05)
+    bench = Bench(exports.Pressed(made), THREE_SINES, IdealProbe(), sensors)
+    found = palpate.identify(bench.run(seed=1, seconds=5.0).contact)
+    errors = np.abs(found.law.parameters - 1.02 * BALL.law.parameters) / found.standard_errors
+    assert (errors[:2] < 3.0).all()
+    assert json.loads(found.contact.provenance["truth"])["engine"] == "toy"
+    with pytest.raises(InvalidParameterError, match="by an ideal probe only"):
+        exports.Pressed(made).touch()
+
+
+def test_the_command_prints_the_claim_and_writes_the_files(run, saved, tmp_path):
+    folder = tmp_path / "new" / "ball"
+    status, out, err = run("export", saved, "--to", "usd", "--mass", "1", "-o", folder)
+    assert (status, err) == (0, "")
+    words = " ".join(out.split())
+    assert "within 0.53 % of the law's force (predicted, not replayed here)" in words
+    assert "the law itself leaves 0.41 %" in words
+    assert f"wrote {folder / 'material.usda'}" in out
+    first = (folder / "statement.json").read_bytes()
+    assert run("export", saved / "result.json", "--to", "usd", "--mass", "1", "-o", folder)[0] == 0
+    assert (folder / "statement.json").read_bytes() == first
+    whole = json.loads(run("export", saved, "--to", "usd", "--mass", "1", "--json")[1])
+    assert whole["claim"] == json.loads(first)["claim"]
+
+
+def test_the_command_ends_with_3_where_it_refuses_and_writes_only_why(run, saved, tmp_path, toy):
+    toy(factor=1.1)
+    status, out, _ = run("export", saved, "--to", "toy", "-o", tmp_path)
+    assert status == 3
+    assert "refused, because" in out
+    assert "--allow" in out
+    assert {path.name for path in tmp_path.iterdir()} == {"statement.json", "statement.md"}
+    assert json.loads((tmp_path / "statement.json").read_text())["files"] == []
+    assert run("export", saved, "--to", "toy", "--allow", "-o", tmp_path)[0] == 0
+
+
+def test_what_is_no_result_is_said_in_a_line(run, saved, tmp_path):
+    broken = tmp_path / "result.json"
+    broken.write_bytes((saved / "result.json").read_bytes()[:1000])
+    recording, printed = EXAMPLES / "ball.csv", tmp_path / "printed.json"
+    printed.write_text(json.dumps({"schema_version": 1, "results": []}))
+    for file, words in (
+        (broken, "cut off"),
+        (tmp_path / "none", "palpate identify FILE -o FOLDER"),
+        (recording, "palpate identify FILE -o FOLDER"),
+        (printed, "printed by --json"),
+    ):
+        status, out, err = run("export", file, "--to", "usd")
+        assert (status, out) == (2, "")
+        assert words in err
+        assert err.count("\n") == 1
+    assert run("export", saved, "--to", "gazebo")[0] == 2

@@ -1,0 +1,206 @@
+"""A law in Drake's numbers: the mathematics and the text, without Drake."""
+
+import math
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+from export_cases import (
+    BALL_LAW,
+    HALF_SPACE_LAW,
+    HERTZ_LAW,
+    KELVIN_VOIGT_LAW,
+    PVC_LAW,
+    SPONGE_LAW,
+    asked,
+    fitted,
+    predicted_percent,
+)
+
+from palpate.errors import InvalidParameterError
+from palpate.exports import Motion, engine_called
+from palpate.exports.drake.slab import FINEST, shapes
+from palpate.exports.drake.spheres import nested_spheres, not_negative
+from palpate.exports.errors import Drop, drop_to
+from palpate.exports.implicit import rebound_by_steps
+from palpate.force_laws import GeneralisedHuntCrossley
+
+NAMESPACE = "{http://drake.mit.edu}"
+
+
+@pytest.mark.parametrize(
+    "law, form, most_percent",
+    [
+        (BALL_LAW, "point", 1e-10),
+        (SPONGE_LAW, "point", 1e-10),
+        (KELVIN_VOIGT_LAW, "sap", 1e-10),
+        (HERTZ_LAW, "nested-spheres", 0.25),
+        (PVC_LAW, "nested-spheres", 0.25),
+        # Its damper is not Hunt and Crossley's, and small.
+        (HALF_SPACE_LAW, "nested-spheres", 1.0),
+        # An identified exponent is never exactly 1.
+        (GeneralisedHuntCrossley(2000.0, 1.003, 2000.0, 1.003), "point", 0.1),
+        (GeneralisedHuntCrossley(2000.0, 0.98, 2000.0, 0.98), "point", 0.5),
+        # A damper that hardly grows is nearer to SAP's.
+        (GeneralisedHuntCrossley(2000.0, 1.01, 30.0, 0.01), "sap", 0.5),
+    ],
+)
+def test_the_form_is_that_of_the_law(law, form, most_percent) -> None:
+    fragment = fitted("drake", law)
+    assert fragment.form == form
+    assert fragment.exact == (most_percent == 1e-10)
+    assert predicted_percent(fragment) < most_percent
+
+
+@pytest.mark.parametrize("exponent", [1.1, 1.3, 1.5, 2.0, 2.5])
+def test_spheres_in_one_another_are_a_power_law_of_the_same_dissipation(exponent) -> None:
+    law = GeneralisedHuntCrossley(3e4, exponent, 6e4, exponent)
+    motion = Motion.of_paper()
+    firm = motion.judged
+    spheres = nested_spheres(law, motion.penetration[firm], motion.velocity[firm])
+    assert spheres.gaps[0] == 0.0
+    assert (np.diff(spheres.gaps) > 0.0).all()
+    assert (spheres.stiffness > 0.0).all()
+    assert spheres.dissipation == pytest.approx(2.0)
+    # So few are enough.
+    assert len(spheres.gaps) <= 8
+
+
+def test_spheres_carry_a_damper_of_another_power_each_by_its_own_dissipation() -> None:
+    law = GeneralisedHuntCrossley(1e5, 2.0, 3000.0, 1.0)
+    fragment = fitted("drake", law)
+    assert predicted_percent(fragment) < 0.5
+    assert np.ptp(fragment.spheres.dissipation) > 0.0
+
+
+def test_least_squares_leave_out_what_would_be_negative() -> None:
+    columns = np.array([[1.0, 1.0], [1.0, 1.1], [1.0, 1.2]])
+    assert not_negative(columns, np.array([1.0, 0.9, 0.8])) == pytest.approx([0.9, 0.0])
+    assert not_negative(columns, -np.ones(3)).tolist() == [0.0, 0.0]
+
+
+def test_the_volume_and_the_damper_of_the_slab_are_integrals_over_the_cap() -> None:
+    radius, depth = 0.03, 0.011
+    angle = np.linspace(0.0, math.acos(1.0 - depth / radius), 200_001)
+    below = depth - radius * (1.0 - np.cos(angle))
+    # dA, seen from above.
+    ring = 2.0 * math.pi * radius**2 * np.sin(angle) * np.cos(angle)
+    # So fine a mesh loses 10⁻¹⁰ of it.
+    volume, damper = (float(each[0]) for each in shapes(np.array([depth]), radius, 16))
+    assert volume == pytest.approx(np.trapezoid(below * ring, angle), rel=1e-8)
+    assert damper == pytest.approx(np.trapezoid(below * np.cos(angle) * ring, angle), rel=1e-8)
+
+
+@pytest.mark.parametrize("radius, most_percent", [(0.03, 2.3), (0.1, 0.7)])
+def test_a_slab_carries_a_square_law(radius, most_percent) -> None:
+    fragment = fitted("drake", PVC_LAW, form="hydroelastic", tip_radius=radius)
+    assert predicted_percent(fragment) < most_percent
+    # E = K H/(πR), and more for the sphere's curvature.
+    slab = fragment.slab
+    flat = PVC_LAW.stiffness * slab.thickness / (math.pi * radius)
+    assert 1.0 < slab.modulus / flat < 1.2
+
+
+@pytest.mark.parametrize(
+    "further, words",
+    [
+        ({}, "--tip-radius"),
+        ({"tip_radius": 0.005}, "too small"),
+        ({"tip_radius": 50.0}, "too large"),
+    ],
+)
+def test_a_slab_needs_a_radius_that_goes_with_the_depth(further, words) -> None:
+    with pytest.raises(InvalidParameterError, match=words):
+        fitted("drake", PVC_LAW, form="hydroelastic", **further)
+    assert FINEST < 8
+
+
+def test_a_law_that_does_not_push_is_no_contact() -> None:
+    with pytest.raises(InvalidParameterError, match="stiffness"):
+        fitted("drake", GeneralisedHuntCrossley(-5.0, 1.0, 1.0, 1.0))
+
+
+def test_a_damper_that_makes_energy_is_written_as_none_and_said() -> None:
+    fragment = fitted("drake", GeneralisedHuntCrossley(2000.0, 1.0, -20.0, 1.0))
+    assert fragment.numbers["hunt_crossley_dissipation"] == 0.0
+    assert not fragment.exact
+    assert any("negative" in words for words in fragment.warnings)
+
+
+def _properties(text: str, kind: str) -> list[dict[str, str]]:
+    """The surface's and each sphere's, by their names."""
+    found = []
+    for each in ElementTree.fromstring(text).iter(f"{NAMESPACE}proximity_properties"):
+        names = [line.tag.removeprefix(NAMESPACE) for line in each]
+        values = [line.text if kind == "sdf" else line.get("value") for line in each]
+        found.append(dict(zip(names, values, strict=True)))
+    return found
+
+
+@pytest.mark.parametrize(
+    "law, further",
+    [
+        (BALL_LAW, {}),
+        (HERTZ_LAW, {}),
+        (KELVIN_VOIGT_LAW, {}),
+        (PVC_LAW, {"form": "hydroelastic", "tip_radius": 0.03}),
+    ],
+)
+def test_both_texts_say_the_same_of_both_bodies_and_what_the_plant_must_be(law, further) -> None:
+    files = fitted("drake", law, **further).files(["a note -- of two hyphens"])
+    sdf, urdf = _properties(files["contact.sdf"], "sdf"), _properties(files["contact.urdf"], "urdf")
+    assert sdf == urdf
+    assert len(sdf) >= 2
+    assert all(len(each) >= 2 for each in sdf)
+    for text in files.values():
+        assert "a note - - of two" in text or "a note -- of two" in text
+        assert "discrete_contact_approximation=" in text
+    compile(files["scene.py"], "scene.py", "exec")
+
+
+def test_sap_has_the_relaxation_time_of_one_body_only() -> None:
+    files = fitted("drake", KELVIN_VOIGT_LAW).files([])
+    surface, tip = _properties(files["contact.sdf"], "sdf")
+    assert float(surface["relaxation_time"]) == 16.6 / 2000.0
+    assert float(tip["relaxation_time"]) == 0.0
+    assert "hunt_crossley_dissipation" not in surface
+    assert 'discrete_contact_approximation="sap"' in files["contact.sdf"]
+
+
+def test_a_tip_smaller_than_it_is_pressed_in_has_its_inner_spheres_raised_and_says_so() -> None:
+    fragment = fitted("drake", PVC_LAW, tip_radius=0.003)
+    gaps = fragment.spheres.gaps
+    lowest = [tip.lift - tip.radius for tip in fragment.parts.tips]
+    assert lowest == pytest.approx(gaps - 0.003)
+    assert any("raised" in words for words in fragment.warnings)
+    large = fitted("drake", PVC_LAW, tip_radius=0.05)
+    assert [tip.lift for tip in large.parts.tips] == pytest.approx(np.zeros(len(gaps)), abs=1e-15)
+    assert not any("raised" in words for words in large.warnings)
+
+
+def test_a_step_damps_a_spring_as_backward_euler_does() -> None:
+    mass, stiffness, step = 1.0, 2000.0, 1e-3
+    drop = Drop(mass, 0.5, 0.5 * (mass / stiffness) ** 0.5, 1.0)
+    found = rebound_by_steps(lambda x, _v: stiffness * max(x, 0.0), drop, step)
+    # Every step loses (1 + ω²h²)^½ of the amplitude, over the half period π/ω.
+    omega = (stiffness / mass) ** 0.5
+    expected = (1.0 + (omega * step) ** 2) ** (-0.5 * math.pi / (omega * step))
+    assert found == pytest.approx(expected, abs=0.01)
+
+
+def test_steps_so_fine_that_they_do_not_matter_are_not_taken() -> None:
+    drop = drop_to(BALL_LAW, 1.0, 0.012)
+    assert rebound_by_steps(BALL_LAW.force, drop, 1e-9) == pytest.approx(drop.restitution, abs=1e-4)
+
+
+def test_a_step_that_damps_more_than_the_law_is_warned_of() -> None:
+    engine = engine_called("drake")
+    coarse = engine.fit(asked(BALL_LAW, time_step=1e-3))
+    assert any("damps a body by 2 N·s/m" in words for words in coarse.warnings)
+    assert not engine.fit(asked(BALL_LAW, time_step=1e-4)).warnings
+
+
+def test_sap_needs_time_steps() -> None:
+    with pytest.raises(InvalidParameterError, match="time_step must be above 0"):
+        fitted("drake", KELVIN_VOIGT_LAW, form="sap", time_step=0.0)
+    assert fitted("drake", KELVIN_VOIGT_LAW, time_step=0.0).form == "point"

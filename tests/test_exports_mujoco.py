@@ -1,0 +1,421 @@
+"""MuJoCo carries a law as predicted, in the engine itself and in a user's own model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from palpate import GeneralisedHuntCrossley, InvalidParameterError, lab
+from palpate.exports import Asked, Motion, engine_called
+from palpate.exports.errors import drop_to, force_error
+from palpate.exports.mujoco import fitting, profiles
+from palpate.exports.mujoco.engine import _too_narrow
+from palpate.exports.mujoco.robot import _pressed
+from palpate.exports.mujoco.rows import Row, Rows
+from palpate.exports.mujoco.texts import Place
+from palpate.force_laws import engines
+
+mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
+
+MOTION = Motion.of_paper()
+FIRM = MOTION.firm()
+SHORT = replace(
+    MOTION,
+    **{
+        name: getattr(MOTION, name)[::10]
+        for name in ("time", "penetration", "velocity", "acceleration", "judged")
+    },
+).firm()
+LAWS = {
+    "ball": GeneralisedHuntCrossley.of(lab.BALL.law),
+    "sponge": GeneralisedHuntCrossley.of(lab.SPONGE.law),
+    "hertz": GeneralisedHuntCrossley(2e4, 1.5, 3e4, 1.5),
+    "pvc": GeneralisedHuntCrossley.of(lab.PVC.law),
+}
+KELVIN_VOIGT = GeneralisedHuntCrossley(2000.0, 1.0, 16.6, 0.0)
+ENGINE = engine_called("mujoco")
+# A shoulder, an elbow and a wrist; what its tip weighs to a contact is no number of its own.
+ARM = """
+<mujoco model="arm"><option cone="pyramidal" timestep="0.002"/>
+  <default><geom solref="0.02 1" solimp="0.9 0.95 0.001"/></default>
+  <worldbody><body pos="0 0 0.6"><joint axis="0 1 0"/><geom size="0.03" mass="1"/>
+    <body pos="0.3 0 0"><joint axis="0 1 0"/><geom size="0.03" mass="0.6"/>
+      <body name="hand" pos="0.25 0 -0.1"><joint axis="0 1 0"/>
+        <geom name="palm" type="cylinder" size="0.02 0.05" mass="0.3"/>
+        <geom name="tip" size="0.02" pos="0 0 -0.1" mass="0.1"/>
+        {more}</body></body></body>
+    <geom name="floor" type="plane" size="1 1 1"/></worldbody></mujoco>"""
+BOX = """
+<mujoco><worldbody><body pos="0 0 1"><freejoint/>
+  <geom name="foot" type="box" size="0.03 0.04 0.05" mass="2"/></body></worldbody></mujoco>"""
+MESH = """
+<mujoco><asset><mesh name="wedge" vertex="0 0 0 .1 0 0 0 .1 0 0 0 .1"/></asset>
+  <worldbody><body pos="0 0 1"><freejoint/>
+    <geom name="tip" type="mesh" mesh="wedge" mass="1"/></body></worldbody></mujoco>"""
+pulling = pytest.mark.skipif(not ENGINE.pulls(), reason="needs MuJoCo 3.11: adhesion of a pair")
+
+
+def fitted(law, **asked):
+    return ENGINE.fit(Asked(law, asked.pop("motion", MOTION), **{"mass": 1.0, **asked}))
+
+
+def error(fragment, motion=FIRM):
+    replayed = fragment.replay(motion)
+    return force_error(replayed.force, motion.force_by(fragment.asked.law), motion.judged)
+
+
+@pytest.fixture(scope="module")
+def hertz():
+    return fitted(LAWS["hertz"])
+
+
+@pytest.fixture
+def model(tmp_path):
+    def written(text, name="robot.xml"):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        return tmp_path / name
+
+    return written
+
+
+@pulling
+def test_the_force_of_a_row_is_that_of_the_engine_on_any_motion():
+    # Every parameter of solimp, a margin, and accelerations as large as those of an impact.
+    random = np.random.default_rng(3)
+    x, v, a = (
+        random.uniform(-1e-3, 0.02, 200),
+        random.normal(0.0, 0.5, 200),
+        random.normal(0, 50, 200),
+    )
+    motion = Motion(np.arange(200.0), x, v, a, x > 0.0)
+    rows = (
+        Row(4e5, 0.0, (3e-3, 0.02, 0.025, 0.1, 4.0), 0.0, 1e4),
+        Row(900.0, 3e3, (1e-4, 0.05, 0.015, 0.8, 2.5), 1e-3, 1e4),
+    )
+    fragment = replace(fitted(KELVIN_VOIGT), rows=Rows(rows, 1.0))
+    predicted = fragment.predicted(motion)
+    assert fragment.replay(motion).force == pytest.approx(predicted, rel=1e-9, abs=1e-9)
+
+
+def test_kelvin_voigt_is_read_back_from_one_contact():
+    fragment = fitted(KELVIN_VOIGT)
+    assert fragment.form == "kelvin-voigt"
+    columns = np.column_stack([SHORT.penetration, SHORT.velocity])
+    found = np.linalg.lstsq(columns, fragment.replay(SHORT).force, rcond=None)[0]
+    assert found == pytest.approx([2000.0, 16.6], rel=1e-3)
+    [row] = fragment.rows.rows
+    law = engines.mujoco(
+        solref=(-row.spring, -row.damper), solimp=row.solimp, inverse_mass=fragment.mobility
+    )
+    assert law.parameters == pytest.approx(KELVIN_VOIGT.parameters)
+
+
+@pytest.mark.parametrize("mass", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.slow
+@pulling
+def test_a_pair_has_the_law_whatever_the_mass(name, mass):
+    fragment = fitted(LAWS[name], mass=mass)
+    assert fragment.form == "pair"
+    assert error(fragment) < 0.6
+    drop = drop_to(LAWS[name], mass, 0.012)
+    assert fragment.rebound(drop) == pytest.approx(drop.restitution, rel=0.01)
+
+
+@pulling
+def test_a_pair_has_the_force_and_the_rebound_that_were_predicted(hertz):
+    assert hertz.form == "pair"
+    law = MOTION.force_by(LAWS["hertz"])
+    predicted = force_error(hertz.predicted(MOTION), law, MOTION.judged)
+    assert error(hertz, FIRM) == pytest.approx(predicted, abs=1e-6)
+    assert predicted < 0.6
+    drop = drop_to(LAWS["hertz"], 1.0, 0.012)
+    found = hertz.rebound(drop)
+    assert found == pytest.approx(drop.restitution, rel=0.03)
+    assert found == pytest.approx(hertz.predicted_rebound(drop), rel=1e-3)
+
+
+def test_a_fit_is_the_same_every_time():
+    depths = fitting.depths_that_count(SHORT)
+    first, second = (profiles.spring(depths, depths**1.5, 0.01) for _ in range(2))
+    assert first == second
+
+
+def test_the_format_that_moves_with_the_time_step_is_never_written(hertz):
+    # solref above 0 is a time constant, which refsafe and the time step change.
+    for row in (*hertz.rows.rows, *fitted(KELVIN_VOIGT).rows.rows):
+        low, high, width, midpoint, power = row.solimp
+        assert row.spring >= 0.0
+        assert row.damper >= 0.0
+        assert 1e-4 <= low <= high <= 0.9999
+        assert 1e-4 <= midpoint <= 0.9999
+        assert power >= 1.0
+        assert width + row.inset >= MOTION.deepest or low == high
+    slow = replace(hertz, asked=replace(hertz.asked, time_step=5e-3))
+    assert slow.replay(SHORT).force == pytest.approx(hertz.replay(SHORT).force, rel=1e-12)
+
+
+def test_the_callback_has_the_law_itself():
+    fragment = fitted(LAWS["pvc"], form="callback")
+    assert fragment.exact
+    assert error(fragment) < 1e-10
+    drop = drop_to(LAWS["pvc"], 1.0, 0.012)
+    assert fragment.rebound(drop) == pytest.approx(drop.restitution, rel=5e-3)
+
+
+def test_the_callback_leaves_other_models_and_the_callback_before_it_alone():
+    fragment = fitted(LAWS["ball"], form="callback")
+    files = fragment.files(["a note"])
+    module = {"__name__": "palpate_contact"}
+    exec(files["palpate_contact.py"], module)
+    models = [mujoco.MjModel.from_xml_string(text) for text in (files["scene.xml"], BOX)]
+    data, other = map(mujoco.MjData, models)
+    calls = []
+
+    def earlier(model, data):
+        calls.append(model.nv)
+
+    mujoco.set_mjcb_passive(earlier)
+    try:
+        with module["ExactContact"](models[0]) as contact:
+            data.qpos[0] = -5e-3
+            mujoco.mj_forward(models[0], data)
+            # Other geoms and joints.
+            mujoco.mj_forward(models[1], other)
+            assert contact.force == pytest.approx(10.0)
+            assert not other.qfrc_passive.any()
+            assert calls == [1, 6]
+            # MuJoCo calls it while a model compiles, and cannot: the module says so.
+            with pytest.raises(ValueError, match="Python exception"):
+                mujoco.MjModel.from_xml_string(BOX)
+            assert "compile them before" in files["palpate_contact.py"]
+        assert mujoco.get_mjcb_passive() is earlier
+    finally:
+        mujoco.set_mjcb_passive(None)
+
+
+def test_the_callback_runs_as_a_program_and_in_the_users_own_model(model, monkeypatch, capsys):
+    path = model(ARM.format(more=""))
+    fragment = fitted(LAWS["ball"], model=path, geom="tip", mass=None, form="callback")
+    assert error(fragment, SHORT) < 1e-10
+    files = fragment.files([])
+    for name, text in files.items():
+        (path.parent / name).write_text(text, encoding="utf-8")
+    mujoco.MjModel.from_xml_path(str(path.parent / "robot_scene.xml")).geom("palpate_pad")
+    small = fitted(LAWS["ball"], form="callback").files([])
+    (path.parent / "scene.xml").write_text(small["scene.xml"], encoding="utf-8")
+    monkeypatch.chdir(path.parent)
+    exec(small["palpate_contact.py"], {"__name__": "__main__"})
+    peak, leaves = (float(word) for word in capsys.readouterr().out.split() if word[0].isdigit())
+    drop = drop_to(LAWS["ball"], 1.0, MOTION.deepest)
+    assert leaves / drop.speed == pytest.approx(drop.restitution, rel=5e-3)
+    assert peak > 2000.0 * MOTION.deepest
+
+
+def test_a_replay_leaves_no_callback_behind_when_it_fails(monkeypatch):
+    fragment = fitted(LAWS["ball"], form="callback")
+    for run in (
+        lambda: fragment.replay(SHORT),
+        lambda: fragment.rebound(drop_to(LAWS["ball"], 1.0, 0.01)),
+    ):
+        with monkeypatch.context() as patch:
+            for name in ("mj_inverse", "mj_step"):
+                patch.setattr(mujoco, name, None)
+            with pytest.raises(TypeError):
+                run()
+        assert mujoco.get_mjcb_passive() is None
+
+
+def test_an_exponent_below_one_is_the_callbacks():
+    law = GeneralisedHuntCrossley(30.0, 0.8, 20.0, 0.8)
+    assert fitted(law).form == "callback"
+    with pytest.raises(InvalidParameterError, match=r"no exponent below 1.*--form callback"):
+        fitted(law, form="pair")
+    with pytest.raises(InvalidParameterError, match="no damping below 0"):
+        fitted(GeneralisedHuntCrossley(2000.0, 1.0, -20.0, 1.0), form="pair")
+    # Its nearest K x + B v has no damper: a negative one would make solref positive.
+    law = GeneralisedHuntCrossley(2000.0, 1.0, -20.0, 0.0)
+    assert fitted(law, form="kelvin-voigt").rows.rows[0].damper == 0.0
+
+
+@pytest.mark.slow
+@pulling
+def test_a_law_that_pulls_where_a_body_leaves_is_carried_by_contacts_that_do_not():
+    law = GeneralisedHuntCrossley(2e4, 1.5, 300.0, 0.5)
+    drop = drop_to(law, 1.0, 0.012)
+    auto, pair = (fitted(law, form=form) for form in ("auto", "pair"))
+    assert auto.form == "two-contacts"
+    assert error(auto) < 0.6
+    # By 7 % too low of the pair.
+    assert auto.rebound(drop) == pytest.approx(drop.restitution, rel=0.03)
+    assert pair.rebound(drop) < 0.95 * drop.restitution
+    assert any("the pair pulls" in each for each in pair.warnings)
+
+
+@pytest.mark.slow
+def test_a_version_whose_contacts_cannot_pull_gets_two_that_push(monkeypatch):
+    monkeypatch.setattr(type(ENGINE), "version", lambda self: "3.8.1")
+    fragment = fitted(LAWS["hertz"])
+    assert fragment.form == "two-contacts"
+    assert "adhesion" not in fragment.files([])["contact.xml"]
+    assert error(fragment) < 1.0
+
+
+def test_a_pair_for_a_newer_version_is_written_and_not_replayed(monkeypatch):
+    monkeypatch.setattr(type(ENGINE), "version", lambda self: "3.8.1")
+    fragment = fitted(KELVIN_VOIGT, form="pair")
+    assert 'adhesion="' in fragment.files([])["contact.xml"]
+    assert fragment.replay(SHORT) is None
+    assert "3.8.1 is too old" in fragment.warnings[-1]
+
+
+def test_a_contact_needs_the_mass_that_it_feels():
+    with pytest.raises(InvalidParameterError, match=r"give the mass \(--mass 1.0\)"):
+        fitted(KELVIN_VOIGT, mass=None)
+
+
+@pulling
+def test_a_mass_that_the_contact_adds_is_told_where_it_counts():
+    # A tonne on a material of 3 N: two rows of d = 1e-4 add 0.2 kg.
+    soft = GeneralisedHuntCrossley(300.0, 1.0, 4.0, 0.0)
+    words = "the mass that the contacts add comes to"
+    heavy = fitted(soft, mass=1000.0, form="pair")
+    assert sum(each.startswith(words) for each in heavy.warnings) == 1
+    assert error(heavy, SHORT) > 1.0
+    assert not any(each.startswith(words) for each in fitted(soft, form="pair").warnings)
+
+
+def test_a_width_within_the_recording_is_refused():
+    row = Row(1.0, 1.0, (1e-4, 0.02, 0.01, 0.5, 2.0))
+    assert (
+        "10 mm, is less than the recorded depth of 14" in _too_narrow(Rows((row,), 1.0), 0.014)[0]
+    )
+
+
+@pytest.mark.parametrize("part, stays", [(0.9, True), (1.15, False)])
+def test_the_largest_time_step_is_that_of_the_engine(part, stays):
+    # A light probe on a spring that resists: it swings as h²k/m + 2hc/m < 4 allows.
+    first = fitted(KELVIN_VOIGT, mass=0.1)
+    step = part * first.largest_step
+    fragment = replace(first, asked=replace(first.asked, time_step=step))
+    model = mujoco.MjModel.from_xml_string(fragment.scene(0.0))
+    data = mujoco.MjData(model)
+    data.qfrc_applied[0], data.qpos[0] = -20.0, -0.0101  # it rests at 10 mm
+    for _ in range(400):
+        mujoco.mj_step(model, data)
+    assert (abs(data.qpos[0] + 0.01) < 1e-4) == stays
+
+
+def test_a_pair_beats_the_default_geom_and_the_pyramid(model):
+    # Without a pair: the element-wise minimum with the other geom's solref, and a pyramid's force.
+    fragment = fitted(KELVIN_VOIGT, model=model(ARM.format(more="")), geom="tip", mass=None)
+    assert fragment.robot.mobility == pytest.approx(1.0 / fragment.asked.mass)
+    assert error(fragment, SHORT) < 0.01
+    data = fragment.pressed().model
+    assert {int(dim) for dim in data.pair_dim} == {1}
+
+
+@pulling
+def test_the_fragment_runs_beside_the_users_own_model(model):
+    path = model(ARM.format(more=""))
+    fragment = fitted(KELVIN_VOIGT, model=path, geom="tip", mass=None, form="pair")
+    assert error(fragment, SHORT) < 0.01
+    for name, text in fragment.files(["of a recording -- and more"]).items():
+        (path.parent / name).write_text(text, encoding="utf-8")
+    both = mujoco.MjModel.from_xml_path(str(path.parent / "robot_scene.xml"))
+    ours = fragment.pressed().model
+    for name in ("pair_solref", "pair_solimp", "pair_margin", "pair_adhesion", "body_invweight0"):
+        there, here = getattr(both, name), getattr(ours, name)
+        assert there == pytest.approx(here[: len(there)], rel=1e-14)
+    # As text has it, the surface just touches the tip of the model's first pose.
+    data = mujoco.MjData(both)
+    mujoco.mj_forward(both, data)
+    line = np.zeros(6)
+    pad, tip = both.geom("palpate_pad").id, both.geom("tip").id
+    assert abs(mujoco.mj_geomDistance(both, data, pad, tip, 1.0, line)) < 1e-9
+
+
+def test_the_contacts_of_a_box_share_the_force(model):
+    fragment = fitted(KELVIN_VOIGT, model=model(BOX), geom="foot", mass=None)
+    assert fragment.rows.contacts == 4
+    assert fragment.robot.mobility == pytest.approx(0.5)
+    assert error(fragment, SHORT) < 0.01
+    assert any("as long as it lies flat" in each for each in fragment.warnings)
+    drop = drop_to(KELVIN_VOIGT, 2.0, 0.012)
+    assert fragment.rebound(drop) == pytest.approx(drop.restitution, rel=0.02)
+
+
+def test_a_mesh_is_refused(model):
+    fragment = fitted(KELVIN_VOIGT, model=model(MESH), geom="tip", mass=None)
+    assert "is a mesh" in fragment.refusals[0]
+
+
+@pytest.mark.parametrize(
+    "text, geom, words",
+    [
+        (ARM, None, "geom must say what touches"),
+        (ARM, "finger", "no 'finger'; there are floor, palm, tip"),
+        (ARM, "floor", "floor is a plane"),
+        (ARM.replace("</worldbody>", ""), "tip", "MuJoCo cannot read it"),
+        (BOX.replace("foot", "palpate_pad"), "palpate_pad", "take the earlier export out"),
+        (BOX.replace("<freejoint/>", ""), "foot", "stands in the world"),
+        (BOX.replace('mass="2"', 'mass="0"'), "foot", "MuJoCo cannot compile it"),
+    ],
+)
+def test_a_model_that_cannot_be_used_is_told_in_words(model, text, geom, words):
+    with pytest.raises(InvalidParameterError, match=words):
+        fitted(KELVIN_VOIGT, model=model(text.format(more="")), geom=geom, mass=None)
+
+
+def test_a_model_that_is_not_there_is_told_in_words(tmp_path):
+    with pytest.raises(InvalidParameterError, match="there is no file"):
+        fitted(KELVIN_VOIGT, model=tmp_path / "robot.xml", geom="tip", mass=None)
+
+
+@pytest.mark.parametrize(
+    "flag, words",
+    [("override='enable'", "overrides every contact"), ("contact='disable'", "contacts off")],
+)
+def test_a_model_whose_options_undo_the_contact_is_refused(model, flag, words):
+    text = BOX.replace("<worldbody>", f"<option><flag {flag}/></option><worldbody>", 1)
+    fragment = fitted(KELVIN_VOIGT, model=model(text), geom="foot", mass=None)
+    assert words in fragment.refusals[-1]
+
+
+def test_a_slide_weighs_to_a_contact_what_its_body_weighs(model):
+    # So that the numbers of a mass alone hold for a free body and for the scene's slide.
+    for joint in ("<freejoint/>", '<joint type="slide" axis="0 0 1"/>'):
+        path = model(BOX.replace("<freejoint/>", joint))
+        found = _pressed(path, "foot", (Row(1.0, 0.0, (1e-4, 1e-4, 1.0, 0.5, 2.0)),), Place())
+        assert found.model.body_invweight0[1, 0] == pytest.approx(0.5)
+
+
+def test_a_law_without_damping_is_one_row_and_a_shallow_one_says_so():
+    fragment = fitted(GeneralisedHuntCrossley(2e4, 1.5, 0.0, 1.5), motion=SHORT)
+    assert len(fragment.rows.rows) == 1
+    assert fragment.rows.rows[0].damper == fragment.rows.rows[0].adhesion == 0.0
+    assert error(fragment, SHORT) < 0.6
+    assert any("mm of depth the force at rest is off" in each for each in fragment.warnings)
+
+
+def test_rows_that_only_push_are_clipped_one_by_one():
+    constant = (1e-4, 1e-4, 1.0, 0.5, 2.0)
+    rows = Rows((Row(2e3, 0.0, constant), Row(0.0, 50.0, constant)), 1.0)
+    fragment = replace(fitted(KELVIN_VOIGT), rows=rows)
+    motion = Motion(
+        *np.array([[0.0, 1.0], [0.01, 0.01], [-3.0, 3.0], [0.0, 0.0]]), np.ones(2, bool)
+    )
+    scale = 1.0 / (1.0 - 1e-4)
+    assert fragment.predicted(motion) == pytest.approx([20.0 * scale, 170.0 * scale])
+    assert fragment.replay(motion).force == pytest.approx([20.0 * scale, 170.0 * scale])
+
+
+@pulling
+def test_an_exponent_just_below_one_is_written_as_one_and_a_lower_one_is_a_callback():
+    law = GeneralisedHuntCrossley(300.0, 0.9987, 3000.0, 0.9987)
+    pair = fitted(law)
+    assert pair.form == "pair"
+    assert any("0.9987 is written as 1" in words for words in pair.warnings)
+    off = force_error(pair.predicted(SHORT), SHORT.force_by(law), SHORT.judged)
+    assert off < 0.1
+    assert fitted(replace(law, exponent=0.9, damping_exponent=0.9)).form == "callback"
