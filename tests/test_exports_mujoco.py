@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from palpate import GeneralisedHuntCrossley, InvalidParameterError, lab
-from palpate.exports import Asked, Motion, engine_called
+from palpate.exports import Asked, Motion, engine_called, export
 from palpate.exports.errors import drop_to, force_error
 from palpate.exports.mujoco import fitting, profiles
 from palpate.exports.mujoco.engine import _too_narrow
@@ -48,6 +48,9 @@ ARM = """
 BOX = """
 <mujoco><worldbody><body pos="0 0 1"><freejoint/>
   <geom name="foot" type="box" size="0.03 0.04 0.05" mass="2"/></body></worldbody></mujoco>"""
+SLIDE = """
+<mujoco><worldbody><body pos="0 0 1"><joint type="slide" axis="0 0 1"/>
+  <geom name="tip" size="0.03" mass="2" pos="0.01 0 0"/></body></worldbody></mujoco>"""
 MESH = """
 <mujoco><asset><mesh name="wedge" vertex="0 0 0 .1 0 0 0 .1 0 0 0 .1"/></asset>
   <worldbody><body pos="0 0 1"><freejoint/>
@@ -309,7 +312,9 @@ def test_the_largest_time_step_is_that_of_the_engine(part, stays):
 def test_a_pair_beats_the_default_geom_and_the_pyramid(model):
     # Without a pair: the element-wise minimum with the other geom's solref, and a pyramid's force.
     fragment = fitted(KELVIN_VOIGT, model=model(ARM.format(more="")), geom="tip", mass=None)
-    assert fragment.robot.mobility == pytest.approx(1.0 / fragment.asked.mass)
+    # The arm in its pose is another mass than 1/Â, by which MuJoCo scales.
+    assert fragment.robot.mobility != pytest.approx(1.0 / fragment.asked.mass, rel=0.1)
+    assert any("an impact feels" in each for each in fragment.warnings)
     assert error(fragment, SHORT) < 0.01
     data = fragment.pressed().model
     assert {int(dim) for dim in data.pair_dim} == {1}
@@ -380,6 +385,40 @@ def test_a_model_whose_options_undo_the_contact_is_refused(model, flag, words):
     text = BOX.replace("<worldbody>", f"<option><flag {flag}/></option><worldbody>", 1)
     fragment = fitted(KELVIN_VOIGT, model=model(text), geom="foot", mass=None)
     assert words in fragment.refusals[-1]
+
+
+@pytest.mark.parametrize("form, refused", [("pair", 1), ("callback", 1), ("kelvin-voigt", 0)])
+@pulling
+def test_a_model_without_passive_forces_has_no_pair_that_pulls(model, form, refused):
+    # Of these the pair's adhesion is one, and without it the contact pushes by as much more.
+    flags = "<option><flag spring='disable' damper='disable'/></option>"
+    text = SLIDE.replace("<worldbody>", f"{flags}<worldbody>", 1)
+    fragment = fitted(KELVIN_VOIGT, model=model(text), geom="tip", mass=None, form=form)
+    assert len(fragment.refusals) == refused
+    assert all("every passive force" in each for each in fragment.refusals)
+
+
+def test_a_surface_stays_where_it_is_in_a_model_with_defaults_for_pairs(model):
+    # A margin of them made the contact 6 mm deep, and the force three times too large.
+    defaults = "<default><pair margin='0.006' gap='0.005' condim='3'/></default>"
+    path = model(SLIDE.replace("<worldbody>", f"{defaults}<worldbody>", 1))
+    fragment = fitted(KELVIN_VOIGT, model=path, geom="tip", mass=None)
+    for name, text in fragment.files(()).items():
+        (path.parent / name).write_text(text)
+    found = mujoco.MjModel.from_xml_path(str(path.parent / "robot_scene.xml"))
+    assert (found.pair_margin[0], found.pair_gap[0], found.pair_dim[0]) == (0.0, 0.0, 1)
+
+
+def test_a_models_own_time_step_and_mass_are_those_that_count(model):
+    path = model(SLIDE.replace("<worldbody>", "<option timestep='0.07'/><worldbody>", 1))
+    made = export(KELVIN_VOIGT, "mujoco", model=path, geom="tip", allow=True)
+    assert "unstable at a time step of 70 ms" in made.statement.claim
+    # Off its body's centre: MuJoCo then takes the mean over three axes, of which two do not move.
+    assert made.fragment.mobility == pytest.approx(1.0 / 6.0)
+    assert made.fragment.asked.mass == pytest.approx(2.0)
+    assert 'timestep="0.07"' in made.files["scene.xml"]
+    with pytest.raises(InvalidParameterError, match="give time_step or model"):
+        export(KELVIN_VOIGT, "mujoco", model=path, geom="tip", time_step=1e-3)
 
 
 def test_a_slide_weighs_to_a_contact_what_its_body_weighs(model):

@@ -31,7 +31,7 @@ class Into:
     tip_radius: Depth | None = None
     "Of a round tip, such as 5mm, where the engine's law has it."
     time_step: Duration | None = None
-    "Of the simulation; 1ms unless given."
+    "Of the simulation; 1ms unless given, or that of --model."
 
     def options(self) -> dict[str, Any]:
         """What is asked for, SI."""

@@ -68,7 +68,7 @@ def export(
     geom: str | None = None,
     form: str = "auto",
     tip_radius: float | None = None,
-    time_step: float = 1e-3,
+    time_step: float | None = None,
     allow: bool = False,
     replay: bool = True,
 ) -> Export:
@@ -91,8 +91,9 @@ def export(
         Which of the engine's ways; the best for the law unless given.
     tip_radius : float, optional
         Of a round tip, m, in (0, 1], where the engine's law has it.
-    time_step : float
-        Of the simulation, s, in (0, 1]; 0 where the engine can do without, as Drake can.
+    time_step : float, optional
+        Of the simulation, s, in (0, 1]; 0 where the engine can do without, as Drake can. 1 ms
+        unless given; a model has its own.
     allow : bool
         Export what would be refused; the fragment says so.
     replay : bool
@@ -119,9 +120,13 @@ def export(
         tip_radius=None
         if radius is None
         else number_in("tip_radius", radius, 0.0, 1.0, open_low=True),
-        time_step=number_in("time_step", time_step, 0.0, 1.0, open_low=not engine.continuous),
+        time_step=1e-3
+        if time_step is None
+        else number_in("time_step", time_step, 0.0, 1.0, open_low=not engine.continuous),
         form=form,
     )
+    if model is not None and time_step is not None:
+        raise InvalidParameterError("give time_step or model: a model has a time step of its own")
     _check(engine, asked, given_radius=tip_radius is not None)
     statement = _stated(engine, source, nearest, asked, replay=replay, allow=allow)
     if statement.refused:

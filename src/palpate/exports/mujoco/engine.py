@@ -13,7 +13,7 @@ from palpate.exports.errors import force_error
 from palpate.exports.kelvin_voigt import is_kelvin_voigt, stable_step
 from palpate.exports.mujoco.fitting import FITS, badness
 from palpate.exports.mujoco.fragments import AsCallback, InRows
-from palpate.exports.mujoco.robot import Robot, read
+from palpate.exports.mujoco.robot import NOTHING_PASSIVE, Robot, read
 from palpate.exports.mujoco.rows import Rows
 from palpate.exports.nearest import kelvin_voigt, with_exponents
 from palpate.exports.text import percent
@@ -61,7 +61,7 @@ class MuJoCo(Engine):
             no such law.
         """
         robot, mobility = _felt(asked)
-        asked, lifted = _lifted(replace(asked, mass=1.0 / mobility))
+        asked, lifted = _lifted(_pressed_by(asked, robot, mobility))
         if not asked.law.stiffness > 0.0:
             raise InvalidParameterError(
                 f"law must have a stiffness above 0 for MuJoCo, not {asked.law.stiffness:g}"
@@ -128,6 +128,13 @@ def _felt(asked: Asked) -> tuple[Robot | None, float]:
     return None, 1.0 / above_zero("mass", asked.mass)
 
 
+def _pressed_by(asked: Asked, robot: Robot | None, mobility: float) -> Asked:
+    """With the mass that an impact feels, and the time step of the user's model."""
+    if robot is None:
+        return replace(asked, mass=1.0 / mobility)
+    return replace(asked, mass=robot.mass, time_step=robot.time_step)
+
+
 def _lifted(asked: Asked) -> tuple[Asked, tuple[str, ...]]:
     """With n = 1 where it is just below, as of a law that is identified with n = 1 it may be.
 
@@ -168,6 +175,8 @@ def _as_callback(asked: Asked, mobility: float, robot: Robot | None) -> AsCallba
     refusals = () if robot is None else robot.refusals
     if robot is not None and robot.contacts > 1:
         refusals = (*refusals, "the callback pushes at one point: give it a round tip")
+    if robot is not None and not robot.passive:
+        refusals = (*refusals, NOTHING_PASSIVE)
     numbers = {"K": law.stiffness, "n": law.exponent, "B": law.damping, "p": law.damping_exponent}
     return AsCallback(
         form="callback",
@@ -175,7 +184,7 @@ def _as_callback(asked: Asked, mobility: float, robot: Robot | None) -> AsCallba
         numbers=numbers,
         engine_law=law,
         exact=True,
-        largest_step=stable_step(law, 1.0 / mobility, asked.motion.deepest),
+        largest_step=stable_step(law, asked.mass_or_one, asked.motion.deepest),
         warnings=tuple(warnings),
         refusals=refusals,
         mobility=mobility,
@@ -186,18 +195,19 @@ def _as_callback(asked: Asked, mobility: float, robot: Robot | None) -> AsCallba
 def _in_rows(form: str, asked: Asked, rows: Rows, robot: Robot | None) -> InRows:
     law, deepest = asked.law, asked.motion.deepest
     engine_law = kelvin_voigt(law, asked.motion) if form == "kelvin-voigt" else law
-    largest = stable_step(engine_law, 1.0 / rows.mobility, deepest)
     warnings = [_FRICTIONLESS, *_about(form, asked, rows)]
     refusals = _too_narrow(rows, deepest)
     if robot is not None:
-        warnings += [*robot.warnings, *_hasty(robot, largest)]
+        warnings += robot.warnings
         refusals += robot.refusals
+        if not robot.passive and any(row.adhesion for row in rows.rows):
+            refusals += (NOTHING_PASSIVE,)
     return InRows(
         form=form,
         asked=asked,
         numbers=_numbers(rows),
         engine_law=engine_law,
-        largest_step=largest,
+        largest_step=stable_step(engine_law, asked.mass_or_one, deepest),
         warnings=tuple(warnings),
         refusals=refusals,
         mobility=rows.mobility,
@@ -266,16 +276,6 @@ def _shallow(law: GeneralisedHuntCrossley, rows: Rows, deepest: float) -> float:
     # A body that rests so near the surface has a hundredth of the depth at most to be off by.
     off &= depths > 0.01 * deepest
     return float(depths[off].max()) if off.any() else 0.0
-
-
-def _hasty(robot: Robot, largest: float) -> tuple[str, ...]:
-    """A word on the model's own time step."""
-    if robot.time_step <= 0.5 * largest:
-        return ()
-    return (
-        f"the model's time step of {1e3 * robot.time_step:g} ms is above half of the "
-        f"{1e3 * largest:.3g} ms from which on the contact is unstable",
-    )
 
 
 def _too_narrow(rows: Rows, deepest: float) -> tuple[str, ...]:

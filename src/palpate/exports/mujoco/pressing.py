@@ -63,6 +63,14 @@ class Pressed:
         size = float(row @ row)
         return row / size if size > 0.0 else np.full(self.model.nv, np.nan)
 
+    def mass(self) -> float:
+        """Of the model along the normal, kg: 1/(J M⁻¹ Jᵀ)."""
+        out = self.along()
+        row = np.array([out / float(out @ out)])
+        answer = np.zeros_like(row)
+        self.mujoco.mj_solveM(self.model, self.data, answer, row)
+        return 1.0 / float(row[0] @ answer[0])
+
     def contacts(self, pad: int) -> list[int]:
         """Places in the data of the contacts between a surface and the tip."""
         both = {pad, self.tip}

@@ -1,5 +1,6 @@
 """The user's own model: how it moves where it touches, and the fragment in it."""
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,11 @@ _FAR = 10.0
 _STUCK = 1e-6
 #: Shapes whose contacts with a plane MuJoCo makes differently from one depth to the next.
 _WITHOUT_LAW = ("MESH", "HFIELD", "SDF")
+#: Why a form with passive forces is refused to a model without.
+NOTHING_PASSIVE = (
+    "the model switches springs and dampers off (<flag spring, damper>), and MuJoCo with both of "
+    "them every passive force: a pair that pulls, or a callback, would push with another force"
+)
 # What finds contacts until the law is fitted; any numbers.
 _ANY = Row(1.0, 1.0, (1e-4, 1e-4, 1.0, 0.5, 2.0))
 
@@ -36,12 +42,16 @@ class Robot:
         What touches.
     mobility : float
         Â, 1/kg: translational body_invweight0 of the geom's body; the world has none.
+    mass : float
+        Of the model along the surface's normal, in its first pose, kg: what an impact feels.
     contacts : int
         Of the geom with a plane; 1 where they vary.
     place : Place
         Where a surface just touches it in the model's first pose.
     time_step : float
         The model's own, s.
+    passive : bool
+        Whether it has passive forces, which a pair that pulls and a callback are among.
     warnings, refusals : tuple of str
         Of the geom's shape, and of the model's options.
     """
@@ -49,9 +59,11 @@ class Robot:
     path: Path
     geom: str
     mobility: float
+    mass: float
     contacts: int
     place: Place
     time_step: float
+    passive: bool = True
     warnings: tuple[str, ...] = ()
     refusals: tuple[str, ...] = ()
 
@@ -89,14 +101,17 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
     if there is None:
         raise InvalidParameterError(f"geom {geom} of {path.name} cannot move against a surface")
     counts = there.counts(deepest * np.array([0.05, 0.25, 0.5, 0.75, 1.0]))
+    mass = there.mass()
     return Robot(
         path,
         geom,
         mobility,
+        mass,
         max(1, *counts) if len(counts) == 1 else 1,
         there.place,
         float(model.opt.timestep),
-        _warnings(kind, geom, counts),
+        _passive(mujoco, model),
+        (*_warnings(kind, geom, counts), *_felt_otherwise(mass, mobility)),
         _refusals(mujoco, model, kind, geom, counts),
     )
 
@@ -139,7 +154,7 @@ def _pressed(path: Path, geom: str, rows: tuple[Row, ...], place: Place) -> Pres
         solref = (-row.spring, -row.damper)
         spec.add_pair(
             geomname1=pad, geomname2=geom, condim=1, solref=solref, solimp=row.solimp,
-            margin=-row.inset, **more,
+            margin=-row.inset, gap=0.0, **more,
         )  # fmt: skip
     try:
         model = spec.compile()
@@ -210,6 +225,22 @@ def _turn(normal: Floats) -> Floats:
         return np.array([0.0, 1.0, 0.0, 0.0])
     quaternion = np.array([1.0 + normal[2], -normal[1], normal[0], 0.0])
     return np.asarray(quaternion / np.linalg.norm(quaternion))
+
+
+def _passive(mujoco: Any, model: Any) -> bool:
+    """Whether any passive force is computed: without springs and dampers MuJoCo leaves out all."""
+    both = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
+    return int(model.opt.disableflags) & both != both
+
+
+def _felt_otherwise(mass: float, mobility: float) -> tuple[str, ...]:
+    """A word on a model that is another mass to an impact than MuJoCo scales its numbers by."""
+    if math.isclose(mass * mobility, 1.0, rel_tol=0.01):
+        return ()
+    return (
+        f"an impact feels {mass:.4g} kg of the model in its first pose, and another mass in "
+        "another pose: restitution and the largest time step are those of this one",
+    )
 
 
 def _warnings(kind: str, geom: str, counts: set[int]) -> tuple[str, ...]:

@@ -86,9 +86,10 @@ def pair_attributes(row: Row) -> dict[str, str]:
         # Not "0": a solref that is not negative means something else.
         "solref": _numbers((-row.spring, -row.damper)),
         "solimp": _numbers(row.solimp),
+        # Or a model's own <default> for pairs would move the surface.
+        "margin": _numbers([-row.inset]),
+        "gap": "0",
     }
-    if row.inset:
-        attributes["margin"] = digits(-row.inset)
     if row.adhesion:
         attributes["adhesion"] = digits(row.adhesion)
     return attributes
