@@ -19,6 +19,7 @@ from palpate.exports.errors import drop_to, force_error, rebound_by
 from palpate.exports.kelvin_voigt import stable_step
 from palpate.exports.nearest import kelvin_voigt, with_exponents, without_memory
 from palpate.exports.registry import MODULES
+from palpate.exports.text import hash_comment, xml_comment
 from palpate.lab import BALL, PERFECT, PVC, SPONGE, THREE_SINES, TISSUE, Bench, IdealProbe
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
@@ -422,6 +423,23 @@ def test_the_command_ends_with_3_where_it_refuses_and_writes_only_why(run, saved
     assert {path.name for path in tmp_path.iterdir()} == {"statement.json", "statement.md"}
     assert json.loads((tmp_path / "statement.json").read_text())["files"] == []
     assert run("export", saved, "--to", "toy", "--allow", "-o", tmp_path)[0] == 0
+
+
+@pytest.mark.parametrize(
+    "name, value",
+    [("surface", None), ("flags", 3), ("elastic_modulus", {"tip": {"kind": "sphere"}})],
+)
+def test_a_saved_result_that_is_damaged_where_only_an_export_looks_is_a_line(saved, name, value):
+    result = palpate.load_result(saved)
+    result.description["results"][0][name] = value
+    with pytest.raises(RecordingError, match="the result is damaged"):
+        exports.export(result, "usd")
+
+
+def test_a_comment_is_one_whatever_the_recording_is_called():
+    notes = ["of a---b-.csv", "of c\x1b\x00d.csv"]
+    assert ElementTree.fromstring(f"<a>{xml_comment(notes)}</a>").tag == "a"
+    assert hash_comment(notes) == "# of a---b-.csv\n# of c  d.csv"
 
 
 def test_what_is_no_result_is_said_in_a_line(run, saved, tmp_path):

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, Union, cast
 
 from palpate.diagnosis import MARKS, Finding, Verdict
-from palpate.errors import ExportRefusedError, InvalidParameterError
+from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.exports.motion import Motion
 from palpate.exports.nearest import Nearest, one_power, with_exponents, without_memory
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, GeneralisedHuntCrossley
@@ -61,6 +61,8 @@ class Source:
         ------
         InvalidParameterError
             It is none of them.
+        RecordingError
+            A saved one is damaged.
         """
         if isinstance(result, ForceLaw):
             return cls(result, Motion.of_paper())
@@ -70,8 +72,20 @@ class Source:
                 "result must be an Identification, a SavedResult or a force law, not "
                 f"{shown(result)}"
             )
-        saved = hasattr(result, "description")
-        judged: Any = result if saved else cast(Any, result).diagnosis
+        if not hasattr(result, "description"):
+            return cls._identified(result, cast(Any, result).diagnosis)
+        try:
+            return cls._identified(result, result)
+        except (RecordingError, InvalidParameterError):
+            raise
+        except (AttributeError, LookupError, TypeError, ValueError) as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise RecordingError(
+                f"{result.folder}: the result is damaged ({reason}); identify again"
+            ) from None
+
+    @classmethod
+    def _identified(cls, result: "Identification | SavedResult", judged: Any) -> "Source":
         return cls(
             law=result.law,
             motion=Motion.recorded(result),

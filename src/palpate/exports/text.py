@@ -1,6 +1,7 @@
 """Text for engines and about them: numbers that read back exactly, errors, and comments."""
 
 import math
+import re
 from collections.abc import Sequence
 
 from palpate.digits import rounded
@@ -13,15 +14,20 @@ def digits(value: float) -> str:
 
 def xml_comment(notes: Sequence[str], indent: str = "") -> str:
     """Lines as an XML comment, in which two hyphens may not stand together."""
-    lines = [line.replace("--", "- -") for note in notes for line in note.splitlines()]
+    lines = [re.sub("-(?=-)", "- ", line) for line in _lines(notes)]
     inside = "\n".join(f"{indent}  {line}".rstrip() for line in lines)
     return f"{indent}<!--\n{inside}\n{indent}-->"
 
 
 def hash_comment(notes: Sequence[str], indent: str = "") -> str:
     """Lines as comments that begin with #."""
+    return "\n".join(f"{indent}# {line}".rstrip() for line in _lines(notes))
+
+
+def _lines(notes: Sequence[str]) -> list[str]:
+    """Lines of text, without what XML does not take: a file's name may have anything in it."""
     lines = [line for note in notes for line in note.splitlines()]
-    return "\n".join(f"{indent}# {line}".rstrip() for line in lines)
+    return ["".join(each if each.isprintable() else " " for each in line) for line in lines]
 
 
 def percent(value: float) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from palpate.contact import Contact
-from palpate.diagnosis import Finding, Quantity, Verdict, WorkingDepth
+from palpate.diagnosis import MARKS, Finding, Quantity, Verdict, WorkingDepth
 from palpate.errors import RecordingError
 from palpate.estimators import LawVerdict
 from palpate.force_laws import FORCE_LAWS, law_from
@@ -100,7 +100,7 @@ def load_result(path: str | Path) -> SavedResult:
             law=law,
             standard_errors=_numbers([found["standard_errors"][name] for name in law.names()]),
             correlations=_numbers(found["correlations"]),
-            verdict=Verdict(**found["verdict"]),
+            verdict=_verdict(found["verdict"]),
             findings=tuple(_finding(each) for each in found["findings"]),
             working_depths=tuple(_working_depth(each) for each in found["working_depths"]),
             contact=_as_it_was(contact, whole),
@@ -162,6 +162,15 @@ def _as_it_was(contact: Contact, whole: Mapping[str, Any]) -> Contact:
 def _law_verdict(words: Mapping[str, Any] | None) -> LawVerdict | None:
     """The verdict on laws; None of a result that has none, or only names it, as earlier ones."""
     return LawVerdict.from_dict(words) if words and "damping" in words else None
+
+
+def _verdict(words: Mapping[str, Any]) -> Verdict:
+    """The verdict; a mark that is none would pass for trust."""
+    verdict = Verdict(**words)
+    for mark in verdict.as_dict().values():
+        if mark not in MARKS:
+            raise ValueError(f"no verdict of palpate is {mark!r}")
+    return verdict
 
 
 def _finding(words: Mapping[str, Any]) -> Finding:
