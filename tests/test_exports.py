@@ -21,6 +21,7 @@ from palpate.exports.nearest import kelvin_voigt, with_exponents, without_memory
 from palpate.exports.registry import MODULES
 from palpate.exports.text import hash_comment, xml_comment
 from palpate.lab import BALL, PERFECT, PVC, SPONGE, THREE_SINES, TISSUE, Bench, IdealProbe
+from palpate.results.description import of_one
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 LAWS = {
@@ -458,3 +459,10 @@ def test_what_is_no_result_is_said_in_a_line(run, saved, tmp_path):
         assert words in err
         assert err.count("\n") == 1
     assert run("export", saved, "--to", "gazebo")[0] == 2
+
+
+def test_a_surface_without_an_error_bar_is_saved_too(ball, monkeypatch):
+    # Else the saved law would be pressed from another surface than the one that was found.
+    for name, value in (("surface", 1e-3), ("surface_standard_error", math.nan)):
+        monkeypatch.setattr(type(ball.estimate), name, value)
+    assert of_one(ball)["surface"] == 1e-3

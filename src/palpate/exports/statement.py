@@ -148,11 +148,7 @@ class Statement:
                 if errors is None
                 else {name: _defined(float(e)) for name, e in zip(law, errors, strict=True)}
             ),
-            "exported_law": {
-                "which": self.nearest.which or None,
-                "kind": self.nearest.law.simplest().kind,
-                **self.nearest.law.simplest().as_dict(),
-            },
+            "exported_law": self._exported(),
             "numbers": {name: _defined(value) for name, value in self._numbers().items()},
             "mass": asked.mass,
             "time_step": asked.time_step,
@@ -161,6 +157,10 @@ class Statement:
             "motion": source.motion.source,
             "verdict": None if source.verdict is None else source.verdict.as_dict(),
         }
+
+    def _exported(self) -> dict[str, Any]:
+        law = self.nearest.law.simplest()
+        return {"which": self.nearest.which or None, "kind": law.kind, **law.as_dict()}
 
     def _errors(self) -> dict[str, float | None]:
         found = self.compared

@@ -69,9 +69,10 @@ def of_one(result: "Identification") -> dict[str, Any]:
     law, estimate, trace = result.law, result.estimate, result.trace
     beside: dict[str, float] = {}
     for name in ("offset", "surface"):
-        error = getattr(estimate, f"{name}_standard_error")
-        if error > 0.0:
-            beside |= {name: getattr(estimate, name), f"{name}_standard_error": error}
+        value, error = getattr(estimate, name), getattr(estimate, f"{name}_standard_error")
+        # An error bar that is undefined, or 0 of samples without noise, has its number too.
+        if value != 0.0 or error > 0.0:
+            beside |= {name: value, f"{name}_standard_error": error}
     return {
         "method": result.method,
         **result.diagnosis.as_dict(),
