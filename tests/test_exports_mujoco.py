@@ -350,6 +350,24 @@ def test_the_contacts_of_a_box_share_the_force(model):
     assert fragment.rebound(drop) == pytest.approx(drop.restitution, rel=0.02)
 
 
+@pytest.mark.parametrize(
+    "joint, contacts, words",
+    [
+        ("<freejoint/>", 1, "twice the force"),
+        ('<joint type="slide" axis="0 0 1"/>', 2, "lies flat"),
+    ],
+)
+def test_a_capsule_that_lies_has_two_contacts_and_one_that_stands_one(
+    model, joint, contacts, words
+):
+    lying = 'type="capsule" euler="0 90 0"'
+    path = model(BOX.replace("<freejoint/>", joint).replace('type="box"', lying))
+    fragment = fitted(KELVIN_VOIGT, model=path, geom="foot", mass=None)
+    assert fragment.rows.contacts == contacts
+    assert any(words in each for each in fragment.warnings)
+    assert error(fragment, SHORT) < 0.01
+
+
 def test_a_mesh_is_refused(model):
     fragment = fitted(KELVIN_VOIGT, model=model(MESH), geom="tip", mass=None)
     assert "is a mesh" in fragment.refusals[0]

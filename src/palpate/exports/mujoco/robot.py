@@ -26,6 +26,8 @@ NOTHING_PASSIVE = (
     "the model switches springs and dampers off (<flag spring, damper>), and MuJoCo with both of "
     "them every passive force: a pair that pulls, or a callback, would push with another force"
 )
+# Shapes that touch with an end or with a side.
+_LONG = ("CAPSULE", "CYLINDER")
 # What finds contacts until the law is fitted; any numbers.
 _ANY = Row(1.0, 1.0, (1e-4, 1e-4, 1.0, 0.5, 2.0))
 
@@ -191,11 +193,8 @@ def _touching(pressed: Pressed, kind: str) -> Pressed | None:
 
     None where the geom moves against none.
     """
-    turned = pressed.data.geom_xmat[pressed.tip].reshape(3, 3)
-    own = {"BOX": turned.T, "CYLINDER": turned.T[2:], "CAPSULE": turned.T[2:]}.get(kind, np.eye(3))
-    normals = np.round(np.concatenate([own, -own]), 15)
     centre = np.array(pressed.data.geom_xpos[pressed.tip])
-    for normal in normals[np.argsort(-normals[:, 2], kind="stable")]:
+    for normal in _normals(kind, pressed.data.geom_xmat[pressed.tip].reshape(3, 3)):
         far = _faced(pressed, Place(_triple(centre - _FAR * normal), _triple(normal)))
         pads, line = far.pads[0], np.zeros(6)
         gap = far.mujoco.mj_geomDistance(far.model, far.data, pads, far.tip, 2.0 * _FAR, line)
@@ -204,6 +203,15 @@ def _touching(pressed: Pressed, kind: str) -> Pressed | None:
         if np.isfinite(out).all() and float(out @ out) < _STUCK**-2:
             return there
     return None
+
+
+def _normals(kind: str, turned: Floats) -> Floats:
+    """Which way a surface may face, the best first: the ends of what is long before its sides."""
+    axes = {"BOX": [turned.T]}.get(kind, [np.eye(3)])
+    if kind in _LONG:
+        axes = [turned.T[2:], turned.T[:2]]
+    both = [np.round(np.concatenate([each, -each]), 15) for each in axes]
+    return np.concatenate([each[np.argsort(-each[:, 2], kind="stable")] for each in both])
 
 
 def _faced(pressed: Pressed, place: Place) -> Pressed:
@@ -244,6 +252,11 @@ def _felt_otherwise(mass: float, mobility: float) -> tuple[str, ...]:
 
 
 def _warnings(kind: str, geom: str, counts: set[int]) -> tuple[str, ...]:
+    if kind == "CAPSULE" and counts == {1}:
+        return (
+            f"{geom} is a capsule, which touches with its end here: lying on its side it has two "
+            "contacts, and twice the force",
+        )
     if len(counts) > 1 or max(counts) <= 1:
         return ()
     [count] = counts
