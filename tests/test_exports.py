@@ -325,6 +325,7 @@ def test_a_time_step_is_counted_where_the_engine_takes_it_implicitly_and_said_wh
     assert rebounds[0] == pytest.approx(exact, rel=1e-2)
     assert rebounds[0] > rebounds[1] > rebounds[2]
     said = exports.export(stiff, "usd", time_step=0.02).statement.warnings
+    assert any("metersPerUnit" in each for each in said)
     assert any("an explicit solver" in words for words in said)
 
 

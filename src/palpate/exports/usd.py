@@ -94,6 +94,10 @@ _NEWTON = (
     "Newton with SolverMuJoCo took these numbers as mass-normalised before its pull request 2964, "
     "and approximately since: name the version you run"
 )
+_UNITS = (
+    "the numbers are in kg, m and s: a stage with another metersPerUnit or kilogramsPerUnit does "
+    "not convert them"
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -145,7 +149,7 @@ class Usd(Engine):
             },
             engine_law=law,
             exact=is_kelvin_voigt(asked.law),
-            warnings=(_COMBINED, _NEWTON, *_explicit(law, asked)),
+            warnings=(_COMBINED, _NEWTON, _UNITS, *_explicit(law, asked)),
         )
 
 
