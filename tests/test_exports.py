@@ -425,6 +425,12 @@ def test_the_command_ends_with_3_where_it_refuses_and_writes_only_why(run, saved
     assert {path.name for path in tmp_path.iterdir()} == {"statement.json", "statement.md"}
     assert json.loads((tmp_path / "statement.json").read_text())["files"] == []
     assert run("export", saved, "--to", "toy", "--allow", "-o", tmp_path)[0] == 0
+    # What it then refuses again leaves the earlier fragment there, and says whose that is.
+    for _ in range(2):
+        assert run("export", saved, "--to", "toy", "-o", tmp_path)[0] == 3
+        assert "earlier export, and not of this one: fragment.txt" in (
+            (tmp_path / "statement.md").read_text()
+        )
 
 
 @pytest.mark.parametrize(

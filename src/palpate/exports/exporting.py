@@ -56,7 +56,7 @@ class Export:
         RecordingError
             It cannot be made or written to, or one of the files would replace an input.
         """
-        return _saved({**self.files, **_written(self.statement, self.files)}, Path(folder), inputs)
+        return _saved(self.statement, self.files, Path(folder), inputs)
 
 
 def export(
@@ -154,7 +154,7 @@ def _stated(
 
 def save_refusal(statement: Statement, folder: Path, inputs: Sequence[Path] = ()) -> list[Path]:
     """Write why nothing was exported."""
-    return _saved(_written(statement, {}), folder, inputs)
+    return _saved(statement, {}, folder, inputs)
 
 
 def _check(engine: Engine, asked: Asked, *, given_radius: bool) -> None:
@@ -178,11 +178,23 @@ def _check(engine: Engine, asked: Asked, *, given_radius: bool) -> None:
             raise InvalidParameterError(f"{name} means nothing to {engine.title}: leave it out")
 
 
-def _written(statement: Statement, files: Mapping[str, str]) -> dict[str, str]:
+def _left(folder: Path, files: Mapping[str, str]) -> list[str]:
+    """Names of an earlier export's files in a folder that this one does not replace."""
+    try:
+        earlier = json.loads((folder / STATEMENT[0]).read_bytes())
+        names = [str(name) for name in (*earlier["files"], *earlier.get("left", ()))]
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return []
+    return [name for name in names if name not in files and (folder / name).is_file()]
+
+
+def _written(statement: Statement, files: Mapping[str, str], left: Sequence[str]) -> dict[str, str]:
     """The statement's own two files."""
-    whole = {**statement.as_dict(), "files": list(files)}
+    whole = {**statement.as_dict(), "files": list(files), "left": list(left)}
     title = f"# {statement.source.name or 'A law'} in {statement.engine.title}"
     listed = [f"- `{name}`" for name in files] or ["Nothing was exported."]
+    if left:
+        listed.append(f"\nOf an earlier export, and not of this one: {', '.join(left)}.")
     page = "\n\n".join([title, *statement.words(), "\n".join(listed)])
     number, words = STATEMENT
     return {
@@ -191,11 +203,14 @@ def _written(statement: Statement, files: Mapping[str, str]) -> dict[str, str]:
     }
 
 
-def _saved(files: Mapping[str, str], folder: Path, inputs: Sequence[Path]) -> list[Path]:
+def _saved(
+    statement: Statement, files: Mapping[str, str], folder: Path, inputs: Sequence[Path]
+) -> list[Path]:
     make_folder(folder)
-    paths = [folder / name for name in files]
+    texts = {**files, **_written(statement, files, _left(folder, files))}
+    paths = [folder / name for name in texts]
     for path in paths:
         check_writable(path, inputs)
-    for path, text in zip(paths, files.values(), strict=True):
+    for path, text in zip(paths, texts.values(), strict=True):
         write_text(path, text, inputs)
     return paths

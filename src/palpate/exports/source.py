@@ -80,8 +80,9 @@ class Source:
             raise
         except (AttributeError, LookupError, TypeError, ValueError) as error:
             reason = f"{type(error).__name__}: {error}"
+            folder = cast("SavedResult", result).folder
             raise RecordingError(
-                f"{result.folder}: the result is damaged ({reason}); identify again"
+                f"{folder}: the result is damaged ({reason}); identify again"
             ) from None
 
     @classmethod
