@@ -16,7 +16,7 @@ from palpate.exports.mujoco.fragments import AsCallback, InRows
 from palpate.exports.mujoco.robot import NOTHING_PASSIVE, Robot, read
 from palpate.exports.mujoco.rows import Rows
 from palpate.exports.nearest import kelvin_voigt, with_exponents
-from palpate.exports.text import percent
+from palpate.exports.text import length, percent
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import above_zero
 
@@ -238,12 +238,12 @@ def _about(form: str, asked: Asked, rows: Rows) -> tuple[str, ...]:
     rising = [row for row in rows.rows if row.solimp[0] < row.solimp[1]]
     if rising:
         widest = min(row.solimp[2] + row.inset for row in rising)
-        words.append(f"deeper than {1e3 * widest:.3g} mm the force no longer follows the law")
+        words.append(f"deeper than {length(widest, 3)} the force no longer follows the law")
     law = asked.law
     heavy = _added(asked, rows)
     if heavy > _HEAVY:
         words.append(
-            f"the mass that the contacts add comes to {heavy:.2g} % of force on this motion: a "
+            f"the mass that the contacts add comes to {percent(heavy)} of force on this motion: a "
             "lighter body, a slower motion or the callback has less of it"
         )
     if form == "pair" and law.damping and law.damping_exponent < law.exponent:
@@ -254,7 +254,7 @@ def _about(form: str, asked: Asked, rows: Rows) -> tuple[str, ...]:
     shallow = _shallow(asked.law, rows, asked.motion.deepest)
     if shallow:
         words.append(
-            f"above {1e3 * shallow:.2g} mm of depth the force at rest is off by more than "
+            f"above {length(shallow, 2)} of depth the force at rest is off by more than "
             f"{100 * _OFF:.0f} %"
         )
     return tuple(words)

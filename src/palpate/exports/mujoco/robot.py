@@ -247,8 +247,8 @@ def _felt_otherwise(mass: float, mobility: float) -> tuple[str, ...]:
         return ()
     return (
         f"an impact feels {mass:.4g} kg of the model in its first pose, and another mass in "
-        "another pose: restitution and the largest time step are those of this one, where scene.xml "
-        f"has the {1.0 / mobility:.4g} kg that the numbers are for",
+        "another pose: restitution and the largest time step are those of this one; scene.xml has "
+        f"the {1.0 / mobility:.4g} kg that the numbers are for",
     )
 
 
