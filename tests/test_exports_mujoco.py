@@ -427,6 +427,15 @@ def test_a_surface_stays_where_it_is_in_a_model_with_defaults_for_pairs(model):
     assert (found.pair_margin[0], found.pair_gap[0], found.pair_dim[0]) == (0.0, 0.0, 1)
 
 
+@pulling
+def test_a_model_whose_pairs_pull_by_default_is_told_in_words(model):
+    path = model(
+        SLIDE.replace("<worldbody>", "<default><pair adhesion='3'/></default><worldbody>", 1)
+    )
+    with pytest.raises(InvalidParameterError, match="give it to its own pairs"):
+        fitted(KELVIN_VOIGT, model=path, geom="tip", mass=None)
+
+
 def test_a_models_own_time_step_and_mass_are_those_that_count(model):
     path = model(SLIDE.replace("<worldbody>", "<option timestep='0.07'/><worldbody>", 1))
     made = export(KELVIN_VOIGT, "mujoco", model=path, geom="tip", allow=True)

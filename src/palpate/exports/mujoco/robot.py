@@ -123,9 +123,16 @@ def _spec(path: Path) -> Any:
     if not path.is_file():
         raise InvalidParameterError(f"model: there is no file {path}")
     try:
-        return mujoco.MjSpec.from_file(str(path))
+        spec = mujoco.MjSpec.from_file(str(path))
     except Exception as error:  # the engine's own classes, of several kinds
         raise InvalidParameterError(f"model: {path.name}: MuJoCo cannot read it: {error}") from None
+    if getattr(spec.default.pair, "adhesion", 0.0):
+        # A row that only pushes says nothing of it, for older versions know no such word.
+        raise InvalidParameterError(
+            f"model: {path.name} has an adhesion in its <default> for pairs, with which every "
+            "contact pulls: give it to its own pairs"
+        )
+    return spec
 
 
 def _names(spec: Any) -> list[str]:
