@@ -230,6 +230,16 @@ def test_an_engine_that_does_not_load_is_said_and_its_error_predicted(toy, monke
     assert not made.statement.compared.replayed
 
 
+def test_who_ends_it_while_an_engine_is_imported_ends_the_export(toy, monkeypatch):
+    def ended(*_):
+        raise ImportError("initialization failed") from KeyboardInterrupt()
+
+    monkeypatch.setattr(Scaled, "replay", ended)
+    toy()
+    with pytest.raises(KeyboardInterrupt):
+        exports.export(BALL.law, "toy")
+
+
 def test_an_exact_engine_is_called_exact_and_one_that_is_off_is_not(toy):
     for factor, exact in ((1.0, True), (1.0 + 1e-7, True), (1.001, False)):
         toy(exact=True, factor=factor)

@@ -94,6 +94,8 @@ def compared(source: Source, nearest: Nearest, fragment: Fragment, *, replay: bo
     try:
         ran = fragment.replay(motion) if replay else None
     except ImportError as error:  # installed, and yet it does not load
+        if _interrupted(error):
+            raise KeyboardInterrupt from None
         fails = " ".join(str(error).split())
     drop = drop_to(nearest.law, fragment.asked.mass_or_one, whole.deepest)
     measured = motion.force
@@ -109,6 +111,13 @@ def compared(source: Source, nearest: Nearest, fragment: Fragment, *, replay: bo
         predicted_rebound=fragment.predicted_rebound(drop),
         replayed_rebound=fragment.rebound(drop) if ran is not None and _stable(fragment) else None,
     )
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether somebody ended it: an extension says of that too that it cannot be imported."""
+    if error is None or isinstance(error, KeyboardInterrupt):
+        return error is not None
+    return _interrupted(error.__cause__ or error.__context__)
 
 
 def _stable(fragment: Fragment) -> bool:
