@@ -125,13 +125,11 @@ def measure_kelvin_voigt() -> Section:
 
 
 def read_back(fragment: exports.Fragment) -> tuple[float, float]:
-    """K and B by least squares of the engine's force, where the engine had the probe."""
-    motion = fragment.asked.motion
-    motion = motion if fragment.follows else motion.firm()
+    """K and B by least squares of the engine's force along the motion that it was made for."""
+    motion = fragment.asked.motion.firm()
     ran = fragment.replay(motion)
     assert ran is not None
-    there_ = ran.moved(motion)
-    columns = np.column_stack([there_.penetration, there_.velocity])[motion.judged]
+    columns = np.column_stack([motion.penetration, motion.velocity])[motion.judged]
     found = np.linalg.lstsq(columns, ran.force[motion.judged], rcond=None)[0]
     return float(found[0]), float(found[1])
 

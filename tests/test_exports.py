@@ -475,7 +475,7 @@ def test_what_is_no_result_is_said_in_a_line(run, saved, tmp_path):
         assert (status, out) == (2, "")
         assert words in err
         assert err.count("\n") == 1
-    assert run("export", saved, "--to", "gazebo")[0] == 2
+    assert run("export", saved, "--to", "gazebo")[0] == 3
 
 
 def test_a_surface_without_an_error_bar_is_saved_too(ball, monkeypatch):

@@ -89,6 +89,7 @@ def export(
     as_json
         Print the statement as one JSON object.
     """
+    from palpate.cli.printing import complain
     from palpate.errors import ExportRefusedError
     from palpate.exports.exporting import export as run
     from palpate.exports.exporting import save_refusal
@@ -99,8 +100,9 @@ def export(
     try:
         made = run(saved, to, allow=allow, replay=replay, **(into or Into()).options())
     except ExportRefusedError as refused:
-        if refused.statement is None:
-            raise
+        if refused.statement is None:  # nothing was made that a statement could be about
+            complain(str(refused))
+            return UNTRUSTED
         paths = [] if output is None else save_refusal(refused.statement, output, inputs)
         _print(refused.statement, paths, as_json=as_json)
         return UNTRUSTED

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from palpate.exports.engine import Fragment, Replayed
+from palpate.exports.engine import Fragment
 from palpate.exports.errors import Drop, drop_to, force_error
 from palpate.exports.motion import MOST_SAMPLES, Motion
 from palpate.exports.nearest import Nearest
@@ -87,7 +87,7 @@ def compared(source: Source, nearest: Nearest, fragment: Fragment, *, replay: bo
     """
     whole = source.motion
     most = fragment.most_samples
-    motion = whole if fragment.follows else whole.firm(most)
+    motion = whole.firm(most)
     law = law_along(source.law, whole, motion, most)
     predicted = fragment.predicted(motion)
     ran, fails = None, ""
@@ -104,7 +104,7 @@ def compared(source: Source, nearest: Nearest, fragment: Fragment, *, replay: bo
         how="" if ran is None else ran.how,
         fails=fails,
         predicted_percent=force_error(predicted, law, motion.judged),
-        replayed_percent=None if ran is None else _against_law(ran, source.law, motion, law),
+        replayed_percent=None if ran is None else force_error(ran.force, law, motion.judged),
         against_measured_percent=_error(force, measured, motion),
         law_leaves_percent=_error(law, measured, motion),
         drop=drop,
@@ -130,13 +130,6 @@ def law_along(law: ForceLaw, whole: Motion, motion: Motion, most: int = MOST_SAM
     """Force by a law at a motion's samples, N; what it remembers is that of the whole motion."""
     force = whole.force_by(law)
     return force if motion is whole else force[whole.firm_places(most)]
-
-
-def _against_law(ran: Replayed, law: ForceLaw, motion: Motion, there: Floats) -> float:
-    """Of an engine that was moved otherwise, against the law where it really was."""
-    if ran.penetration is not None:
-        there = ran.moved(motion).force_by(law)
-    return force_error(ran.force, there, motion.judged)
 
 
 def _error(force: Floats, measured: Floats | None, motion: Motion) -> float | None:

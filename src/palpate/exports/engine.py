@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from typing import ClassVar
 
@@ -25,20 +25,10 @@ class Replayed:
         On the probe, out of the material, N, at every sample of the motion that it was asked for.
     how : str
         How the engine was moved, in words.
-    penetration, velocity : numpy.ndarray, shape (k,), optional
-        Where the engine had the probe, where that is not quite where the motion has it.
     """
 
     force: Floats
     how: str
-    penetration: Floats | None = None
-    velocity: Floats | None = None
-
-    def moved(self, motion: Motion) -> Motion:
-        """Return the motion as the engine had it."""
-        if self.penetration is None or self.velocity is None:
-            return motion
-        return replace(motion, penetration=self.penetration, velocity=self.velocity)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,14 +52,10 @@ class Fragment(ABC):
         The time step from which on the simulation is unstable, s.
     warnings, refusals : tuple of str
         What a user should know; and why this should not be used.
-    follows : bool
-        Whether the engine has to follow a motion in time, sample by sample; else it is asked for
-        its force at one state after another.
     most_samples : int
         At how many states, for an engine that is slow.
     """
 
-    follows: ClassVar[bool] = False
     most_samples: ClassVar[int] = MOST_SAMPLES
     form: str
     asked: Asked = field(repr=False)

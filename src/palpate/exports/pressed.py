@@ -26,15 +26,11 @@ class Pressed:
     Raises
     ------
     InvalidParameterError
-        The engine is not run here, or has to follow a motion in its own time steps.
+        The engine is not run here.
     """
 
     def __init__(self, made: Export) -> None:
         engine = made.statement.engine
-        if made.fragment.follows:
-            raise InvalidParameterError(
-                f"{engine.title} moves a probe in its own steps, and cannot be asked state by state"
-            )
         self._made = made
         self.name = f"{made.statement.source.name or 'a law'} in {engine.title}"
 

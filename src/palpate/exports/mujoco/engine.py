@@ -254,7 +254,7 @@ def _about(form: str, asked: Asked, rows: Rows) -> tuple[str, ...]:
     shallow = _shallow(asked.law, rows, asked.motion.deepest)
     if shallow:
         words.append(
-            f"above {length(shallow, 2)} of depth the force at rest is off by more than "
+            f"shallower than {length(shallow, 2)} the force at rest is off by more than "
             f"{100 * _OFF:.0f} %"
         )
     return tuple(words)
