@@ -12,12 +12,11 @@ from palpate.exports.motion import Motion
 from palpate.exports.mujoco.pressing import Pressed, engine_here
 from palpate.exports.mujoco.robot import compiled
 from palpate.exports.mujoco.texts import PADS, TIP, Place
-from palpate.exports.pressed import ideal_only, inside
-from palpate.lab.materials import Touch
+from palpate.exports.pressed import InAnEngine
 from palpate.validation import Floats
 
 
-class Scene:
+class Scene(InAnEngine):
     """A material of the laboratory: ``scene.xml`` as MuJoCo compiles it, pressed state by state.
 
     Parameters
@@ -36,23 +35,8 @@ class Scene:
         self.name = f"{self._path.parent.name or 'a'} scene of MuJoCo".removeprefix(".")
         self._scene = _read(self._path)
 
-    def touch(self) -> Touch:
-        """Refuse: the contact has the probe's acceleration in it.
-
-        Raises
-        ------
-        InvalidParameterError
-            Always.
-        """
-        raise ideal_only(self.name)
-
-    def force(
-        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
-    ) -> Floats:
-        """Force of the engine [N] along a whole motion, shapes (k,); 0 out of contact."""
-        return inside(time, penetration, velocity, self._pushed)
-
-    def _pushed(self, motion: Motion) -> Floats:
+    def pushed(self, motion: Motion) -> Floats:
+        """Force of the scene's contact [N], shape (k,)."""
         return self._scene.along_motion(motion)
 
     def describe(self) -> dict[str, Any]:

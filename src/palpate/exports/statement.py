@@ -70,7 +70,9 @@ class Statement:
     def words(self) -> list[str]:
         """Return the statement as lines: claim, origin, the three numbers, numbers, warnings."""
         lines = [f"{self._title()}: {self.claim}.", *self.basis(), *self.law_lines()]
-        numbers = ", ".join(f"{name} = {rounded(v, 6)}" for name, v in self._numbers().items())
+        numbers = ", ".join(
+            f"{name} = {rounded(v, 6)}" for name, v in self.fragment.numbers.items()
+        )
         lines += [f"In the engine's numbers: {numbers}."] if numbers else []
         return [*lines, *(f"Warning: {each}." for each in self.warnings)]
 
@@ -149,7 +151,7 @@ class Statement:
                 else {name: _defined(float(e)) for name, e in zip(law, errors, strict=True)}
             ),
             "exported_law": self._exported(),
-            "numbers": {name: _defined(value) for name, value in self._numbers().items()},
+            "numbers": {name: _defined(value) for name, value in self.fragment.numbers.items()},
             "mass": asked.mass,
             "time_step": asked.time_step,
             "largest_time_step": _defined(self.fragment.largest_step),
@@ -187,9 +189,6 @@ class Statement:
     def _own(self) -> dict[str, float]:
         law = self.nearest.law
         return {name: float(getattr(law, name)) for name in _OWN}
-
-    def _numbers(self) -> dict[str, float]:
-        return dict(self.fragment.numbers)
 
     def _title(self) -> str:
         version = self.engine.version()
