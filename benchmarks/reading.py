@@ -196,7 +196,7 @@ def _once(reader: str, path: Path) -> dict[str, float]:
 
 
 def _once_here(reader: str, path: Path) -> dict[str, float]:
-    import palpate.recordings.messages.mcap  # noqa: F401 - importing is not reading
+    import palpate.recordings.messages.containers  # noqa: F401 - importing is not reading
 
     before = resident("VmRSS")
     begin = time.perf_counter()

@@ -233,7 +233,7 @@ def test_encodings_that_are_not_read_are_said(tmp_path, encoding) -> None:
 
 
 def test_the_progress_goes_from_nothing_to_all(tmp_path) -> None:
-    path = files.wrench_mcap(tmp_path / "a.mcap", GIVEN, chunk_size=1000)
+    path = files.wrench_mcap(tmp_path / "a.mcap", files.values(6000), chunk_size=1000)
     seen: list[float] = []
     open_recording(path, progress=seen.append)
     assert seen == sorted(seen)

@@ -139,16 +139,16 @@ PARQUET = Format(
     "Parquet", (".parquet", ".pq"), "palpate.recordings.parquet", (b"PAR1",), "recordings"
 )
 
-MCAP = Format("MCAP", (".mcap",), f"{_MESSAGES}.mcap", (b"\x89MCAP0\r\n",), "recordings")
+MCAP = Format("MCAP", (".mcap",), f"{_MESSAGES}.containers", (b"\x89MCAP0\r\n",), "recordings")
 
 ROS1_BAG = Format(
-    "ROS 1 bag", (".bag", ".bag.active"), f"{_MESSAGES}.rosbag1", (b"#ROSBAG V",), "recordings"
+    "ROS 1 bag", (".bag", ".bag.active"), f"{_MESSAGES}.containers", (b"#ROSBAG V",), "recordings"
 )
 
 ROS2_BAG = Format(
     "ROS 2 bag",
     (".db3", ".db3.zstd", ".mcap.zstd", "metadata.yaml"),
-    f"{_MESSAGES}.rosbag2",
+    f"{_MESSAGES}.containers",
     (b"SQLite format 3\0",),
     "recordings",
 )

@@ -1,21 +1,19 @@
 """All topics of a recording, and what is said of them."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Hashable
 from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.recordings.formats import Request
-from palpate.recordings.messages.channels import Channels
 from palpate.recordings.messages.fields import UndecodableError, normal_name
-from palpate.recordings.messages.topic import Topic
-from palpate.recordings.recording import Recording, printable
+from palpate.recordings.messages.topic import LOG_TIME, Found, Topic, stamp_of, topic_of
+from palpate.recordings.recording import Faults, Recording, printable
 
 NOT_ASKED = "not asked for"
-# Characters of definitions that are parsed, in some 5 s. A robot of 40 types of messages has half.
-MOST_DEFINITIONS = 400_000
 _MOST_LOSSES = 40  # sentences
-# Topics of a file: a large robot has some hundreds.
-MOST_TOPICS = 5000
 
 
 class Collection:
@@ -38,59 +36,35 @@ class Collection:
         self._topics: dict[Hashable, Topic] = {}
         self._types: dict[str, str] = {}
         self._more_losses = 0
-        self._defined: set[tuple[str, str]] = set()
-        self._left = MOST_DEFINITIONS
 
     def topic(
-        self,
-        name: str,
-        type_name: str,
-        encoding: str,
-        make: Callable[[Request], Topic],
-        definition: int = 0,
+        self, name: str, type_name: str, encoding: str, form: str, definition: bytes
     ) -> Topic:
         """Return the topic that takes the messages of a channel of the file.
 
         Parameters
         ----------
-        name, type_name, encoding : str
-            As the file says them; channels that have all three in common are one topic.
-        make : callable
-            Returns a :class:`Topic`; raises UndecodableError where its messages cannot be read.
-        definition : int
-            How many characters the definition of its messages has.
+        name, type_name, encoding, form : str
+            As the file says them, the encodings of the messages and of their definition last;
+            channels that have all four in common are one topic.
+        definition : bytes
+            Of the messages.
         """
         name, type_name = one_line(name), normal_name(one_line(type_name))
-        key = name, type_name, encoding
+        key = name, type_name, encoding, form
         if key in self._topics:
             return self._topics[key]
-        if len(self._topics) >= MOST_TOPICS:
-            raise self.error(f"more than {MOST_TOPICS} topics", "check the file")
         if self._types.setdefault(name, type_name) != type_name:
             name = f"{name} ({type_name})"
-        topic = Topic(name, type_name, self.request)
-        if not self.request.wants(name):
-            topic.omitted = NOT_ASKED
-        else:
+        topic, reason = Topic(self.request), NOT_ASKED
+        if self.request.wants(name):
             try:
-                self._charge(type_name, encoding, definition)
-                topic = make(self.request)
-                topic.name, topic.type_name = name, type_name
+                topic, reason = topic_of(encoding, form, type_name, definition, self.request), ""
             except UndecodableError as error:
-                topic.omitted = str(error)
+                reason = str(error)
+        topic.name, topic.type_name, topic.omitted = name, type_name, reason
         self._topics[key] = topic
         return topic
-
-    def _charge(self, type_name: str, encoding: str, definition: int) -> None:
-        """Limit the time that definitions take; the same one takes none again."""
-        if (type_name, encoding) not in self._defined:
-            self._defined.add((type_name, encoding))
-            self._left -= definition
-        if self._left < 0:
-            raise UndecodableError(
-                f"the definitions of all topics are longer than {MOST_DEFINITIONS} characters: "
-                "name the topics to read"
-            )
 
     def error(self, what: str, cure: str) -> RecordingError:
         """Return an error that names the file."""
@@ -120,7 +94,7 @@ class Collection:
         RecordingError
             It is nothing; or something was asked for that there is not.
         """
-        channels = Channels()
+        channels = _Channels()
         for topic in self._topics.values():
             self._say(topic)
             channels.add(topic)
@@ -162,15 +136,6 @@ class Collection:
             self.omissions.append(f"{what} holds no numbers{asked}")
         if topic.found and topic.skipped:
             self.omissions.append(f"{topic.name}: long lists are not read: {_few(topic.skipped)}")
-        if topic.overflow:
-            self.omissions.append(
-                f"{topic.name}: of more than {len(topic.found)} transforms the first are read"
-            )
-        dropped = {path for found in topic.found.values() for path in found.rows.dropped}
-        if dropped:
-            self.omissions.append(
-                f"{topic.name}: fields that few messages have are not read: {_few(dropped)}"
-            )
 
     def _say_not_asked(self) -> None:
         names = {topic.name for topic in self._topics.values() if topic.omitted == NOT_ASKED}
@@ -206,3 +171,101 @@ def _few(names: set[str] | list[str]) -> str:
     shown = sorted(names)
     more = f" and {len(shown) - 10} more" if len(shown) > 10 else ""
     return ", ".join(shown[:10]) + more
+
+
+class _Channels:
+    """Channels of all topics, and what is known of each."""
+
+    def __init__(self) -> None:
+        self.values: dict[str, NDArray[Any]] = {}
+        self.units: dict[str, str] = {}
+        self.clocks: dict[str, str] = {}
+        self.frames: dict[str, str] = {}
+        self.types: dict[str, str] = {}
+        self.faults: dict[str, Faults] = {}
+        self.notes: dict[str, str] = {}
+        self.omissions: list[str] = []
+
+    def add(self, topic: Topic) -> None:
+        """Take the channels of a topic out of it."""
+        for name, found in topic.found.items():
+            self._add(topic.name + name, found)
+        if topic.found:
+            self.types[topic.name] = topic.type_name
+
+    def _add(self, above: str, found: Found) -> None:
+        times = set(found.times)
+        names = {path: f"{above}.{path}" for path in found.columns}
+        names[LOG_TIME] = f"{above}.log_time"
+        for path in list(found.columns):
+            values, faults = found.finish(path)
+            self.values[names[path]] = values
+            if faults is not None:
+                self.faults[names[path]] = faults
+        stamp = stamp_of(times & names.keys())
+        clock = names[LOG_TIME]
+        if stamp is not None and self.values[names[stamp]].any():
+            clock = names[stamp]
+        for path, name in names.items():
+            self.clocks[name] = clock
+            if path == LOG_TIME or path in times:
+                self.units[name] = "ns"
+        self._describe(above, names, found)
+
+    def _describe(self, above: str, names: dict[str, str], found: Found) -> None:
+        units = {path: _unit_of(*where) for path, where in found.types.items()}
+        frame = next((found.frames[path] for path in _FRAMES if path in found.frames), [])
+        if len(frame) > 1:
+            self.omissions.append(
+                f"{above}: its frame changes ({frame[0]!r}, {frame[1]!r}, …): none is given"
+            )
+        for path, name in names.items():
+            parts = path.split(".")
+            for k in range(1, len(parts)):
+                unit = units.get(".".join(parts[:k]))
+                if unit is not None:
+                    self.units.setdefault(name, unit)
+            if len(frame) == 1 and frame[0]:
+                self.frames[name] = frame[0]
+        self._moving(above, names, found)
+
+    def _moving(self, above: str, names: dict[str, str], found: Found) -> None:
+        """The frame that moves: of a transform; of an odometry its velocities are in it."""
+        moving = found.frames.get("child_frame_id", [])
+        if len(moving) != 1 or not moving[0] or above.endswith("]"):  # tf has it in the name
+            return
+        self.notes[f"{above}.child_frame_id"] = moving[0]
+        if found.types.get("twist") == ("nav_msgs/msg/Odometry", "twist"):
+            for path in names:
+                if path.startswith("twist."):
+                    self.frames[names[path]] = moving[0]
+
+
+_FRAMES = ("header.frame_id", "frame_id", "parent_frame_id")
+
+# Units of the messages whose definition says them: ROS is in SI, by its REP 103.
+_UNITS = {
+    ("Wrench", "force"): "N",
+    ("Wrench", "torque"): "N·m",
+    ("Pose", "position"): "m",
+    ("PointStamped", "point"): "m",
+    ("Transform", "translation"): "m",
+    ("FrameTransform", "translation"): "m",
+    ("Twist", "linear"): "m/s",
+    ("Twist", "angular"): "rad/s",
+    ("Accel", "linear"): "m/s²",
+    ("Accel", "angular"): "rad/s²",
+    ("Imu", "angular_velocity"): "rad/s",
+    ("Imu", "linear_acceleration"): "m/s²",
+    ("Range", "range"): "m",
+    ("FluidPressure", "fluid_pressure"): "Pa",
+}
+_PACKAGES = ("geometry_msgs", "sensor_msgs", "foxglove")
+
+
+def _unit_of(type_name: str, field: str) -> str | None:
+    """The unit of a field of a type of messages; None where the type does not say it."""
+    package, _, rest = type_name.replace(".", "/").partition("/")
+    if package not in _PACKAGES:
+        return None
+    return _UNITS.get((rest.rpartition("/")[2], field))

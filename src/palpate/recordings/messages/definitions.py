@@ -22,12 +22,6 @@ from palpate.recordings.messages.fields import (
     smallest,
 )
 
-# Without lines of comments; the longest of ROS (MoveIt's, with all that they include) have some 20
-# kB, and the parser takes up to 25 µs a character.
-LONGEST_DEFINITION = 60_000
-# A message within a message within …: ROS has no more than some 8.
-DEEPEST = 32
-
 _DTYPES = {
     "bool": "b1", "byte": "u1", "char": "u1", "octet": "u1",
     "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
@@ -67,8 +61,6 @@ def message_fields(type_name: str, encoding: str, text: str) -> Group:
     ros1 = encoding == "ros1msg"
     if encoding != "ros2idl":
         text = re.sub(r"^[ \t]*#[^\n]*\n", "", text, flags=re.MULTILINE)
-    if len(text) > LONGEST_DEFINITION:
-        raise UndecodableError(f"its definition is {len(text)} characters long")
     known = dict(_standard(ros1))
     try:
         if text.strip():
@@ -106,28 +98,26 @@ class _Builder:
         self.ros1 = ros1
         self.built: dict[str, Group] = {}
 
-    def group(self, name: str, depth: int = 0) -> Group:
+    def group(self, name: str) -> Group:
         if name in self.built:
             return self.built[name]
-        if depth > DEEPEST:
-            raise UndecodableError(f"its definition is nested more than {DEEPEST} deep")
         if (name, self.ros1) in _TIMES:
             parts = zip(("sec", "nanosec"), _TIMES[name, self.ros1], strict=True)
             fields: list[tuple[str, Field]] = [(each, Number(dtype)) for each, dtype in parts]
         else:
             if name not in self.known:
                 raise UndecodableError(f"the definition of {name[:80]} is missing")
-            fields = [(each, self._field(what, depth)) for each, what in self.known[name][1]]
+            fields = [(each, self._field(what)) for each, what in self.known[name][1]]
         if not fields and not self.ros1:
             fields = [("", Number("u1"))]  # ROS 2 sends a byte in place of nothing
         size = sum(smallest(field) for _, field in fields)
         self.built[name] = Group(name, tuple(fields), size)
         return self.built[name]
 
-    def _field(self, what: Any, depth: int) -> Field:
+    def _field(self, what: Any) -> Field:
         kind, value = what
         if kind == Nodetype.NAME:
-            return self.group(value, depth + 1)
+            return self.group(value)
         if kind == Nodetype.BASE:
             if value[0] == "string":
                 return Text()
@@ -137,4 +127,4 @@ class _Builder:
                 return Number("i1" if value[0] == "byte" else "u1")
             return Number(_DTYPES[value[0]])
         element, length = value
-        return Many(self._field(element, depth), length if kind == Nodetype.ARRAY else None)
+        return Many(self._field(element), length if kind == Nodetype.ARRAY else None)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.recordings.formats import Request
-from palpate.recordings.messages.blocks import Block
 from palpate.recordings.messages.fields import LONGEST_LIST
+from palpate.recordings.messages.layout import Block
 from palpate.recordings.messages.topic import LOG_TIME, Found, Topic, stamp_of
 
 # Objects that are held at once, as Python's: some 1 kB each.
@@ -31,7 +31,7 @@ class JsonTopic(Topic):
     """
 
     def __init__(self, request: Request) -> None:
-        super().__init__("", "", request)
+        super().__init__(request)
         self._wanted: dict[str, bool] = {}
 
     def take(self, block: Block) -> None:
@@ -57,23 +57,14 @@ class JsonTopic(Topic):
         if set(values) <= {stamp_of(values)}:
             return
         self.found[""] = found
-        columns: dict[str, NDArray[Any]] = {LOG_TIME: np.array(times, np.int64)}
-        present: dict[str, NDArray[np.bool_]] = {}
         for path, numbers in values.items():
-            column = _column(numbers)
-            if len(column) < len(times):
-                present[path] = np.zeros(len(times), bool)
-                present[path][rows[path]] = True
-                spread = np.zeros(len(times), column.dtype)
-                spread[rows[path]] = column
-                column = spread
-            columns[path] = column
-        found.rows.extend(len(times), columns, present)
+            found.extend({path: _column(numbers)}, found.count + np.array(rows[path]))
+        logged = slice(found.count, found.count + len(times))
+        found.extend({LOG_TIME: np.array(times, np.int64)}, logged)
+        found.count += len(times)
 
     def _asked(self, path: str) -> bool:
         if path not in self._wanted:
-            if len(self._wanted) > 100_000:  # names that are new in each message
-                self._wanted.clear()
             self._wanted[path] = path == stamp_of((path,)) or self.request.wants(
                 f"{self.name}.{path}"
             )

@@ -5,6 +5,7 @@ goes on (the kind of encoding, counts of lists, lengths of strings, names), have
 the same places. So they are one matrix of bytes, and a field is some of its columns.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeAlias
 
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Bytes: TypeAlias = NDArray[np.uint8]
+Starts: TypeAlias = NDArray[np.int64]
 #: Messages of one length, a row each.
 Matrix: TypeAlias = NDArray[np.uint8]
 
@@ -160,6 +162,37 @@ class Layout:
                 found = found & bits
             same &= (found == want).all(axis=1)
         return same
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Messages of one topic, in a block of bytes.
+
+    Attributes
+    ----------
+    data : ndarray
+        The bytes.
+    starts, lengths : ndarray
+        Of each message, in bytes.
+    times : ndarray
+        When each was logged, in nanoseconds.
+    """
+
+    data: Bytes
+    starts: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+    times: NDArray[np.int64]
+
+    def message(self, k: int) -> bytes:
+        """Return one message."""
+        return self.data[self.starts[k] : self.starts[k] + self.lengths[k]].tobytes()
+
+    @classmethod
+    def joined(cls, messages: Sequence[bytes], times: Sequence[int]) -> "Block":
+        """Return messages that lie apart as a block."""
+        lengths = np.fromiter(map(len, messages), np.int64, len(messages))
+        data = np.frombuffer(b"".join(messages), np.uint8)
+        return cls(data, np.cumsum(lengths) - lengths, lengths, np.array(times, np.int64))
 
 
 def gather(data: Bytes, starts: NDArray[np.int64], length: int) -> Matrix:

@@ -1,38 +1,58 @@
 """A topic: blocks of its messages in, channels out."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
+import zstandard
 from numpy.typing import NDArray
 
 from palpate.recordings.formats import Request
-from palpate.recordings.messages.blocks import Block, joined
-from palpate.recordings.messages.compression import ZSTD, Budget, unpack, zstandard_size
 from palpate.recordings.messages.fields import UndecodableError
-from palpate.recordings.messages.layout import Entity, Layout, Matrix, TimeAt, gather
-from palpate.recordings.messages.rows import Rows
+from palpate.recordings.messages.layout import Block, Entity, Layout, Matrix, TimeAt, gather
+from palpate.recordings.recording import Faults
 
 # A topic whose messages cannot be walked is given up after so many: some 0.1 s, of which a file can
 # hold many.
 PATIENCE = 1000
-# Transforms or sets of fields by name that a topic may hold; a robot has some tens.
-MOST_ENTITIES = 500
 # Layouts that are kept to compare messages with.
 MOST_LAYOUTS = 256
 
-_BATCH = 8 << 20  # bytes of messages that are unpacked at once
+_ZSTD = b"\x28\xb5\x2f\xfd"  # what a packed message begins with
+#: Below an entity, the column of the times at which messages were logged. Fields of messages have
+#: no space in their names.
+LOG_TIME = "log time"
+STAMPS = ("header.stamp", "timestamp", "stamp")
 
 Walk: TypeAlias = Callable[[bytes], Layout]
+_Rows: TypeAlias = slice | NDArray[np.int64]
+
+
+def stamp_of(paths: Iterable[str]) -> str | None:
+    """Return which of the paths of an entity says when it was measured; None where none does."""
+    there = set(paths)
+    return next((path for path in STAMPS if path in there), None)
 
 
 @dataclass(slots=True)
 class Found:
-    """What has been found of a topic, or of one transform of it."""
+    """What has been found of a topic, or of one transform of it.
 
-    rows: Rows = field(default_factory=Rows)
+    Attributes
+    ----------
+    count : int
+        Of its rows.
+    columns : dict
+        Pieces of each column: in which rows they stand, and the numbers.
+    """
+
+    count: int = 0
+    columns: dict[str, list[tuple[_Rows, NDArray[Any]]]] = field(
+        default_factory=lambda: defaultdict(list)
+    )
     times: set[str] = field(default_factory=set)
     types: dict[str, tuple[str, str]] = field(default_factory=dict)
     frames: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
@@ -41,6 +61,28 @@ class Found:
         """Note the frame that a field names: two are enough to know that it changes."""
         if len(self.frames[path]) < 2 and frame not in self.frames[path]:
             self.frames[path].append(frame)
+
+    def extend(self, values: Mapping[str, NDArray[Any]], rows: _Rows) -> None:
+        """Add the numbers of some rows."""
+        for path, column in values.items():
+            self.columns[path].append((rows, column))
+
+    def finish(self, path: str) -> tuple[NDArray[Any], Faults | None]:
+        """Return a column, which is empty then; a row without the field is NaN, and a fault."""
+        pieces = self.columns.pop(path)
+        dtype = np.result_type(*(column.dtype for _, column in pieces))
+        missing = self.count - sum(len(column) for _, column in pieces)
+        if missing and dtype.kind != "f":
+            dtype = np.dtype(np.float64)
+        values = np.full(self.count, np.nan, dtype) if missing else np.empty(self.count, dtype)
+        absent = np.ones(self.count, bool)
+        for rows, column in pieces:
+            values[rows] = column
+            absent[rows] = False
+        if not missing:
+            return values, None
+        first = int(np.argmax(absent))
+        return values, Faults(missing, first, "nothing: the message has no such field")
 
 
 _Part: TypeAlias = tuple[NDArray[np.int64] | None, Layout, Matrix]
@@ -51,77 +93,39 @@ class Topic:
 
     Parameters
     ----------
-    name, type_name : str
-        As the file says them.
     request : Request
         What is asked for.
 
     Attributes
     ----------
+    name, type_name : str
+        As the file says them.
     found : dict
         What has been found, by what follows the topic's name: nothing, or ``[parent>child]``.
-    messages, bytes, undecodable : int
-        How many there were; bytes of those that were read; how many could not be decoded.
+    messages, undecodable : int
+        How many there were; how many could not be decoded.
     omitted : str
         Why nothing of it is read.
     """
 
-    def __init__(self, name: str, type_name: str, request: Request) -> None:
-        self.name = name
-        self.type_name = type_name
+    def __init__(self, request: Request) -> None:
+        self.name = self.type_name = ""
         self.request = request
         self.found: dict[str, Found] = {}
         self.messages = 0
-        self.bytes = 0
         self.undecodable = 0
         self.reason = ""  # of the first message that could not be decoded
         self.omitted = ""
         self.skipped: set[str] = set()
-        self.overflow = False  # whether there were more transforms than are read
-        self._budget = Budget(0)
 
     def add(self, block: Block) -> None:
         """Take messages."""
         self.messages += len(block.starts)
-        if self.omitted or not len(block.starts):
-            return
-        self._budget.add(int(block.lengths.sum()))
-        for each in self._unpacked(block) if self.packed(block) else (block,):
-            if len(each.starts) and not self.omitted:
-                self.bytes += int(each.lengths.sum())
-                self.take(each)
-        for found in self.found.values():
-            found.rows.prune(self.bytes)
-
-    def packed(self, block: Block) -> bool:
-        """Whether each message is compressed, as those of ROS 2 may be."""
-        return False
+        if not self.omitted and len(block.starts):
+            self.take(block)
 
     def take(self, block: Block) -> None:
         """Read messages; a topic that is omitted has no way to."""
-
-    def _unpacked(self, block: Block) -> Iterator[Block]:
-        """Messages, each of which was compressed by zstd; those that do not unpack are left out."""
-        pieces: list[bytes] = []
-        times: list[np.int64] = []
-        held = 0
-        for k in range(len(block.starts)):
-            packed = block.message(k)
-            size = zstandard_size(packed)
-            try:
-                if size < 0:
-                    raise UndecodableError("a message does not say what it unpacks to")
-                self._budget.allow(len(packed), size)
-                pieces.append(unpack("zstd", packed, size))
-            except UndecodableError as error:
-                self.fail(str(error))
-                continue
-            times.append(block.times[k])
-            held += size
-            if held > _BATCH:
-                yield joined(pieces, times)
-                pieces, times, held = [], [], 0
-        yield joined(pieces, times)
 
     def fail(self, reason: str, count: int = 1) -> None:
         """Count messages that could not be decoded, and give up where none of many could."""
@@ -145,20 +149,30 @@ class BinaryTopic(Topic):
     """
 
     def __init__(self, walk: Walk, request: Request, *, cdr: bool = False) -> None:
-        super().__init__("", "", request)
+        super().__init__(request)
         self._cdr = cdr
         self._walk = walk
         self._layouts: dict[int, list[Layout]] = {}
 
-    def packed(self, block: Block) -> bool:
-        """Whether each message is compressed, as those of ROS 2 may be."""
-        return self._cdr and block.message(0)[:4] == ZSTD
-
     def take(self, block: Block) -> None:
         """Read messages."""
-        parts = self._parts(block)
-        if not self.omitted:
-            self._extend(parts, block.times)
+        if self._cdr and block.message(0).startswith(_ZSTD):  # as ROS 2 may pack each
+            block = self._unpacked(block)
+        if len(block.starts):
+            parts = self._parts(block)
+            if not self.omitted:
+                self._extend(parts, block.times)
+
+    def _unpacked(self, block: Block) -> Block:
+        messages, times = [], []
+        for k, time in enumerate(block.times.tolist()):
+            try:
+                messages.append(zstandard.decompress(block.message(k)))
+            except zstandard.ZstdError as error:
+                self.fail(f"it does not unpack: {error}")
+                continue
+            times.append(time)
+        return Block.joined(messages, times)
 
     def _parts(self, block: Block) -> list[_Part]:
         """Messages by their layout: which of the block, or None for all; the layout; the bytes."""
@@ -211,10 +225,7 @@ class BinaryTopic(Topic):
             self.fail(str(error))
             return False
         self._choose(layout)
-        if sum(len(each) for each in self._layouts.values()) > MOST_LAYOUTS:
-            for each in self._layouts.values():
-                if each is not known:
-                    each.clear()
+        if sum(map(len, self._layouts.values())) > MOST_LAYOUTS:
             self._layouts = {layout.length: known}
         known.append(layout)
         return True
@@ -244,53 +255,58 @@ class BinaryTopic(Topic):
                 if entity.leaves:
                     by_name[entity.name].append((part, entity))
         for name, pieces in by_name.items():
-            if name not in self.found and len(self.found) >= MOST_ENTITIES:
-                self.overflow = True
-                continue
             found = self.found.setdefault(name, Found())
-            for _, entity in pieces:
+            all_of = np.arange(len(times))
+            which = [all_of if part[0] is None else part[0] for part, _ in pieces]
+            # Messages of several layouts stay in the order in which they stand in the file.
+            order = np.argsort(np.concatenate(which), kind="stable")
+            row_of = np.empty(len(order), np.int64)
+            row_of[order] = found.count + np.arange(len(order))
+            end = 0
+            for here, ((_, _, matrix), entity) in zip(which, pieces, strict=True):
+                rows = row_of[end : end + len(matrix)]
+                end += len(matrix)
+                one = slice(found.count, found.count + len(matrix)) if len(pieces) == 1 else rows
                 found.types |= entity.types
                 found.times |= {p for p, leaf in entity.leaves.items() if isinstance(leaf, TimeAt)}
                 for path, frame in entity.frames.items():
                     found.meet_frame(path, frame)
-            if len(pieces) == 1:
-                (which, _, matrix), entity = pieces[0]
                 values = {path: leaf.read(matrix) for path, leaf in entity.leaves.items()}
-                values[LOG_TIME] = times if which is None else times[which]
-                found.rows.extend(len(matrix), values)
-            else:
-                _extend_mixed(found.rows, pieces, times)
+                found.extend({**values, LOG_TIME: times[here]}, one)
+            found.count += len(order)
 
 
-#: Below an entity, the column of the times at which messages were logged. Fields of messages have
-#: no space in their names.
-LOG_TIME = "log time"
-STAMPS = ("header.stamp", "timestamp", "stamp")
+def topic_of(
+    message_encoding: str, schema_encoding: str, type_name: str, schema: bytes, request: Request
+) -> Topic:
+    """Return a topic that reads messages of this kind, by the encodings of them and their schema.
 
+    Raises
+    ------
+    UndecodableError
+        They cannot be read.
+    """
+    if message_encoding == "json":
+        from palpate.recordings.messages.json_text import JsonTopic
 
-def stamp_of(paths: Any) -> str | None:
-    """Return which of the paths of an entity says when it was measured; None where none does."""
-    return next((path for path in STAMPS if path in paths), None)
+        return JsonTopic(request)
+    if message_encoding == "protobuf" and schema_encoding == "protobuf":
+        from palpate.recordings.messages.protobuf import walk_of
 
+        return BinaryTopic(walk_of(type_name, schema), request)
+    if message_encoding not in ("cdr", "ros1"):
+        raise UndecodableError(
+            f"messages in {message_encoding[:30]!r} are not read, only in CDR, ROS 1, JSON or "
+            "protobuf"
+        )
+    from palpate.recordings.messages.definitions import message_fields
+    from palpate.recordings.messages.walking import walk_cdr, walk_ros1
 
-def _extend_mixed(rows: Rows, pieces: list[tuple[_Part, Entity]], times: NDArray[np.int64]) -> None:
-    """Add messages of several layouts, in the order in which they stand in the file."""
-    which = [part[0] if part[0] is not None else np.arange(len(times)) for part, _ in pieces]
-    order = np.argsort(np.concatenate(which), kind="stable")
-    ends = np.cumsum([len(each) for each in which])
-    values: dict[str, NDArray[Any]] = {LOG_TIME: times[np.concatenate(which)]}
-    present: dict[str, NDArray[np.bool_]] = {}
-    for ((_, _, matrix), entity), end in zip(pieces, ends, strict=True):
-        here = slice(end - len(matrix), end)
-        for path, leaf in entity.leaves.items():
-            column = leaf.read(matrix)
-            if path not in values:
-                values[path] = np.zeros(len(order), column.dtype)
-                present[path] = np.zeros(len(order), bool)
-            else:
-                dtype = np.result_type(values[path].dtype, column.dtype)
-                values[path] = values[path].astype(dtype, copy=False)
-            values[path][here] = column
-            present[path][here] = True
-    some = {path: mask[order] for path, mask in present.items() if not mask.all()}
-    rows.extend(len(order), {path: column[order] for path, column in values.items()}, some)
+    ros1 = message_encoding == "ros1"
+    if schema_encoding not in ("ros1msg", "ros2msg", "ros2idl", "omgidl", ""):
+        raise UndecodableError(f"definitions in {schema_encoding[:30]!r} are not read")
+    form = "ros1msg" if ros1 else schema_encoding or "ros2msg"
+    form = "ros2idl" if form == "omgidl" else form
+    fields = message_fields(type_name, form, schema.decode("utf-8", "replace"))
+    walk = partial(walk_ros1 if ros1 else walk_cdr, fields=fields)
+    return BinaryTopic(walk, request, cdr=not ros1)

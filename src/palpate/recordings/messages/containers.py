@@ -1,0 +1,417 @@
+"""Bags of ROS 1 and ROS 2 by the package rosbags, and MCAP by the package mcap.
+
+A reader hands blocks of raw messages to the :class:`~palpate.recordings.messages.topic.Topic` of
+each channel, which decodes many at a time.
+"""
+
+import re
+import struct
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+import zstandard
+from mcap import records as mcap
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.stream_reader import get_chunk_data_stream
+from rosbags.rosbag1 import Reader as Rosbag1
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from palpate.errors import RecordingError
+from palpate.recordings.bounds import first_line, regular_size
+from palpate.recordings.formats import Request
+from palpate.recordings.messages.collection import Collection, one_line
+from palpate.recordings.messages.layout import Block, Bytes, Starts, gather
+from palpate.recordings.messages.topic import Topic
+from palpate.recordings.recording import Recording, printable
+from palpate.writing import scratch_file
+
+METADATA = "metadata.yaml"
+_MAGIC = b"\x89MCAP0\r\n"
+_WINDOW = 1 << 18  # bytes of an MCAP file that are read at a time; a chunk may be longer
+_BATCH = 8 << 20  # bytes of messages from rosbags that are held until they are decoded
+_LONGEST_NOTE = 300  # characters
+_LENGTH = struct.Struct("<Q").unpack_from
+_BEFORE = 9  # bytes of an MCAP record that say its kind and length
+# What stands in a message of MCAP before its data.
+_HEAD = np.dtype(
+    [
+        ("kind", "u1"),
+        ("length", "<i8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("time", "<i8"),
+        ("published", "<u8"),
+    ]
+)
+
+
+def read(path: Path, request: Request) -> Recording:
+    """Read a bag of ROS 1 or 2, or an MCAP file: every topic whose messages hold numbers.
+
+    Parameters
+    ----------
+    path : Path
+        The file; of a bag of ROS 2 also its folder, or the metadata in that.
+    request : Request
+        What is asked for.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read, was not closed (bags of ROS 1 and SQLite), or holds no numbers; or,
+        where strict, is damaged.
+    """
+    collection = Collection(path, request)
+    folder = path.parent if path.name == METADATA else path
+    if folder.is_dir():
+        _read_folder(folder, collection)
+    else:
+        _read_file(path, collection, (0.0, 1.0))
+    return collection.recording()
+
+
+def _read_folder(folder: Path, collection: Collection) -> None:
+    files, expected = _files(folder, collection)
+    for k, file in enumerate(files):
+        try:
+            _read_file(file, collection, (k / len(files), (k + 1) / len(files)))
+        except RecordingError as error:
+            if len(files) == 1 or collection.request.strict:
+                raise
+            collection.lost(f"one of its files cannot be read: {error}")
+    if expected is not None and collection.messages < expected:
+        collection.lost(
+            f"{METADATA} counts {expected} messages, of which {collection.messages} were found"
+        )
+
+
+def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None]:
+    """The files of a bag of ROS 2, in their order, and how many messages it says that they hold."""
+    there = [each for each in folder.iterdir() if re.search(r"\.(db3|mcap)(\.zstd)?$", each.name)]
+    # Whatever is there packed and unpacked is read once.
+    there = [each for each in there if each.with_suffix("") not in there]
+    there.sort(key=lambda each: [int(n) for n in re.findall(r"\d+", each.name.split(".")[0])[-1:]])
+    if (folder / METADATA).is_file():
+        try:
+            text = (folder / METADATA).read_text("utf-8")
+            about = YAML(typ="safe").load(text)["rosbag2_bagfile_information"]
+            names = [Path(str(each)).name for each in about["relative_file_paths"]]
+            expected = int(about["message_count"])
+            distribution = about.get("ros_distro")
+        except (OSError, ValueError, YAMLError, LookupError, TypeError, AttributeError):
+            collection.lost(f"{METADATA} cannot be understood: the files beside it are read")
+            return there, None
+        if distribution:
+            collection.notes["ROS distribution"] = one_line(str(distribution))
+        by_name = {each.name.removesuffix(".zstd"): each for each in there}
+        files = [by_name.pop(name.removesuffix(".zstd"), folder / name) for name in names]
+        if by_name:
+            others = ", ".join(sorted(by_name)[:5])
+            collection.omissions.append(f"not of this bag by its metadata: {others}")
+        return files, expected
+    if not there:
+        raise collection.error("the folder holds no bag of ROS 2", "give the file of a recording")
+    if any(".db3" in each.name for each in there):
+        raise collection.error(
+            f"the recorder did not close the bag: {METADATA} is missing", _reindex(folder)
+        )
+    collection.lost(f"{METADATA} is missing, as where the recorder was killed")
+    return there, None
+
+
+def _read_file(path: Path, collection: Collection, part: tuple[float, float]) -> None:
+    with _unpacked(path, collection) as plain:
+        regular_size(plain)
+        with plain.open("rb") as file:
+            begin = file.read(16)
+        for mark, reader in _READERS.items():
+            if begin.startswith(mark):
+                messages = reader(plain, collection)
+                break
+        else:
+            name = printable(Path(path.name))
+            raise collection.error(
+                f"{name} begins as no bag and no MCAP file does", "check what wrote it"
+            )
+        for fraction in messages:
+            collection.request.report(part[0] + (part[1] - part[0]) * fraction)
+
+
+@contextmanager
+def _unpacked(path: Path, collection: Collection) -> Iterator[Path]:
+    """A file as it is, or the copy that a packed one unpacks to."""
+    if not path.name.endswith(".zstd"):
+        yield path
+        return
+    regular_size(path)
+    with path.open("rb") as file, scratch_file(path.stem) as (plain, copy):
+        try:
+            zstandard.ZstdDecompressor().copy_stream(file, copy)
+        except zstandard.ZstdError as error:
+            collection.lost(f"{one_line(path.name)} does not unpack to its end: {error}")
+        copy.flush()
+        yield plain
+
+
+def _reindex(folder: Path) -> str:
+    return f"close it with: ros2 bag reindex {printable(folder)}"
+
+
+def _read_ros1(path: Path, collection: Collection) -> Iterator[float]:
+    bag = Rosbag1(path)
+    try:
+        bag.open()
+    except Exception as error:  # of a damaged file rosbags raises whatever it comes upon
+        raise collection.error(
+            f"the recorder did not close the bag, or it is damaged ({first_line(error)})",
+            f"close it with: rosbag reindex {printable(path)}",
+        ) from None
+    with closing(bag):
+        counts = [0, *(sum(info.connection_counts.values()) for info in bag.chunk_infos)]
+        kinds = dict.fromkeys((each.id for each in bag.connections), ("ros1", "ros1msg"))
+        yield from _from_rosbags(bag.connections, kinds, bag.messages(), sum(counts), collection)
+
+
+def _read_sqlite(path: Path, collection: Collection) -> Iterator[float]:
+    logs = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
+    if any(log.is_file() and log.stat().st_size for log in logs):
+        raise collection.error("the recorder did not close the bag", _reindex(path.parent))
+    # rosbags makes a URI of the path, in which ?, # and % would mean something else.
+    bag = Sqlite3Reader(Path(quote(str(path.absolute()))))
+    try:
+        bag.open()
+    except Exception as error:
+        raise collection.error(
+            f"{printable(Path(path.name))} cannot be read: {first_line(error)}",
+            f"if it was not closed, {_reindex(path.parent)}",
+        ) from None
+    with closing(bag):
+        kinds = {
+            each.id: (
+                str(getattr(each.ext, "serialization_format", "cdr")),
+                "ros2idl" if each.msgdef.format.name == "IDL" else "ros2msg",
+            )
+            for each in bag.connections
+        }
+        found = bag.messages(bag.connections)
+        total = bag.metadata.message_count
+        yield from _from_rosbags(bag.connections, kinds, found, total, collection)
+
+
+def _from_rosbags(
+    connections: Iterable[Any],
+    kinds: dict[int, tuple[str, str]],
+    messages: Iterator[tuple[Any, int, bytes]],
+    total: int,
+    collection: Collection,
+) -> Iterator[float]:
+    """Collect the messages of each connection until they are worth an array."""
+    topics = {}
+    waiting: dict[int, tuple[list[bytes], list[int]]] = {}
+    for each in connections:
+        encoding, form = kinds[each.id]
+        text = (each.msgdef.data or "").encode()
+        topics[each.id] = collection.topic(each.topic, each.msgtype, encoding, form, text)
+        waiting[each.id] = [], []
+    held = found = 0
+
+    def flush() -> None:
+        for number, (texts, times) in waiting.items():
+            topics[number].add(Block.joined(texts, times))
+            texts.clear()
+            times.clear()
+
+    for connection, time, data in _until_damaged(messages, collection):
+        texts, times = waiting[connection.id]
+        texts.append(data)
+        times.append(time)
+        held += len(data)
+        found += 1
+        if held >= _BATCH:
+            flush()
+            held = 0
+            yield found / max(total, found)
+    flush()
+    if found != total:
+        collection.lost(f"it counts {total} messages, of which {found} were read")
+
+
+def _until_damaged(
+    messages: Iterator[tuple[Any, int, bytes]], collection: Collection
+) -> Iterator[tuple[Any, int, bytes]]:
+    bad = 0
+    try:
+        for connection, time, data in messages:
+            if isinstance(time, int) and isinstance(data, bytes):
+                yield connection, time, data
+            else:
+                bad += 1
+    except Exception as error:  # of a damaged file rosbags raises whatever it comes upon
+        collection.lost(f"it is damaged, and read no further: {first_line(error)}")
+    if bad:
+        collection.lost(f"{bad} rows are no messages")
+
+
+def _read_mcap(path: Path, collection: Collection) -> Iterator[float]:
+    return _Mcap(path, collection).read()
+
+
+class _Mcap:
+    """An MCAP file, read record by record up to its end, or to where it is damaged."""
+
+    def __init__(self, path: Path, collection: Collection) -> None:
+        self.path = path
+        self.collection = collection
+        self.schemas: dict[int, mcap.Schema] = {}
+        self.topics: dict[int, Topic] = {}
+        self.messages = 0
+        self.unknown = 0  # messages of channels that were not announced
+        self.claimed: int | None = None  # messages, by the file's own count
+        self.ended = False
+
+    def read(self) -> Iterator[float]:
+        size = self.path.stat().st_size
+        position = len(_MAGIC)
+        with self.path.open("rb") as file:
+            while position < size and not self.ended:
+                file.seek(position)
+                data = file.read(_WINDOW)
+                starts, end = _whole_records(data)
+                if not starts and len(data) >= _BEFORE and data[0]:
+                    length = _BEFORE + _LENGTH(data, 1)[0]
+                    if length > size - position:
+                        break
+                    data += file.read(length - len(data))
+                    starts, end = [0], length
+                if not starts:
+                    break
+                self._take(data, starts, end)
+                position += end
+                yield position / size
+        if not self.ended:
+            self._lost(
+                f"it ends before its end, as where the recorder was killed, or is damaged at byte "
+                f"{position}: the {self.messages} messages before are used"
+            )
+        if self.unknown:
+            self._lost(f"{self.unknown} messages are of channels that it does not describe")
+        if self.claimed is not None and self.claimed != self.messages:
+            self._lost(f"it counts {self.claimed} messages, of which {self.messages} were read")
+
+    def _take(self, data: bytes, starts: list[int], end: int) -> None:
+        """Take whole records in their order."""
+        view, begins = np.frombuffer(data, np.uint8), np.array(starts, np.int64)
+        sizes = np.diff(begins, append=end)
+        is_message = (view[begins] == Opcode.MESSAGE) & (sizes >= _HEAD.itemsize)
+        first = 0
+        for k in np.flatnonzero(~is_message).tolist():
+            # What the messages are is said before them; chunks may stand among loose ones.
+            self._messages(view, begins[first:k], sizes[first:k])
+            self._other(data[starts[k]], data[starts[k] + _BEFORE : starts[k] + sizes[k]])
+            first = k + 1
+        self._messages(view, begins[first:], sizes[first:])
+
+    def _messages(self, view: Bytes, begins: Starts, sizes: Starts) -> None:
+        if not len(begins):
+            return
+        heads = gather(view, begins, _HEAD.itemsize).view(_HEAD)[:, 0]
+        self.messages += len(begins)
+        for channel in np.unique(heads["channel"]).tolist():
+            which = heads["channel"] == channel
+            if channel not in self.topics:
+                self.unknown += int(which.sum())
+                continue
+            lengths = sizes[which] - _HEAD.itemsize
+            times = heads["time"][which].astype(np.int64)
+            self.topics[channel].add(Block(view, begins[which] + _HEAD.itemsize, lengths, times))
+
+    def _other(self, kind: int, data: bytes) -> None:
+        self.ended = self.ended or kind == Opcode.FOOTER
+        if kind not in _KINDS:
+            return
+        try:
+            record = _KINDS[kind].read(ReadDataStream(BytesIO(data)))
+        except Exception as error:  # of a damaged record mcap raises whatever it comes upon
+            self._lost(f"a record of the kind {kind} is lost: {first_line(error)}")
+            return
+        if isinstance(record, mcap.Chunk):
+            self._chunk(record)
+        elif isinstance(record, mcap.Schema):
+            self.schemas[record.id] = record
+        elif isinstance(record, mcap.Channel):
+            self._channel(record)
+        elif isinstance(record, mcap.Statistics):
+            self.claimed = record.message_count
+        elif isinstance(record, mcap.Metadata):
+            for name, words in record.metadata.items():
+                self._note(f"{record.name}.{name}" if record.name else name, words)
+        else:
+            maker = (record.profile, record.library)
+            self._note("written as", " by ".join(each for each in maker if each))
+
+    def _chunk(self, chunk: mcap.Chunk) -> None:
+        try:
+            data = get_chunk_data_stream(chunk, validate_crc=True)[0].read(chunk.uncompressed_size)
+            starts, end = _whole_records(data)
+            if end != chunk.uncompressed_size:
+                raise ValueError("it holds less than it claims")
+        except Exception as error:  # whatever mcap and the packages that unpack come upon
+            first, last = chunk.message_start_time / 1e9, chunk.message_end_time / 1e9
+            self._lost(
+                f"a chunk of {last - first:.3g} s from {first:.3f} s on is lost: "
+                f"{first_line(error)}"
+            )
+        else:
+            self._take(data, starts, end)
+
+    def _channel(self, channel: mcap.Channel) -> None:
+        if channel.id in self.topics:  # again, in another chunk or in the summary
+            return
+        schema = self.schemas.get(channel.schema_id) or mcap.Schema(0, b"", "", "")
+        self.topics[channel.id] = self.collection.topic(
+            channel.topic, schema.name, channel.message_encoding, schema.encoding, schema.data
+        )
+
+    def _note(self, name: str, words: str) -> None:
+        if len(words) <= _LONGEST_NOTE:
+            self.collection.notes[one_line(name)] = one_line(" ".join(words.split()))
+
+    def _lost(self, sentence: str) -> None:
+        self.collection.lost(f"{printable(Path(self.path.name))}: {sentence}")
+
+
+def _whole_records(data: bytes) -> tuple[list[int], int]:
+    """Where the whole records of a block of MCAP begin, one after another, and where they end."""
+    starts: list[int] = []
+    at, last = 0, len(data) - _BEFORE
+    while at <= last and data[at]:  # no record is of the kind 0, as a hole in a file has it
+        after = at + _BEFORE + _LENGTH(data, at + 1)[0]
+        if after > len(data):
+            break
+        starts.append(at)
+        at = after
+    return starts, at
+
+
+#: Records of MCAP that say something, beside messages.
+_KINDS: dict[int, Any] = {
+    Opcode.CHUNK: mcap.Chunk,
+    Opcode.SCHEMA: mcap.Schema,
+    Opcode.CHANNEL: mcap.Channel,
+    Opcode.STATISTICS: mcap.Statistics,
+    Opcode.METADATA: mcap.Metadata,
+    Opcode.HEADER: mcap.Header,
+}
+_READERS: dict[bytes, Callable[[Path, Collection], Iterator[float]]] = {
+    b"#ROSBAG V": _read_ros1,
+    b"SQLite format 3\0": _read_sqlite,
+    _MAGIC: _read_mcap,
+}
