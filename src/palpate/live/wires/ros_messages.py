@@ -173,8 +173,7 @@ class MessageReader:
     def _places(self, message: bytes, layout: Layout) -> _Places:
         leaves = layout.entities[0].leaves
         checks = []
-        for start, want, mask in layout.checks:
-            assert mask is None  # neither CDR nor ROS 1 looks at bits
+        for start, want in layout.checks:
             checks.append((start, start + len(want), want.tobytes()))
         stamp = leaves.get(_STAMP)
         return _Places(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.recordings.formats import Request
-from palpate.recordings.messages.fields import UndecodableError, normal_name
+from palpate.recordings.messages.fields import UndecodableError, normal_name, one_line
 from palpate.recordings.messages.topic import LOG_TIME, Found, Topic, stamp_of, topic_of
 from palpate.recordings.recording import Faults, Recording, printable
 
@@ -155,12 +155,6 @@ class Collection:
                 "no topic has numbers that can be read" + "".join(f". {each}" for each in why),
                 "record a topic of forces and one of positions",
             )
-
-
-def one_line(text: str) -> str:
-    """Return a name from a file so that it can be shown: one line, printable, not endless."""
-    shown = "".join(each if each.isprintable() else "?" for each in text[:200])
-    return shown if len(text) <= 200 else shown + "…"
 
 
 def _within(name: str, wanted: str) -> bool:

@@ -76,3 +76,9 @@ def normal_name(type_name: str) -> str:
     """Return the name of a type as ROS 2 writes it: ``geometry_msgs/msg/Wrench``."""
     package, slash, rest = type_name.partition("/")
     return f"{package}/msg/{rest}" if slash and "/" not in rest else type_name
+
+
+def one_line(text: str) -> str:
+    """Return a name from a file so that it can be shown: one line, printable, not endless."""
+    shown = "".join(each if each.isprintable() else "?" for each in text[:200])
+    return shown if len(text) <= 200 else shown + "…"

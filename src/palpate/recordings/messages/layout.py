@@ -45,44 +45,6 @@ class NumberAt:
 
 
 @dataclass(frozen=True, slots=True)
-class VarintAt:
-    """A whole number of 7 bits a byte, as protobuf writes it.
-
-    Attributes
-    ----------
-    zigzag : bool
-        The lowest bit is the sign.
-    """
-
-    offset: int
-    size: int
-    dtype: str
-    zigzag: bool = False
-
-    def read(self, messages: Matrix) -> NDArray[Any]:
-        """Return it of every message."""
-        value = np.zeros(len(messages), np.uint64)
-        for k in range(self.size):
-            part = (messages[:, self.offset + k] & 0x7F).astype(np.uint64)
-            value |= part << np.uint64(7 * k)
-        if self.zigzag:
-            value = (value >> np.uint64(1)) ^ (~(value & np.uint64(1)) + np.uint64(1))
-        return value != 0 if self.dtype == "b1" else value.astype(self.dtype)
-
-
-@dataclass(frozen=True, slots=True)
-class ConstantAt:
-    """A number that a message leaves out because it has its default."""
-
-    value: float
-    dtype: str
-
-    def read(self, messages: Matrix) -> NDArray[Any]:
-        """Return it of every message."""
-        return np.full(len(messages), self.value, self.dtype)
-
-
-@dataclass(frozen=True, slots=True)
 class TimeAt:
     """A time or a duration of two numbers, as whole nanoseconds."""
 
@@ -127,8 +89,7 @@ class Layout:
     length : int
         Of the message, in bytes.
     checks : list
-        What every message of this layout holds: first byte, the bytes, and the bits of them that
-        count, or None for all.
+        What every message of this layout holds: first byte, and the bytes.
     entities : list of Entity
         What it gives.
     skipped : dict
@@ -136,31 +97,23 @@ class Layout:
     """
 
     length: int
-    checks: list[tuple[int, Bytes, Bytes | None]] = field(default_factory=list)
+    checks: list[tuple[int, Bytes]] = field(default_factory=list)
     entities: list[Entity] = field(default_factory=list)
     skipped: dict[str, int] = field(default_factory=dict)
 
-    def check(self, data: bytes | memoryview, start: int, stop: int, mask: int = 0xFF) -> None:
+    def check(self, data: bytes | memoryview, start: int, stop: int) -> None:
         """Ask for the bytes of a message to be the same in every other."""
         want = np.frombuffer(data, np.uint8)[start:stop]
-        if mask == 0xFF:
-            last = self.checks[-1] if self.checks else None
-            if last is not None and last[2] is None and last[0] + len(last[1]) == start:
-                self.checks[-1] = last[0], np.concatenate([last[1], want]), None
-            else:
-                self.checks.append((start, want.copy(), None))
-        else:
-            bits = np.full(stop - start, mask, np.uint8)
-            self.checks.append((start, want & bits, bits))
+        if self.checks and self.checks[-1][0] + len(self.checks[-1][1]) == start:
+            start, before = self.checks.pop()
+            want = np.concatenate([before, want])
+        self.checks.append((start, want.copy()))
 
     def matches(self, messages: Matrix) -> NDArray[np.bool_]:
         """Which messages, all of its length, are of this layout."""
         same = np.ones(len(messages), bool)
-        for start, want, bits in self.checks:
-            found = messages[:, start : start + len(want)]
-            if bits is not None:
-                found = found & bits
-            same &= (found == want).all(axis=1)
+        for start, want in self.checks:
+            same &= (messages[:, start : start + len(want)] == want).all(axis=1)
         return same
 
 

@@ -291,9 +291,9 @@ def topic_of(
 
         return JsonTopic(request)
     if message_encoding == "protobuf" and schema_encoding == "protobuf":
-        from palpate.recordings.messages.protobuf import walk_of
+        from palpate.recordings.messages.protobuf import ProtobufTopic
 
-        return BinaryTopic(walk_of(type_name, schema), request)
+        return ProtobufTopic(type_name, schema, request)
     if message_encoding not in ("cdr", "ros1"):
         raise UndecodableError(
             f"messages in {message_encoding[:30]!r} are not read, only in CDR, ROS 1, JSON or "

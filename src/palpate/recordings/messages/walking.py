@@ -14,6 +14,7 @@ from palpate.recordings.messages.fields import (
     Number,
     Text,
     UndecodableError,
+    one_line,
     smallest,
 )
 from palpate.recordings.messages.layout import Entity, Layout, NumberAt, TimeAt
@@ -208,7 +209,7 @@ class _Walk:
             raise UndecodableError(f"a name is {end - begin} bytes long")
         self.layout.check(self.message, begin, end)
         text = self.message[begin:end].rstrip(b"\0").decode("utf-8", "backslashreplace")
-        return "".join(each if each.isprintable() else "?" for each in text)
+        return one_line(text)
 
     def _take(self, size: int, count: int = 1) -> int:
         """Move past numbers of a size; return where they begin."""
