@@ -1,9 +1,11 @@
 """Files of groups and columns that are damaged, or claim too much: said on one line, in bounds."""
 
-import os
+import gzip
+import random
 import shutil
 
 import h5py
+import message_files
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -20,11 +22,12 @@ from containers import (
 )
 
 from palpate import MissingExtraError, RecordingError
-from palpate.recordings import FORMATS, formats, open_recording, sources
+from palpate.recordings import FORMATS, formats, open_recording
 
 CUT = {
     "probe.parquet": (write_parquet, "cut off"),
     "new.mat": (write_mat73, "cut off"),
+    "probe.h5": (write_hdf5, "cut off"),
 }
 
 
@@ -50,67 +53,6 @@ def test_the_whole_batches_of_a_feather_file_that_is_cut_off_are_read(tmp_path):
         open_recording(path, strict=True)
 
 
-def logged(path):
-    """As a logger writes: every array grows piece by piece."""
-    random = np.random.default_rng(7)
-    columns = {"time": np.arange(2000) * 1e-3, "force": random.normal(size=(2000, 3))}
-    with h5py.File(path, "w") as file:
-        for name, values in columns.items():
-            sides = values.shape[1:]
-            file.create_dataset(
-                f"robot/{name}", (0, *sides), "f8", maxshape=(None, *sides), chunks=(100, *sides),
-                compression="gzip",
-            )  # fmt: skip
-        for k in range(0, 2000, 100):
-            for name, values in columns.items():
-                file[f"robot/{name}"].resize(k + 100, axis=0)
-                file[f"robot/{name}"][k:] = values[k : k + 100]
-    return columns
-
-
-@pytest.mark.parametrize("fraction", [0.5, 0.75, 0.99])
-def test_what_is_before_the_end_of_an_hdf5_file_that_is_cut_off_is_read(fraction, tmp_path):
-    path = tmp_path / "cut.h5"
-    columns = logged(path)
-    whole = path.read_bytes()
-    path.write_bytes(whole[: int(fraction * len(whole))])
-    recording = open_recording(path)
-    count = len(recording.channels["robot/time"])
-    # Every piece that is whole: both arrays take turns in the file, after some 30 % of structure.
-    assert 0 < count < 2000
-    assert count % 100 == 0
-    np.testing.assert_array_equal(recording.channels["robot/time"], columns["time"][:count])
-    for k in range(3):
-        values = recording.channels[f"robot/force[{k}]"]
-        np.testing.assert_array_equal(values, columns["force"][:count, k])
-    assert "is cut off" in recording.losses[0]
-    assert recording.losses[1] == f"arrays of 2000 samples: the first {count} are read"
-    with pytest.raises(RecordingError, match="is cut off"):
-        open_recording(path, strict=True)
-
-
-def test_zeros_behind_the_end_of_a_file_are_never_taken_for_numbers(tmp_path):
-    path = write_hdf5(tmp_path / "cut.h5", {"time": np.ones(3000), "x": np.ones(3000)})
-    whole = path.read_bytes()
-    for size in range(3000, len(whole), 997):
-        path.write_bytes(whole[:size])
-        recording = open_recording(path)
-        assert all((values == 1.0).all() for values in recording.channels.values())
-        assert len(recording.channels["time"]) in (
-            (size - 2048) // 8, (size - 2048) // 8 - 3000, 3000
-        )  # fmt: skip
-        if "x" not in recording.channels:
-            assert recording.losses[-1] == "x: lies behind the end of the file"
-
-
-def test_an_hdf5_file_of_which_nothing_is_left_is_refused(tmp_path):
-    path = tmp_path / "cut.h5"
-    logged(path)
-    path.write_bytes(path.read_bytes()[:1000])
-    with pytest.raises(RecordingError, match="cut off"):
-        open_recording(path)
-
-
 @pytest.mark.parametrize("packed", [False, True], ids=["plain", "packed"])
 def test_the_whole_variables_of_a_matlab_file_that_is_cut_off_are_read(packed, tmp_path):
     path = write_mat5(tmp_path / "cut.mat", do_compression=packed)
@@ -122,7 +64,7 @@ def test_the_whole_variables_of_a_matlab_file_that_is_cut_off_are_read(packed, t
         open_recording(path, strict=True)
 
 
-def test_a_damaged_row_group_is_left_unknown_and_said(tmp_path):
+def test_a_damaged_column_of_parquet_is_lost_and_the_others_are_read(tmp_path):
     columns = {"time_s": COLUMNS["time_s"], "force_N": COLUMNS["force_N"]}
     path = write_parquet(
         tmp_path / "bad.parquet", columns, row_group_size=100, use_dictionary=False,
@@ -134,11 +76,8 @@ def test_a_damaged_row_group_is_left_unknown_and_said(tmp_path):
     damaged[middle : middle + 40] = bytes(40)
     path.write_bytes(damaged)
     recording = open_recording(path)
-    assert "100 of 600 rows cannot be read" in recording.losses[0]
-    force = recording.channels["force_N"]
-    assert np.isnan(force[200:300]).all()
-    np.testing.assert_array_equal(force[300:], COLUMNS["force_N"][300:])
-    assert recording.faults["force_N"].count == 100
+    assert recording.losses[0].startswith("column 'force_N' cannot be read")
+    assert set(recording.channels) == {"time_s"}
     np.testing.assert_array_equal(recording.channels["time_s"], COLUMNS["time_s"])
 
 
@@ -179,32 +118,6 @@ def test_pieces_of_an_array_that_were_never_written_are_said(tmp_path):
     recording = open_recording(path)
     assert recording.channels["x"][499:501].tolist() == [0.0, 0.0]
     assert recording.losses == ("x: 1 of its 6 pieces were never written; they read as 0.0",)
-
-
-def bomb_hdf5(path):
-    with h5py.File(path, "w") as file:
-        made = file.create_dataset(
-            "zeros", shape=(9 * 2**20,), dtype="f8", chunks=(2**20,), compression="gzip"
-        )
-        piece = np.zeros(2**20)
-        for k in range(0, 9 * 2**20, 2**20):
-            made[k : k + 2**20] = piece
-
-
-@pytest.mark.parametrize(
-    "name, write",
-    [
-        ("b.parquet", lambda p: write_parquet(p, {"z": np.zeros(10**7)}, compression="zstd")),
-        ("b.feather", lambda p: write_feather(p, {"z": np.zeros(10**7)}, compression="zstd")),
-        ("b.mat", lambda p: write_mat5(p, {"z": np.zeros(10**7)}, do_compression=True)),
-        ("b.h5", bomb_hdf5),
-    ],
-    ids=["parquet", "feather", "matlab", "hdf5"],
-)
-def test_nothing_unpacks_to_a_hundred_times_its_file(name, write, tmp_path):
-    write(tmp_path / name)
-    with pytest.raises(RecordingError, match=r"unpack to more than|claims"):
-        open_recording(tmp_path / name)
 
 
 def claimed(path, at: int, number: int) -> None:
@@ -269,7 +182,7 @@ SUFFIXES = [suffix for each in FORMATS if each.extra for suffix in each.suffixes
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_what_has_only_the_suffix_of_a_format_is_refused_on_one_line(suffix, tmp_path, monkeypatch):
+def test_what_has_only_the_suffix_of_a_format_is_refused_on_one_line(suffix, tmp_path):
     pytest.importorskip("afmformats")
     contents = {
         "empty": b"",
@@ -280,18 +193,87 @@ def test_what_has_only_the_suffix_of_a_format_is_refused_on_one_line(suffix, tmp
     for name, content in contents.items():
         path = tmp_path / f"{name}{suffix}"
         path.write_bytes(content)
-        with pytest.raises(RecordingError) as refusal:
-            open_recording(path)
-        assert len(str(refusal.value).splitlines()) == 1
+        refused(path)
     (tmp_path / f"folder{suffix}").mkdir()
     with pytest.raises(RecordingError, match="folder"):
         open_recording(tmp_path / f"folder{suffix}")
     with pytest.raises(RecordingError, match="check the path"):
         open_recording(tmp_path / f"absent{suffix}")
-    monkeypatch.setattr(sources, "PATIENCE", 0.05)  # s; nobody writes into it
-    os.mkfifo(tmp_path / f"pipe{suffix}")
-    with pytest.raises(RecordingError, match="pipe"):
-        open_recording(tmp_path / f"pipe{suffix}")
+
+
+def refused(path) -> None:
+    with pytest.raises(RecordingError) as refusal:
+        open_recording(path)
+    assert len(str(refusal.value).splitlines()) == 1
+    assert path.name in str(refusal.value)
+
+
+def read_or_refused(path):
+    try:
+        return open_recording(path)
+    except RecordingError as error:
+        return str(error)
+
+
+VALUES = message_files.values(120, seed=4, finite=True)
+
+
+def write_sqlite(path):
+    messages = message_files.wrenches_and_poses(VALUES)
+    folder = message_files.rosbag2(path.parent / "bag", messages)
+    return (folder / "bag.db3").rename(path)
+
+
+def write_text(path):
+    text = "\n".join(",".join(map(repr, row)) for row in zip(*COLUMNS.values(), strict=True))
+    content = (",".join(COLUMNS) + "\n" + text + "\n").encode()
+    path.write_bytes(gzip.compress(content, mtime=0) if path.suffix == ".gz" else content)
+    return path
+
+
+WRITERS = {
+    "a.csv": write_text,
+    "a.csv.gz": write_text,
+    "a.parquet": write_parquet,
+    "a.feather": lambda path: write_feather(path, chunksize=100),
+    "a.h5": lambda path: write_hdf5(path, compression="gzip", chunks=(100,)),
+    "a.mat": lambda path: write_mat5(path, do_compression=True),
+    "a.bag": lambda path: message_files.rosbag1(
+        path, message_files.wrenches_and_poses(VALUES, ros1=True)
+    ),
+    "a.db3": write_sqlite,
+    "a.mcap": lambda path: message_files.wrench_mcap(path, VALUES, chunk_size=4000),
+    "a.jpk-force-map": lambda path: write_jpk(path, [(np.arange(200), np.arange(200))]),
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_damaged_file_is_refused_on_one_line_or_read_with_what_is_lost(name, tmp_path):
+    pytest.importorskip("afmformats")
+    path = WRITERS[name](tmp_path / name)
+    whole, clean = path.read_bytes(), open_recording(path)
+    size, chance = len(whole), random.Random(name)
+    damaged = {
+        f"cut after {cut}": whole[:cut] for cut in (1, 8, size // 3, size * 2 // 3, size - 1)
+    }
+    damaged["noise at the begin"] = chance.randbytes(16) + whole[16:]
+    damaged["a hole"] = whole[: size // 2] + bytes(size // 8) + whole[size // 2 + size // 8 :]
+    for k in range(12):
+        at = chance.randrange(size)
+        flipped = bytes([whole[at] ^ 1 << chance.randrange(8)])
+        damaged[f"bit flipped at {at}, {k}"] = whole[:at] + flipped + whole[at + 1 :]
+    for what, content in damaged.items():
+        path.write_bytes(content)
+        found = read_or_refused(path)
+        if isinstance(found, str):
+            assert len(found.splitlines()) == 1, what
+            assert path.name in found, what
+            continue
+        lengths = {name: len(values) for name, values in found.channels.items()}
+        whole_still = lengths == {name: len(values) for name, values in clean.channels.items()}
+        said = found.losses or found.faults or found.omissions
+        # Of text any beginning is a good file too, and a digit or a name may change unseen.
+        assert whole_still or said or name == "a.csv", what
 
 
 def test_a_force_map_that_is_damaged_or_lacks_its_calibration_is_refused(tmp_path):

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.recordings.bounds import (
+    LARGEST,
     first_line,
     in_words,
-    most_unpacked,
     refuse_losses,
     regular_size,
 )
@@ -68,13 +68,13 @@ def read(path: Path, request: Request) -> Recording:
         The file is damaged or lacks its calibration, or holds several curves and none was chosen.
     """
     source = printable(path)
-    size = regular_size(path)
+    regular_size(path)
     with _explained(source):
         if path.name.lower().endswith(_JPK):
-            return _read_jpk(path, size, source, request)
+            return _read_jpk(path, source, request)
         curves = load_data(path, callback=request.report)
         chosen = curves[_chosen(len(curves), source, request)]
-        if len(chosen) * 8 > most_unpacked(size):
+        if len(chosen) * 8 > LARGEST:
             raise ValueError(f"it claims {len(chosen)} samples")
         return _recording(chosen.columns, chosen.__getitem__, chosen.metadata, source, request)
 
@@ -88,7 +88,8 @@ def count_curves(path: Path) -> int:
         It cannot be read.
     """
     source = printable(path)
-    with _opened(path, regular_size(path), source) as reader, _explained(source):
+    regular_size(path)
+    with _opened(path, source) as reader, _explained(source):
         return len(reader)
 
 
@@ -112,12 +113,13 @@ def read_curves(path: Path, numbers: Sequence[int]) -> Iterator[Recording | Reco
     RecordingError
         Nothing of the file can be read.
     """
-    source, size = printable(path), regular_size(path)
-    with _opened(path, size, source) as reader:
+    source = printable(path)
+    regular_size(path)
+    with _opened(path, source) as reader:
         for number in numbers:
             try:
                 with _explained(source):
-                    yield _curve(reader, size, source, Request(curve=number))
+                    yield _curve(reader, source, Request(curve=number))
             except RecordingError as error:
                 yield error
 
@@ -145,19 +147,19 @@ def _explained(source: str) -> Iterator[None]:
 _JPK = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 
 
-def _read_jpk(path: Path, size: int, source: str, request: Request) -> Recording:
+def _read_jpk(path: Path, source: str, request: Request) -> Recording:
     """Read one curve of a file of JPK, and of the others no more than their names."""
-    with _opened(path, size, source) as reader:
-        return _curve(reader, size, source, request)
+    with _opened(path, source) as reader:
+        return _curve(reader, source, request)
 
 
 @contextmanager
-def _opened(path: Path, size: int, source: str) -> Iterator[JPKReader]:
+def _opened(path: Path, source: str) -> Iterator[JPKReader]:
     """Open a file of JPK."""
     with _explained(source):
         with zipfile.ZipFile(path) as archive:
             claimed = max((member.file_size for member in archive.infolist()), default=0)
-        if claimed > most_unpacked(size):
+        if claimed > LARGEST:
             raise ValueError(f"a part of it claims {in_words(claimed)}")
         reader = JPKReader(path)
     try:
@@ -167,11 +169,11 @@ def _opened(path: Path, size: int, source: str) -> Iterator[JPKReader]:
             archive.close()
 
 
-def _curve(reader: JPKReader, size: int, source: str, request: Request) -> Recording:
+def _curve(reader: JPKReader, source: str, request: Request) -> Recording:
     """Read one curve of an open file."""
     number = _chosen(len(reader), source, request)
     metadata = reader.get_metadata(index=number)
-    if metadata["point count"] * 8 > most_unpacked(size):
+    if metadata["point count"] * 8 > LARGEST:
         raise ValueError(f"it claims {metadata['point count']} samples")
     columns = [name for name in known_columns if name not in ("index", "tip position")]
     column = lambda name: reader.get_data(column=name, index=number)  # noqa: E731

@@ -1,4 +1,4 @@
-"""What a file may claim: checked against what it holds, before memory is taken for it."""
+"""What every reader asks of a file, and how it says that something is lost."""
 
 import stat
 from collections.abc import Sequence
@@ -8,37 +8,9 @@ from palpate.errors import RecordingError
 from palpate.recordings.formats import Request
 from palpate.recordings.recording import printable
 
-# How much longer than its file an array may be on its own: a channel that rests, and takes no room,
-# is as long as those that move, which shrink to a quarter at most.
-_RESTING = 4
-
-# What any file may unpack to, bytes: two million samples of four channels.
-ALWAYS_ALLOWED = 64 << 20
-
-# Recorded numbers shrink by 2 to 10 times, and where most channels rest, up to some 50; deflate at
-# its limit, of nothing but zeros, by 1030.
-MOST_EXPANSION = 100
-
-
-class Budget:
-    """The memory that a file may ask for."""
-
-    def __init__(self, file_size: int) -> None:
-        self.file_size = file_size
-        self.left = most_unpacked(file_size)
-
-    def allows(self, size: int, stored: int) -> bool:
-        """Whether so many bytes, which the file stores in that many, may be unpacked."""
-        possible = size <= max(most_unpacked(stored), _RESTING * self.file_size)
-        if not possible or size > self.left:
-            return False
-        self.left -= size
-        return True
-
-
-def most_unpacked(stored: int) -> int:
-    """Return what so many bytes of a file may unpack to, bytes."""
-    return max(ALWAYS_ALLOWED, MOST_EXPANSION * stored)
+#: What a file, or a part of it, may unpack to or claim, bytes: beyond that no recording goes, and
+#: a damaged size does.
+LARGEST = 8 << 30
 
 
 def regular_size(path: Path) -> int:

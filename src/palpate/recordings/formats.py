@@ -114,7 +114,7 @@ FORCE_CURVES = Format(
 FEATHER = Format(
     "Feather",
     (".feather", ".arrow"),
-    "palpate.recordings.feather",
+    "palpate.recordings.arrow",
     (b"ARROW1", b"FEA1"),
     "recordings",
 )
@@ -136,7 +136,7 @@ MATLAB = Format(
 )
 
 PARQUET = Format(
-    "Parquet", (".parquet", ".pq"), "palpate.recordings.parquet", (b"PAR1",), "recordings"
+    "Parquet", (".parquet", ".pq"), "palpate.recordings.arrow", (b"PAR1",), "recordings"
 )
 
 MCAP = Format("MCAP", (".mcap",), f"{_MESSAGES}.containers", (b"\x89MCAP0\r\n",), "recordings")

@@ -9,10 +9,9 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.bounds import Budget, first_line, in_words, regular_size
+from palpate.recordings.bounds import LARGEST, first_line, in_words, regular_size
 from palpate.recordings.formats import FORCE_CURVES, Request
 from palpate.recordings.nested import Findings, text_of
 from palpate.recordings.recording import Recording, printable
@@ -20,10 +19,6 @@ from palpate.recordings.recording import Recording, printable
 # What HDF5 raises on a damaged file, whichever part of it is met.
 DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError)
 
-# Groups and arrays that are looked at; more are no recording, and take seconds to walk.
-MOST_OBJECTS = 10_000
-_DEEPEST = 32
-_MOST_ATTRIBUTES = 100
 _LONGEST_TEXT = 4096
 
 _CUT = re.compile(r"truncated file: eof = (\d+).* stored_eof = (\d+)")
@@ -48,27 +43,13 @@ def read(path: Path, request: Request) -> Recording:
         The file is no HDF5 or too damaged, or holds no series of numbers.
     """
     source = printable(path)
-    size = regular_size(path)
-    if claimed := claimed_size(path):
-        from palpate.recordings.hdf5_cut import read_cut
-
-        return read_cut(path, size, claimed, request)
+    regular_size(path)
     with opened(path, source) as file:
         if not _is_afm(file):
-            walk = Walk(Budget(size))
+            walk = Walk()
             walk.file(file)
             return walk.found.recording(source, request)
     return FORCE_CURVES.read(path, request)  # the file is closed: afmformats opens it its own way
-
-
-def claimed_size(path: Path) -> int | None:
-    """Return the size that a file which is cut off says to have; None where it is not cut off."""
-    try:
-        with h5py.File(path, "r", locking=False):
-            return None
-    except DAMAGED as error:
-        found = _CUT.search(str(error))
-        return int(found[2]) if found else None
 
 
 @contextmanager
@@ -112,8 +93,7 @@ def _is_afm(file: h5py.File) -> bool:
 class Walk:
     """What a file holds, group by group, without a number of it being read."""
 
-    def __init__(self, budget: Budget) -> None:
-        self.budget = budget
+    def __init__(self) -> None:
         self.found = Findings()
         self._seen: set[Any] = set()
 
@@ -132,11 +112,6 @@ class Walk:
             self.found.lose("/".join(path) or "the file", f"cannot be read: {first_line(error)}")
             return
         for name in names:
-            if len(self._seen) >= MOST_OBJECTS:
-                words = f"more than {MOST_OBJECTS} arrays and groups; the rest is not read"
-                if not any(words in loss for loss in self.found.losses):
-                    self.found.lose("the file", words)
-                return
             self._member(group, path, name)
 
     def _member(self, group: h5py.Group, path: tuple[str, ...], link: str | bytes) -> None:
@@ -153,7 +128,7 @@ class Walk:
             self._seen.add(address)
             if isinstance(item, h5py.Dataset):
                 self.dataset(item, path, name)
-            elif isinstance(item, h5py.Group) and len(path) < _DEEPEST:
+            elif isinstance(item, h5py.Group):
                 self._notes(item, whole)
                 self.group(item, (*path, name))
         except DAMAGED as error:
@@ -173,8 +148,8 @@ class Walk:
             self._notes(item, whole)
             fields = item.dtype.names
             if not fields:
-                read = lambda: self.values(item)  # noqa: E731
-                self.found.add(path, name, self.shape(item), read, unit=self._unit(item))
+                read = lambda: np.asarray(item[()])  # noqa: E731
+                self.found.add(path, name, item.shape, read, unit=self._unit(item))
             elif set(fields) == {"real", "imag"}:
                 self.found.omit(whole, "holds complex numbers")
             else:
@@ -188,16 +163,8 @@ class Walk:
             if base.kind not in "iufb":
                 self.found.omit(f"{'/'.join(path)}.{field}", "holds no numbers")
                 continue
-            read = lambda field=field: self.values(item, field)  # noqa: E731
-            self.found.add(path, field, (*self.shape(item), *inner), read, dot=True)
-
-    def shape(self, item: h5py.Dataset) -> tuple[int, ...]:
-        """Return the shape of what is read of an array."""
-        return tuple(item.shape)
-
-    def values(self, item: h5py.Dataset, field: str | None = None) -> NDArray[Any]:
-        """Read an array, or a field of one."""
-        return np.asarray(item[()] if field is None else item.fields(field)[()])
+            read = lambda field=field: np.asarray(item.fields(field)[()])  # noqa: E731
+            self.found.add(path, field, (*item.shape, *inner), read, dot=True)
 
     def _fits(self, item: h5py.Dataset, whole: str) -> bool:
         """Whether the numbers that an array claims are there."""
@@ -207,7 +174,7 @@ class Walk:
             self.found.lose(whole, f"nothing was written of its {item.size} values")
         elif 2 * written < pieces:  # more is missing than is there
             self.found.lose(whole, f"{written} of its {pieces} pieces were written")
-        elif not self.budget.allows(claimed, stored):
+        elif claimed > LARGEST:
             self.found.lose(
                 whole, f"claims {in_words(claimed)}, and the file holds {in_words(stored)} of it"
             )
@@ -237,7 +204,7 @@ class Walk:
     def attributes(self, item: Any) -> Iterator[tuple[str, str]]:
         """Yield those attributes that are one text or one number."""
         try:
-            for name in list(item.attrs)[:_MOST_ATTRIBUTES]:
+            for name in item.attrs:
                 value = item.attrs[name]
                 words = text_of(value)
                 if words is None and np.ndim(value) == 0 and np.asarray(value).dtype.kind in "iufb":

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import h5py
 
-from palpate.recordings.bounds import Budget, first_line, regular_size
+from palpate.recordings.bounds import first_line
 from palpate.recordings.formats import Request
 from palpate.recordings.hdf5 import DAMAGED, Walk, opened
-from palpate.recordings.matlab_classes import (
+from palpate.recordings.matlab import (
     NUMBERS,
     OBJECTS,
     UNIT_FIELDS,
@@ -29,9 +29,8 @@ def read(path: Path, request: Request) -> Recording:
         It is too damaged, or holds no series of numbers.
     """
     source = printable(path)
-    size = regular_size(path)
     with opened(path, source) as file:
-        walk = _Variables(Budget(size))
+        walk = _Variables()
         walk.group(file, ())
         return walk.found.recording(source, request)
 

@@ -129,8 +129,8 @@ def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None
 
 
 def _read_file(path: Path, collection: Collection, part: tuple[float, float]) -> None:
+    regular_size(path)
     with _unpacked(path, collection) as plain:
-        regular_size(plain)
         with plain.open("rb") as file:
             begin = file.read(16)
         for mark, reader in _READERS.items():
@@ -152,7 +152,6 @@ def _unpacked(path: Path, collection: Collection) -> Iterator[Path]:
     if not path.name.endswith(".zstd"):
         yield path
         return
-    regular_size(path)
     with path.open("rb") as file, scratch_file(path.stem) as (plain, copy):
         try:
             zstandard.ZstdDecompressor().copy_stream(file, copy)

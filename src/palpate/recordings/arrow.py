@@ -1,0 +1,231 @@
+"""Parquet, Feather and Arrow by pyarrow: every column of numbers or text is a channel."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as compute
+import pyarrow.ipc as ipc
+import pyarrow.parquet as parquet
+from numpy.typing import NDArray
+
+from palpate.errors import RecordingError
+from palpate.recordings.bounds import LARGEST, first_line, in_words, refuse_losses, regular_size
+from palpate.recordings.formats import Request
+from palpate.recordings.nested import MOST_COLUMNS, text_of
+from palpate.recordings.recording import Faults, Recording, printable
+
+# What Arrow raises on a damaged file, whichever part of it is met.
+_DAMAGED = (pa.ArrowException, ArithmeticError, OSError, LookupError, TypeError, ValueError)
+_NANOSECONDS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
+_UNITS = (b"unit", b"units", b"Unit", b"Units")
+# Of the file's own description: what is no word to a person.
+_NO_NOTES = (b"pandas", b"ARROW:schema", b"ARROW:extension:name", b"geo", b"huggingface")
+_BEGIN = b"ARROW1\0\0"
+
+
+def read(path: Path, request: Request) -> Recording:
+    """Read a Parquet, Feather (version 2) or Arrow file: every column of numbers or text.
+
+    Of an Arrow file whose recorder was stopped the whole batches are read.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    request : Request
+        What is asked for; of Parquet only those columns are read.
+
+    Raises
+    ------
+    RecordingError
+        The file is none of these, is cut off or too damaged, or has no column that is asked for.
+    """
+    source = printable(path)
+    regular_size(path)
+    with path.open("rb") as file:
+        begin = file.read(len(_BEGIN))
+    losses: list[str] = []
+    try:
+        if begin.startswith(b"PAR1"):
+            with parquet.ParquetFile(path, page_checksum_verification=True) as table:
+                _check_claim(table.metadata)
+                of = lambda name: table.read(columns=[name])  # noqa: E731
+                return _recording(table.schema_arrow, of, source, request, losses)
+        if begin != _BEGIN:
+            raise RecordingError(
+                f"{source}: this is no Parquet, Feather (version 2) or Arrow file; check what "
+                "wrote it"
+            )
+        with pa.OSFile(str(path)) as file:
+            batches = _batches(file, losses)
+            return _recording(
+                batches.schema, lambda n: batches.select([n]), source, request, losses
+            )
+    except RecordingError:
+        raise
+    except _DAMAGED as error:
+        raise RecordingError(
+            f"{source}: the file is cut off or damaged ({first_line(error)}); copy it again, or "
+            "let the recorder close its file"
+        ) from None
+
+
+def _check_claim(metadata: parquet.FileMetaData) -> None:
+    # What describes a column is not asked for here: pyarrow ends the process where that is damaged.
+    claimed = 8 * metadata.num_rows * max(metadata.num_columns, 1)
+    if not 0 <= claimed <= LARGEST:
+        raise ValueError(f"it claims {in_words(claimed)} of values")
+
+
+def _batches(file: pa.NativeFile, losses: list[str]) -> pa.Table:
+    """All batches of an Arrow file; where one is damaged or the directory is gone, those before."""
+    try:
+        table = ipc.open_file(file).read_all()
+        table.validate(full=True)
+    except _DAMAGED as error:
+        losses.append(f"the file is cut off or damaged ({first_line(error)})")
+    else:
+        return table
+    file.seek(len(_BEGIN))
+    reader, found = ipc.open_stream(file), []
+    try:
+        for batch in reader:
+            batch.validate(full=True)
+            found.append(batch)
+    except _DAMAGED:
+        pass
+    losses.append(f"nothing is read after sample {sum(batch.num_rows for batch in found)}")
+    return pa.Table.from_batches(found, reader.schema)
+
+
+def _recording(
+    schema: pa.Schema,
+    table_of: Callable[[str], pa.Table],
+    source: str,
+    request: Request,
+    losses: list[str],
+) -> Recording:
+    wanted = [form for form in schema if request.wants(_name(form.name))]
+    if not wanted and len(schema):
+        asked, there = ", ".join(request.channels or ()), ", ".join(map(_name, schema.names[:20]))
+        raise RecordingError(f"{source}: none of the columns {asked}; there are {there}")
+    channels: dict[str, NDArray[Any]] = {}
+    units: dict[str, str] = {}
+    faults: dict[str, Faults] = {}
+    omissions = []
+    for k, form in enumerate(wanted):
+        unit = next((text_of(form.metadata[u]) for u in _UNITS if u in (form.metadata or {})), None)
+        try:
+            table = table_of(form.name)
+            table.validate(full=True)
+            if table.num_columns != 1:
+                raise ValueError("its name is not the only one of its kind")
+            for name, values in _leaves(_name(form.name), table.column(0)):
+                if not request.wants(name):
+                    continue
+                channels[name], own_unit, fault = _values(name, values)
+                if stated := own_unit or unit:
+                    units[name] = stated
+                if fault is not None:
+                    faults[name] = fault
+        except _NoChannelError as error:
+            omissions.append(str(error))
+        except _DAMAGED as error:
+            losses.append(f"column {_name(form.name)!r} cannot be read: {first_line(error)}")
+        request.report((k + 1) / len(wanted))
+    if not channels:
+        reasons = [*losses, *omissions, "it has no columns of numbers"]
+        raise RecordingError(f"{source}: nothing in it can be read: {reasons[0]}")
+    refuse_losses(source, losses, request)
+    return Recording(
+        channels,
+        units=units,
+        source=source,
+        notes=_notes(schema.metadata or {}),
+        faults=faults,
+        losses=tuple(losses),
+        omissions=tuple(omissions),
+    )
+
+
+def _values(name: str, values: pa.ChunkedArray) -> tuple[NDArray[Any], str | None, Faults | None]:
+    """Numbers or text, the unit that the type itself states, and what is null."""
+    kind, unit = values.type, None
+    if pa.types.is_dictionary(kind):
+        kind = kind.value_type
+        values = values.cast(kind)
+    if pa.types.is_string(kind) or pa.types.is_large_string(kind):
+        return values.fill_null("").to_numpy(), None, None
+    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind) or pa.types.is_time(kind):
+        values, unit = _nanoseconds(values)
+    elif pa.types.is_decimal(kind):
+        values = values.cast(pa.float64())
+    elif not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)):
+        raise _NoChannelError(f"column {name!r} holds {kind}, and no numbers")
+    if not values.null_count:
+        return values.to_numpy(), unit, None
+    fault = Faults(values.null_count, compute.index(values.is_null(), True).as_py(), "null")
+    if not pa.types.is_floating(values.type):
+        values = values.cast(pa.float64(), safe=False)
+    return values.to_numpy(), unit, fault
+
+
+class _NoChannelError(ValueError):
+    """A column holds no channel: the message says what it holds."""
+
+
+def _leaves(name: str, column: pa.ChunkedArray) -> Iterator[tuple[str, pa.ChunkedArray]]:
+    """The columns of plain values in one of structs or of lists of one length."""
+    kind = column.type
+    if pa.types.is_struct(kind):
+        for inner, part in zip(kind, column.flatten(), strict=True):
+            yield from _leaves(f"{name}.{inner.name}", part)
+        return
+    if not (
+        pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)
+    ):
+        yield name, column
+        return
+    ends = compute.min_max(compute.list_value_length(column)).as_py()
+    least, most = ends["min"], ends["max"]
+    if most is None or least != most:
+        raise _NoChannelError(f"column {name!r} holds lists of {least} to {most} values")
+    if most > MOST_COLUMNS:
+        raise _NoChannelError(f"column {name!r} holds lists of {most} values, and is no series")
+    for k in range(most):
+        yield from _leaves(f"{name}[{k}]", compute.list_element(column, k))
+
+
+def _nanoseconds(values: pa.ChunkedArray) -> tuple[pa.ChunkedArray, str]:
+    """Times as whole nanoseconds, or in their own unit where these would not fit."""
+    unit = values.type.unit
+    whole = pa.int32() if values.type.bit_width == 32 else pa.int64()
+    counts = values.cast(whole).cast(pa.int64())
+    try:
+        return compute.multiply_checked(counts, _NANOSECONDS[unit]), "ns"
+    except pa.ArrowInvalid:
+        return counts, unit
+
+
+def _name(column: str) -> str:
+    """The name of a channel; an index of pandas without one has a made-up name."""
+    return "index" if column.startswith("__index_level_") else column
+
+
+def _notes(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
+    """What a file says of itself, as far as that is short."""
+    notes = {
+        str(text_of(name)): str(text_of(words))
+        for name, words in metadata.items()
+        if name not in _NO_NOTES and len(words) <= 200
+    }
+    try:  # an index of equal steps, which pandas writes as no column
+        [index] = json.loads(metadata[b"pandas"])["index_columns"]
+        if index["kind"] == "range" and (index["name"] is not None or index["step"] != 1):
+            notes["index"] = f"from {index['start']} in steps of {index['step']}, by pandas"
+    except (KeyError, TypeError, ValueError):
+        pass
+    return notes
