@@ -93,7 +93,7 @@ def test_columns_may_stand_in_any_order_among_others(tmp_path):
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"], ids=["comma", "semicolon", "tab"])
-@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"], ids=["unix", "windows", "old mac"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n"], ids=["unix", "windows"])
 def test_commas_semicolons_and_tabs_are_told_apart(tmp_path, delimiter, ending):
     text = text_of(rows_of(), delimiter=delimiter).replace("\n", ending)
     contact = prepare(written(tmp_path / "d.csv", text))
@@ -203,9 +203,10 @@ BAD_FILES = {
     "of a picture": (b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", ["not a text file"]),
     "of zeros": (bytes(1000), ["not a text file"]),
     "of bytes that happen to be text": (bytes(range(1, 128)), ["not a text file"]),
+    "of an old Mac's lines": ("time_s,force_N\r0,1\r", ["carriage returns alone", "tr "]),
     "of a word in Latin-1": ("µ,time_s".encode("latin-1"), ["no column", "µ"]),
     "with a header of one endless word": ("x" * 200_000 + "\n1,2,3\n", ["row 1", "header"]),
-    "of one endless line": ("x," * 1_000_000, ["row 1", "1 MiB"]),
+    "of one endless line": ("x," * 10_000_000, ["a line of more than 16 MiB"]),
     "with very many columns": (",".join(map(str, range(10_000))), ["no column", "9980 more"]),
     "with more columns than any table": ("," * 99_999, ["100000 columns", "at most 65536"]),
     "of rows that are all but empty": ("," * 5_000 + "\n" + "1\n" * 9, ["row 2", "half"]),

@@ -267,7 +267,7 @@ if __name__ == "__main__":
     run_fleet([{str(tmp_path / "all")!r}], Path({str(tmp_path / "results")!r}), workers=1)
 """
     ending = """
-import os, palpate.recordings.csv as reader
+import os, palpate.recordings.text as reader
 read = reader.read
 def ended(path, request):
     if path.name == "touch-001.csv":

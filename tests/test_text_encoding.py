@@ -12,17 +12,14 @@ ENCODINGS = {
     "UTF-8 with a mark": (TEXT.encode("utf-8-sig"), None),
     "UTF-16 with a mark": (TEXT.encode("utf-16"), "UTF-16-LE"),
     "UTF-16, big end first": (b"\xfe\xff" + TEXT.encode("utf-16-be"), "UTF-16-BE"),
-    "UTF-16 without a mark": (TEXT.encode("utf-16-le"), "UTF-16-LE"),
-    "UTF-16, big end first, without a mark": (TEXT.encode("utf-16-be"), "UTF-16-BE"),
-    "UTF-32": (TEXT.encode("utf-32"), "UTF-32-LE"),
     "Latin-1": (TEXT.encode("latin-1"), "Windows-1252"),
 }
 
 
 @pytest.mark.parametrize("content, said", ENCODINGS.values(), ids=ENCODINGS)
-@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"], ids=["unix", "windows", "old mac"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n"], ids=["unix", "windows"])
 def test_a_text_is_read_in_its_encoding_which_is_said(tmp_path, content, said, ending):
-    for encoding in ("utf-16-le", "utf-16-be", "utf-32-le"):
+    for encoding in ("utf-16-le", "utf-16-be"):
         if said == encoding.upper():
             content = content.replace("\n".encode(encoding), ending.encode(encoding))
     if said in (None, "Windows-1252"):
@@ -34,7 +31,7 @@ def test_a_text_is_read_in_its_encoding_which_is_said(tmp_path, content, said, e
     assert read.notes.get("encoding") == said
 
 
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-32"])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_numbers_are_the_same_to_the_last_bit(tmp_path, encoding):
     contact = prepare(written(tmp_path / "e.csv", text_of(rows_of()).encode(encoding)))
     assert (contact.force == SIGNALS.force).all()
@@ -47,7 +44,9 @@ def test_what_is_only_in_windows_1252_is_read_as_that(tmp_path):
 
 def test_bytes_that_no_encoding_explains_are_refused_in_a_line(tmp_path):
     noise = bytes((37 * k * k + k) % 256 for k in range(5000))
-    for content in (noise, noise.replace(b"\0", b"\1"), bytes(5000), b"\x7fELF" + bytes(100)):
+    unmarked = [TEXT.encode(each) for each in ("utf-16-le", "utf-16-be", "utf-32")]
+    others = noise.replace(b"\0", b"\1"), bytes(5000), b"\x7fELF" + bytes(100)
+    for content in (noise, *others, *unmarked):
         path = written(tmp_path / "n.csv", content)
         with pytest.raises(RecordingError, match="not a text file"):
             open_recording(path)

@@ -12,7 +12,7 @@ import pyarrow.parquet as parquet
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.bounds import LARGEST, first_line, in_words, refuse_losses, regular_size
+from palpate.recordings.bounds import LARGEST, first_line, in_words, refuse_losses
 from palpate.recordings.formats import Request
 from palpate.recordings.nested import MOST_COLUMNS, text_of
 from palpate.recordings.recording import Faults, Recording, printable
@@ -44,7 +44,6 @@ def read(path: Path, request: Request) -> Recording:
         The file is none of these, is cut off or too damaged, or has no column that is asked for.
     """
     source = printable(path)
-    regular_size(path)
     with path.open("rb") as file:
         begin = file.read(len(_BEGIN))
     losses: list[str] = []

@@ -13,34 +13,42 @@ from palpate.recordings.recording import printable
 LARGEST = 8 << 30
 
 
-def regular_size(path: Path) -> int:
+def regular_size(path: Path, source: str = "") -> int:
     """Return the size of a file that is read at any place, not from its beginning to its end.
 
     Raises
     ------
     RecordingError
-        It cannot be read, is empty, or is a folder, a pipe or a device.
+        It cannot be read, is empty, or is a folder or a device.
     """
-    source = printable(path)
+    source = source or printable(path)
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
             raise RecordingError(f"{source}: this is a folder; name a file in it")
         if not stat.S_ISREG(status.st_mode):
             raise RecordingError(
-                f"{source}: a file of this format cannot be read from a pipe or a device; save it "
-                "to disk first"
+                f"{source}: this is a device or a socket, which no recording is read from; write "
+                "it to a file"
             )
         with path.open("rb"):
             pass
-    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
-        if isinstance(error, RecordingError):
-            raise
-        reason = getattr(error, "strerror", None) or "cannot be read"
-        raise RecordingError(f"{source}: {reason}; check the path") from None
+    except (OSError, ValueError) as error:
+        raise unreadable(source, error) from None
     if not status.st_size:
         raise RecordingError(f"{source}: the file is empty; record or copy it again")
     return status.st_size
+
+
+def unreadable(source: str, error: Exception) -> Exception:
+    """Return the error of a file that the system does not let read; any other error as it is.
+
+    A ValueError is the system's only where it is about a zero byte in the name.
+    """
+    if not isinstance(error, OSError) and "embedded null" not in str(error):
+        return error
+    reason = getattr(error, "strerror", None) or "cannot be read"
+    return RecordingError(f"{source}: {reason}; check the path")
 
 
 def in_words(size: float) -> str:

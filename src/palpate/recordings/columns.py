@@ -1,12 +1,14 @@
-"""Tables of named columns, written: Parquet by pyarrow, or CSV."""
+"""Tables of named columns, and contacts, written: Parquet by pyarrow, or CSV."""
 
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
+from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.writing import write_bytes, write_text
 
@@ -104,3 +106,46 @@ def _as_csv(
         ]
         text.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
     return text.getvalue()
+
+
+def write_contact(
+    contact: Contact,
+    path: str | Path,
+    notes: Mapping[str, str] | None = None,
+    *,
+    velocity: bool = False,
+) -> None:
+    """Write a contact as CSV, whole or not at all, with what is known of it above the header.
+
+    Parameters
+    ----------
+    contact : Contact
+        For instance of :meth:`palpate.lab.Bench.run`. Several segments get a column.
+    path : str or Path
+        The file.
+    notes : mapping, optional
+        Further lines for its head, before those of the contact's ``provenance``.
+    velocity : bool
+        Write the velocity too. Most rigs record none, and it is worked out when it is needed.
+
+    Raises
+    ------
+    RecordingError
+        The path cannot be written.
+    """
+    head = {**(notes or {}), **contact.provenance}
+    if not velocity:
+        head.pop("velocity", None)
+    columns = {"time_s": (contact.time, "%.9g"), "penetration_m": (contact.penetration, "%.7g")}
+    if velocity:
+        columns["velocity_m_s"] = contact.velocity, "%.7g"
+    columns["force_N"] = contact.force, "%.7g"
+    if contact.segment[-1:].any():
+        columns["segment"] = (contact.segment + 1).astype(np.float64), "%d"
+    text = io.StringIO()
+    for name, words in head.items():
+        text.write(f"# {name}: {' '.join(words.split())}\n")
+    text.write(",".join(columns) + "\n")
+    table = np.column_stack([values for values, _ in columns.values()])
+    np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")
+    write_text(Path(path), text.getvalue())

@@ -95,10 +95,11 @@ class Format:
             ) from None
 
 
+_TEXTS = ("csv", "tsv", "txt", "dat")
 TEXT = Format(
     "text",
-    (".csv", ".tsv", ".txt", ".dat", ".csv.gz", ".tsv.gz", ".txt.gz", ".dat.gz"),
-    "palpate.recordings.csv",
+    tuple(f".{kind}{end}" for end in ("", ".gz", ".bz2", ".xz") for kind in _TEXTS),
+    "palpate.recordings.text",
 )
 
 _MESSAGES = "palpate.recordings.messages"

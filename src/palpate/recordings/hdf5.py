@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from palpate.errors import RecordingError
-from palpate.recordings.bounds import LARGEST, first_line, in_words, regular_size
+from palpate.recordings.bounds import LARGEST, first_line, in_words
 from palpate.recordings.formats import FORCE_CURVES, Request
 from palpate.recordings.nested import Findings, text_of
 from palpate.recordings.recording import Recording, printable
@@ -43,7 +43,6 @@ def read(path: Path, request: Request) -> Recording:
         The file is no HDF5 or too damaged, or holds no series of numbers.
     """
     source = printable(path)
-    regular_size(path)
     with opened(path, source) as file:
         if not _is_afm(file):
             walk = Walk()

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.bounds import LARGEST, in_words, regular_size
+from palpate.recordings.bounds import LARGEST, in_words
 from palpate.recordings.formats import Request
 from palpate.recordings.nested import Findings
 from palpate.recordings.recording import Recording, printable
@@ -99,7 +99,7 @@ def read(path: Path, request: Request) -> Recording:
         The file is of no version that is read, or too damaged, or holds no series of numbers.
     """
     source = printable(path)
-    size = regular_size(path)
+    size = path.stat().st_size
     with path.open("rb") as file:
         begin = file.read(128)
     if begin.startswith((b"MATLAB 7.3", b"\x89HDF")):

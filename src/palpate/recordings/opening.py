@@ -2,15 +2,20 @@
 
 import logging
 import os
+import stat
+import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import IO
 
 from palpate.errors import InvalidParameterError, RecordingError
+from palpate.recordings.bounds import LARGEST, regular_size, unreadable
 from palpate.recordings.formats import FORMATS, TEXT, Format, Request
 from palpate.recordings.recording import Recording, printable
-from palpate.recordings.sources import on_disk
+from palpate.writing import scratch_file
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -62,17 +67,47 @@ def open_recording(
 
 
 def _read(file: Path, request: Request) -> Recording:
-    strict = request.strict
-    with on_disk(file) as (copy, source, lost):
-        if lost and strict:
-            raise RecordingError(f"{source}: {lost[0]}")
-        if copy == file:
-            return format_of(file).read(file, request)
+    standard = str(file) == "-"
+    if not standard and not _is(stat.S_ISFIFO, file):
+        if not _is(stat.S_ISDIR, file):  # a bag of ROS 2 is one
+            regular_size(file)
+        return format_of(file).read(file, request)
+    source = "standard input" if standard else printable(file)
+    # The suffix stays, for the format may be known by that only.
+    with scratch_file(f"recording{file.suffix}") as (copy, content):
+        _copy_stream(file, source, content)
+        regular_size(copy, source)
         try:
             recording = format_of(copy).read(copy, request)
         except RecordingError as error:  # the name of a copy would tell a person nothing
             raise RecordingError(str(error).replace(printable(copy), source)) from None
-        return replace(recording, source=source, losses=[*recording.losses, *lost])
+    return replace(recording, source=source)
+
+
+def _is(kind: Callable[[int], bool], path: Path) -> bool:
+    try:
+        return kind(path.stat().st_mode)
+    except (OSError, ValueError):  # whoever reads it says what is wrong
+        return False
+
+
+def _copy_stream(file: Path, source: str, content: IO[bytes]) -> None:
+    """Copy what standard input (``-``) or a pipe gives until its end."""
+    standard = nullcontext(getattr(sys.stdin, "buffer", None))
+    try:
+        with standard if str(file) == "-" else file.open("rb") as stream:
+            if stream is None or stream.isatty():  # closed, that of a notebook, or a terminal
+                raise RecordingError(f"{source}: nothing can be read from it here; name a file")
+            while chunk := stream.read(1 << 20):
+                content.write(chunk)
+                if content.tell() > LARGEST:
+                    raise RecordingError(
+                        f"{source}: more than {LARGEST >> 30} GiB came; write it to a file, and "
+                        "name that"
+                    )
+        content.flush()
+    except OSError as error:
+        raise unreadable(source, error) from None
 
 
 def _log(recording: Recording, seconds: float) -> None:
@@ -95,22 +130,13 @@ def _log(recording: Recording, seconds: float) -> None:
 
 def format_of(path: Path) -> Format:
     """Return the format of a file; text where it is none that is known."""
-    if os.path.isdir(path):  # noqa: PTH112 - Path.is_dir raises where a folder above is closed
+    begin = b""
+    if _is(stat.S_ISDIR, path):
         path = path / "metadata.yaml"  # a bag of ROS 2 is a folder
-    begin = _beginning(path)
-    for each in FORMATS:
-        if any(begin.startswith(mark) for mark in each.marks):
-            return each
-    name = path.name.lower()
-    return next((each for each in FORMATS if name.endswith(each.suffixes)), TEXT)
-
-
-def _beginning(path: Path) -> bytes:
-    """The first bytes of a regular file; none of anything else, which may be read but once."""
-    try:
-        if not path.is_file():
-            return b""
+    else:
         with path.open("rb") as file:
-            return file.read(1024)
-    except (OSError, ValueError):  # whoever reads it says what is wrong
-        return b""
+            begin = file.read(64)
+    name = path.name.lower()
+    marked = (each for each in FORMATS if begin.startswith(each.marks))
+    named = (each for each in FORMATS if name.endswith(each.suffixes))
+    return next(marked, None) or next(named, TEXT)

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from palpate.errors import RecordingError
-from palpate.recordings.text.cells import cells_of, is_number, parsed_number
+from palpate.recordings.recording import number_in_text
+from palpate.recordings.times import is_iso_time
 from palpate.recordings.units import KNOWN, plain_unit, unit_in_name
 
 DELIMITERS = ",;\t|"
@@ -20,6 +21,9 @@ TRIED = 50  # lines that say how cells are divided
 OTHER_UNITS = frozenset(["-", "–", "1", "%", "deg", "°", "rad", "rad/s", "V", "mV", "A", "mA", "Hz",
                          "°C", "C", "K", "Pa", "kPa", "MPa", "g", "kg", "m/s^2", "m/s²", "counts",
                          "bool", "text", "N/m", "N/mm"])  # fmt: skip
+_BRACKETS = re.compile(r"^\s*(?:np\.)?array\(|,?\s?dtype=[\w.]+|[\[\](){}]")
+MOST_ELEMENTS = 1000
+LONGEST_VECTOR = 40 * MOST_ELEMENTS  # characters
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 
@@ -140,10 +144,7 @@ def _delimiter(lines: Sequence[str]) -> str:
 
 
 def _cells(line: str, delimiter: str, source: str, row: int) -> list[str]:
-    try:
-        cells = [cell.strip() for cell in cells_of(line, delimiter)]
-    except csv.Error as error:
-        raise RecordingError(f"{source}: row {row} is not a header: {error}") from None
+    cells = [cell.strip() for cell in cells_of(line, delimiter)]
     longest = max(map(len, cells), default=0)
     if longest > LONGEST_NAME:
         raise RecordingError(
@@ -179,10 +180,7 @@ def _units_below(body: Sequence[str], delimiter: str, width: int, decimal: str) 
     """The units in the first row, where it holds such and no number."""
     if not body:
         return None
-    try:
-        cells = [cell.strip() for cell in cells_of(body[0], delimiter)]
-    except csv.Error:
-        return None
+    cells = [cell.strip() for cell in cells_of(body[0], delimiter)]
     units = [plain_unit(cell) for cell in cells]
     filled = [unit for unit in units if unit]
     known = [unit for unit in filled if unit in KNOWN or unit in OTHER_UNITS]
@@ -202,11 +200,7 @@ def _decimal(lines: Sequence[str], delimiter: str) -> str:
         if "," not in line or (delimiter == "," and '"' not in line):
             points += line.count(".")
             continue
-        try:
-            cells = cells_of(line, delimiter)
-        except csv.Error:
-            continue
-        for cell in map(str.strip, cells):
+        for cell in map(str.strip, cells_of(line, delimiter)):
             commas += bool(_DECIMAL_COMMA.fullmatch(cell))
             points += "." in cell and parsed_number(cell, ".") is not None
     return "," if commas > points else "."
@@ -227,3 +221,66 @@ def _told_apart(names: Sequence[str]) -> list[str]:
             apart[place] = f"{name} ({suffix})"
         taken.add(apart[place])
     return apart
+
+
+def cells_of(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line; a space as a delimiter stands for any run of spaces and tabs."""
+    if '"' not in line:
+        return line.split() if delimiter == " " else line.split(delimiter)
+    if delimiter == " ":
+        line = line.replace("\t", " ").strip(" ")
+    try:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:  # a cell that is too long for one
+        return line.split(delimiter)
+
+
+def parsed_number(cell: str, decimal: str) -> float | None:
+    """Return the number that a cell holds with this mark of decimals; None where it holds none."""
+    if decimal == ",":
+        if "." in cell:  # of thousands: palpate does not guess them away
+            return None
+        cell = cell.replace(",", ".")
+    try:
+        return number_in_text(cell)
+    except ValueError:
+        return None
+
+
+def is_number(cell: str, delimiter: str) -> bool:
+    """Whether a cell is a number, a time or a vector, and so no name of a column."""
+    if parsed_number(cell, ".") is not None or is_iso_time(cell):
+        return True
+    if vector_in(cell, ".") is not None:
+        return True
+    return "," in cell and delimiter != "," and parsed_number(cell, ",") is not None
+
+
+def vector_in(cell: str, decimal: str) -> list[float] | None:
+    """Return the numbers of a cell that holds several, as robots' loggers write them.
+
+    ``[0.1, 0.2, 0.3]``, ``(0.1 0.2 0.3)``, ``array([0.1, 0.2])`` or ``0.1 0.2 0.3``; None where it
+    holds something else, or one number without brackets.
+    """
+    if len(cell) > LONGEST_VECTOR:
+        return None
+    bare = _BRACKETS.sub(" ", cell)
+    words = (bare if decimal == "," else bare.replace(",", " ")).replace(";", " ").split()
+    numbers = [parsed_number(word, decimal) for word in words]
+    bracketed = bare != cell
+    if not 1 + (not bracketed) <= len(numbers) <= MOST_ELEMENTS or None in numbers:
+        return None
+    return [number for number in numbers if number is not None]
+
+
+def unclosed(line: str) -> bool:
+    """Whether a quotation begins in a line and does not end there."""
+    return line.count('"') % 2 == 1
+
+
+def padded(cells: Sequence[str], width: int) -> list[str] | None:
+    """Return cells as many as the header has; None where there are more than that."""
+    extra = cells[width:]
+    if any(map(str.strip, extra)):
+        return None
+    return [*cells[:width], *[""] * (width - len(cells))]

@@ -1,0 +1,688 @@
+"""Tables as text: a header line, then a sample a row; read some megabytes at a time."""
+
+import bz2
+import codecs
+import gzip
+import io
+import itertools
+import lzma
+import re
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import MissingChannelError, RecordingError
+from palpate.recordings.bounds import LARGEST, first_line
+from palpate.recordings.formats import Request
+from palpate.recordings.recording import Faults, Recording, printable
+from palpate.recordings.text_layout import (
+    SPACES,
+    Layout,
+    cells_of,
+    layout_of,
+    padded,
+    parsed_number,
+    unclosed,
+    vector_in,
+)
+from palpate.recordings.times import (
+    epoch_of,
+    is_iso_time,
+    is_nanoseconds,
+    is_timelike,
+    iso_nanoseconds,
+    joined_stamps,
+    plain_iso_times,
+    whole_time,
+)
+
+CHUNK = 1 << 20
+BLOCK = 4 << 20  # bytes that are parsed at once
+LONGEST_LINE = 4 * BLOCK
+HEAD = 1 << 16  # bytes in which the header is looked for, before all of the first block is
+PROBED = 1000  # lines that say what the columns hold
+# Of these many bytes each cell is an object for a while, some five times its text.
+PIECE = 1 << 19
+LARGE = 5 << 20  # bytes of a file for which pyarrow is worth the time to import it
+MOST_LINES = 50  # of a cell in quotation marks; one mark too many would take all the rest
+WIDE = 8  # columns
+MOST_REMEMBERED = 10_000  # labels, of which each is held once
+# Whoever is killed while writing leaves what buffers of this size have handed over.
+BUFFER = 4096
+# A last cell that is shorter than all of so many above it most likely lacks its end.
+FEW = 20
+TAIL = 1 << 16  # bytes
+# Of a picture or an archive a tenth are control characters, and of noise too; of text none, but for
+# what a bit that flipped makes of a letter.
+MOST_CONTROLS = 0.02
+_CONTROLS = bytes({*range(32), 127} - set(b"\t\n\r\f\x1b"))
+_PACKED: dict[bytes, Callable[[IO[bytes]], Any]] = {
+    b"\x1f\x8b": gzip.open,
+    b"BZh": bz2.open,
+    b"\xfd7zXZ\0": lzma.open,
+}
+# What a block of plain numbers is made of, beside the delimiter: nan and inf too. Of what else
+# these bytes spell, the parsers make no number.
+_PLAIN = b"0123456789+-.eE nNaAfFiI"
+
+
+def read(path: Path, request: Request) -> Recording:
+    """Read a table of text: CSV, TSV and what is like them, compressed or not.
+
+    The delimiter (comma, semicolon, tab, bar, or spaces), the decimal mark, the encoding and what
+    each column holds are found. Cells that hold no number in a column of numbers are NaN, and
+    counted in ``Recording.faults``; rows that cannot be read are left out, as
+    ``Recording.losses`` says. Columns of the same name are distinguished by their position:
+    ``force_N (column 3)``.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    request : Request
+        What is asked for.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read, is no text, or has no header; or ``strict`` is asked for and a row
+        cannot be read.
+    """
+    table = _Table(path, request, {})
+    kinds = {column.name: kind for column in table.columns if (kind := column.mistaken())}
+    if kinds:  # a column began with words and went on with numbers, or the other way round
+        table = _Table(path, request, kinds)
+    return table.recording()
+
+
+class _Text:
+    """The lines of a text, compressed or not and in any encoding, in blocks of UTF-8.
+
+    Attributes
+    ----------
+    encoding : str
+        In which it is: ``"windows-1252"`` when the first bytes are met that no UTF-8 has.
+    losses : list of str
+        What was not read, in sentences.
+    fraction : float
+        How much of the file has been read, 0 to 1.
+    cut_off : bool
+        Whether the last line, which has come by then, had no end.
+    """
+
+    def __init__(self, path: Path, source: str) -> None:
+        self.path, self.source = path, source
+        self.size = path.stat().st_size
+        self.encoding = "utf-8"
+        self.losses: list[str] = []
+        self.fraction = 0.0
+        self.compressed = self.cut_off = False
+
+    def blocks(self) -> Iterator[bytes]:
+        r"""Yield whole lines, each with its ``\n``; empty ones at the end are left out."""
+        rest = b""
+        for chunk in self._in_utf8():
+            rest += chunk
+            if len(rest) < BLOCK:
+                continue
+            cut = self._filled(rest, rest.rfind(b"\n") + 1)
+            if cut:
+                yield re.sub(rb"\r+\n", b"\n", rest[:cut])
+            rest = rest[cut:]
+            if len(rest) > LONGEST_LINE:
+                raise RecordingError(
+                    f"{self.source}: a line of more than {LONGEST_LINE >> 20} MiB, or as many "
+                    "empty ones; this is no table"
+                )
+        self.cut_off = bool(rest[rest.rfind(b"\n") + 1 :].strip())
+        rest += b"\n"
+        if cut := self._filled(rest, len(rest)):
+            yield re.sub(rb"\r+\n", b"\n", rest[:cut])
+
+    @staticmethod
+    def _filled(lines: bytes, end: int) -> int:
+        """Where the last line ends that holds anything."""
+        filled = len(lines[:end].rstrip(b" \t\f\r\n"))
+        return lines.find(b"\n", filled) + 1 if filled else 0
+
+    def decode(self, block: bytes) -> str:
+        """Return some lines as text; what is no UTF-8 is Windows-1252, or else Latin-1."""
+        if self.encoding == "utf-8":
+            try:
+                return block.decode()
+            except UnicodeDecodeError:
+                self.encoding = "windows-1252"
+        if self.encoding == "windows-1252":
+            try:
+                return block.decode("cp1252")
+            except UnicodeDecodeError:
+                return block.decode("latin-1")
+        return block.decode(errors="replace")  # it was encoded here
+
+    def _in_utf8(self) -> Iterator[bytes]:
+        chunks = self._chunks()
+        head = next(chunks, b"")
+        marks = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+        if head[:2] in marks and head[2:4] != b"\0\0":  # with these it is UTF-32
+            self.encoding = marks[head[:2]]
+            decoder = codecs.getincrementaldecoder("utf-16")("replace")
+            for chunk in itertools.chain([head], chunks, [b""]):
+                yield decoder.decode(chunk, final=not chunk).encode(errors="replace")
+            return
+        begin = head[:HEAD].rstrip(b"\0")  # a disk that lost power leaves zeros at the end
+        controls = len(begin) - len(begin.translate(None, _CONTROLS))
+        if (head and not begin) or controls > MOST_CONTROLS * len(begin):
+            raise RecordingError(
+                f"{self.source}: not a text file in UTF-8, Latin-1 or marked UTF-16, and of no "
+                "other format that is known by its content; expected a table, such as CSV"
+            )
+        if b"\r" in begin and b"\n" not in begin:
+            raise RecordingError(
+                f"{self.source}: its lines end in carriage returns alone, which are not read; "
+                "convert it: tr '\\r' '\\n'"
+            )
+        yield head.removeprefix(codecs.BOM_UTF8)
+        yield from chunks
+
+    def _chunks(self) -> Iterator[bytes]:
+        with self.path.open("rb") as raw:
+            begin = raw.peek(8)
+            unpack = next((each for mark, each in _PACKED.items() if begin.startswith(mark)), None)
+            self.compressed = unpack is not None
+            made = 0
+            with unpack(raw) if unpack else nullcontext(raw) as file:
+                try:
+                    while chunk := file.read1(CHUNK):
+                        made += len(chunk)
+                        self.fraction = min(raw.tell() / self.size, 1.0)
+                        yield chunk
+                        if made > LARGEST:
+                            break
+                except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
+                    if not made:
+                        raise RecordingError(
+                            f"{self.source}: nothing of it can be read ({first_line(error)}); copy "
+                            "the file again"
+                        ) from None
+                    self.losses.append(
+                        f"the compressed data end early or are damaged, after {made} bytes of text"
+                    )
+        if made > LARGEST:
+            self.losses.append(f"what follows {made >> 30} GiB of text is not read")
+
+
+class _Losses:
+    """Whole rows that were left out, by the reason; at the first a RecordingError, where strict."""
+
+    def __init__(self, source: str, strict: bool) -> None:
+        self.source, self.strict = source, strict
+        self._found: dict[str, tuple[int, int]] = {}
+        self._said: list[str] = []
+
+    def add(self, what: str, row: int) -> None:
+        """Count a row of which something is said: ``"has more cells than the header"``."""
+        if self.strict:
+            raise RecordingError(f"{self.source}: row {row} {what}")
+        count, first = self._found.get(what, (0, row))
+        self._found[what] = count + 1, first
+
+    def say(self, sentence: str) -> None:
+        """Take a whole sentence on what was lost."""
+        if self.strict:
+            raise RecordingError(f"{self.source}: {sentence}")
+        self._said.append(sentence)
+
+    def sentences(self) -> list[str]:
+        """Return what was lost, a sentence a reason."""
+        return [
+            f"row {first} {what}: left out"
+            if count == 1
+            else f"{count} rows were left out, as each {what}; the first is row {first}"
+            for what, (count, first) in self._found.items()
+        ] + self._said
+
+
+class _Column:
+    """A column while it fills; NaN where a cell of numbers holds none.
+
+    Parameters
+    ----------
+    name : str
+        As the file has it.
+    decimal : str
+        The mark of decimals.
+    kind : str
+        What it holds: ``"numbers"``, ``"text"``, ``"vectors"``, ``"dates"``, ``"nanoseconds"``; or
+        ``"nothing"`` that is asked for.
+    width : int
+        Numbers in a cell of vectors.
+
+    Attributes
+    ----------
+    dtype : dtype, optional
+        Of the array that cells can be parsed to at once; None where that takes more.
+    """
+
+    def __init__(self, name: str, decimal: str, kind: str, width: int = 1) -> None:
+        self.name, self.decimal, self.kind, self.width = name, decimal, kind, width
+        at_once = {"numbers": np.float64, "nothing": np.float64, "nanoseconds": np.int64}
+        self.dtype: Any = np.dtype(at_once[kind]) if kind in at_once else None
+        self.size = self.good = self.filled = 0
+        self.pieces: list[NDArray[Any]] = []
+        self.wrong: tuple[int, str] | None = None
+        self._known: dict[str, tuple[str, bool]] = {}
+
+    def refused(self, cells: Sequence[str]) -> list[int]:
+        """Say which rows cannot stand in the table, for a row without a time does not."""
+        if self.kind not in ("dates", "nanoseconds") or plain_iso_times(cells) is not None:
+            return []
+        return [k for k, cell in enumerate(cells) if self._value(cell) is None]
+
+    def extend(self, values: NDArray[Any]) -> None:
+        """Add some that are parsed."""
+        if self.kind != "nothing":
+            self.pieces.append(values)
+        self.size += len(values)
+        self.good += len(values)
+        self.filled += len(values)
+
+    def take(self, cells: Sequence[str]) -> None:
+        """Add some cells."""
+        if self.kind == "nothing":
+            return
+        if self.kind == "text":
+            self._take_words(cells)
+        elif (values := self._at_once(cells)) is not None:
+            self.extend(values)
+        else:
+            unknown = [np.nan] * self.width if self.kind == "vectors" else np.nan
+            found = list(map(self._value, cells))
+            wrong = [k for k, value in enumerate(found) if value is None]
+            if wrong and self.wrong is None:
+                self.wrong = self.size + wrong[0], cells[wrong[0]]
+            dtype = np.int64 if self.kind in ("dates", "nanoseconds") else np.float64
+            self.extend(np.array([unknown if each is None else each for each in found], dtype))
+            self.good -= len(wrong)
+            self.filled -= sum(not cells[k].strip() for k in wrong)
+
+    def _at_once(self, cells: Sequence[str]) -> NDArray[Any] | None:
+        if self.kind == "dates":
+            return plain_iso_times(cells)
+        if self.kind != "numbers" or self.decimal == "," or "_" in "".join(cells):
+            return None
+        try:
+            return np.array(list(map(float, cells)), dtype=np.float64)
+        except ValueError:
+            return None
+
+    def _take_words(self, cells: Sequence[str]) -> None:
+        values = np.empty(len(cells), dtype=object)  # one long cell would widen all
+        for k, cell in enumerate(cells):
+            found = self._known.get(cell)
+            if found is None:
+                found = cell, parsed_number(cell, self.decimal) is not None
+                if len(self._known) < MOST_REMEMBERED:
+                    self._known[cell] = found
+            values[k], number = found
+            self.good += number
+            self.filled += bool(cell) and not cell.isspace()
+        self.size += len(cells)
+        self.pieces.append(values)
+
+    def _value(self, cell: str) -> float | list[float] | None:
+        if self.kind == "vectors":
+            found = vector_in(cell, self.decimal)
+            return found if found is not None and len(found) == self.width else None
+        if self.kind == "dates":
+            return iso_nanoseconds(cell)
+        return whole_time(cell) if self.kind == "nanoseconds" else parsed_number(cell, self.decimal)
+
+    def mistaken(self) -> str | None:
+        """Say what the column should have been taken for, where that has turned out wrong."""
+        if self.kind == "text":
+            return "numbers" if self.filled and 2 * self.good >= self.filled else None
+        return "text" if 2 * self.good < self.filled else None
+
+    def channels(self) -> dict[str, NDArray[Any]]:
+        """Return what has come of it, once; it is empty then."""
+        if self.kind == "nothing":
+            return {}
+        if self.kind == "numbers" and self.size and not self.filled:  # no numbers that were lost
+            return {self.name: np.full(self.size, "", dtype=object)}
+        empty = np.empty((0, self.width) if self.kind == "vectors" else 0, self.dtype or float)
+        whole = np.concatenate(self.pieces or [empty])
+        self.pieces.clear()
+        if self.kind == "vectors":
+            return {f"{self.name}[{k}]": whole[:, k].copy() for k in range(self.width)}
+        return {self.name: whole}
+
+    def fault(self) -> Faults | None:
+        """Say which cells held no number."""
+        if self.wrong is None or not self.filled:
+            return None
+        return Faults(self.size - self.good, *self.wrong)
+
+
+def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None) -> _Column:
+    """An empty column for what its first cells hold, or of a kind that is known."""
+    filled = [cell for cell in cells if cell.strip()]
+    most = 0.5 * len(filled)
+    if kind is None and filled:
+        if sum(map(is_iso_time, filled)) > most:
+            return _Column(name, ".", "dates")
+        if is_timelike(name) and sum(map(is_nanoseconds, filled)) > most:
+            return _Column(name, ".", "nanoseconds")
+        numbers = sum(parsed_number(cell, decimal) is not None for cell in filled)
+        vectors = [len(found) for cell in filled if (found := vector_in(cell, decimal))]
+        if numbers < most and len(vectors) > most:
+            return _Column(name, decimal, "vectors", max(set(vectors), key=vectors.count))
+        kind = "numbers" if numbers >= most else "text"
+    return _Column(name, decimal, kind or "numbers")
+
+
+class _Table:
+    """A file that is read into columns: its layout, then its rows, block by block.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    request : Request
+        What is asked for.
+    kinds : mapping
+        What columns hold, ``"numbers"`` or ``"text"``, where their first rows do not say it.
+    """
+
+    def __init__(self, path: Path, request: Request, kinds: Mapping[str, str]) -> None:
+        self.source = printable(path)
+        self.request = request
+        self.columns: list[_Column] = []
+        self.losses = _Losses(self.source, request.strict)
+        self.text = _Text(path, self.source)
+        self.rows: list[Sequence[int]] = []  # of the file, that samples stand in
+        blocks = self.text.blocks()
+        first = next(blocks, b"")
+        self._begin(first, kinds)
+        row = self.layout.first + 1
+        for block in itertools.chain([_after(first, self.layout.first)], blocks):
+            last = b""
+            if self.text.cut_off and block:
+                begin = block.rfind(b"\n", 0, -1) + 1
+                block, last = block[:begin], block[begin:]
+            self._add(block, row)
+            row += block.count(b"\n")
+            if last and not self._is_cut_off(last, row, block):
+                self._add(last, row)
+                row += 1
+            request.report(self.text.fraction)
+        for sentence in self.text.losses:
+            self.losses.say(sentence)
+
+    def _begin(self, first: bytes, kinds: Mapping[str, str]) -> None:
+        """Find the layout, and what the columns hold."""
+        head = first[: first.rfind(b"\n", 0, HEAD) + 1]
+        lines = self.text.decode(head).split("\n")[:-1]
+        layout = layout_of(lines, self.source) if lines else None
+        if layout is None or layout.first >= len(lines) - 1:  # long notes; or nothing below them
+            lines = self.text.decode(first).split("\n")[:-1]
+            layout = layout_of(lines, self.source)
+        self.layout: Layout = layout
+        silent, self.losses = self.losses, _Losses(self.source, strict=False)
+        probed = list(self._records(lines[layout.first : layout.first + PROBED], 0))
+        self.losses = silent
+        cells = _turned([found for _, found in probed], len(layout.header))
+        for name, found in zip(layout.header, cells, strict=True):
+            kind = kinds.get(name) if self.request.wants(name) else "nothing"
+            self.columns.append(_column_for(name, found, layout.decimal, kind))
+
+    def _add(self, block: bytes, row: int) -> None:
+        arrays = self._parsed_at_once(block) if block else None
+        if arrays is not None:
+            for column, values in zip(self.columns, arrays, strict=True):
+                column.extend(values)
+            self.rows.append(range(row, row + len(arrays[0])))
+            return
+        while block:
+            cut = len(block) if len(block) < PIECE else block.rfind(b"\n", 0, PIECE) + 1
+            cut = cut or block.find(b"\n") + 1
+            for _ in range(MOST_LINES):  # a cell in quotation marks may go on in the next line
+                if block.count(b'"', 0, cut) % 2 == 0:
+                    break
+                cut = block.find(b"\n", cut) + 1 or len(block)
+            piece, block = block[:cut], block[cut:]
+            cells = self._divided_at_once(piece)
+            if cells is not None:
+                self._add_cells(range(row, row + len(cells[0])), cells)
+            else:
+                records = list(self._records(self.text.decode(piece).split("\n")[:-1], row))
+                if records:
+                    rows, found = zip(*records, strict=True)
+                    self._add_cells(rows, _turned(found, len(self.columns)))
+            row += piece.count(b"\n")
+
+    def _add_cells(self, rows: Sequence[int], columns: Sequence[Sequence[str]]) -> None:
+        keep = np.ones(len(rows), dtype=bool)
+        for column, found in zip(self.columns, columns, strict=True):
+            for k in column.refused(found):
+                if keep[k]:
+                    self.losses.add(f"holds no time in column {column.name!r}", rows[k])
+                keep[k] = False
+        if not keep.all():
+            columns = [list(itertools.compress(found, keep)) for found in columns]
+            rows = list(itertools.compress(rows, keep))
+        for column, found in zip(self.columns, columns, strict=True):
+            column.take(found)
+        self.rows.append(rows)
+
+    def _records(self, lines: Sequence[str], row: int) -> Iterator[tuple[int, list[str]]]:
+        """The row in the file and the cells of each record; ``row`` is the first line's."""
+        width, delimiter = len(self.layout.header), self.layout.delimiter
+        k = 0
+        while k < len(lines):
+            line, at = lines[k], row + k
+            k += 1
+            if "\0" in line:
+                self.losses.add("holds zero bytes", at)
+                continue
+            if unclosed(line):
+                end = next((j for j in range(k, min(k + MOST_LINES, len(lines)))
+                            if unclosed(lines[j])), None)  # fmt: skip
+                line = "" if end is None else "\n".join(lines[k - 1 : end + 1])
+                # Two marks that are too many, far apart, are no cell with the rows between them.
+                if end is None or len(cells_of(line, delimiter)) != width:
+                    self.losses.add("cannot be read: a quotation begins there and does not end", at)
+                    continue
+                k = end + 1
+            cells = cells_of(line, delimiter)
+            fitting = cells if len(cells) == width else padded(cells, width)
+            # Of a wide table an all but empty row would be many numbers that no one wrote.
+            if width > WIDE and 2 * len(cells) < width:
+                self.losses.add("has less than half of the header's cells", at)
+            elif fitting is None:
+                self.losses.add("has more cells than the header", at)
+            else:
+                yield at, fitting
+
+    def _parsed_at_once(self, block: bytes) -> list[NDArray[Any]] | None:
+        """The columns of some lines, all plain numbers; None where they are not so plain."""
+        dtypes = [column.dtype for column in self.columns]
+        if any(dtype is None for dtype in dtypes):
+            return None
+        delimiter = self.layout.delimiter
+        if block.startswith(b'"'):
+            block, delimiter = _unquoted(block, delimiter, len(dtypes))
+        if self.layout.decimal == ",":
+            if b"." in block or delimiter == ",":
+                return None
+            block = block.replace(b",", b".")
+        if delimiter == SPACES:
+            lines = block.split(b"\n")[:-1]
+            block = b"".join([b",".join(line.split()) + b"\n" for line in lines])
+            delimiter = ","
+        rows = block.count(b"\n")
+        pattern = delimiter.encode() * (len(dtypes) - 1) + b"\n"
+        if block.translate(None, _PLAIN) != pattern * rows:
+            return None
+        large = self.text.size > (HEAD if self.text.compressed else LARGE)
+        parse = _by_arrow if large and _pyarrow_csv() is not None else _by_numpy
+        try:
+            arrays = parse(block, delimiter, dtypes)
+        except ValueError:  # pyarrow's own is one
+            return None
+        return arrays if len(arrays[0]) == rows else None  # both pass over blank lines
+
+    def _divided_at_once(self, lines: bytes) -> list[list[str]] | None:
+        """The cells of each column; None where a row is not whole, or a cell is quoted."""
+        delimiter, width = self.layout.delimiter, len(self.columns)
+        if delimiter == SPACES or b'"' in lines or b"\0" in lines or b"\r" in lines:
+            return None
+        rows = lines.count(b"\n")
+        others = bytes(set(range(256)) - {*delimiter.encode(), *b"\n"})
+        if lines.translate(None, others) != (delimiter.encode() * (width - 1) + b"\n") * rows:
+            return None
+        cells = self.text.decode(lines).replace("\n", delimiter).split(delimiter)
+        return [cells[k : rows * width : width] for k in range(width)]
+
+    def _is_cut_off(self, line: bytes, row: int, before: bytes) -> bool:
+        """Whether the last line, which has no end, was not written whole; that is said."""
+        text = self.text.decode(line)
+        cells = [] if unclosed(text) else cells_of(text[:-1], self.layout.delimiter)
+        killed = self.text.size % BUFFER == 0 and not self.text.compressed
+        cut = len(cells) < len(self.columns) or killed or bool(self.text.losses)
+        # Its last number may lack digits, which only others of its kind can tell.
+        above = before[-TAIL:].split(b"\n")[1:-1]
+        if not cut and len(above) > FEW:
+            mark = None if self.layout.delimiter == SPACES else self.layout.delimiter.encode()
+            ends = [len((each.rsplit(mark, 1) or [b""])[-1]) for each in above]
+            cut = len((line[:-1].rsplit(mark, 1) or [b""])[-1]) < min(ends)
+        if cut:
+            self.losses.add("is cut off, for the file ends within it", row)
+        return cut
+
+    def recording(self) -> Recording:
+        """Return what has been read."""
+        channels: dict[str, NDArray[Any]] = {}
+        faults: dict[str, Faults] = {}
+        units: dict[str, str] = {}
+        for column in self.columns:
+            fault, made = column.fault(), column.channels()
+            channels |= made
+            if fault is not None:
+                faults |= dict.fromkeys(made, fault)
+            if column.name in self.layout.units:
+                units |= dict.fromkeys(made, self.layout.units[column.name])
+            elif column.kind in ("dates", "nanoseconds"):
+                units[column.name] = "ns"
+        for name, values in channels.items():
+            found = epoch_of(values) if is_timelike(name) else None
+            if found is not None and units.setdefault(name, found[0]) == found[0]:
+                channels[name] = found[1]
+        joined = joined_stamps(channels)
+        channels |= joined
+        units |= dict.fromkeys(joined, "ns")
+        wanted = {n: values for n, values in channels.items() if self.request.wants(n)}
+        if self.request.channels and not wanted:
+            raise MissingChannelError(self.request.channels[0], self.layout.header, self.source)
+        rows = _in_one(self.rows)
+        losses = self.losses.sentences()
+        if losses and not len(rows):
+            raise RecordingError(f"{self.source}: no row of it can be read: {losses[0]}")
+        ignored = ", ".join(column.name for column in self.columns if column.kind == "nothing")
+        notes = dict(self.layout.notes)
+        if self.text.encoding != "utf-8":
+            notes["encoding"] = self.text.encoding.upper().replace("WINDOWS", "Windows")
+        return Recording(
+            wanted,
+            units={name: unit for name, unit in units.items() if name in wanted},
+            source=self.source,
+            notes=notes,
+            rows=rows,
+            faults=faults,
+            losses=losses,
+            omissions=[f"columns that were not asked for: {ignored}"] if ignored else [],
+        )
+
+
+def _after(lines: bytes, count: int) -> bytes:
+    """What follows so many lines."""
+    offset = 0
+    for _ in range(count):
+        offset = lines.find(b"\n", offset) + 1
+    return lines[offset:]
+
+
+def _turned(cells: Sequence[list[str]], width: int) -> list[Sequence[str]]:
+    """The columns of some rows."""
+    return list(zip(*cells, strict=True)) if cells else [()] * width
+
+
+def _in_one(rows: Sequence[Sequence[int]]) -> Sequence[int]:
+    """All rows: a range where they are one."""
+    rows = [each for each in rows if len(each)]
+    if not rows:
+        return range(0)
+    first, count = rows[0][0], sum(map(len, rows))
+    if rows[-1][-1] - first + 1 == count:
+        return range(first, first + count)
+    joined: Any = np.concatenate([np.array(each, np.int64) for each in rows])
+    return joined  # type: ignore[no-any-return]
+
+
+def _unquoted(block: bytes, delimiter: str, width: int) -> tuple[bytes, str]:
+    """Rows without quotation marks, and what is between their cells then, where all have them.
+
+    As they are where that is not so, or not sure.
+    """
+    rows, between = block.count(b"\n"), b'"%b"' % delimiter.encode()
+    sure = (
+        delimiter != SPACES
+        and b";" not in block.replace(between, b"")
+        and block.count(b'"') == 2 * width * rows
+        and block.count(between) == (width - 1) * rows
+        and block.count(b'"\n"') == rows - 1
+        and block.endswith(b'"\n')
+    )
+    return (block.replace(between, b";").replace(b'"', b""), ";") if sure else (block, delimiter)
+
+
+def _by_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
+    arrow, csv = import_module("pyarrow"), _pyarrow_csv()
+    names = [str(k) for k in range(len(dtypes))]
+    types = [arrow.float64() if dtype.kind == "f" else arrow.int64() for dtype in dtypes]
+    table = csv.read_csv(
+        arrow.BufferReader(block),
+        csv.ReadOptions(column_names=names, block_size=len(block) + 1, use_threads=False),
+        csv.ParseOptions(delimiter=delimiter, quote_char=False),
+        csv.ConvertOptions(column_types=dict(zip(names, types, strict=True)), null_values=[]),
+    )
+    return [column.to_numpy() for column in table.columns]
+
+
+def _by_numpy(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
+    same = len(set(dtypes)) == 1
+    table = np.loadtxt(
+        io.TextIOWrapper(io.BytesIO(block), "ascii"),
+        delimiter=delimiter,
+        dtype=dtypes[0] if same else [(f"f{k}", dtype) for k, dtype in enumerate(dtypes)],
+        ndmin=2 if same else 1,
+        comments=None,
+    )
+    if same:
+        return [column.copy() for column in table.T]
+    return [table[f"f{k}"].copy() for k in range(len(dtypes))]
+
+
+@cache
+def _pyarrow_csv() -> Any:
+    """The module, or None where it is not installed."""
+    try:
+        return import_module("pyarrow.csv")
+    except ImportError:
+        return None
