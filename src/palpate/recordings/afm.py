@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.recordings.bounds import (
-    LARGEST,
     first_line,
-    in_words,
     refuse_losses,
     regular_size,
 )
@@ -71,11 +69,10 @@ def read(path: Path, request: Request) -> Recording:
     regular_size(path)
     with _explained(source):
         if path.name.lower().endswith(_JPK):
-            return _read_jpk(path, source, request)
+            with _opened(path, source) as reader:
+                return _curve(reader, source, request)
         curves = load_data(path, callback=request.report)
         chosen = curves[_chosen(len(curves), source, request)]
-        if len(chosen) * 8 > LARGEST:
-            raise ValueError(f"it claims {len(chosen)} samples")
         return _recording(chosen.columns, chosen.__getitem__, chosen.metadata, source, request)
 
 
@@ -147,20 +144,10 @@ def _explained(source: str) -> Iterator[None]:
 _JPK = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 
 
-def _read_jpk(path: Path, source: str, request: Request) -> Recording:
-    """Read one curve of a file of JPK, and of the others no more than their names."""
-    with _opened(path, source) as reader:
-        return _curve(reader, source, request)
-
-
 @contextmanager
 def _opened(path: Path, source: str) -> Iterator[JPKReader]:
     """Open a file of JPK."""
     with _explained(source):
-        with zipfile.ZipFile(path) as archive:
-            claimed = max((member.file_size for member in archive.infolist()), default=0)
-        if claimed > LARGEST:
-            raise ValueError(f"a part of it claims {in_words(claimed)}")
         reader = JPKReader(path)
     try:
         yield reader
@@ -173,8 +160,6 @@ def _curve(reader: JPKReader, source: str, request: Request) -> Recording:
     """Read one curve of an open file."""
     number = _chosen(len(reader), source, request)
     metadata = reader.get_metadata(index=number)
-    if metadata["point count"] * 8 > LARGEST:
-        raise ValueError(f"it claims {metadata['point count']} samples")
     columns = [name for name in known_columns if name not in ("index", "tip position")]
     column = lambda name: reader.get_data(column=name, index=number)  # noqa: E731
     return _recording(columns, column, metadata, source, request)

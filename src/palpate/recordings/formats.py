@@ -35,7 +35,7 @@ class Request:
     def wants(self, name: str) -> bool:
         """Whether a channel, or any below a topic or a group, is asked for."""
         return self.channels is None or any(
-            _within(name, wanted) or _within(wanted, name) for wanted in self.channels
+            within(name, wanted) or within(wanted, name) for wanted in self.channels
         )
 
     def report(self, fraction: float) -> None:
@@ -95,79 +95,33 @@ class Format:
             ) from None
 
 
-_TEXTS = ("csv", "tsv", "txt", "dat")
-TEXT = Format(
-    "text",
-    tuple(f".{kind}{end}" for end in ("", ".gz", ".bz2", ".xz") for kind in _TEXTS),
-    "palpate.recordings.text",
-)
+_HERE = "palpate.recordings"
+_MESSAGES = f"{_HERE}.messages.containers"
+_PACKED = ("", ".gz", ".bz2", ".xz")
+_TEXTS = tuple(f".{kind}{end}" for end in _PACKED for kind in ("csv", "tsv", "txt", "dat"))
+_CURVES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw")
+_BAGS = (".db3", ".db3.zstd", ".mcap.zstd", "metadata.yaml")
+_MAT = (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT")
 
-_MESSAGES = "palpate.recordings.messages"
-
-FORCE_CURVES = Format(
-    "AFM force curve",
-    (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw"),
-    "palpate.recordings.afm",
-    (b"# afmformats",),
-    "afm",
-)
-
-FEATHER = Format(
-    "Feather",
-    (".feather", ".arrow"),
-    "palpate.recordings.arrow",
-    (b"ARROW1", b"FEA1"),
-    "recordings",
-)
-
-HDF5 = Format(
-    "HDF5",
-    (".h5", ".hdf5", ".hdf"),
-    "palpate.recordings.hdf5",
-    (b"\x89HDF\r\n\x1a\n",),
-    "recordings",
-)
-
-MATLAB = Format(
-    "MATLAB",
-    (".mat",),
-    "palpate.recordings.matlab",
-    (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT"),
-    "recordings",
-)
-
-PARQUET = Format(
-    "Parquet", (".parquet", ".pq"), "palpate.recordings.arrow", (b"PAR1",), "recordings"
-)
-
-MCAP = Format("MCAP", (".mcap",), f"{_MESSAGES}.containers", (b"\x89MCAP0\r\n",), "recordings")
-
-ROS1_BAG = Format(
-    "ROS 1 bag", (".bag", ".bag.active"), f"{_MESSAGES}.containers", (b"#ROSBAG V",), "recordings"
-)
-
-ROS2_BAG = Format(
-    "ROS 2 bag",
-    (".db3", ".db3.zstd", ".mcap.zstd", "metadata.yaml"),
-    f"{_MESSAGES}.containers",
-    (b"SQLite format 3\0",),
-    "recordings",
-)
+TEXT = Format("text", _TEXTS, f"{_HERE}.text")
+FORCE_CURVES = Format("AFM force curve", _CURVES, f"{_HERE}.afm", (b"# afmformats",), "afm")
 
 #: Every format. To add one: a module with ``read``, and its row.
 FORMATS: list[Format] = [
     TEXT,
-    MCAP,
-    ROS1_BAG,
-    ROS2_BAG,
+    Format("MCAP", (".mcap",), _MESSAGES, (b"\x89MCAP0\r\n",), "recordings"),
+    Format("ROS 1 bag", (".bag", ".bag.active"), _MESSAGES, (b"#ROSBAG V",), "recordings"),
+    Format("ROS 2 bag", _BAGS, _MESSAGES, (b"SQLite format 3\0",), "recordings"),
     FORCE_CURVES,
-    FEATHER,
-    HDF5,
-    MATLAB,
-    PARQUET,
+    Format("Feather", (".feather", ".arrow"), f"{_HERE}.arrow", (b"ARROW1", b"FEA1"), "recordings"),
+    Format(
+        "HDF5", (".h5", ".hdf5", ".hdf"), f"{_HERE}.hdf5", (b"\x89HDF\r\n\x1a\n",), "recordings"
+    ),
+    Format("MATLAB", (".mat",), f"{_HERE}.matlab", _MAT, "recordings"),
+    Format("Parquet", (".parquet", ".pq"), f"{_HERE}.arrow", (b"PAR1",), "recordings"),
 ]
 
 
-def _within(name: str, whole: str) -> bool:
-    """Whether a channel is that one, or a field or an element of it."""
+def within(name: str, whole: str) -> bool:
+    """Return whether a channel is that one, or a field or an element of it."""
     return name == whole or (name.startswith(whole) and name[len(whole)] in "./[")

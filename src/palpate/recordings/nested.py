@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate.errors import RecordingError
 from palpate.recordings.bounds import first_line, refuse_losses
 from palpate.recordings.clocks import clock_rank, epoch_unit
-from palpate.recordings.formats import Request
+from palpate.recordings.formats import Request, within
 from palpate.recordings.recording import Recording
 
 #: An array with more columns than this is an image or a table of another kind.
@@ -64,6 +64,9 @@ class Findings:
     frames: dict[str, str] = field(default_factory=dict)
     losses: list[str] = field(default_factory=list)
     omissions: list[str] = field(default_factory=list)
+    _channels: dict[str, NDArray[Any]] = field(default_factory=dict)
+    _units: dict[str, str] = field(default_factory=dict)
+    _clocks: dict[str, str] = field(default_factory=dict)
 
     def note(self, name: str, words: object) -> None:
         """Keep what the file says of itself, as far as that is short."""
@@ -121,31 +124,30 @@ class Findings:
         }
         needed = {clock.channel for clock in wanted.values() if clock is not None}
         chosen = [leaf for leaf in self.leaves if leaf.channel in wanted or leaf.channel in needed]
-        made = _Made()
         for k, leaf in enumerate(chosen):
-            self._read(leaf, wanted.get(leaf.channel), request, made)
+            self._read(leaf, wanted.get(leaf.channel), request)
             request.report((k + 1) / len(chosen))
-        if not made.channels:
+        if not self._channels:
             raise RecordingError(f"{source}: {self._nothing(request)}")
         refuse_losses(source, self.losses, request)
-        kept = {name: clock for name, clock in made.clocks.items() if clock in made.channels}
+        kept = {name: clock for name, clock in self._clocks.items() if clock in self._channels}
         return Recording(
-            made.channels,
-            units=made.units,
+            self._channels,
+            units=self._units,
             source=source,
             notes=self.notes,
             clocks=kept,
             frames={
                 channel: frame
-                for channel in made.channels
+                for channel in self._channels
                 for name, frame in self.frames.items()
-                if _covers(name, channel)
+                if within(channel, name)
             },
             losses=tuple(self.losses),
             omissions=tuple(self.omissions),
         )
 
-    def _read(self, leaf: Leaf, clock: Leaf | None, request: Request, made: "_Made") -> None:
+    def _read(self, leaf: Leaf, clock: Leaf | None, request: Request) -> None:
         try:
             values = leaf.read()
         except (
@@ -167,11 +169,11 @@ class Findings:
         for name, column in _columns(leaf, values, clock):
             if values.ndim == 2 and not request.wants(name):
                 continue
-            made.channels[name] = column
+            self._channels[name] = column
             if unit:
-                made.units[name] = unit
+                self._units[name] = unit
             if clock is not None:
-                made.clocks[name] = clock.channel
+                self._clocks[name] = clock.channel
 
     def _nothing(self, request: Request) -> str:
         if self.losses:
@@ -207,13 +209,6 @@ class _Clocks:
                 best = min(fitting)[2]
                 return None if best is leaf else best
         return None
-
-
-@dataclass(slots=True)
-class _Made:
-    channels: dict[str, NDArray[Any]] = field(default_factory=dict)
-    units: dict[str, str] = field(default_factory=dict)
-    clocks: dict[str, str] = field(default_factory=dict)
 
 
 def text_of(value: object) -> str | None:
@@ -261,10 +256,6 @@ def _whole_times(values: NDArray[Any]) -> NDArray[Any]:
         fits = values.dtype.itemsize < 8 or values.dtype.kind == "i" or not (values >> 63).any()
         return values.astype(np.int64 if fits else np.float64, copy=False)
     return values
-
-
-def _covers(name: str, channel: str) -> bool:
-    return channel == name or (channel.startswith(name) and channel[len(name)] in "./[")
 
 
 def _by(shape: tuple[int, ...]) -> str:

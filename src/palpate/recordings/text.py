@@ -134,7 +134,7 @@ class _Text:
                 continue
             cut = self._filled(rest, rest.rfind(b"\n") + 1)
             if cut:
-                yield re.sub(rb"\r+\n", b"\n", rest[:cut])
+                yield _without_returns(rest[:cut])
             rest = rest[cut:]
             if len(rest) > LONGEST_LINE:
                 raise RecordingError(
@@ -144,7 +144,7 @@ class _Text:
         self.cut_off = bool(rest[rest.rfind(b"\n") + 1 :].strip())
         rest += b"\n"
         if cut := self._filled(rest, len(rest)):
-            yield re.sub(rb"\r+\n", b"\n", rest[:cut])
+            yield _without_returns(rest[:cut])
 
     @staticmethod
     def _filled(lines: bytes, end: int) -> int:
@@ -516,8 +516,6 @@ class _Table:
         if any(dtype is None for dtype in dtypes):
             return None
         delimiter = self.layout.delimiter
-        if block.startswith(b'"'):
-            block, delimiter = _unquoted(block, delimiter, len(dtypes))
         if self.layout.decimal == ",":
             if b"." in block or delimiter == ",":
                 return None
@@ -610,6 +608,10 @@ class _Table:
         )
 
 
+def _without_returns(lines: bytes) -> bytes:
+    return re.sub(rb"\r+\n", b"\n", lines) if b"\r" in lines else lines
+
+
 def _after(lines: bytes, count: int) -> bytes:
     """What follows so many lines."""
     offset = 0
@@ -633,23 +635,6 @@ def _in_one(rows: Sequence[Sequence[int]]) -> Sequence[int]:
         return range(first, first + count)
     joined: Any = np.concatenate([np.array(each, np.int64) for each in rows])
     return joined  # type: ignore[no-any-return]
-
-
-def _unquoted(block: bytes, delimiter: str, width: int) -> tuple[bytes, str]:
-    """Rows without quotation marks, and what is between their cells then, where all have them.
-
-    As they are where that is not so, or not sure.
-    """
-    rows, between = block.count(b"\n"), b'"%b"' % delimiter.encode()
-    sure = (
-        delimiter != SPACES
-        and b";" not in block.replace(between, b"")
-        and block.count(b'"') == 2 * width * rows
-        and block.count(between) == (width - 1) * rows
-        and block.count(b'"\n"') == rows - 1
-        and block.endswith(b'"\n')
-    )
-    return (block.replace(between, b";").replace(b'"', b""), ";") if sure else (block, delimiter)
 
 
 def _by_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:

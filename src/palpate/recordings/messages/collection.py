@@ -7,13 +7,12 @@ from typing import Any
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.formats import Request
+from palpate.recordings.formats import Request, within
 from palpate.recordings.messages.fields import UndecodableError, normal_name, one_line
 from palpate.recordings.messages.topic import LOG_TIME, Found, Topic, stamp_of, topic_of
 from palpate.recordings.recording import Faults, Recording, printable
 
 NOT_ASKED = "not asked for"
-_MOST_LOSSES = 40  # sentences
 
 
 class Collection:
@@ -35,7 +34,6 @@ class Collection:
         self.notes: dict[str, str] = {}
         self._topics: dict[Hashable, Topic] = {}
         self._types: dict[str, str] = {}
-        self._more_losses = 0
 
     def topic(
         self, name: str, type_name: str, encoding: str, form: str, definition: bytes
@@ -74,12 +72,8 @@ class Collection:
         """Say what could not be read; raise RecordingError where nothing may be lost."""
         if self.request.strict:
             raise RecordingError(f"{self.source}: {sentence}")
-        if sentence in self.losses:
-            return
-        if len(self.losses) < _MOST_LOSSES:
+        if sentence not in self.losses:
             self.losses.append(sentence)
-        else:
-            self._more_losses += 1
 
     @property
     def messages(self) -> int:
@@ -101,8 +95,6 @@ class Collection:
         self._say_not_asked()
         self.omissions += channels.omissions
         self.notes |= channels.notes
-        if self._more_losses:
-            self.losses.append(f"and {self._more_losses} losses more")
         self._check(list(channels.values))
         self.request.report(1.0)
         return Recording(
@@ -144,7 +136,7 @@ class Collection:
 
     def _check(self, names: list[str]) -> None:
         for wanted in self.request.channels or ():
-            if not any(_within(name, wanted) for name in names):
+            if not any(within(name, wanted) for name in names):
                 there = sorted({topic.name for topic in self._topics.values()})
                 why = [each for each in self.omissions if each.startswith(f"{wanted} ")]
                 reason = f"no numbers are read of {wanted!r}" + "".join(f" ({w})" for w in why[:1])
@@ -155,10 +147,6 @@ class Collection:
                 "no topic has numbers that can be read" + "".join(f". {each}" for each in why),
                 "record a topic of forces and one of positions",
             )
-
-
-def _within(name: str, wanted: str) -> bool:
-    return name == wanted or (name.startswith(wanted) and name[len(wanted)] in "./[")
 
 
 def _few(names: set[str] | list[str]) -> str:

@@ -42,16 +42,8 @@ _LONGEST_NOTE = 300  # characters
 _LENGTH = struct.Struct("<Q").unpack_from
 _BEFORE = 9  # bytes of an MCAP record that say its kind and length
 # What stands in a message of MCAP before its data.
-_HEAD = np.dtype(
-    [
-        ("kind", "u1"),
-        ("length", "<i8"),
-        ("channel", "<u2"),
-        ("sequence", "<u4"),
-        ("time", "<i8"),
-        ("published", "<u8"),
-    ]
-)
+# Kind, length, channel, number, log time, publish time.
+_HEAD = np.dtype("u1, <i8, <u2, <u4, <i8, <u8")
 
 
 def read(path: Path, request: Request) -> Recording:
@@ -324,13 +316,13 @@ class _Mcap:
             return
         heads = gather(view, begins, _HEAD.itemsize).view(_HEAD)[:, 0]
         self.messages += len(begins)
-        for channel in np.unique(heads["channel"]).tolist():
-            which = heads["channel"] == channel
+        for channel in np.unique(heads["f2"]).tolist():
+            which = heads["f2"] == channel
             if channel not in self.topics:
                 self.unknown += int(which.sum())
                 continue
             lengths = sizes[which] - _HEAD.itemsize
-            times = heads["time"][which].astype(np.int64)
+            times = heads["f4"][which].astype(np.int64)
             self.topics[channel].add(Block(view, begins[which] + _HEAD.itemsize, lengths, times))
 
     def _other(self, kind: int, data: bytes) -> None:
