@@ -115,7 +115,7 @@ def test_options_that_find_nothing_to_act_on_are_named():
     assert [r.sentence for r in contact.remarks if r.step == "options"] == [
         "--normal and --tool-weight did nothing: position and force are not both in space"
     ]
-    assert not said(prepare(table_of(felt), normal=NORMAL, tool_weight=1.0), "options")
+    assert not said(prepare(table_of(felt), normal=NORMAL), "options")
 
 
 def test_stiffness_at_a_depth_is_known_no_better_than_the_depth():

@@ -1,18 +1,29 @@
 """From a position and a force in space to a depth and a compression along the contact normal."""
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.digits import with_error
 from palpate.errors import RecordingError
 from palpate.preparation.baselines import Baseline, baseline_of, free_samples
 from palpate.preparation.doubts import misdirected
 from palpate.preparation.normals import Normal, grows, normal_found, normal_given
 from palpate.preparation.settings import Preparation
 from palpate.preparation.signals import Signals
+from palpate.preparation.wrenches import turned
 from palpate.remarks import Remark
 from palpate.validation import Floats
+
+WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
+INVERSE = (-1.0, -1.0, -1.0, 1.0)  # of a quaternion x, y, z, w
+# Of the largest force: no force sensor is linear to better, so a weight that moves by less as the
+# tool turns is one with the offset.
+NOTHING = 1e-3
+SMALL, LARGE = 0.01, 0.10  # of the largest force, that a weight is off
+ERRORS, BLOCKS = 5.0, 8  # standard errors, by the scatter of blocks
 
 
 @dataclass(slots=True, eq=False)
@@ -168,46 +179,136 @@ def _along_axis(
 
 
 def tared(
-    signals: Signals, settings: Preparation, source: str
+    signals: Signals, settings: Preparation, source: str, *, turns: bool = False
 ) -> tuple[Signals, Baseline | None, list[Remark]]:
-    """Take off what the sensor shows out of contact: between two times, or where that is found."""
-    tare = settings.tare
+    """Take off the tool's weight, and what the sensor shows out of contact.
+
+    Out of contact is between two times, or where that is found. A sensor that ``turns`` with the
+    tool has its offset in its own axes, and the weight turns in them: so both are taken off there,
+    and the force is turned into the position's frame after that.
+    """
+    force, down = signals.force, None
+    if settings.tool_weight is not None and force.ndim == signals.depth.ndim == 2:
+        down = np.broadcast_to(WEIGHT_DIRECTION, force.shape)
+    if turns and signals.orientation is not None:
+        down = turned(np.array(WEIGHT_DIRECTION), signals.orientation * INVERSE, source)
+    if down is not None:
+        force = force - (settings.tool_weight or 0.0) * down
+    found = _zero(replace(signals, force=force), settings, source, turns=turns)
+    remarks: list[Remark] = []
+    if found is None:
+        words = "no time out of contact was found: the zero of the force is the sensor's own"
+        remarks = [Remark("tare", words, "record a second in free air, or --tare 0:2")]
+    else:
+        force = force - found.zero
+        if down is not None:
+            remarks = _weight_left(signals.time, force, down, found, settings.tool_weight, source)
+    if turns and signals.orientation is not None:
+        force = turned(force, signals.orientation, source)
+    return replace(signals, force=force), found, remarks
+
+
+def _zero(signals: Signals, settings: Preparation, source: str, *, turns: bool) -> Baseline | None:
+    """What the sensor shows out of contact, in its own axes; None where that is never seen."""
+    tare, force = settings.tare, signals.force
+    where = f"{source}: " if source else ""
     if isinstance(tare, tuple):
         free = (signals.time >= tare[0]) & (signals.time <= tare[1])
-        free &= np.isfinite(signals.force).reshape(len(free), -1).all(axis=1)
+        free &= np.isfinite(force).reshape(len(free), -1).all(axis=1)
         if not free.any():
-            where = f"{source}: " if source else ""
             raise RecordingError(
                 f"{where}no sample between {tare[0]:g} s and {tare[1]:g} s to tare the force with"
             )
-        zero = np.broadcast_to(signals.force[free].mean(axis=0), signals.force.shape)
-        found = Baseline(free, zero, 0.0)
-        return replace(signals, force=signals.force - zero), found, []
-    mask = _free(signals)
-    if mask is None:
-        if tare == "find":
-            where = f"{source}: " if source else ""
-            raise RecordingError(
-                f"{where}the probe is never seen out of contact, so that no zero of the force can "
-                "be found; give a time without contact, --tare 0:2"
-            )
-        words = "no time out of contact was found: the zero of the force is the sensor's own"
-        return signals, None, [Remark("tare", words, "record a second in free air, or --tare 0:2")]
-    found = baseline_of(signals.time, signals.force, mask)
-    return replace(signals, force=signals.force - found.zero), found, []
+        zero = np.broadcast_to(force[free].mean(axis=0), force.shape)
+        return Baseline(free, zero, 0.0)
+    if turns and signals.orientation is not None:
+        # An offset that turns hides the axis of the contact: twice, the second time without it.
+        along = force - np.nanmedian(force, axis=0)
+        for _ in range(2):
+            mask = _free(signals, turned(along, signals.orientation, source))
+            if mask is not None:
+                along = force - baseline_of(signals.time, force, mask).mean
+    else:
+        mask = _free(signals, force)
+    if mask is not None:
+        return baseline_of(signals.time, force, mask)
+    if tare == "find":
+        raise RecordingError(
+            f"{where}the probe is never seen out of contact, so that no zero of the force can "
+            "be found; give a time without contact, --tare 0:2"
+        )
+    return None
 
 
-def _free(signals: Signals) -> NDArray[np.bool_] | None:
+def _weight_left(
+    time: Floats,
+    force: Floats,
+    down: Floats,
+    found: Baseline,
+    weight: float | None,
+    source: str,
+) -> list[Remark]:
+    """Say that the force in free air turns with the tool: by how much its weight is off.
+
+    Raises
+    ------
+    RecordingError
+        The weight that is given is taken off with the offset, whatever it is.
+    """
+    free = found.free & np.isfinite(force).all(axis=1) & np.isfinite(down).all(axis=1)
+    moved = down - down[free].mean(axis=0)
+    peak = float(np.nanpercentile(np.linalg.norm(force, axis=1), 99.0))
+    reach = float(np.nanmax(np.linalg.norm(moved, axis=1)))
+    if weight and weight * reach <= NOTHING * peak:
+        where = f"{source}: " if source else ""
+        raise RecordingError(
+            f"{where}--tool-weight {weight:g} N changes nothing: in the frame of the force the "
+            "weight is constant, and the tare removes it with the sensor's offset; leave it out, "
+            "or give --force-frame tool where the sensor turns with the tool"
+        )
+    m, f = moved[free], force[free]
+    if found.drift:  # what of the weight goes with time is in the drift
+        t = time[free] - time[free].mean()
+        m = m - np.outer(t, t @ m / (t @ t))
+    energy = float((m**2).sum())
+    if energy <= 0.0:
+        return []
+    left = float((m * f).sum()) / energy
+    rest = np.array_split((m * (f - left * m)).sum(axis=1), BLOCKS)
+    sums = [float(each.sum()) for each in rest]
+    # The scatter of blocks: neighbouring samples of a force correlate.
+    error = math.sqrt(sum(each**2 for each in sums) * BLOCKS / (BLOCKS - 1)) / energy
+    off = abs(left) * reach / peak
+    if abs(left) <= ERRORS * error or off <= SMALL:
+        return []
+    whole = (weight or 0.0) + left
+    words = f"a weight of {with_error(whole, error, unit='N')} does"
+    remedy = f"--tool-weight {whole:.3g}N, if the tool can weigh that"
+    if whole < 0.0:
+        remedy = "--flip-force, if the sensor shows the force of the probe on the material"
+    return [
+        Remark(
+            "tool weight",
+            f"in free air the force turns with the tool as {words}"
+            + ("" if weight is None else f", not of {weight:g} N"),
+            remedy,
+            "do-not-trust" if off > LARGE else "with-care",
+            numbers=True,
+        )
+    ]
+
+
+def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
     """Samples out of contact: at one end of the way along the normal, where the force is constant.
 
     At which end follows from nothing that is known yet: the sensor may feel either side's force.
+    The normal is that of ``along``, the force in the frame of the position.
     """
-    position, force = signals.depth, signals.force
-    height = position
-    if position.ndim == 2:
-        axis = _axis(force) if force.ndim == 2 else _by_motion(position, force, "").vector
-        height = position @ axis
-    ends = [free_samples(side * height, force) for side in (1.0, -1.0)]
+    height = signals.depth
+    if height.ndim == 2:
+        axis = _axis(along) if along.ndim == 2 else _by_motion(height, along, "").vector
+        height = height @ axis
+    ends = [free_samples(side * height, signals.force) for side in (1.0, -1.0)]
     found = [end for end in ends if end is not None]
     return max(found, key=np.count_nonzero, default=None)
 
