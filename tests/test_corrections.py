@@ -34,7 +34,7 @@ def test_a_unit_given_has_the_last_word_over_the_recordings():
     channels = {"time_s": TIME, "penetration_m": 1e3 * DEPTH, "force_N": FORCE}
     recording = palpate.Recording(channels, units={"penetration_m": "mm"})
     np.testing.assert_allclose(palpate.prepare(recording).penetration, DEPTH)
-    contact = palpate.prepare(recording, units={"penetration": "um"})
+    contact = palpate.prepare(recording, units={"position": "um"})
     np.testing.assert_allclose(contact.penetration, 1e-3 * DEPTH)
 
 
@@ -96,11 +96,6 @@ def test_each_component_of_a_force_is_in_its_own_unit():
         recording, palpate.preparation.roles_of(recording, columns)
     )
     np.testing.assert_allclose(signals.force, np.column_stack([FORCE] * 3), rtol=1e-12)
-
-
-def test_a_position_takes_a_unit_under_its_own_name():
-    contact = of_columns("penetration_m", "force_N", metres=1e-3, units={"position": "mm"})
-    np.testing.assert_allclose(contact.penetration, DEPTH, rtol=1e-12)
 
 
 @pytest.mark.parametrize("channel", ["penetration", "force"])

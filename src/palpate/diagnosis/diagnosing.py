@@ -121,8 +121,7 @@ def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagn
     found += _notes(fit)
     judged = _moved_by_velocity(fit, judged, found)
     depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
-    open_ = sign(fit, depths[0])
-    found += [] if open_ is None else [open_]
+    found += sign(fit, depths[0], found)
     return _whole(found, depths, _episodes(fit, changed), fit.laws)
 
 

@@ -33,13 +33,13 @@ def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
     return _numbers(fit, _with_surface(fit, _with_memory(fit, own)), moved)
 
 
-def sign(fit: Fit, at: WorkingDepth) -> Finding | None:
-    """The error bars leave open whether a number is above 0; or the damping is below it.
+def sign(fit: Fit, at: WorkingDepth, others: list[Finding]) -> list[Finding]:
+    """Of numbers that others trust: the bars leave the sign open, or the damping is negative.
 
     Twice the repeatable part, 95 %, and all of the systematic one, which is no deviation but how
-    far a cause moves the number. A bar that is small against the size of the number leaves no sign
-    open that matters: the damping of a spring is 0 ± little. What causes move is more than little
-    where it calls for care; what repeats is calibrated, and more than little where it is wide.
+    far a cause moves the number. A small bar leaves no sign open that matters: the damping of a
+    spring is 0 ± little. What causes move is more than that where it calls for care; what repeats
+    is calibrated, and more than that where it is wide.
     """
     marks: dict[str, Mark] = {"stiffness": "trust", "damping": "trust"}
     parts = []
@@ -48,23 +48,19 @@ def sign(fit: Fit, at: WorkingDepth) -> Finding | None:
         bar = math.hypot(2.0 * found.standard_error, found.systematic)
         matters = found.systematic > CARE * size or bar > WIDE_DAMPING * size
         negative = name == "damping" and found.value < -max(bar, CARE * size)
-        if negative or (matters and abs(found.value) <= bar):
+        known = worst(*(getattr(other, name) for other in others)) == "do-not-trust"
+        if not known and (negative or (matters and abs(found.value) <= bar)):
             marks[name] = "do-not-trust"
             words = f"the sign of the {name} is not known"
             if negative:
                 words = f"the {name} is negative, and that of no passive material is"
             total = math.hypot(found.standard_error, found.systematic)
             parts.append(f"{words}: {with_error(found.value, total, unit=unit)}")
-    if not parts:
-        return None
-    return Finding(
-        "sign",
-        "; ".join(parts),
-        "mend what the other findings name, or record a faster motion: palpate design",
-        stiffness=marks["stiffness"],
-        damping=marks["damping"],
-        severity=severity_of(worst(marks["stiffness"], "with-care")),
-    )
+    remedy = "mend what the other findings name, or record a faster motion: palpate design"
+    severity = severity_of(worst(marks["stiffness"], "with-care"))
+    both = marks["stiffness"], marks["damping"]
+    said = Finding("sign", "; ".join(parts), remedy, math.nan, *both, severity)
+    return [said] if parts else []
 
 
 def _with_memory(fit: Fit, errors: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -44,16 +44,15 @@ def along_normal(
     """Make a contact of a position and a force, tared and projected on the contact normal."""
     made, remarks = dict(signals.made), list[Remark]()
     signals = _windowed(_flipped(signals, settings), settings, recording.source)
-    turns = _turns(recording, roles, signals, settings, remarks)
-    in_space = signals.force.ndim == signals.depth.ndim == 2
-    if settings.tool_weight is not None and in_space:
+    signals = _framed(recording, roles, signals, settings, remarks)
+    if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
         add(made, "force", f"less the tool's weight of {settings.tool_weight:g} N")
     with stage(_LOGGER, "zero of the force"):
-        signals, zero, said = tared(signals, settings, recording.source, turns=turns)
+        signals, zero, said = tared(signals, settings, recording.source)
     remarks += said
     if zero is not None:
         _say_tare(zero, made, remarks)
-    if turns:
+    if signals.orientation is not None:
         add(made, "force", "turned by the orientation")
     with stage(_LOGGER, "contact normal"):
         whole = pressed(signals, settings, recording.source)
@@ -103,16 +102,16 @@ def _windowed(signals: Signals, settings: Preparation, source: str) -> Signals:
 
 
 @timed("frame of the force")
-def _turns(
+def _framed(
     recording: Recording,
     roles: Roles,
     signals: Signals,
     settings: Preparation,
     remarks: list[Remark],
-) -> bool:
-    """Whether the force is in the tool's frame, and is to be turned by its orientation."""
+) -> Signals:
+    """With an orientation only where it turns the force, which is then in the tool's frame."""
     if signals.force.ndim == 1 or signals.depth.ndim == 1:
-        return False
+        return replace(signals, orientation=None)
     remarks += saturated(signals.force)
     frame = frame_of(recording, roles, settings.force_frame, remarks)
     orientation = signals.orientation
@@ -123,7 +122,7 @@ def _turns(
             f"{recording.source}: a force in the tool's frame needs the orientation to turn "
             "it; name its channels with --orientation x,y,z,w"
         )
-    return frame == "tool"
+    return signals if frame == "tool" else replace(signals, orientation=None)
 
 
 def _say_tare(zero: Baseline, made: dict[str, str], remarks: list[Remark]) -> None:

@@ -7,14 +7,7 @@ from palpate.errors import RecordingError
 from palpate.preparation.roles import Roles
 from palpate.preparation.rows import MOST_SKIPPED
 from palpate.recordings import Recording
-from palpate.recordings.units import (
-    GRAVITY,
-    UNITS,
-    WEIGHTS,
-    plain_unit,
-    size_of,
-    stated_unit,
-)
+from palpate.recordings.units import GRAVITY, UNITS, WEIGHTS, plain_unit, size_of, stated_unit
 from palpate.remarks import Remark
 from palpate.validation import Floats
 
@@ -50,7 +43,9 @@ def values_of(
             columns = [c * size_of(kind, unit) for c, unit in zip(columns, own, strict=True)]
             made[kind] = _made(names, own[0], kind)
             if not given and own[0] in WEIGHTS:
-                remarks.append(_weighed(names, own[0]))
+                words = f"{', '.join(map(repr, names))} is in {own[0]}, a mass: palpate takes its"
+                words += f" weight at {GRAVITY} m/s²"
+                remarks.append(Remark("units", words, "--unit force=N, where it is a force in N"))
         values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
     if roles.segment is not None:
         values["segment"] = recording.channel(roles.segment)
@@ -73,11 +68,6 @@ def _unknown(recording: Recording, name: str, column: Floats) -> list[Remark]:
             "with-care" if count > MOST_SKIPPED * column.size else "note",
         )
     ]
-
-
-def _weighed(names: tuple[str, ...], unit: str) -> Remark:
-    words = f"{', '.join(map(repr, names))} is in {unit}, a mass: palpate takes its weight at"
-    return Remark("units", f"{words} {GRAVITY} m/s²", "--unit force=N, where it is a force in N")
 
 
 def _made(names: tuple[str, ...], unit: str, kind: str) -> str:

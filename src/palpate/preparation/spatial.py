@@ -1,6 +1,5 @@
 """From a position and a force in space to a depth and a compression along the contact normal."""
 
-import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,9 +18,7 @@ from palpate.validation import Floats
 
 WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
 INVERSE = (-1.0, -1.0, -1.0, 1.0)  # of a quaternion x, y, z, w
-# Of the largest force: no force sensor is linear to better, so a weight that moves by less as the
-# tool turns is one with the offset.
-NOTHING = 1e-3
+NOTHING = 1e-3  # of the largest force: no sensor is linear to better
 SMALL, LARGE = 0.01, 0.10  # of the largest force, that a weight is off
 ERRORS, BLOCKS = 5.0, 8  # standard errors, by the scatter of blocks
 
@@ -179,36 +176,35 @@ def _along_axis(
 
 
 def tared(
-    signals: Signals, settings: Preparation, source: str, *, turns: bool = False
+    signals: Signals, settings: Preparation, source: str
 ) -> tuple[Signals, Baseline | None, list[Remark]]:
-    """Take off the tool's weight, and what the sensor shows out of contact.
+    """Take off the tool's weight, and what the sensor shows out of contact; turn the force.
 
-    Out of contact is between two times, or where that is found. A sensor that ``turns`` with the
-    tool has its offset in its own axes, and the weight turns in them: so both are taken off there,
-    and the force is turned into the position's frame after that.
+    Out of contact is between two times, or where that is found. A sensor with an orientation has
+    its offset in its own axes, in which the weight turns: both are taken off there, before the
+    force is turned into the position's frame.
     """
-    force, down = signals.force, None
-    if settings.tool_weight is not None and force.ndim == signals.depth.ndim == 2:
-        down = np.broadcast_to(WEIGHT_DIRECTION, force.shape)
-    if turns and signals.orientation is not None:
+    force, weight, down = signals.force, settings.tool_weight, None
+    if signals.orientation is not None:
         down = turned(np.array(WEIGHT_DIRECTION), signals.orientation * INVERSE, source)
+    elif weight is not None and force.ndim == signals.depth.ndim == 2:
+        down = np.broadcast_to(WEIGHT_DIRECTION, force.shape)
     if down is not None:
-        force = force - (settings.tool_weight or 0.0) * down
-    found = _zero(replace(signals, force=force), settings, source, turns=turns)
-    remarks: list[Remark] = []
-    if found is None:
-        words = "no time out of contact was found: the zero of the force is the sensor's own"
-        remarks = [Remark("tare", words, "record a second in free air, or --tare 0:2")]
-    else:
-        force = force - found.zero
+        force = force - (weight or 0.0) * down
+    found = _zero(replace(signals, force=force), settings, source)
+    words = "no time out of contact was found: the zero of the force is the sensor's own"
+    remarks = [Remark("tare", words, "record a second in free air, or --tare 0:2")]
+    if found is not None:
+        signals, remarks = replace(signals, force=force - found.zero), []
         if down is not None:
-            remarks = _weight_left(signals.time, force, down, found, settings.tool_weight, source)
-    if turns and signals.orientation is not None:
+            remarks = _weight_left(signals, down, found, weight, source)
+        force = signals.force
+    if signals.orientation is not None:
         force = turned(force, signals.orientation, source)
     return replace(signals, force=force), found, remarks
 
 
-def _zero(signals: Signals, settings: Preparation, source: str, *, turns: bool) -> Baseline | None:
+def _zero(signals: Signals, settings: Preparation, source: str) -> Baseline | None:
     """What the sensor shows out of contact, in its own axes; None where that is never seen."""
     tare, force = settings.tare, signals.force
     where = f"{source}: " if source else ""
@@ -221,7 +217,7 @@ def _zero(signals: Signals, settings: Preparation, source: str, *, turns: bool) 
             )
         zero = np.broadcast_to(force[free].mean(axis=0), force.shape)
         return Baseline(free, zero, 0.0)
-    if turns and signals.orientation is not None:
+    if signals.orientation is not None:
         # An offset that turns hides the axis of the contact: twice, the second time without it.
         along = force - np.nanmedian(force, axis=0)
         for _ in range(2):
@@ -241,28 +237,17 @@ def _zero(signals: Signals, settings: Preparation, source: str, *, turns: bool) 
 
 
 def _weight_left(
-    time: Floats,
-    force: Floats,
-    down: Floats,
-    found: Baseline,
-    weight: float | None,
-    source: str,
+    signals: Signals, down: Floats, found: Baseline, weight: float | None, source: str
 ) -> list[Remark]:
-    """Say that the force in free air turns with the tool: by how much its weight is off.
-
-    Raises
-    ------
-    RecordingError
-        The weight that is given is taken off with the offset, whatever it is.
-    """
+    """Say by how much the weight is off, by the force in free air; refuse one without effect."""
+    time, force = signals.time, signals.force
     free = found.free & np.isfinite(force).all(axis=1) & np.isfinite(down).all(axis=1)
     moved = down - down[free].mean(axis=0)
     peak = float(np.nanpercentile(np.linalg.norm(force, axis=1), 99.0))
     reach = float(np.nanmax(np.linalg.norm(moved, axis=1)))
     if weight and weight * reach <= NOTHING * peak:
-        where = f"{source}: " if source else ""
         raise RecordingError(
-            f"{where}--tool-weight {weight:g} N changes nothing: in the frame of the force the "
+            f"{source}: --tool-weight {weight:g} N changes nothing: in the frame of the force the "
             "weight is constant, and the tare removes it with the sensor's offset; leave it out, "
             "or give --force-frame tool where the sensor turns with the tool"
         )
@@ -270,32 +255,23 @@ def _weight_left(
     if found.drift:  # what of the weight goes with time is in the drift
         t = time[free] - time[free].mean()
         m = m - np.outer(t, t @ m / (t @ t))
-    energy = float((m**2).sum())
-    if energy <= 0.0:
-        return []
+    energy = max(float((m**2).sum()), 1e-300)
     left = float((m * f).sum()) / energy
-    rest = np.array_split((m * (f - left * m)).sum(axis=1), BLOCKS)
-    sums = [float(each.sum()) for each in rest]
     # The scatter of blocks: neighbouring samples of a force correlate.
-    error = math.sqrt(sum(each**2 for each in sums) * BLOCKS / (BLOCKS - 1)) / energy
-    off = abs(left) * reach / peak
+    rest = np.array_split((m * (f - left * m)).sum(axis=1), BLOCKS)
+    error = float(np.linalg.norm([each.sum() for each in rest])) / energy
+    off, whole = abs(left) * reach / peak, (weight or 0.0) + left
     if abs(left) <= ERRORS * error or off <= SMALL:
         return []
-    whole = (weight or 0.0) + left
-    words = f"a weight of {with_error(whole, error, unit='N')} does"
+    words = f"in free air the force turns as a weight of {with_error(whole, error, unit='N')} does"
     remedy = f"--tool-weight {whole:.3g}N, if the tool can weigh that"
     if whole < 0.0:
         remedy = "--flip-force, if the sensor shows the force of the probe on the material"
-    return [
-        Remark(
-            "tool weight",
-            f"in free air the force turns with the tool as {words}"
-            + ("" if weight is None else f", not of {weight:g} N"),
-            remedy,
-            "do-not-trust" if off > LARGE else "with-care",
-            numbers=True,
-        )
-    ]
+    if weight is not None:
+        words += f", not of {weight:g} N"
+    if off > LARGE:
+        return [Remark("tool weight", words, remedy, "do-not-trust", numbers=True)]
+    return [Remark("tool weight", words, remedy, "with-care", numbers=True)]
 
 
 def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:

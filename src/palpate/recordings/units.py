@@ -27,20 +27,18 @@ KNOWN = frozenset([*(unit for units in UNITS.values() for unit in units), *TORQU
 OTHER_UNITS = frozenset(["-", "–", "1", "%", "deg", "°", "rad", "rad/s", "V", "mV", "A", "mA", "Hz",
                          "°C", "C", "K", "Pa", "kPa", "MPa", "g", "kg", "m/s^2", "m/s²", "counts",
                          "bool", "text", "N/m", "N/mm", "mg", "lb", "oz"])  # fmt: skip
-# ``force_min`` is the least force and ``t_h`` some time: at the end of a name these are no units.
-NEVER_BARE = frozenset(["min", "h"])
 # At the end of a name these say that it is in no unit of a contact.
 _FOREIGN = frozenset(["counts", "MPa", "mpa", "kPa", "kpa", "Pa", "bar", "psi", "V", "mV", "mv",
                       "pct", "percent", "%"])  # fmt: skip
+# ``force_min`` is the least force and ``t_h`` some time: at the end of a name these are no units.
+_BARE = (KNOWN | WEIGHTS.keys() | _FOREIGN) - {"min", "h"}
 # ``pos_in_base`` and ``plug_in`` are no inches.
-_LENGTHS = frozenset(["compression", "deformation", "deflection", "depth", "disp", "displacement",
-                      "extension", "height", "indentation", "penetration", "pos", "position",
-                      "stroke", "travel", "x", "y", "z"])  # fmt: skip
+_LENGTHS = frozenset(["deflection", "depth", "disp", "displacement", "extension", "height",
+                      "indentation", "penetration", "pos", "position", "stroke", "travel", "x", "y",
+                      "z"])  # fmt: skip
 # In brackets these are no units either: ``force_N (column 3)``, ``state[2]``, ``Force (filtered)``.
 _NO_UNIT = re.compile(
-    r"(column )?\d*|[xyzw]|filtered|smoothed|measured|actual|tared|abs(olute)?|rel(ative)?|tool|"
-    r"base|world|sensor|tcp|normal",
-    re.IGNORECASE,
+    r"(column )?\d*|[xyzw]|filtered|measured|actual|tared|abs|rel|tool|base|world|sensor|tcp", re.I
 )
 _SPELT = {
     "sec": "s", "seconds": "s", "m s-1": "m/s", "N.m": "N·m", '"': "in", "inch": "in",
@@ -100,13 +98,9 @@ def stated_unit(name: str) -> str | None:
     words = re.split(r"[_\s]+", name)
     for count in (2, 1):  # velocity_m_s before any other that ends with _s
         unit = plain_unit("/".join(words[-count:]))
-        if len(words) <= count or unit in NEVER_BARE:
-            continue
-        if unit == "in" and words[-2].lower() not in _LENGTHS:
-            continue
-        if unit in KNOWN or unit in WEIGHTS or unit in _FOREIGN:
+        is_word = unit == "in" and words[-2:][0].lower() not in _LENGTHS
+        if len(words) > count and unit in _BARE and not is_word:
             return unit
-    if divided := _AFTER_A_SLASH.fullmatch(name):
-        unit = plain_unit(divided[1])
-        return unit if unit in (KNOWN | WEIGHTS.keys()) - NEVER_BARE - {"in"} else None
-    return None
+    divided = _AFTER_A_SLASH.fullmatch(name)
+    unit = plain_unit(divided[1]) if divided else ""
+    return unit if unit in _BARE and unit != "in" else None
