@@ -136,7 +136,7 @@ def test_an_orientation_that_changes_calls_for_the_tools_weight():
 
 
 def turning(reach: float, *, weight: float = 3.0, sign: float = 1.0) -> Recording:
-    """A sensor with an offset, on a tool of a weight that turns to and fro by so many radians."""
+    """A sensor with an offset, on a tool of a weight that swings by so many radians."""
     felt = hand(8.0, bias=np.zeros(3))
     turns = np.array([turn((0.6, 0.8, 0.0), reach * math.sin(1.1 * t + 0.3)) for t in felt.time])
     force = turned(felt.force - [0.0, 0.0, weight], turns * [-1, -1, -1, 1]) + BIAS
