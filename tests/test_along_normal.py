@@ -11,6 +11,7 @@ from palpate import (
     FlatPunch,
     HuntCrossley,
     InvalidParameterError,
+    Recording,
     RecordingError,
     Wanted,
     identify,
@@ -130,13 +131,59 @@ def test_an_orientation_that_changes_calls_for_the_tools_weight():
     recorded = table_of(felt, **{f"q{k}": quaternions[:, k] for k in range(4)})
     found = [r for r in prepare(recorded).remarks if r.step == "orientation"]
     assert found[0].severity == "with-care"
-    assert not [r for r in prepare(recorded, tool_weight=1.2).remarks if r.step == "orientation"]
+    weighed = prepare(recorded, tool_weight=1.2, force_frame="tool").remarks
+    assert not [r for r in weighed if r.step == "orientation"]
 
 
-def test_a_tools_weight_is_taken_off():
-    light, heavy = prepare(table_of(hand(3.0))), prepare(table_of(hand(3.0)), tool_weight=2.0)
-    # A constant force either way, which the tare takes off.
-    np.testing.assert_allclose(light.force, heavy.force, atol=1e-9)
+def turning(reach: float, *, weight: float = 3.0, sign: float = 1.0) -> Recording:
+    """A sensor with an offset, on a tool of a weight that swings by so many radians."""
+    felt = hand(8.0, bias=np.zeros(3))
+    turns = np.array([turn((0.6, 0.8, 0.0), reach * math.sin(1.1 * t + 0.3)) for t in felt.time])
+    force = turned(felt.force - [0.0, 0.0, weight], turns * [-1, -1, -1, 1]) + BIAS
+    columns = {f"f{axis}_N": sign * force[:, k] for k, axis in enumerate("xyz")}
+    return table_of(felt, **{f"q{k}": turns[:, k] for k in range(4)}, **columns)
+
+
+def weighed(recorded: Recording, weight: float | None, **more):
+    result = identify(prepare(recorded, force_frame="tool", tool_weight=weight, **more))
+    said = [r for r in result.contact.remarks if r.step == "tool weight"]
+    return result, result.diagnosis, said
+
+
+def test_only_the_tools_true_weight_leaves_the_offset_constant_in_the_sensors_axes():
+    """The tare is taken in the axes of the sensor, where its offset does not turn."""
+    recorded, residuals = turning(0.5), {}
+    for weight in (1.5, 2.8, 3.0, 3.2, 9.0):
+        result, diagnosis, said = weighed(recorded, weight)
+        residuals[weight] = result.fit_rmse_percent
+        if weight == 3.0:
+            stiffness = diagnosis.working_depth.stiffness
+            assert abs(stiffness.value - 2000.0) < 4.0 * stiffness.standard_error
+            assert (diagnosis.verdict.overall, said) == ("trust", [])
+            assert result.contact.prepared.zero == pytest.approx(BIAS, abs=0.01)
+        elif weight in (1.5, 9.0):
+            assert "as a weight of 3.00" in said[0].sentence
+            assert {diagnosis.verdict.stiffness, diagnosis.verdict.damping}.isdisjoint({"trust"})
+    assert min(residuals, key=residuals.get) == 3.0
+    assert len(set(residuals.values())) == len(residuals)
+
+
+def test_free_air_tells_the_weight_that_is_not_given_and_the_sign_of_the_force():
+    _, diagnosis, said = weighed(turning(0.5), None)
+    assert said[0].remedy.startswith("--tool-weight 3")
+    assert diagnosis.verdict.overall != "trust"
+    _, _, said = weighed(turning(0.5, sign=-1.0), 3.0)
+    assert said[0].remedy.startswith("--flip-force")
+    _, diagnosis, said = weighed(turning(0.5, sign=-1.0), 3.0, flip=["force"])
+    assert (diagnosis.verdict.overall, said) == ("trust", [])
+
+
+@pytest.mark.parametrize(
+    "reach, settings", [(0.5, {}), (0.5, {"tare": (0.0, 0.03)}), (0.001, {"force_frame": "tool"})]
+)
+def test_a_tools_weight_that_changes_nothing_is_refused(reach, settings):
+    with pytest.raises(RecordingError, match="--tool-weight 3 N changes nothing: in the frame"):
+        prepare(turning(reach), tool_weight=3.0, **settings)
 
 
 def test_what_is_no_quaternion_is_refused():

@@ -1,5 +1,7 @@
 """Units, signs, tare, delay and surface that a user corrects, and what is said of them."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -32,8 +34,89 @@ def test_a_unit_given_has_the_last_word_over_the_recordings():
     channels = {"time_s": TIME, "penetration_m": 1e3 * DEPTH, "force_N": FORCE}
     recording = palpate.Recording(channels, units={"penetration_m": "mm"})
     np.testing.assert_allclose(palpate.prepare(recording).penetration, DEPTH)
-    contact = palpate.prepare(recording, units={"penetration": "um"})
+    contact = palpate.prepare(recording, units={"position": "um"})
     np.testing.assert_allclose(contact.penetration, 1e-3 * DEPTH)
+
+
+def of_columns(depth: str, force: str, size: float = 1.0, metres: float = 1.0, **settings):
+    channels = {"time_s": TIME, depth: DEPTH / metres, force: FORCE / size}
+    return palpate.prepare(palpate.Recording(channels, source="r.csv"), **settings)
+
+
+IN_POUNDS = 4.4482216152605  # N, of one pound-force
+FORCES = {
+    "Load (gf)": 9.80665e-3, "Load (kgf)": 9.80665, "Load [lbf]": IN_POUNDS, "force_mN": 1e-3,
+    "Fz_ozf": IN_POUNDS / 16.0, "Force/cN": 1e-2, "Fz (dN)": 0.1,
+}  # fmt: skip
+MASSES = {
+    "Load (g)": 9.80665e-3, "load_kg": 9.80665, "Load (lb)": IN_POUNDS, "Load [oz]": IN_POUNDS / 16,
+    "Fz [mg]": 9.80665e-6,
+}  # fmt: skip
+HEADERS = FORCES | MASSES
+
+
+@pytest.mark.parametrize("header, size", HEADERS.items(), ids=HEADERS)
+def test_the_force_unit_that_a_header_states_is_read(header, size):
+    contact = of_columns("penetration_m", header, size)
+    np.testing.assert_allclose(contact.force, FORCE, rtol=1e-12)
+    assert [remark.step for remark in contact.remarks] == ["units"] * (header in MASSES)
+
+
+@pytest.mark.parametrize("header, size", {"depth_in": 25.4e-3, "Depth (mil)": 25.4e-6}.items())
+def test_inches_are_read(header, size):
+    contact = of_columns(header, "force_N", metres=size)
+    np.testing.assert_allclose(contact.penetration, DEPTH, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "header, unit",
+    {"Load (counts)": "counts", "force_MPa": "MPa", "Force [%]": "%", "Fz (V)": "V"}.items(),
+)
+def test_a_unit_that_is_none_of_force_is_refused_with_the_option_that_states_it(header, unit):
+    words = rf"r.csv: column {re.escape(repr(header))}: the force is in {unit}, .*--unit force=N"
+    with pytest.raises(palpate.RecordingError, match=words):
+        of_columns("penetration_m", header)
+    contact = of_columns("penetration_m", header, 0.0098, units={"force": "0.0098N"})
+    np.testing.assert_allclose(contact.force, FORCE, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "header", ["Force (filtered)", "force_N (column 3)", "Fz (tool)", "fz_tool"]
+)
+def test_what_is_no_unit_in_a_header_leaves_the_force_in_newtons(header):
+    np.testing.assert_array_equal(of_columns("penetration_m", header).force, FORCE)
+
+
+def test_each_component_of_a_force_is_in_its_own_unit():
+    space = {f"p{axis}_m": DEPTH for axis in "xyz"}
+    force = {"fx [N]": FORCE, "fy [mN]": 1e3 * FORCE, "fz [gf]": FORCE / 9.80665e-3}
+    recording = palpate.Recording({"time_s": TIME, **space, **force})
+    columns = palpate.preparation.Columns(force=",".join(force))
+    signals = palpate.preparation.clocks.signals_of(
+        recording, palpate.preparation.roles_of(recording, columns)
+    )
+    np.testing.assert_allclose(signals.force, np.column_stack([FORCE] * 3), rtol=1e-12)
+
+
+@pytest.mark.parametrize("channel", ["penetration", "force"])
+def test_values_that_no_sensor_shows_are_no_numbers(channel):
+    values = {"penetration": DEPTH.copy(), "force": FORCE.copy()}
+    values[channel][[3, 500]] = 1e155, -1e300
+    table = {"time_s": TIME, "penetration_m": values["penetration"], "force_N": values["force"]}
+    result = palpate.identify(palpate.Recording(table))
+    sentences = [finding.sentence for finding in result.diagnosis.findings]
+    assert any("holds no number in 2 samples, first '1e+155'" in words for words in sentences)
+    assert result.estimate.law.stiffness_at(5e-3) == pytest.approx(1000.0, rel=1e-3)
+    table = {"time_s": TIME, "penetration_m": 1e200 * DEPTH, "force_N": FORCE}
+    with pytest.raises(palpate.RecordingError, match="the probe never touches"):
+        palpate.identify(palpate.Recording(table))
+
+
+@pytest.mark.parametrize("size", [1e157, 1e300])
+def test_a_contact_of_absurd_size_is_refused_in_one_line(size):
+    contact = palpate.Contact(TIME, penetration=size * DEPTH, force=FORCE, velocity=0.0 * TIME)
+    with pytest.raises(palpate.RecordingError, match="the penetration reaches"):
+        palpate.identify(contact)
 
 
 def test_a_turned_penetration_turns_its_velocity():
@@ -79,7 +162,7 @@ def test_a_surface_is_where_the_penetration_is_counted_from():
     "correction, words",
     [
         ({"units": {"depth": "mm"}}, "units must be of time, penetration"),
-        ({"units": {"force": "kg"}}, "unit of the force must be one of N"),
+        ({"units": {"force": "MPa"}}, "unit of the force must be one of N"),
         ({"flip": ["velocity"]}, "flip must name some of force, penetration"),
         ({"tare": 3.0}, "tare must be"),
         ({"delay": np.inf}, "delay must be finite"),

@@ -168,7 +168,7 @@ def test_what_cannot_be_identified_ends_with_the_findings_sentence(run, write):
         (["--delay", "soon"], "--delay must be a number and one of s, ms"),
         (["--tare", "2"], "--tare must be START:STOP"),
         (["--unit", "mm"], "--unit must be CHANNEL=UNIT"),
-        (["--unit", "force=kg"], "unit of the force must be one of N"),
+        (["--unit", "force=MPa"], "unit of the force must be one of N"),
     ],
 )
 def test_a_wrong_option_is_one_line(run, write, options, words):

@@ -69,6 +69,36 @@ INPUTS = {
 }
 
 
+@pytest.mark.parametrize("seconds", [6e-3, 8e-3, 12e-3])
+def test_a_damping_whose_sign_a_cause_can_turn_is_not_to_be_trusted(seconds):
+    found = palpate.diagnose(faults.late(seconds))
+    assert found.verdict == palpate.Verdict("trust", "do-not-trust", "with-care")
+    assert found.reason.startswith("the force is")  # the cause is said before what it does
+    [sign] = [finding for finding in found.findings if finding.check == "sign"]
+    assert sign.sentence.startswith("the sign of the damping is not known: ")
+
+
+@pytest.mark.parametrize("noise", [0.03, 0.3, 1.0])
+def test_the_open_sign_of_a_springs_damping_is_no_fault(noise):
+    """Seeds 0 and 1, of either sign; the force reaches 14 N."""
+    time, x, v = faults.motion()
+    force = faults.pushed(x, v, palpate.HuntCrossley(9000.0, 0.0, 1.4))
+    for seed in (0, 1):
+        noises = noise * np.random.default_rng(seed).standard_normal(x.size)
+        found = palpate.diagnose(faults.contact(time, x, force + noises))
+        damping = found.working_depth.damping
+        assert abs(damping.value) < 4.0 * damping.standard_error
+        assert found.verdict.damping == "trust"
+
+
+def test_a_damping_below_zero_is_not_to_be_trusted():
+    time, x, v = faults.motion()
+    force = faults.pushed(x, v, palpate.HuntCrossley(9000.0, -4000.0, 1.4))
+    found = palpate.diagnose(faults.contact(time, x, faults.noisy(force)))
+    assert found.verdict == palpate.Verdict("trust", "do-not-trust", "with-care")
+    assert found.reason.startswith("the damping is negative")
+
+
 def test_every_check_of_the_data_has_its_fault():
     assert list(INPUTS) == list(CHECKS)
 

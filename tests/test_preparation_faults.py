@@ -80,6 +80,15 @@ def test_one_axis_that_is_clipped_is_seen_before_it_is_projected():
     assert marks(contact) == {"do-not-trust"}
 
 
+@pytest.mark.parametrize("value", [0.0, 1.5])
+def test_an_axis_that_never_changes_is_not_measured_and_not_saturated(value):
+    felt = hand(4.0, normal=np.array([0.0, 0.0, 1.0]), bias=np.zeros(3))
+    alone = felt.force * [0.0, 0.0, 1.0] + [value, value, 0.0]
+    contact = prepare(table_of(replace(felt, force=alone)))
+    assert (said(contact, "saturation"), said(contact, "force axes")) == ([], ["note"])
+    assert marks(contact) == {"trust"}
+
+
 def test_a_coarse_force_is_not_taken_for_a_clipped_one():
     felt = hand(4.0)
     coarse = replace(felt, force=0.05 * np.round(felt.force / 0.05))
@@ -115,7 +124,7 @@ def test_options_that_find_nothing_to_act_on_are_named():
     assert [r.sentence for r in contact.remarks if r.step == "options"] == [
         "--normal and --tool-weight did nothing: position and force are not both in space"
     ]
-    assert not said(prepare(table_of(felt), normal=NORMAL, tool_weight=1.0), "options")
+    assert not said(prepare(table_of(felt), normal=NORMAL), "options")
 
 
 def test_stiffness_at_a_depth_is_known_no_better_than_the_depth():

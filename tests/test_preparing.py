@@ -183,9 +183,9 @@ def test_a_unit_is_converted_and_one_that_is_not_known_refused_by_column():
     milli = prepare(dataclasses.replace(recorded(), units={"force_N": "mN"}))
     np.testing.assert_array_equal(milli.force, 1e-3 * prepare(recorded()).force)
     assert milli.provenance["force"] == "column 'force_N', in mN"
-    pounds = dataclasses.replace(recorded(), units={"force_N": "lbf"})
-    with pytest.raises(RecordingError, match=r"probe.bag: column 'force_N': the force is in lbf"):
-        prepare(pounds)
+    pressure = dataclasses.replace(recorded(), units={"force_N": "MPa"})
+    with pytest.raises(RecordingError, match=r"probe.bag: column 'force_N': the force is in MPa"):
+        prepare(pressure)
 
 
 def test_a_column_that_is_not_there_is_an_error_that_can_be_asked():

@@ -3,11 +3,13 @@
 import json
 import tomllib
 
+import message_files as files
 import numpy as np
 import pytest
 from recordings import HEADER, recording, rows_of, text_of, written
 from robots import hand, table_of
 
+from palpate.preparation.wrenches import turned
 from palpate.results.toml import as_toml
 
 
@@ -48,6 +50,27 @@ def test_what_was_assumed_is_printed(run, robot):
     assert "stiffness" in out
     _, out, _ = run("identify", robot, "--start", "0.15", "--stop", "0.32")
     assert "tare: no time out of contact was found" in out
+
+
+def test_a_position_that_is_named_keeps_the_orientation_of_its_topic(run, tmp_path):
+    """Only the topics that are named are read; the wrench is in the tool's frame."""
+    felt, maker = hand(3.0), files.Maker()
+    pose = np.array([0.0, 0.2, 0.27, 0.0])  # a turn by 39°
+    pose[3] = np.sqrt(1.0 - pose @ pose)
+    inverse = np.tile(pose * [-1, -1, -1, 1], (len(felt.time), 1))
+    rows = zip(felt.time, turned(felt.force, inverse), felt.position, strict=True)
+    messages = []
+    for time, force, place in rows:
+        at = 1_700_000_000_000_000_000 + round(1e9 * time)
+        wrench = maker.wrench(at, np.r_[force, 0.0, 0.0, 0.0], "tool")
+        messages.append(("/ft", "geometry_msgs/WrenchStamped", at, wrench))
+        for topic, turn in (("/arm", pose), ("/camera", np.array([0.0, 0.0, 0.0, 1.0]))):
+            stamped = maker.pose(at, np.r_[place, turn])
+            messages.append((topic, "geometry_msgs/PoseStamped", at, stamped))
+    bag = files.rosbag2(tmp_path / "bag", messages)
+    for named in (["/arm"], ["/arm", "--force", "/ft"], ["/arm.pose.position", "--force", "/ft"]):
+        found = json.loads(run("identify", bag, "--position", *named, "--json")[1])["results"][0]
+        assert found["working_depth"]["stiffness"]["value"] == pytest.approx(2e3, rel=0.02)
 
 
 def test_several_files_are_contacts_of_one_object(run, good, tmp_path):

@@ -80,7 +80,10 @@ NAMES = {
     "t/s": "s", "v_m_s": "m/s", "speed_mm_s": "mm/s", "v / (mm/s)": "mm/s", "F/N": "N",
     "depth [μm]": "µm", "Tz_Nm": "Nm", "time [min]": "min", "velocity (m/s)": "m/s",
     "force_min": None, "velocity": None, "N": None, "/ft/N": None, "angle [deg]": None,
-    "freq_hz": None, "in_impact": None, "": None,
+    "freq_hz": None, "in_impact": None, "": None, "Load (gf)": "gf", "Fz_kgf": "kgf",
+    "Force [lbs]": "lb", "Force (KN)": "kN", "depth_in": "in", "Extension (in)": "in",
+    "velocity m/s": "m/s", "force_N (column 3)": "N", "Fx (filtered) [cN]": "cN", "Load ozf": "ozf",
+    "pos_in_base": None, "plug_in": None, "force_z": None, "fz_tool": None, "force_mn": None,
 }  # fmt: skip
 
 

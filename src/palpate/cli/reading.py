@@ -138,7 +138,9 @@ class Reading:
         if not all(name.startswith("/") for name in named):
             return None
         more = (self.orientation, self.velocity, self.time)
-        return [*named, *(name for name in more if name and name.startswith("/"))]
+        named += [name for name in more if name and name.startswith("/")]
+        # A topic as a whole: its own orientation and stamps are needed beside its position.
+        return [part.strip().partition(".")[0] for name in named for part in name.split(",")]
 
     @property
     def preparation(self) -> dict[str, Any]:

@@ -45,7 +45,7 @@ from palpate.diagnosis.misfit import (
 from palpate.diagnosis.one_way import one_way
 from palpate.diagnosis.surface import has_free_air, surface
 from palpate.diagnosis.velocity_noise import velocity_noise
-from palpate.diagnosis.working_depth import OFF, nothing_known, working_depth
+from palpate.diagnosis.working_depth import OFF, nothing_known, sign, working_depth
 from palpate.digits import rounded
 from palpate.estimate import Estimate
 from palpate.stages import timed
@@ -121,6 +121,7 @@ def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagn
     found += _notes(fit)
     judged = _moved_by_velocity(fit, judged, found)
     depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
+    found += sign(fit, depths[0], found)
     return _whole(found, depths, _episodes(fit, changed), fit.laws)
 
 

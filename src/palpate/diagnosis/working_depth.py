@@ -6,10 +6,11 @@ import numpy as np
 
 from palpate.diagnosis.alike import Alike
 from palpate.diagnosis.cause import beside
-from palpate.diagnosis.finding import Quantity, WorkingDepth
+from palpate.diagnosis.finding import Finding, Mark, Quantity, WorkingDepth, severity_of, worst
 from palpate.diagnosis.fit import Fit
-from palpate.diagnosis.marking import Judged
-from palpate.diagnosis.misfit import standard_errors
+from palpate.diagnosis.marking import CARE, Judged
+from palpate.diagnosis.misfit import WIDE_DAMPING, standard_errors
+from palpate.digits import with_error
 
 # Standard errors that a number is off before that counts: less widens no bar by over an eighth.
 OFF = 0.5
@@ -30,6 +31,36 @@ def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
     others = (_off_least_squares(fit, own), _without_offset(fit))
     moved = tuple(max(parts) for parts in zip(found, *others, strict=True))
     return _numbers(fit, _with_surface(fit, _with_memory(fit, own)), moved)
+
+
+def sign(fit: Fit, at: WorkingDepth, others: list[Finding]) -> list[Finding]:
+    """Of numbers that others trust: the bars leave the sign open, or the damping is negative.
+
+    Twice the repeatable part, 95 %, and all of the systematic one, which is no deviation but how
+    far a cause moves the number. A small bar leaves no sign open that matters: the damping of a
+    spring is 0 ± little. What causes move is more than that where it calls for care; what repeats
+    is calibrated, and more than that where it is wide.
+    """
+    marks: dict[str, Mark] = {"stiffness": "trust", "damping": "trust"}
+    parts = []
+    for name, size, unit in zip(marks, fit.sizes, ("N/m", "N·s/m"), strict=True):
+        found: Quantity = getattr(at, name)
+        bar = math.hypot(2.0 * found.standard_error, found.systematic)
+        matters = found.systematic > CARE * size or bar > WIDE_DAMPING * size
+        negative = name == "damping" and found.value < -max(bar, CARE * size)
+        known = worst(*(getattr(other, name) for other in others)) == "do-not-trust"
+        if not known and (negative or (matters and abs(found.value) <= bar)):
+            marks[name] = "do-not-trust"
+            words = f"the sign of the {name} is not known"
+            if negative:
+                words = f"the {name} is negative, and that of no passive material is"
+            total = math.hypot(found.standard_error, found.systematic)
+            parts.append(f"{words}: {with_error(found.value, total, unit=unit)}")
+    remedy = "mend what the other findings name, or record a faster motion: palpate design"
+    severity = severity_of(worst(marks["stiffness"], "with-care"))
+    both = marks["stiffness"], marks["damping"]
+    said = Finding("sign", "; ".join(parts), remedy, math.nan, *both, severity)
+    return [said] if parts else []
 
 
 def _with_memory(fit: Fit, errors: tuple[float, float, float]) -> tuple[float, float, float]:

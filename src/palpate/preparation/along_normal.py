@@ -27,7 +27,7 @@ from palpate.preparation.signals import Signals
 from palpate.preparation.spatial import Pressed, pressed, tared
 from palpate.preparation.surfaces import Surface, SurfaceRule, surface_of
 from palpate.preparation.tare import deviation_left
-from palpate.preparation.wrenches import frame_of, turn_remark, turned
+from palpate.preparation.wrenches import frame_of, turn_remark
 from palpate.recordings import Recording
 from palpate.remarks import Remark
 from palpate.stages import stage, timed
@@ -35,7 +35,6 @@ from palpate.validation import Floats
 
 _LOGGER = logging.getLogger(__name__)
 
-WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
 FIRM = 0.1  # of the largest force: an episode without as much is free air
 
 
@@ -45,12 +44,16 @@ def along_normal(
     """Make a contact of a position and a force, tared and projected on the contact normal."""
     made, remarks = dict(signals.made), list[Remark]()
     signals = _windowed(_flipped(signals, settings), settings, recording.source)
-    signals = _in_frame(recording, roles, signals, settings, made, remarks)
+    signals = _framed(recording, roles, signals, settings, remarks)
+    if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
+        add(made, "force", f"less the tool's weight of {settings.tool_weight:g} N")
     with stage(_LOGGER, "zero of the force"):
         signals, zero, said = tared(signals, settings, recording.source)
     remarks += said
     if zero is not None:
         _say_tare(zero, made, remarks)
+    if signals.orientation is not None:
+        add(made, "force", "turned by the orientation")
     with stage(_LOGGER, "contact normal"):
         whole = pressed(signals, settings, recording.source)
     pieces = _pieces(signals, whole, settings)
@@ -99,35 +102,27 @@ def _windowed(signals: Signals, settings: Preparation, source: str) -> Signals:
 
 
 @timed("frame of the force")
-def _in_frame(
+def _framed(
     recording: Recording,
     roles: Roles,
     signals: Signals,
     settings: Preparation,
-    made: dict[str, str],
     remarks: list[Remark],
 ) -> Signals:
-    """The force in the frame of the position, without the tool's weight."""
+    """With an orientation only where it turns the force, which is then in the tool's frame."""
     if signals.force.ndim == 1 or signals.depth.ndim == 1:
-        return signals
+        return replace(signals, orientation=None)
     remarks += saturated(signals.force)
     frame = frame_of(recording, roles, settings.force_frame, remarks)
     orientation = signals.orientation
     if orientation is not None:
         remarks += turn_remark(orientation, settings.tool_weight)
-    if frame == "tool":
-        if orientation is None:
-            raise RecordingError(
-                f"{recording.source}: a force in the tool's frame needs the orientation to turn "
-                "it; name its channels with --orientation x,y,z,w"
-            )
-        signals = replace(signals, force=turned(signals.force, orientation, recording.source))
-        add(made, "force", "turned by the orientation")
-    if settings.tool_weight is not None:
-        weight = settings.tool_weight * np.array(WEIGHT_DIRECTION)
-        signals = replace(signals, force=signals.force - weight)
-        add(made, "force", f"less the tool's weight of {settings.tool_weight:g} N")
-    return signals
+    if frame == "tool" and orientation is None:
+        raise RecordingError(
+            f"{recording.source}: a force in the tool's frame needs the orientation to turn "
+            "it; name its channels with --orientation x,y,z,w"
+        )
+    return signals if frame == "tool" else replace(signals, orientation=None)
 
 
 def _say_tare(zero: Baseline, made: dict[str, str], remarks: list[Remark]) -> None:

@@ -7,9 +7,11 @@ from palpate.errors import RecordingError
 from palpate.preparation.roles import Roles
 from palpate.preparation.rows import MOST_SKIPPED
 from palpate.recordings import Recording
-from palpate.recordings.units import UNITS, unit_in_name
+from palpate.recordings.units import GRAVITY, UNITS, WEIGHTS, plain_unit, size_of, stated_unit
 from palpate.remarks import Remark
 from palpate.validation import Floats
+
+LARGEST = 1e100  # of any unit: no sensor shows it, and its square overflows
 
 
 def values_of(
@@ -30,13 +32,20 @@ def values_of(
         if not names:
             continue
         columns = [recording.numbers(name, strict=strict) for name in names]
+        columns = [np.where(np.abs(column) > LARGEST, np.nan, column) for column in columns]
         for name, column in zip(names, columns, strict=True):
             remarks += _unknown(recording, name, column)
         kind = kinds.get(role, role)
         if kind in UNITS:
-            unit = units.get(kind) or unit_of(recording, names[0], kind)
-            columns = [column * UNITS[kind][unit] for column in columns]
-            made[kind] = _made(names, unit, kind)
+            given = units.get(kind)
+            first = given or unit_of(recording, names[0], kind)
+            own = [given or unit_of(recording, name, kind, first) for name in names]
+            columns = [c * size_of(kind, unit) for c, unit in zip(columns, own, strict=True)]
+            made[kind] = _made(names, own[0], kind)
+            if not given and own[0] in WEIGHTS:
+                words = f"{', '.join(map(repr, names))} is in {own[0]}, a mass: palpate takes its"
+                words += f" weight at {GRAVITY} m/s²"
+                remarks.append(Remark("units", words, "--unit force=N, where it is a force in N"))
         values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
     if roles.segment is not None:
         values["segment"] = recording.channel(roles.segment)
@@ -67,14 +76,17 @@ def _made(names: tuple[str, ...], unit: str, kind: str) -> str:
     return words if unit == next(iter(UNITS[kind])) else f"{words}, in {unit}"
 
 
-def unit_of(recording: Recording, name: str, kind: str) -> str:
-    """The unit of a channel as the recording or its name says it; else SI."""
-    known = UNITS[kind]
-    said = recording.units.get(name)
-    if said is not None and said not in known:
+def unit_of(recording: Recording, name: str, kind: str, usual: str | None = None) -> str:
+    """The unit of a channel as the recording or its name states it; else the usual one, or SI."""
+    own = recording.units.get(name)
+    stated = plain_unit(own) if own else stated_unit(name)
+    si = next(iter(UNITS[kind]))
+    if stated is None or (kind == "time" and not own and not size_of(kind, stated)):
+        return usual or si  # ``time (UTC)`` names a zone
+    if not size_of(kind, stated):
         raise RecordingError(
-            f"{recording.place(name)}: the {kind} is in {said}; palpate knows {', '.join(known)}: "
-            f"--unit {kind}=… says another"
+            f"{recording.place(name)}: the {kind} is in {stated}, and palpate converts "
+            f"{', '.join(UNITS[kind])} only; --unit {kind}={si} states its unit, --unit "
+            f"{kind}=0.0098{si} the size of one count"
         )
-    told = said or unit_in_name(name)
-    return told if told in known else next(iter(known))
+    return stated

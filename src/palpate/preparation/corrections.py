@@ -9,7 +9,7 @@ import numpy as np
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.tare import deviation_left
-from palpate.recordings.units import UNITS
+from palpate.recordings.units import UNITS, size_of
 from palpate.validation import number, number_in, pair_in, shown
 
 FLIPPED = ("force", "penetration")
@@ -47,10 +47,11 @@ class Corrections:
                 raise InvalidParameterError(
                     f"units must be of {', '.join(UNITS)}, not of {shown(channel)}"
                 )
-            if unit not in UNITS[channel]:
+            if not isinstance(unit, str) or not size_of(channel, unit):
                 known = ", ".join(UNITS[channel])
                 raise InvalidParameterError(
-                    f"unit of the {channel} must be one of {known}, not {shown(unit)}"
+                    f"unit of the {channel} must be one of {known}, or a multiple such as "
+                    f"0.0098{_si(channel)}, not {shown(unit)}"
                 )
         for channel in self.flip:
             if channel not in FLIPPED:
@@ -66,7 +67,7 @@ class Corrections:
         """Bring channels to SI, turn signs and move the surface, in place; say so in ``made``."""
         for channel, unit in self.units.items():
             if channel in values and unit != _si(channel):
-                values[channel] = np.asarray(values[channel], dtype=float) * UNITS[channel][unit]
+                values[channel] = np.asarray(values[channel], dtype=float) * size_of(channel, unit)
                 add(made, channel, f"in {unit}")
         for channel in self.flip:
             for turned in (channel, "velocity") if channel == "penetration" else (channel,):

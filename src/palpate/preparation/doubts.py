@@ -91,16 +91,21 @@ def _angle(one: Floats, other: Floats) -> float:
 def saturated(force: Floats) -> list[Remark]:
     """Say that an axis of the sensor stands at its largest value while the others go on.
 
+    One that never changes is not saturated but not measured, as those of a load cell of one axis.
+
     Parameters
     ----------
     force : numpy.ndarray, shape (k, 3)
         N, as the sensor shows it: once turned or tared nothing stands still.
     """
-    found = []
+    moves = [bool(np.isfinite(c).any() and np.nanmin(c) < np.nanmax(c)) for c in force.T]
+    axes = " and ".join(axis for axis, moving in zip("xyz", moves, strict=True) if not moving)
+    words = f"the force along {axes} is constant from first to last: it is not measured"
+    found = [Remark("force axes", words)] if axes else []
     noise = [noise_of(column) for column in force.T]
     for k, column in enumerate(force.T):
         others = [each for each in range(force.shape[1]) if each != k]
-        for edge in (np.nanmax(column), np.nanmin(column)) if np.isfinite(column).any() else ():
+        for edge in (np.nanmax(column), np.nanmin(column)) if moves[k] else ():
             held = np.flatnonzero(np.diff(np.concatenate([[0], column == edge, [0]])))
             runs = [
                 slice(start, stop)

@@ -2,7 +2,7 @@
 
 import re
 
-from palpate.recordings.units import UNITS, unit_in_name
+from palpate.recordings.units import UNITS, plain_unit, stated_unit
 
 # What each word says of a channel that has no unit. The last word of a name that is here counts:
 # "/tool.wrench.torque" is a torque.
@@ -48,7 +48,7 @@ def kind_of(name: str, unit: str | None = None) -> str | None:
     unit : str, optional
         As the recording says it; else what the name ends with.
     """
-    unit = unit or unit_in_name(name)
+    unit = plain_unit(unit) if unit else stated_unit(name)
     possible = _OF_UNIT.get(unit or "")
     kinds = [_KIND[word] for word in words_of(name) if word in _KIND and word != unit]
     if possible is None:
@@ -69,7 +69,7 @@ def is_tip(name: str) -> bool:
 
 def words_of(name: str) -> list[str]:
     """The words of a name in lower case, its unit left out: ``Fz [mN]`` is fz."""
-    unit = unit_in_name(name)
+    unit = stated_unit(name)
     if unit is not None:
         name = re.sub(rf"[\[(_/ ]*{re.escape(unit)}[\])\s]*$", "", name)
     return [word.lower() for word in _WORD.findall(name)]

@@ -58,7 +58,7 @@ class Prepared:
     settings : Preparation
         What was asked for.
     zero : numpy.ndarray, optional
-        What was taken off the force, N: one number, or three.
+        What was taken off the force, N: one number; or three, in the axes of the sensor.
     drift : float
         How far that goes over the recording, N.
     normal : Normal, optional

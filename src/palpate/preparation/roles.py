@@ -116,7 +116,7 @@ class _Choosing:
             self._time(),
             self._velocity(depth, is_penetration),
             self._default("segment"),
-            self._orientation(),
+            self._orientation(depth),
             self.reasons,
         )
 
@@ -160,11 +160,13 @@ class _Choosing:
         self._because("velocity", found[0], "velocity")
         return found[0][0]
 
-    def _orientation(self) -> tuple[str, ...]:
+    def _orientation(self, depth: tuple[str, ...]) -> tuple[str, ...]:
+        """What is named; of several, that of the position's own topic or group."""
         if self.columns.orientation is not None:
             return self._named("orientation", self.columns.orientation)
         found = self._candidates("orientation", 4)
-        return found[0] if len(found) == 1 else ()
+        own = [names for names in found if _group(names[0]) == _group(depth[0])]
+        return own[0] if len(own) == 1 else found[0] if len(found) == 1 else ()
 
     def _given(self, role: str) -> tuple[str, ...]:
         """The channels that are named, or those of the default name; none where it is absent."""
@@ -270,6 +272,12 @@ class _Choosing:
 
     def _where(self) -> str:
         return f"{self.recording.source}: " if self.recording.source else ""
+
+
+def _group(name: str) -> str:
+    """The topic of a channel of messages; the group of an array."""
+    topic, dot, _ = name.partition(".")
+    return topic if dot else name.rpartition("/")[0]
 
 
 def _below(name: str, group: str) -> bool:

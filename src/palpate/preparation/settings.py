@@ -43,6 +43,8 @@ class Preparation:
 
     def __post_init__(self) -> None:
         instance("columns", self.columns, Columns)
+        units = {"penetration" if k == "position" else k: unit for k, unit in self.units.items()}
+        object.__setattr__(self, "units", units)
         self.corrections()
         if isinstance(self.surface, str) and self.surface not in get_args(SurfaceRule):
             raise InvalidParameterError(

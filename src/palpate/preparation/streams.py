@@ -10,7 +10,7 @@ from palpate.preparation.channels import unit_of
 from palpate.preparation.roles import Roles
 from palpate.preparation.rows import rows_of
 from palpate.recordings import Recording
-from palpate.recordings.units import UNITS
+from palpate.recordings.units import size_of
 from palpate.remarks import Remark
 from palpate.validation import Floats
 
@@ -89,7 +89,7 @@ def running(
     recording: Recording, stream: Stream, what: str, remarks: list[Remark], *, strict: bool
 ) -> tuple[NDArray[np.int64] | Floats, dict[str, NDArray[np.generic]], NDArray[np.int64]]:
     """A stream's samples whose time increases, and the part that each is of."""
-    largest = LATEST / UNITS["time"][stream.unit]
+    largest = LATEST / size_of("time", stream.unit)
     rows = rows_of(stream.time, _labels(stream.values.get("segment")), largest=largest)
     if not rows.keep.any():
         where = f"{recording.source}: " if recording.source else ""
@@ -137,16 +137,16 @@ def _refuse(recording: Recording, stream: Stream, sample: int) -> None:
 
 def origin_of(*streams: Stream) -> int | float:
     """What times are counted from: the first of all where they are whole, or since 1970; else 0."""
-    firsts = [s.time[np.abs(s.time) * UNITS["time"][s.unit] <= LATEST] for s in streams]
+    firsts = [s.time[np.abs(s.time) * size_of("time", s.unit) <= LATEST] for s in streams]
     known = [first.min() for first in firsts if first.size]
     if not known:
         return 0
     whole = all(stream.time.dtype.kind in "iu" for stream in streams)
     smallest = min(known)
-    far = abs(float(smallest)) * UNITS["time"][streams[0].unit] > SINCE_LONG_AGO
+    far = abs(float(smallest)) * size_of("time", streams[0].unit) > SINCE_LONG_AGO
     return (int(smallest) if whole else float(smallest)) if far or whole else 0
 
 
 def seconds_of(time: NDArray[np.int64] | Floats, unit: str, origin: int | float) -> Floats:
     """Times in seconds from an origin in their own unit, taken off before digits are lost."""
-    return np.asarray((time - origin) * UNITS["time"][unit], dtype=np.float64)
+    return np.asarray((time - origin) * size_of("time", unit), dtype=np.float64)

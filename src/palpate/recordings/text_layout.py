@@ -10,17 +10,13 @@ from dataclasses import dataclass
 from palpate.errors import RecordingError
 from palpate.recordings.recording import number_in_text
 from palpate.recordings.times import is_iso_time
-from palpate.recordings.units import KNOWN, plain_unit, unit_in_name
+from palpate.recordings.units import KNOWN, OTHER_UNITS, plain_unit, unit_in_name
 
 DELIMITERS = ",;\t|"
 SPACES = " "  # as a delimiter: any run of spaces and tabs
 MOST_COLUMNS = 1 << 16  # four times what a spreadsheet holds
 LONGEST_NAME = 10_000  # characters
 TRIED = 50  # lines that say how cells are divided
-# What else stands in a row of units, beside those that palpate converts.
-OTHER_UNITS = frozenset(["-", "–", "1", "%", "deg", "°", "rad", "rad/s", "V", "mV", "A", "mA", "Hz",
-                         "°C", "C", "K", "Pa", "kPa", "MPa", "g", "kg", "m/s^2", "m/s²", "counts",
-                         "bool", "text", "N/m", "N/mm"])  # fmt: skip
 _BRACKETS = re.compile(r"^\s*(?:np\.)?array\(|,?\s?dtype=[\w.]+|[\[\](){}]")
 MOST_ELEMENTS = 1000
 LONGEST_VECTOR = 40 * MOST_ELEMENTS  # characters
