@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Protocol, cast
 
 from palpate.errors import MissingExtraError
 from palpate.recordings.recording import Recording
@@ -44,13 +43,6 @@ class Request:
             self.progress(min(max(fraction, 0.0), 1.0))
 
 
-class Reader(Protocol):
-    """A module that reads a format."""
-
-    def read(self, path: Path, request: Request) -> Recording:
-        """Read a file as it is."""
-
-
 @dataclass(frozen=True, slots=True)
 class Format:
     """A format of files.
@@ -62,7 +54,7 @@ class Format:
     suffixes : tuple of str
         What names of its files end with, in lower case.
     module : str
-        Its whole name; its ``read`` is a :class:`Reader`'s.
+        Its whole name; its ``read(path, request)`` returns a :class:`Recording`.
     marks : tuple of bytes
         What its files begin with: content comes before the suffix.
     extra : str, optional
@@ -84,8 +76,8 @@ class Format:
             A package that it takes is not installed.
         """
         try:
-            reader = cast(Reader, import_module(self.module))
-            return reader.read(path, request)
+            recording: Recording = import_module(self.module).read(path, request)
+            return recording
         except ModuleNotFoundError as error:
             if self.extra is None or (error.name or "").startswith("palpate"):
                 raise

@@ -7,10 +7,11 @@ import io
 import itertools
 import lzma
 import re
+import sys
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from functools import cache
+from functools import cache, lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
@@ -53,7 +54,6 @@ PIECE = 1 << 19
 LARGE = 5 << 20  # bytes of a file for which pyarrow is worth the time to import it
 MOST_LINES = 50  # of a cell in quotation marks; one mark too many would take all the rest
 WIDE = 8  # columns
-MOST_REMEMBERED = 10_000  # labels, of which each is held once
 # Whoever is killed while writing leaves what buffers of this size have handed over.
 BUFFER = 4096
 # A last cell that is shorter than all of so many above it most likely lacks its end.
@@ -277,7 +277,8 @@ class _Column:
         self.size = self.good = self.filled = 0
         self.pieces: list[NDArray[Any]] = []
         self.wrong: tuple[int, str] | None = None
-        self._known: dict[str, tuple[str, bool]] = {}
+        remembered = lru_cache(maxsize=10_000)
+        self._is_number = remembered(lambda cell: parsed_number(cell, decimal) is not None)
 
     def refused(self, cells: Sequence[str]) -> list[int]:
         """Say which rows cannot stand in the table, for a row without a time does not."""
@@ -323,18 +324,11 @@ class _Column:
             return None
 
     def _take_words(self, cells: Sequence[str]) -> None:
-        values = np.empty(len(cells), dtype=object)  # one long cell would widen all
-        for k, cell in enumerate(cells):
-            found = self._known.get(cell)
-            if found is None:
-                found = cell, parsed_number(cell, self.decimal) is not None
-                if len(self._known) < MOST_REMEMBERED:
-                    self._known[cell] = found
-            values[k], number = found
-            self.good += number
-            self.filled += bool(cell) and not cell.isspace()
+        # As objects, for one long cell would widen all; and each label is held but once.
+        self.pieces.append(np.array(list(map(sys.intern, cells)), dtype=object))
+        self.good += sum(map(self._is_number, cells))
+        self.filled += sum(bool(cell.strip()) for cell in cells)
         self.size += len(cells)
-        self.pieces.append(values)
 
     def _value(self, cell: str) -> float | list[float] | None:
         if self.kind == "vectors":

@@ -1,7 +1,6 @@
 """What stands above the samples of a table: notes, header and units; and how cells are divided."""
 
 import csv
-import itertools
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -205,18 +204,14 @@ def _decimal(lines: Sequence[str], delimiter: str) -> str:
 def _told_apart(names: Sequence[str]) -> list[str]:
     """Names as they are; those that occur twice, or are empty, with their place."""
     times = Counter(names)
-    apart = [
-        name if name and times[name] == 1 else f"{name} (column {place})".strip()
-        for place, name in enumerate(names, start=1)
-    ]
-    taken: set[str] = set()
-    for place, name in enumerate(apart):
-        for suffix in itertools.count(2):
-            if apart[place] not in taken:
-                break
-            apart[place] = f"{name} ({suffix})"
-        taken.add(apart[place])
-    return apart
+    apart: dict[str, None] = {}
+    for place, name in enumerate(names, start=1):
+        if not name or times[name] > 1:
+            name = f"{name} (column {place})".strip()
+        while name in apart:
+            name += " (2)"
+        apart[name] = None
+    return list(apart)
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:

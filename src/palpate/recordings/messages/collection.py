@@ -88,13 +88,13 @@ class Collection:
         RecordingError
             It is nothing; or something was asked for that there is not.
         """
-        channels = _Channels()
+        channels = _Channels(self.notes, self.omissions)
         for topic in self._topics.values():
             self._say(topic)
             channels.add(topic)
-        self._say_not_asked()
-        self.omissions += channels.omissions
-        self.notes |= channels.notes
+        unread = {topic.name for topic in self._topics.values() if topic.omitted == NOT_ASKED}
+        if unread:
+            self.omissions.append(f"not asked for: {_few(unread)}")
         self._check(list(channels.values))
         self.request.report(1.0)
         return Recording(
@@ -129,11 +129,6 @@ class Collection:
         if topic.found and topic.skipped:
             self.omissions.append(f"{topic.name}: long lists are not read: {_few(topic.skipped)}")
 
-    def _say_not_asked(self) -> None:
-        names = {topic.name for topic in self._topics.values() if topic.omitted == NOT_ASKED}
-        if names:
-            self.omissions.append(f"not asked for: {_few(names)}")
-
     def _check(self, names: list[str]) -> None:
         for wanted in self.request.channels or ():
             if not any(within(name, wanted) for name in names):
@@ -158,15 +153,14 @@ def _few(names: set[str] | list[str]) -> str:
 class _Channels:
     """Channels of all topics, and what is known of each."""
 
-    def __init__(self) -> None:
+    def __init__(self, notes: dict[str, str], omissions: list[str]) -> None:
         self.values: dict[str, NDArray[Any]] = {}
         self.units: dict[str, str] = {}
         self.clocks: dict[str, str] = {}
         self.frames: dict[str, str] = {}
         self.types: dict[str, str] = {}
         self.faults: dict[str, Faults] = {}
-        self.notes: dict[str, str] = {}
-        self.omissions: list[str] = []
+        self.notes, self.omissions = notes, omissions
 
     def add(self, topic: Topic) -> None:
         """Take the channels of a topic out of it."""

@@ -8,20 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.recordings.bounds import first_line
 from palpate.recordings.formats import Request
-from palpate.recordings.messages.fields import LONGEST_LIST
-from palpate.recordings.messages.layout import Block
-from palpate.recordings.messages.topic import LOG_TIME, Found, Topic, stamp_of
+from palpate.recordings.messages.fields import LONGEST_LIST, UndecodableError
+from palpate.recordings.messages.layout import Starts
+from palpate.recordings.messages.topic import LOG_TIME, Found, ObjectTopic, stamp_of
 
-# Objects that are held at once, as Python's: some 1 kB each.
-_BATCH = 4096
 _DEEPEST = 32
 _SECONDS = ("sec", "secs", "seconds")
 _NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanos", "nanoseconds")
 _LARGEST = 1 << 63
 
 
-class JsonTopic(Topic):
+class JsonTopic(ObjectTopic):
     """A topic of JSON objects.
 
     Parameters
@@ -34,33 +33,32 @@ class JsonTopic(Topic):
         super().__init__(request)
         self._wanted: dict[str, bool] = {}
 
-    def take(self, block: Block) -> None:
-        """Read messages."""
-        for begin in range(0, len(block.starts), _BATCH):
-            if not self.omitted:
-                self._batch(block, range(begin, min(begin + _BATCH, len(block.starts))))
+    def decoded(self, message: bytes) -> Any:
+        """Return a message as an object; raise UndecodableError where it is none."""
+        try:
+            found = json.loads(message)
+        except (ValueError, RecursionError) as error:
+            raise UndecodableError(f"it is no JSON: {first_line(error)[:60]}") from None
+        if not isinstance(found, dict):
+            raise UndecodableError(f"a JSON object was expected, not {type(found).__name__}")
+        return found
 
-    def _batch(self, block: Block, which: range) -> None:
+    def take_objects(self, messages: list[Any], times: Starts) -> None:
+        """Read decoded messages; and when each was logged."""
         values: dict[str, list[Any]] = defaultdict(list)
         rows: dict[str, list[int]] = defaultdict(list)
-        times: list[int] = []
         found = self.found.get("", Found())
-        for k in which:
-            message = self._parsed(block.message(k))
-            if message is None:
-                continue
+        for row, message in enumerate(messages, start=found.count):
             for path, value in self._numbers(message, "", found, 0):
                 if self._asked(path):
                     values[path].append(value)
-                    rows[path].append(len(times))
-            times.append(int(block.times[k]))
+                    rows[path].append(row)
         if set(values) <= {stamp_of(values)}:
             return
         self.found[""] = found
         for path, numbers in values.items():
-            found.extend({path: _column(numbers)}, found.count + np.array(rows[path]))
-        logged = slice(found.count, found.count + len(times))
-        found.extend({LOG_TIME: np.array(times, np.int64)}, logged)
+            found.extend({path: _column(numbers)}, np.array(rows[path]))
+        found.extend({LOG_TIME: times}, slice(found.count, found.count + len(times)))
         found.count += len(times)
 
     def _asked(self, path: str) -> bool:
@@ -69,17 +67,6 @@ class JsonTopic(Topic):
                 f"{self.name}.{path}"
             )
         return self._wanted[path]
-
-    def _parsed(self, text: bytes) -> dict[str, Any] | None:
-        try:
-            message = json.loads(text)
-        except (ValueError, RecursionError) as error:
-            self.fail(f"it is no JSON: {' '.join(str(error).split())[:60]}")
-            return None
-        if not isinstance(message, dict):
-            self.fail(f"a JSON object was expected, not {type(message).__name__}")
-            return None
-        return message
 
     def _numbers(
         self, value: Any, path: str, found: Found, depth: int

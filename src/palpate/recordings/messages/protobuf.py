@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from palpate.recordings.formats import Request
 from palpate.recordings.messages.fields import LONGEST_LIST, UndecodableError, one_line
-from palpate.recordings.messages.layout import Block
-from palpate.recordings.messages.topic import LOG_TIME, Found, Topic, stamp_of
+from palpate.recordings.messages.layout import Starts
+from palpate.recordings.messages.topic import LOG_TIME, Found, ObjectTopic, stamp_of
 
 _Kind = descriptor_pb2.FieldDescriptorProto
 _DTYPES = {
@@ -23,11 +23,9 @@ _DTYPES = {
 }  # fmt: skip
 _TIMES = ("google.protobuf.Timestamp", "google.protobuf.Duration")
 _FRAMES = ("frame_id", "parent_frame_id", "child_frame_id")
-_BATCH = 4096  # messages that are held as Python's objects at once
-_Rows = NDArray[np.int64]
 
 
-class ProtobufTopic(Topic):
+class ProtobufTopic(ObjectTopic):
     """A topic of protobuf messages.
 
     Parameters
@@ -59,38 +57,31 @@ class ProtobufTopic(Topic):
             words = " ".join(str(error).split())[:80]
             raise UndecodableError(f"its schema cannot be understood: {words}") from None
 
-    def take(self, block: Block) -> None:
-        """Read messages."""
-        for first in range(0, len(block.starts), _BATCH):
-            messages, times = [], []
-            for k in range(first, min(first + _BATCH, len(block.starts))):
-                try:
-                    messages.append(self._class.FromString(block.message(k)))
-                    times.append(block.times[k])
-                except DecodeError as error:
-                    self.fail(f"it is no {self._class.DESCRIPTOR.full_name}: {error}"[:100])
-            if messages and not self.omitted:
-                self._batch(messages, np.array(times))
+    def decoded(self, message: bytes) -> Any:
+        """Return a message as an object; raise UndecodableError where it is none."""
+        try:
+            return self._class.FromString(message)
+        except DecodeError as error:
+            raise UndecodableError(f"{error}"[:100]) from None
 
-    def _batch(self, messages: Sequence[Any], times: _Rows) -> None:
+    def take_objects(self, messages: list[Any], times: Starts) -> None:
+        """Read decoded messages; and when each was logged."""
         if not self.found and self.request.channels is None and _is_long(messages[0]):
             self.omitted = "most of it is in long lists"
             return
-        descriptor = self._class.DESCRIPTOR
-        apart = descriptor.fields_by_name.get("transforms")
+        apart = self._class.DESCRIPTOR.fields_by_name.get("transforms")
         pairs: dict[str, list[tuple[Any, int]]] = {}
         if apart is not None and apart.message_type is not None and _is_list(apart):
             for k, message in enumerate(messages):
                 for each in message.transforms:
                     ends = [getattr(each, f"{end}_frame_id", "") for end in ("parent", "child")]
-                    name = f"[{one_line(ends[0])}>{one_line(ends[1])}]"
-                    pairs.setdefault(name, []).append((each, k))
+                    pairs.setdefault("[{}>{}]".format(*map(one_line, ends)), []).append((each, k))
         for name, given in pairs.items():
             items, which = zip(*given, strict=True)
             self._extend(name, items, times[list(which)], None)
         self._extend("", messages, times, apart if pairs else None)
 
-    def _extend(self, name: str, messages: Sequence[Any], times: _Rows, without: Any) -> None:
+    def _extend(self, name: str, messages: Sequence[Any], times: Starts, without: Any) -> None:
         found = self.found.get(name, Found())
         rows = found.count + np.arange(len(messages))
         wanted = [
@@ -107,8 +98,8 @@ class ProtobufTopic(Topic):
         found.count += len(messages)
 
     def _columns(
-        self, messages: Sequence[Any], rows: _Rows, path: str, found: Found, without: Any = None
-    ) -> Iterator[tuple[str, _Rows, NDArray[Any]]]:
+        self, messages: Sequence[Any], rows: Starts, path: str, found: Found, without: Any = None
+    ) -> Iterator[tuple[str, Starts, NDArray[Any]]]:
         """Each number of some messages: its path, which rows have it, and the values."""
         kind = messages[0].DESCRIPTOR
         for field in kind.fields:
@@ -136,8 +127,8 @@ class ProtobufTopic(Topic):
             yield from self._values(field, values, here, below, found)
 
     def _values(
-        self, field: Any, values: Sequence[Any], rows: _Rows, path: str, found: Found
-    ) -> Iterator[tuple[str, _Rows, NDArray[Any]]]:
+        self, field: Any, values: Sequence[Any], rows: Starts, path: str, found: Found
+    ) -> Iterator[tuple[str, Starts, NDArray[Any]]]:
         if not values:
             return
         if field.type in _DTYPES:

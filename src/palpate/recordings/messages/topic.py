@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 
 from palpate.recordings.formats import Request
 from palpate.recordings.messages.fields import UndecodableError
-from palpate.recordings.messages.layout import Block, Entity, Layout, Matrix, TimeAt, gather
+from palpate.recordings.messages.layout import (
+    Block,
+    Entity,
+    Layout,
+    Matrix,
+    Starts,
+    TimeAt,
+    gather,
+)
 from palpate.recordings.recording import Faults
 
 # A topic whose messages cannot be walked is given up after so many: some 0.1 s, of which a file can
@@ -20,6 +28,7 @@ from palpate.recordings.recording import Faults
 PATIENCE = 1000
 # Layouts that are kept to compare messages with.
 MOST_LAYOUTS = 256
+_BATCH = 4096  # messages that are held as Python's objects at once, some 1 kB each
 
 _ZSTD = b"\x28\xb5\x2f\xfd"  # what a packed message begins with
 #: Below an entity, the column of the times at which messages were logged. Fields of messages have
@@ -85,7 +94,7 @@ class Found:
         return values, Faults(missing, first, "nothing: the message has no such field")
 
 
-_Part: TypeAlias = tuple[NDArray[np.int64] | None, Layout, Matrix]
+_Part: TypeAlias = tuple[Starts, Layout, Matrix]
 
 
 class Topic:
@@ -135,6 +144,32 @@ class Topic:
             self.omitted = reason
 
 
+class ObjectTopic(Topic):
+    """A topic whose messages a package decodes to Python's objects, one by one."""
+
+    def decoded(self, message: bytes) -> Any:
+        """Return a message as an object; raise UndecodableError where it is none."""
+        raise NotImplementedError
+
+    def take_objects(self, messages: list[Any], times: Starts) -> None:
+        """Read decoded messages; and when each was logged."""
+        raise NotImplementedError
+
+    def take(self, block: Block) -> None:
+        """Read messages."""
+        for first in range(0, len(block.starts), _BATCH):
+            messages, times = [], []
+            for k in range(first, min(first + _BATCH, len(block.starts))):
+                try:
+                    messages.append(self.decoded(block.message(k)))
+                except UndecodableError as error:
+                    self.fail(str(error))
+                    continue
+                times.append(block.times[k])
+            if messages and not self.omitted:
+                self.take_objects(messages, np.array(times, np.int64))
+
+
 class BinaryTopic(Topic):
     """A topic whose messages have layouts.
 
@@ -175,35 +210,25 @@ class BinaryTopic(Topic):
         return Block.joined(messages, times)
 
     def _parts(self, block: Block) -> list[_Part]:
-        """Messages by their layout: which of the block, or None for all; the layout; the bytes."""
+        """Messages by their layout: which of the block; the layout; the bytes."""
         parts: list[_Part] = []
-        first = int(block.lengths[0])
-        if (block.lengths == first).all():
-            self._match(block, None, first, parts)
-            return parts
-        for length in np.unique(block.lengths):
-            which = np.flatnonzero(block.lengths == length)
-            self._match(block, which, int(length), parts)
+        for length in np.unique(block.lengths).tolist():
+            self._match(block, np.flatnonzero(block.lengths == length), length, parts)
         return parts
 
-    def _match(
-        self, block: Block, which: NDArray[np.int64] | None, length: int, parts: list[_Part]
-    ) -> None:
+    def _match(self, block: Block, which: Starts, length: int, parts: list[_Part]) -> None:
         known = self._layouts.setdefault(length, [])
-        if not known:  # before an image is copied, which is then left out
-            first = 0 if which is None else int(which[0])
-            if not self._new_layout(block.message(first), known):
-                which = (np.arange(len(block.starts)) if which is None else which)[1:]
+        # The first is walked before an image is copied, which is then left out.
+        if not known and not self._new_layout(block.message(int(which[0])), known):
+            which = which[1:]
         if self.omitted:
             return
-        starts = block.starts if which is None else block.starts[which]
-        matrix = gather(block.data, starts, length)
+        matrix = gather(block.data, block.starts[which], length)
         tried = 0
-        while len(matrix):
+        while len(which):
             if tried == len(known) and not self._new_layout(matrix[0].tobytes(), known):
                 if self.omitted:
                     return
-                which = np.arange(len(block.starts)) if which is None else which
                 which, matrix = which[1:], matrix[1:]
                 continue
             layout = known[tried]
@@ -213,7 +238,6 @@ class BinaryTopic(Topic):
                 parts.append((which, layout, matrix))
                 return
             if same.any():
-                which = np.arange(len(block.starts)) if which is None else which
                 parts.append((which[same], layout, matrix[same]))
                 which, matrix = which[~same], matrix[~same]
 
@@ -256,8 +280,7 @@ class BinaryTopic(Topic):
                     by_name[entity.name].append((part, entity))
         for name, pieces in by_name.items():
             found = self.found.setdefault(name, Found())
-            all_of = np.arange(len(times))
-            which = [all_of if part[0] is None else part[0] for part, _ in pieces]
+            which = [part[0] for part, _ in pieces]
             # Messages of several layouts stay in the order in which they stand in the file.
             order = np.argsort(np.concatenate(which), kind="stable")
             row_of = np.empty(len(order), np.int64)
