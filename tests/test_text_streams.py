@@ -287,3 +287,17 @@ def test_another_program_may_give_the_standard_input(tmp_path, how):
         code = "import palpate; r = palpate.open_recording('-'); print(len(r.rows), r.source)"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, **source)
     assert (done.stdout.decode().strip(), done.stderr) == ("600 standard input", b"")
+
+
+@pytest.mark.parametrize("left", range(2, 4000, 173))
+def test_of_a_file_that_was_cut_off_every_whole_row_is_read(tmp_path, left):
+    """Wherever a writer was stopped: each row is one that it wrote, or it is not there."""
+    plain = text_of(rows_of())
+    begin = len(plain.splitlines()[0]) + 25 * 70
+    content = plain.encode()[: begin + left]
+    read = open_recording(written(tmp_path / "t.csv", content))
+    whole = content.count(b"\n") - 1
+    assert len(read.rows) in (whole, whole + 1)
+    wrote = open_recording(written(tmp_path / "w.csv", plain))
+    for name in ("time_s", "penetration_m", "force_N"):
+        assert np.array_equal(read.channels[name][:whole], wrote.channels[name][:whole])
