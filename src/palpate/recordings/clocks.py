@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.recordings.times import epoch_unit as unit_since_1970
+
 # Names of times, the surest first, each with or without its unit: time, time_s, Time (ms).
 _NAMES = ("time", "times", "timestamps?", "stamps?", "t", "ts", "tout", "clock")
 _UNIT = (
@@ -23,9 +25,6 @@ _SHORT = {
     "second": "s",
     "seconds": "s",
 }
-
-# Whole units since 1970 are known by their size: these bounds are the years 2001 and 2286.
-_EPOCHS = {"ns": 1e18, "us": 1e15, "ms": 1e12}
 
 
 def clock_rank(name: str) -> int | None:
@@ -47,8 +46,8 @@ def clock_unit(name: str) -> str | None:
 def epoch_unit(values: NDArray[Any]) -> str | None:
     """Return the unit of times since 1970, by the first; seconds are SI and need no word."""
     known = values[np.isfinite(values)]
-    first = float(known[0]) if known.size else 0.0
-    return next((unit for unit, least in _EPOCHS.items() if least <= first < 10 * least), None)
+    unit = unit_since_1970(float(known[0])) if known.size else None
+    return None if unit == "s" else unit
 
 
 def _own(name: str) -> str:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import MissingChannelError, RecordingError
-from palpate.recordings.bounds import LARGEST, first_line
+from palpate.recordings.bounds import LARGEST, first_line, refuse_losses
 from palpate.recordings.formats import Request
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.recordings.text_layout import (
@@ -224,7 +224,6 @@ class _Losses:
     def __init__(self, source: str, strict: bool) -> None:
         self.source, self.strict = source, strict
         self._found: dict[str, tuple[int, int]] = {}
-        self._said: list[str] = []
 
     def add(self, what: str, row: int) -> None:
         """Count a row of which something is said: ``"has more cells than the header"``."""
@@ -233,12 +232,6 @@ class _Losses:
         count, first = self._found.get(what, (0, row))
         self._found[what] = count + 1, first
 
-    def say(self, sentence: str) -> None:
-        """Take a whole sentence on what was lost."""
-        if self.strict:
-            raise RecordingError(f"{self.source}: {sentence}")
-        self._said.append(sentence)
-
     def sentences(self) -> list[str]:
         """Return what was lost, a sentence a reason."""
         return [
@@ -246,7 +239,7 @@ class _Losses:
             if count == 1
             else f"{count} rows were left out, as each {what}; the first is row {first}"
             for what, (count, first) in self._found.items()
-        ] + self._said
+        ]
 
 
 class _Column:
@@ -416,8 +409,6 @@ class _Table:
                 self._add(last, row)
                 row += 1
             request.report(self.text.fraction)
-        for sentence in self.text.losses:
-            self.losses.say(sentence)
 
     def _begin(self, first: bytes, kinds: Mapping[str, str]) -> None:
         """Find the layout, and what the columns hold."""
@@ -583,7 +574,8 @@ class _Table:
         if self.request.channels and not wanted:
             raise MissingChannelError(self.request.channels[0], self.layout.header, self.source)
         rows = _in_one(self.rows)
-        losses = self.losses.sentences()
+        losses = self.losses.sentences() + self.text.losses
+        refuse_losses(self.source, losses, self.request)
         if losses and not len(rows):
             raise RecordingError(f"{self.source}: no row of it can be read: {losses[0]}")
         ignored = ", ".join(column.name for column in self.columns if column.kind == "nothing")
