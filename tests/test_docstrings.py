@@ -10,7 +10,7 @@ import pytest
 import palpate
 from palpate import figures, metrics
 from palpate.preparation import preparing, suggestions, velocity
-from palpate.recordings import csv, opening, recording
+from palpate.recordings import columns, opening, recording
 
 # The registries are data: a comment says what they are.
 NAMES = [name for name in palpate.__all__ if name not in ("ESTIMATORS", "FORCE_LAWS")]
@@ -18,7 +18,7 @@ OWN = [getattr(palpate, name) for name in NAMES]
 CLASSES = [thing for thing in OWN if inspect.isclass(thing)]
 FUNCTIONS = [thing for thing in OWN if not inspect.isclass(thing)]
 FUNCTIONS += [figures.draw, figures.draw_comparison, velocity.velocity_of]
-MODULES = [palpate, figures, metrics, preparing, suggestions, velocity, csv, opening, recording]
+MODULES = [palpate, figures, metrics, preparing, suggestions, velocity, columns, opening, recording]
 
 
 def members(kind: type) -> dict[str, object]:
