@@ -468,7 +468,7 @@ def test_what_is_no_result_is_said_in_a_line(run, saved, tmp_path):
     for file, words in (
         (broken, "cut off"),
         (tmp_path / "none", "palpate identify FILE -o FOLDER"),
-        (recording, "palpate identify FILE -o FOLDER"),
+        (recording, f"a recording, not a result; run palpate identify {recording} -o FOLDER"),
         (printed, "printed by --json"),
     ):
         status, out, err = run("export", file, "--to", "usd")

@@ -31,8 +31,8 @@ def Material "Contact" (
 )
 {{
     float physics:restitution = 0
-    # The law has no friction. At 0 the pyramidal cone of Newton's SolverMuJoCo gives NaN, and only at
-    # 1 does that cone leave the normal force as it is.
+    # The law has no friction. At 0 the pyramidal cone of Newton's SolverMuJoCo gives NaN, and at 1
+    # alone it leaves the normal force as it is.
     float physics:dynamicFriction = 1
     float physics:staticFriction = 1
     float newton:contactStiffness = {stiffness}
@@ -67,8 +67,8 @@ def Xform "World"
     {{
     }}
 
-    # Both shapes are bound to the material: with a shape that has none Newton takes the mean of this
-    # material and its own defaults.
+    # Both shapes are bound to the material: where one has none Newton takes the mean of this and
+    # its own defaults.
     def Plane "ground" (
         prepend apiSchemas = ["PhysicsCollisionAPI", "MaterialBindingAPI"]
     )
@@ -94,10 +94,10 @@ def Xform "World"
 
 _BOTH = (
     "bind the material to both shapes, the one that presses and the one that is pressed: where one "
-    "has none, Newton takes the mean of this material and its own defaults"
+    "has none Newton takes the mean of this material and its own defaults"
 )
 _NEWTON = (
-    "take Newton's SolverSemiImplicit, which has this law: SolverMuJoCo of Newton 1.8.0 takes these "
+    "take Newton's SolverSemiImplicit, which has this law: SolverMuJoCo of Newton 1.8.0 takes the "
     "numbers as mass-normalised by default, and its pyramidal cone changes the normal force for "
     "another friction than the written 1, to NaN at 0"
 )
