@@ -145,6 +145,26 @@ def test_a_pair_has_the_force_and_the_rebound_that_were_predicted(hertz):
     assert found == pytest.approx(hertz.predicted_rebound(drop), rel=1e-3)
 
 
+@pulling
+def test_a_pair_says_when_it_pulls_and_pulls_no_more_than_its_spring_pushes_at_the_deepest():
+    law = LAWS["sponge"]
+    fragment = fitted(law)
+    said = " ".join(fragment.warnings)
+    assert "withdrawn faster than 0.1 m/s (K/B), the pair pulls, by up to 4.7 N" in said
+    assert "form for MJX is two-contacts" in said
+    assert [row.adhesion for row in fragment.rows.rows] == [0.0, 4.7]
+    # Below that speed it is the law; above it, it pulled with 6 N, and the callback does not pull.
+    fast = np.array([[0.0, 1.0], [0.01, 0.01], [-0.08, -0.3], [0.0, 0.0]])
+    motion = Motion(*fast, np.ones(2, bool))
+    slower, faster = fragment.replay(motion).force
+    assert slower == pytest.approx(float(law.force(0.01, -0.08)), abs=0.01)
+    assert faster == pytest.approx(float(law.force(0.01, 0.0)) - 4.7, abs=0.01)
+    assert fitted(law, form="callback").replay(motion).force[1] == 0.0
+    # With p < n by K x^(n − p)/B at the median depth.
+    said = " ".join(fitted(KELVIN_VOIGT, form="pair").warnings)
+    assert "withdrawn faster than 1.2 m/s from a depth of 10 mm" in said
+
+
 def test_a_fit_is_the_same_every_time():
     depths = fitting.depths_that_count(SHORT)
     first, second = (profiles.spring(depths, depths**1.5, 0.01) for _ in range(2))
