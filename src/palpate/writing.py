@@ -71,12 +71,11 @@ def check_own(folder: Path, names: Iterable[str], own: Callable[[Path], bool]) -
         There is one.
     """
     for path in (folder / name for name in names):
-        with _in_words(path):
-            if path.is_file() and not own(path):
-                raise RecordingError(
-                    f"{path}: palpate did not write this file, or somebody changed it since; name "
-                    "another folder (-o FOLDER)"
-                )
+        if path.is_file() and not own(path):
+            raise RecordingError(
+                f"{path}: palpate did not write this file, or somebody changed it since; name "
+                "another folder (-o FOLDER)"
+            )
 
 
 def check_writable(path: Path, inputs: Sequence[Path] = ()) -> None:

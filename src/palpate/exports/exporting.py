@@ -207,10 +207,8 @@ def _written(
     digests = {name: _digest(text) for name, text in texts.items()}
     digests |= {name: earlier[name] for name in left}
     whole = {**statement.as_dict(), "files": list(files), "left": list(left), "sha256": digests}
-    return {
-        **texts,
-        number: json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n",
-    }
+    text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
+    return {**texts, number: text + "\n"}
 
 
 def _saved(

@@ -11,7 +11,7 @@ from palpate.errors import PalpateError
 from palpate.paper import outcomes as on_disk
 from palpate.paper.experiment import Experiment, Outcome
 from palpate.paper.report.contents import Report, Section
-from palpate.paper.report.writing import REPORT, write_report
+from palpate.paper.report.writing import write_report
 from palpate.paper.workers import Failure, Given, Result, perform, processes
 from palpate.writing import check_own, make_folder
 
@@ -164,7 +164,8 @@ def run_paper(
     """
     begun_before = (folder / "outcomes").is_dir()
     drawings = [path.name for each in experiments for path in on_disk.figures_of(folder, each.name)]
-    check_own(folder, [*REPORT, *drawings], lambda _: begun_before)
+    pages = ["report.html", "report.json", "claims.md"]
+    check_own(folder, [*pages, *drawings], lambda _: begun_before)
     for wanted in (folder, folder / "outcomes"):
         make_folder(wanted)
     run = PaperRun(experiments, seeds, folder)

@@ -138,12 +138,10 @@ def robot(model: Path, meshes: str, textures: str, notes: Sequence[str]) -> str:
     """A scene of the user's model, wherever that is, with the fragment beside this file."""
     whole = model.absolute()
     folders = {"meshdir": str(whole.parent / meshes), "texturedir": str(whole.parent / textures)}
-    parts = [("include", {"file": str(whole)}), ("compiler", folders)]
-    lines = [
-        ElementTree.tostring(ElementTree.Element(tag, given), encoding="unicode")
-        for tag, given in parts
-    ]
-    return ROBOT.format(comment=xml_comment(notes), model=lines[0], assets=lines[1])
+    include = ElementTree.Element("include", file=str(whole))
+    parts = (include, ElementTree.Element("compiler", folders))
+    both = [ElementTree.tostring(part, encoding="unicode") for part in parts]
+    return ROBOT.format(comment=xml_comment(notes), model=both[0], assets=both[1])
 
 
 def as_one_contact(rows: Rows) -> Rows:

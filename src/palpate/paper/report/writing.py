@@ -11,15 +11,13 @@ from palpate.paper.report.not_held import not_held
 from palpate.paper.report.page import page
 from palpate.writing import write_text
 
-REPORT = ("report.html", "report.json", "claims.md")
-
 
 def write_report(report: Report, folder: Path) -> None:
     """Write ``report.html``, ``report.json`` and ``claims.md``, each whole or not at all."""
-    write_text(folder / REPORT[0], page(report, folder))
+    write_text(folder / "report.html", page(report, folder))
     text = json.dumps(as_dict(report), ensure_ascii=False, allow_nan=False, indent=1)
-    write_text(folder / REPORT[1], text + "\n")
-    write_text(folder / REPORT[2], claims_as_markdown(report))
+    write_text(folder / "report.json", text + "\n")
+    write_text(folder / "claims.md", claims_as_markdown(report))
 
 
 def as_dict(report: Report) -> dict[str, Any]:
