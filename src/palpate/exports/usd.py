@@ -31,8 +31,8 @@ def Material "Contact" (
 )
 {{
     float physics:restitution = 0
-    # The law has no friction. At 0 the pyramidal cone of Newton's SolverMuJoCo gives NaN, and at 1
-    # alone it leaves the normal force as it is.
+    # Not measured: the law has no friction. At 0 the pyramidal cone of Newton's SolverMuJoCo gives
+    # NaN, and at 1 alone it leaves the normal force as it is.
     float physics:dynamicFriction = 1
     float physics:staticFriction = 1
     float newton:contactStiffness = {stiffness}
@@ -99,7 +99,7 @@ _BOTH = (
 _NEWTON = (
     "take Newton's SolverSemiImplicit, which has this law: SolverMuJoCo of Newton 1.8.0 takes the "
     "numbers as mass-normalised by default, and its pyramidal cone changes the normal force for "
-    "another friction than the written 1, to NaN at 0"
+    "another friction than the written 1, to NaN at 0; that friction is not the material's"
 )
 _UNITS = (
     "the numbers are in kg, m and s: a stage with another metersPerUnit or kilogramsPerUnit does "
