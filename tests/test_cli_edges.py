@@ -224,6 +224,46 @@ class Interrupter:
             raise KeyboardInterrupt
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell of POSIX closes the streams")
+@pytest.mark.parametrize("closed", ["2>&-", "0<&- 1>&- 2>&-"])
+def test_a_closed_stream_ends_nothing(tmp_path, closed):
+    lab = f"{sys.executable} -m palpate lab ball --probe ideal --seconds 2.5 -v -o"
+    done = subprocess.run(
+        f"{lab} a.csv {closed}", shell=True, cwd=tmp_path, capture_output=True, check=False
+    )
+    assert (done.returncode, done.stderr, done.stdout == b"") == (0, b"", "1>&-" in closed)
+    # Nothing that was printed is in a file that took a stream's descriptor.
+    subprocess.run(f"{lab} b.csv", shell=True, cwd=tmp_path, capture_output=True, check=True)
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+
+
+STEERING = "\x1b[31mred\x9b2J\nof two.csv"
+
+
+@pytest.mark.parametrize("command", ["identify", "compare", "diagnose", "info"])
+def test_no_name_of_a_file_steers_the_terminal(run, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path / STEERING, text_of(rows_of()))
+    status, out, err = run(command, STEERING, "-v")
+    assert (status, out.splitlines()[0]) == (0, r"\x1b[31mred\x9b2J\nof two.csv")
+    for words in (out, err, run(command, f"no {STEERING}")[2], run("info", STEERING, "--json")[1]):
+        assert "of two.csv" in words
+        assert not any(sign in words for sign in "\x1b\x9b")
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["{}", "identify {}", "identify probe.csv --method {}", "identify probe.csv --law {}",
+     "identify probe.csv --unit force={}", "identify probe.csv --{}", "lab {} -o x.csv",
+     "lab ball --trajectory {} -o x.csv"],
+)  # fmt: skip
+def test_a_word_of_any_length_is_shown_by_its_ends(run, good, monkeypatch, words):
+    monkeypatch.chdir(good.parent)
+    status, out, err = run(*words.format("q" * 10_000).split())
+    assert (status, out, "qqq…" in err) == (2, "", True)
+    assert len(err) < 600
+
+
 def test_an_interrupt_while_importing_ends_quietly(run, monkeypatch):
     monkeypatch.delitem(sys.modules, "palpate.cli.application", raising=False)
     monkeypatch.setattr(sys, "meta_path", [Interrupter(), *sys.meta_path])

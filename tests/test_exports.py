@@ -398,6 +398,28 @@ def test_an_export_never_replaces_what_it_was_made_of(ball, saved, tmp_path):
         made.save(saved, inputs=[saved / "material.usda"])
 
 
+@pytest.mark.parametrize("name", ["scene.usda", "statement.md", "statement.json"])
+def test_an_export_replaces_only_what_an_export_wrote(ball, name, tmp_path):
+    first, second = exports.export(ball, "usd", mass=1.0), exports.export(ball, "gazebo-classic")
+    (tmp_path / name).write_text("mine", encoding="utf-8")
+    with pytest.raises(RecordingError, match=rf"{name}: palpate did not write this .*-o FOLDER"):
+        first.save(tmp_path)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]
+    (tmp_path / name).unlink()
+    # Its own it replaces, those of another engine between them too, until somebody changes one.
+    for made in (first, second, exports.export(ball, "usd", mass=2.0)):
+        made.save(tmp_path)
+    assert "float physics:mass = 2" in (tmp_path / "scene.usda").read_text()
+    with (tmp_path / "scene.usda").open("a") as file:
+        file.write("# my own light\n")
+    with pytest.raises(RecordingError, match="or somebody changed it since"):
+        first.save(tmp_path)
+    # One that was interrupted has written no statement, and is repeated.
+    *_, statement = first.save(tmp_path / "new")
+    statement.unlink()
+    assert first.save(tmp_path / "new")[-1] == statement
+
+
 def test_the_laboratory_presses_what_was_exported_and_identifies_it(toy):
     toy(factor=1.02)
     made = exports.export(BALL.law, "toy")
@@ -468,7 +490,7 @@ def test_what_is_no_result_is_said_in_a_line(run, saved, tmp_path):
     for file, words in (
         (broken, "cut off"),
         (tmp_path / "none", "palpate identify FILE -o FOLDER"),
-        (recording, "palpate identify FILE -o FOLDER"),
+        (recording, f"a recording, not a result; run palpate identify {recording} -o FOLDER"),
         (printed, "printed by --json"),
     ):
         status, out, err = run("export", file, "--to", "usd")

@@ -1,6 +1,8 @@
 """MuJoCo carries a law as predicted, in the engine itself and in a user's own model."""
 
+import runpy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -65,6 +67,11 @@ def fitted(law, **asked):
 def error(fragment, motion=FIRM):
     replayed = fragment.replay(motion)
     return force_error(replayed.force, motion.force_by(fragment.asked.law), motion.judged)
+
+
+def write(folder, files):
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -138,6 +145,26 @@ def test_a_pair_has_the_force_and_the_rebound_that_were_predicted(hertz):
     assert found == pytest.approx(hertz.predicted_rebound(drop), rel=1e-3)
 
 
+@pulling
+def test_a_pair_says_when_it_pulls_and_pulls_no_more_than_its_spring_pushes_at_the_deepest():
+    law = LAWS["sponge"]
+    fragment = fitted(law)
+    said = " ".join(fragment.warnings)
+    assert "withdrawn faster than 0.1 m/s (K/B), the pair pulls, by up to 4.7 N" in said
+    assert "form for MJX is two-contacts" in said
+    assert [row.adhesion for row in fragment.rows.rows] == [0.0, 4.7]
+    # Below that speed it is the law; above it, it pulled with 6 N, and the callback does not pull.
+    fast = np.array([[0.0, 1.0], [0.01, 0.01], [-0.08, -0.3], [0.0, 0.0]])
+    motion = Motion(*fast, np.ones(2, bool))
+    slower, faster = fragment.replay(motion).force
+    assert slower == pytest.approx(float(law.force(0.01, -0.08)), abs=0.01)
+    assert faster == pytest.approx(float(law.force(0.01, 0.0)) - 4.7, abs=0.01)
+    assert fitted(law, form="callback").replay(motion).force[1] == 0.0
+    # With p < n by K x^(n − p)/B at the median depth.
+    said = " ".join(fitted(KELVIN_VOIGT, form="pair").warnings)
+    assert "withdrawn faster than 1.2 m/s from a depth of 10 mm" in said
+
+
 def test_a_fit_is_the_same_every_time():
     depths = fitting.depths_that_count(SHORT)
     first, second = (profiles.spring(depths, depths**1.5, 0.01) for _ in range(2))
@@ -166,11 +193,10 @@ def test_the_callback_has_the_law_itself():
     assert fragment.rebound(drop) == pytest.approx(drop.restitution, rel=5e-3)
 
 
-def test_the_callback_leaves_other_models_and_the_callback_before_it_alone():
-    fragment = fitted(LAWS["ball"], form="callback")
-    files = fragment.files(["a note"])
-    module = {"__name__": "palpate_contact"}
-    exec(files["palpate_contact.py"], module)
+def test_the_callback_leaves_other_models_and_the_callback_before_it_alone(tmp_path):
+    files = fitted(LAWS["ball"], form="callback").files(["a note"])
+    write(tmp_path, files)
+    module = runpy.run_path(str(tmp_path / "palpate_contact.py"))
     models = [mujoco.MjModel.from_xml_string(text) for text in (files["scene.xml"], BOX)]
     data, other = map(mujoco.MjData, models)
     calls = []
@@ -197,22 +223,79 @@ def test_the_callback_leaves_other_models_and_the_callback_before_it_alone():
         mujoco.set_mjcb_passive(None)
 
 
-def test_the_callback_runs_as_a_program_and_in_the_users_own_model(model, monkeypatch, capsys):
-    path = model(ARM.format(more=""))
-    fragment = fitted(LAWS["ball"], model=path, geom="tip", mass=None, form="callback")
+def test_the_callback_runs_as_a_program_and_in_the_users_own_model(model, capsys):
+    path = model(ARM.format(more="").replace('"tip"', '"finger"'))
+    fragment = fitted(LAWS["ball"], model=path, geom="finger", mass=None, form="callback")
     assert error(fragment, SHORT) < 1e-10
-    files = fragment.files([])
-    for name, text in files.items():
-        (path.parent / name).write_text(text, encoding="utf-8")
-    mujoco.MjModel.from_xml_path(str(path.parent / "robot_scene.xml")).geom("palpate_pad")
-    small = fitted(LAWS["ball"], form="callback").files([])
-    (path.parent / "scene.xml").write_text(small["scene.xml"], encoding="utf-8")
-    monkeypatch.chdir(path.parent)
-    exec(small["palpate_contact.py"], {"__name__": "__main__"})
+    folder = path.parent / "out"
+    folder.mkdir()
+    write(folder, fragment.files([]))
+    own = mujoco.MjModel.from_xml_path(str(folder / "robot_scene.xml"))
+    module = runpy.run_path(str(folder / "palpate_contact.py"))
+    assert module["ExactContact"](own).tip == own.geom("finger").id
+    runpy.run_path(str(folder / "palpate_contact.py"), run_name="__main__")
     peak, leaves = (float(word) for word in capsys.readouterr().out.split() if word[0].isdigit())
-    drop = drop_to(LAWS["ball"], 1.0, MOTION.deepest)
+    drop = drop_to(LAWS["ball"], 1.0 / fragment.mobility, MOTION.deepest)
     assert leaves / drop.speed == pytest.approx(drop.restitution, rel=5e-3)
     assert peak > 2000.0 * MOTION.deepest
+
+
+HOSTILE = (
+    '"""+str(open("owned", "w"))+"""',
+    "'+str(open('owned', 'w'))+'",
+    '"""\nopen("owned", "w")\n"""',
+    'a"--><body/><!-- & \u2028 coding:utf-7 {tip}',
+)
+
+
+@pytest.mark.parametrize("form", ["callback", "kelvin-voigt"])
+@pytest.mark.parametrize("name", HOSTILE, ids=["docstring", "quotes", "lines", "markup"])
+def test_a_name_of_a_model_is_data_and_never_code_or_markup(name, form, model, monkeypatch):
+    spec = mujoco.MjSpec.from_string(SLIDE)
+    spec.geoms[0].name = name
+    spec.compile()
+    path = model(spec.to_xml())
+    monkeypatch.chdir(path.parent)
+    made = export(KELVIN_VOIGT, "mujoco", model=path, geom=name, form=form)
+    assert made.statement.compared.percent < 0.1
+    folder = path.parent / "out"
+    made.save(folder)
+    own = mujoco.MjModel.from_xml_path(str(folder / "robot_scene.xml"))
+    assert own.nbody == 2
+    if form == "callback":
+        module = runpy.run_path(str(folder / "palpate_contact.py"))
+        assert own.geom(module["ExactContact"](own).tip).name == name
+        # The same bytes whatever the model: nothing of it can be source.
+        plain = fitted(LAWS["pvc"], form="callback").files([])
+        assert made.files["palpate_contact.py"] == plain["palpate_contact.py"]
+    assert not list(path.parent.rglob("owned"))
+
+
+def test_the_scene_of_a_robot_loads_from_where_it_was_written_and_from_anywhere_else(
+    tmp_path, monkeypatch
+):
+    # A model of parts and a mesh, as robots are; MuJoCo looks for those from the outer file on.
+    robot = tmp_path / "a robot & more"
+    (robot / "parts").mkdir(parents=True)
+    (robot / "assets").mkdir()
+    wedge = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    (robot / "assets" / "wedge.obj").write_text(wedge)
+    (robot / "parts" / "arm.xml").write_text(
+        SLIDE.replace("</body>", '<geom type="mesh" mesh="wedge" mass="0.1"/></body>')
+    )
+    (robot / "robot.xml").write_text(
+        '<mujoco><compiler meshdir="assets"/><asset><mesh name="wedge" file="wedge.obj"/></asset>'
+        '<include file="parts/arm.xml"/></mujoco>'
+    )
+    monkeypatch.chdir(robot)
+    made = export(KELVIN_VOIGT, "mujoco", model=Path("robot.xml"), geom="tip")
+    out = tmp_path / "out"
+    made.save(out)
+    for folder, path in ((out, "robot_scene.xml"), (tmp_path, "out/robot_scene.xml")):
+        monkeypatch.chdir(folder)
+        found = mujoco.MjModel.from_xml_path(path)
+        assert (found.nmesh, found.npair) == (1, 1)
+        assert found.geom("palpate_pad").id != found.geom("tip").id
 
 
 def test_a_replay_leaves_no_callback_behind_when_it_fails(monkeypatch):
@@ -325,8 +408,7 @@ def test_the_fragment_runs_beside_the_users_own_model(model):
     path = model(ARM.format(more=""))
     fragment = fitted(KELVIN_VOIGT, model=path, geom="tip", mass=None, form="pair")
     assert error(fragment, SHORT) < 0.01
-    for name, text in fragment.files(["of a recording -- and more"]).items():
-        (path.parent / name).write_text(text, encoding="utf-8")
+    write(path.parent, fragment.files(["of a recording -- and more"]))
     both = mujoco.MjModel.from_xml_path(str(path.parent / "robot_scene.xml"))
     ours = fragment.pressed().model
     for name in ("pair_solref", "pair_solimp", "pair_margin", "pair_adhesion", "body_invweight0"):
@@ -421,8 +503,7 @@ def test_a_surface_stays_where_it_is_in_a_model_with_defaults_for_pairs(model):
     defaults = "<default><pair margin='0.006' gap='0.005' condim='3'/></default>"
     path = model(SLIDE.replace("<worldbody>", f"{defaults}<worldbody>", 1))
     fragment = fitted(KELVIN_VOIGT, model=path, geom="tip", mass=None)
-    for name, text in fragment.files(()).items():
-        (path.parent / name).write_text(text)
+    write(path.parent, fragment.files(()))
     found = mujoco.MjModel.from_xml_path(str(path.parent / "robot_scene.xml"))
     assert (found.pair_margin[0], found.pair_gap[0], found.pair_dim[0]) == (0.0, 0.0, 1)
 

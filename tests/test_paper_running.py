@@ -76,6 +76,17 @@ def test_a_folder_that_cannot_be_written_is_said_before_the_work(tmp_path):
             run(folder, Tiny(seconds=1e6))
 
 
+def test_a_file_that_palpate_did_not_write_is_not_replaced_and_that_is_said_before_the_work(
+    tmp_path,
+):
+    for name in ("report.html", "claims.md", "a-dark.svg"):
+        (tmp_path / name).write_text("mine", encoding="utf-8")
+        with pytest.raises(RecordingError, match=f"{name}: palpate did not write this file"):
+            run(tmp_path, Tiny("a"))
+        assert [path.name for path in tmp_path.iterdir()] == [name]
+        (tmp_path / name).unlink()
+
+
 SLOW = Tiny("b", group="slow", seconds=60.0, slow_from=2)
 COMMAND = """
 import sys

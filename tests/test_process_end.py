@@ -1,8 +1,11 @@
 """A process that has used everything ends without a word: no compiled object is left over."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 USE = """
 import copy, pickle, sys
@@ -91,3 +94,50 @@ def test_no_module_holds_a_compiled_object():
     command = [sys.executable, "-c", IMPORTS]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout.strip(), done.stderr) == (0, "[]", "")
+
+
+FORK = """
+import os, pickle, sys, threading, time
+import numpy as np
+import palpate
+
+x = np.tile(np.sin(np.linspace(0.0, 3.0, 1000)) * 1e-2, 1000)
+arrays = x, np.gradient(x, 1e-3), 1e3 * x
+own = palpate.VariableProjection()
+own.replay(*(each[:1000] for each in arrays))
+replayed = palpate.VariableProjection()
+worker = threading.Thread(target=replayed.replay, args=arrays, daemon=True)
+worker.start()
+time.sleep(0.1)
+child = os.fork()
+if child:
+    assert worker.is_alive()  # it was in the midst of a replay
+    os._exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+for call in (
+    lambda: replayed.update(1e-3, 0.0, 1.0), lambda: replayed.predict(1e-3, 0.0),
+    replayed.estimate, lambda: replayed.replay(x, x, x), lambda: pickle.dumps(replayed),
+):
+    try:
+        call()
+        os._exit(3)
+    except RuntimeError as error:
+        assert "forked while another thread replayed this estimator" in str(error)
+replayed.replace().update(1e-3, 0.0, 1.0)
+replayed.reset()
+replayed.replay(*(each[:1000] for each in arrays))
+os._exit(0 if replayed.estimate().law == own.estimate().law else 4)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no process can be forked there")
+def test_a_fork_in_the_midst_of_a_replay_leaves_an_error_and_no_lock():
+    # Where the child hangs, both processes are ended, by their group.
+    with subprocess.Popen(
+        [sys.executable, "-c", FORK], stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        try:
+            _, error = process.communicate(timeout=30)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, 9)
+            raise
+    assert (process.returncode, error) == (0, "")

@@ -105,6 +105,22 @@ def test_the_command_writes_the_same_and_its_options_repeat_it(run, tmp_path, un
     assert again["working_depth"]["depth"] == pytest.approx(9e-3)
 
 
+def test_a_result_replaces_an_earlier_one_and_no_file_that_palpate_did_not_write(
+    run, tmp_path, undrawn
+):
+    for name in ("report.html", "run.toml", "result.json"):
+        (tmp_path / name).write_text("mine", encoding="utf-8")
+        status, _, err = run("identify", BALL, "-o", tmp_path)
+        assert (status, err.count("\n")) == (2, 1)
+        assert f"{name}: palpate did not write this file" in err
+        assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]
+        (tmp_path / name).unlink()
+    assert run("identify", BALL, "-o", tmp_path)[0] == 0
+    (tmp_path / "result.json").unlink()  # as if interrupted before it
+    for _ in range(2):
+        assert run("identify", BALL, "-o", tmp_path)[0] == 0
+
+
 def test_a_trace_that_is_read_is_not_written_over(run, saved, tmp_path):
     [trace] = saved.glob("trace.*")
     before = trace.read_bytes()

@@ -126,8 +126,8 @@ nb::class_<Handle> bind_face(nb::module_& module, const char* name) {
           "Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the "
           "present estimate; no law acts out of contact.")
       .def("_estimate", alone<Handle>([](auto& core) { return value_of(core.estimate()); }))
-      .def("reset", alone<Handle>([](auto& core) { core.reset(); }),
-           "Forget everything but the settings.")
+      .def(
+          "reset", [](Handle& self) { self.reset(); }, "Forget everything but the settings.")
       .def("leave_contact", alone<Handle>([](auto& core) { core.leave_contact(); }),
            "End the contact, as where a recording breaks off: the estimate is held until contact "
            "is made again.")

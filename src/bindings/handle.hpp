@@ -4,11 +4,20 @@
 // Threads: a replay runs without the interpreter's lock, and is taken whole; whatever else is
 // called on the same estimator meanwhile waits for its end. All other calls hold that lock, so
 // they are taken one after the other.
+//
+// Forks: a child has no copy of the thread that replays, so no replay ever ends there, and its copy
+// of the estimator is half replayed. Who replays is therefore known by its process: a child raises
+// RuntimeError, until it resets the estimator.
 #pragma once
+
+#ifndef _WIN32
+#include <unistd.h>
+#endif
 
 #include <atomic>
 #include <cstddef>
 #include <memory>
+#include <stdexcept>
 #include <tuple>
 #include <utility>
 #include <variant>
@@ -40,26 +49,48 @@ class Handle {
     return with_other<Others...>(act);
   }
 
-  // Waits, without the interpreter's lock, while another thread replays.
+  // Waits, without the interpreter's lock, while another thread replays; throws where that thread
+  // is in the process that this one was forked from.
   void wait_until_free() {
-    while (replaying_.load(std::memory_order_acquire)) [[unlikely]] {
+    int process;
+    while ((process = replaying_.load(std::memory_order_acquire)) != 0) [[unlikely]] {
+      if (process != this_process()) {
+        throw std::runtime_error(
+            "the process was forked while another thread replayed this estimator: it is half "
+            "replayed here; call reset(), or make a new one with replace()");
+      }
       nb::gil_scoped_release release;
-      replaying_.wait(true, std::memory_order_acquire);
+      replaying_.wait(process, std::memory_order_acquire);
     }
+  }
+
+  // Forgets everything but the settings, what a fork left half replayed too.
+  void reset() {
+    if (replaying_.load() == this_process()) wait_until_free();
+    replaying_.store(0);
+    with([](auto& estimator) { estimator.reset(); });
   }
 
   // Calls `act` with the estimator and without the interpreter's lock.
   template <class Act>
   void replay_with(Act&& act) {
     wait_until_free();
-    replaying_.store(true, std::memory_order_relaxed);
+    replaying_.store(this_process(), std::memory_order_relaxed);
     nb::gil_scoped_release release;
     with(act);
-    replaying_.store(false, std::memory_order_release);
+    replaying_.store(0, std::memory_order_release);
     replaying_.notify_all();
   }
 
  private:
+  static int this_process() noexcept {
+#ifdef _WIN32
+    return 1;  // which cannot be forked
+#else
+    return static_cast<int>(::getpid());
+#endif
+  }
+
   template <class Next, class... Rest, class Act>
   decltype(auto) with_other(Act&& act) {
     auto* other = std::get_if<std::unique_ptr<Next>>(&estimator_);
@@ -70,7 +101,7 @@ class Handle {
   }
 
   std::variant<Usual, std::unique_ptr<Others>...> estimator_;
-  std::atomic<bool> replaying_ = false;
+  std::atomic<int> replaying_ = 0;  // the process whose thread replays, or 0
 };
 
 }  // namespace palpate::bindings

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstddef>
+#include <stdexcept>
 
 #include "conversions.hpp"
 #include "palpate/status.hpp"
@@ -98,7 +99,12 @@ PyObject* update_method(PyObject* self, PyObject* const* args, Py_ssize_t positi
     return nullptr;
   }
   Handle& handle = *nb::inst_ptr<Handle>(self);
-  handle.wait_until_free();
+  try {
+    handle.wait_until_free();
+  } catch (const std::runtime_error& fault) {
+    PyErr_SetString(PyExc_RuntimeError, fault.what());
+    return nullptr;
+  }
   return member_of(handle.with([&](auto& core) {
     const double dt = default_step ? core.settings().sample_time : numbers[3];
     return core.update(numbers[0], numbers[1], numbers[2], dt);

@@ -3,6 +3,11 @@
 from typing import Any
 
 
+def printable(words: str) -> str:
+    """``words`` in signs that a terminal shows; it obeys others, which are spelled out."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in words)
+
+
 class PalpateError(Exception):
     """Any error of palpate's own."""
 

@@ -10,7 +10,7 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
@@ -53,8 +53,29 @@ def write_bytes(path: Path, content: bytes, inputs: Sequence[Path] = ()) -> None
 
 def write_text(path: Path, text: str, inputs: Sequence[Path] = ()) -> None:
     """Write text as UTF-8, as :func:`write_bytes` does."""
+    write_bytes(path, encoded(text), inputs)
+
+
+def encoded(text: str) -> bytes:
+    """Text as :func:`write_text` writes it."""
     # A file's name that is not UTF-8 reaches text as surrogates; JSON has the same escapes.
-    write_bytes(path, text.encode("utf-8", "backslashreplace"), inputs)
+    return text.encode("utf-8", "backslashreplace")
+
+
+def check_own(folder: Path, names: Iterable[str], own: Callable[[Path], bool]) -> None:
+    """Refuse to replace a file in a folder that palpate, as ``own`` says of it, did not write.
+
+    Raises
+    ------
+    RecordingError
+        There is one.
+    """
+    for path in (folder / name for name in names):
+        if path.is_file() and not own(path):
+            raise RecordingError(
+                f"{path}: palpate did not write this file, or somebody changed it since; name "
+                "another folder (-o FOLDER)"
+            )
 
 
 def check_writable(path: Path, inputs: Sequence[Path] = ()) -> None:

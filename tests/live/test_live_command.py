@@ -3,8 +3,11 @@
 import os
 import pty
 import re
+import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -76,7 +79,7 @@ def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
     assert any(each.startswith(f"{recording}: 2000 samples, 19") for each in lines)
     assert any(each.startswith("update, estimate") for each in lines)
     assert "0 lost before the loop" in done.stdout
-    assert re.search(r"contact · 20\d\d.* N/m, .* N·s/m at .* mm", done.stdout)
+    assert re.search(r"contact · (20\d\d|199\d).* N/m, .* N·s/m at .* mm", done.stdout)
     assert f"recorded 2000 rows to {copy}" in done.stdout
 
 
@@ -100,6 +103,27 @@ def test_an_output_that_takes_nothing_ends_nothing_in_tears(recording, tmp_path,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     assert len(palpate.open_recording(copy).numbers("/input.force")) == 2000
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="no children are listed there")
+def test_a_recorder_that_is_killed_ends_in_an_error(recording, tmp_path):
+    copy = tmp_path / "copy.mcap"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "palpate", "live", recording, "--record", copy, *BARE],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    until = time.monotonic() + 60.0
+    while not (copy.exists() and copy.stat().st_size) and time.monotonic() < until:
+        time.sleep(0.01)
+    for child in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split():
+        if any(each.resolve() == copy for each in Path(f"/proc/{child}/fd").iterdir()):
+            os.kill(int(child), signal.SIGKILL)
+    out, error = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert error.startswith(f"palpate: {copy}: the recorder failed")
+    assert error.count("\n") == 1
+    assert "2000 samples" in out  # the loop itself went on
+    assert palpate.open_recording(copy).numbers("/input.force").size < 2000
 
 
 @pytest.mark.slow

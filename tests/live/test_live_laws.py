@@ -129,7 +129,7 @@ def test_the_verdict_is_published_in_words_and_numbers(ros1):
     store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros1 else typesys.Stores.LATEST)
     read = store.deserialize_ros1 if ros1 else store.deserialize_cdr
     values = {each.key: each.value for each in read(data, STATUS).status[0].values}
-    assert values == {"law": "spring", "lead": "0.333333333"}
+    assert values == {"law": "spring", "lead": "0.333333333333333"}
 
 
 def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict_of_the_new_one():
@@ -236,9 +236,11 @@ def test_a_known_exponent_is_given_and_no_estimate():
     assert verdict["fixed"] == ["exponent"]
     size = len(estimator.law_type.symbols)
     values = [0.0] * 10 + verdict["parameters"] + estimator.estimate().standard_errors.tolist()
-    said = words_of(page, Fields(0, tuple(estimator.law_type.names()), 10**12), values)
+    fields = Fields(0, tuple(estimator.law_type.names()), 10**12)
+    said = words_of(page, fields, dict(zip(fields.names, [*values, 2.0, 0.0], strict=True)))
     assert len(values) == 10 + 2 * size
-    assert said["exponent"] == "1.5 (fixed)"
+    assert said["exponent"] == 1.5
+    assert "exponent 1.5 (fixed)" in said["words"]
     assert "damping_exponent" not in said
     assert said["verdict_law"] == verdict["law"]
     assert isinstance(said["verdict_stiffness"], float)

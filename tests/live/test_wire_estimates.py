@@ -4,6 +4,7 @@ import json
 import math
 import struct
 import time
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,14 +14,17 @@ from test_wires import ros_master, wire  # noqa: F401 - fixtures
 from wire_robots import ROBOTS, free_port, query
 
 import palpate
-from palpate import OnlinePreparation
+from palpate import OnlinePreparation, Status
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live import run
 from palpate.live.running import default_estimator
+from palpate.live.sinks.diagnosis import diagnosed, recent
 from palpate.live.sinks.opening import open_publisher
 from palpate.live.sinks.publishing import _Publishing
+from palpate.live.sinks.watching import PLACE, diagnosis_of
 from palpate.live.sinks.zeromq import BINARY
 from palpate.live.sources.replay import Replay
+from palpate.live.states import State
 
 NAMES = [
     "time",
@@ -39,6 +43,8 @@ NAMES = [
     "stiffness_standard_error",
     "damping_standard_error",
     "exponent_standard_error",
+    "verdict",
+    "age",
 ]
 
 
@@ -105,7 +111,7 @@ class BinaryListener(ZeroMQListener):
     def take(self, data: bytes) -> None:
         number, *values = struct.unpack("<Q26d", data)
         assert number == len(self.estimates) + 1
-        self.names = NAMES
+        self.names = NAMES[:-2]  # verdict and age are in the status
         # Room for eight parameters and their errors; the law has three.
         assert np.isnan(values[13:18]).all()
         assert np.isnan(values[21:26]).all()
@@ -276,17 +282,27 @@ class Later(Replay):
 
 def check(listener: Listener, count: int) -> None:
     listener.hear()
-    assert list(listener.names) == NAMES
+    assert list(listener.names) == NAMES[: len(listener.names)]
     values = np.array(listener.estimates)
     assert len(values) == count
     assert (np.diff(values[:, 0]) > 0).all()
-    last = dict(zip(NAMES, values[-1], strict=True))
+    last = dict(zip(listener.names, values[-1], strict=True))
     assert 0.0 < last["stiffness_standard_error"] < last["stiffness"]
     said = listener.said[-1]
     assert said["state"] in ("contact", "free", "changed", "lost")
     assert said["method"] == "variable-projection"
-    assert "±" in said["stiffness"]
-    assert said["lost"] == "0"
+    assert (said["law"], float(said["schema"])) == ("hunt-crossley", 2)
+    assert said["words"].startswith("stiffness ")
+    assert "±" in said["words"]
+    numbers = [said[name] for name in ("lost", "age", "stiffness_standard_error", "stiffness")]
+    assert sorted(map(float, numbers)) == [*map(float, numbers)]
+    # In JSON they are numbers; in ROS all that is said is text.
+    assert {type(each) for each in numbers} <= {int, float} or not isinstance(
+        listener, ZeroMQListener
+    )
+    # Nothing diagnoses it: no reader may take that for trust.
+    assert np.isnan(values[:, 16:17]).all()
+    assert (said["verdict"], said["reason"]) == ("not diagnosed yet", "nothing diagnoses this loop")
 
 
 def test_every_estimate_is_published_with_names_and_units() -> None:
@@ -323,7 +339,10 @@ def test_of_a_source_that_is_silent_the_wire_says_that_it_is_lost() -> None:
     loop, rows = looped(arrivals(*measured(0.3)), OnlinePreparation(), default_estimator())
     told = []
     full = SimpleNamespace(send=lambda *_: 7, tell=lambda state, *_: told.append(state))
-    publishing = _Publishing(full, SimpleNamespace(dropped=0, tell=lambda page: None))
+    quiet = SimpleNamespace(
+        dropped=0, tell=lambda page: None, diagnosis=partial(diagnosis_of, None)
+    )
+    publishing = _Publishing(full, quiet)
     page = loop.status()
     publishing._publish(page, rows)
     assert publishing._watching.dropped == 7  # what could not be sent is counted with the rest
@@ -331,6 +350,55 @@ def test_of_a_source_that_is_silent_the_wire_says_that_it_is_lost() -> None:
     publishing._told = 0.0
     publishing._tell({**page, "state": "lost"}, silent=True)
     assert told == ["contact", "lost"]
+
+
+def test_a_verdict_is_published_until_it_is_not_of_what_the_loop_does():
+    """Over ZeroMQ, from the rows of a loop and the page of a real diagnosis."""
+    loop, rows = looped(arrivals(*measured(4.0)), OnlinePreparation(), default_estimator())
+    status = {**loop.status(), "origin": 10**12}
+    samples = rows[:, [PLACE[n] for n in ("time", "penetration", "velocity", "force", "status")]]
+    pages = {"now": {"dropped": 0}}  # as the diagnosis' board is before the first
+    listener = ZeroMQListener()
+    publisher = open_publisher(listener.address)._wire
+    publisher.open()
+    diagnosis = lambda status: diagnosis_of(pages["now"], status)  # noqa: E731
+    publishing = _Publishing(
+        publisher, SimpleNamespace(dropped=0, tell=lambda page: None, diagnosis=diagnosis)
+    )
+
+    def heard(first, **columns):
+        part = rows[first : first + 100].copy()
+        for name, value in columns.items():
+            part[:, PLACE[name]] = value
+        publishing._told = 0.0
+        publishing._publish(status, part)
+        publishing._tell(status, silent=False)
+        listener.hear()
+        return dict(zip(listener.names, listener.estimates[-1], strict=True)), listener.said[-1]
+
+    try:
+        listener.connect()
+        estimate, said = heard(1000)
+        assert math.isnan(estimate["verdict"])
+        assert said["reason"] == "the first diagnosis is to come"
+        pages["now"] = page = diagnosed(recent(samples, 20.0, 0.0), status)
+        estimate, said = heard(1100)
+        assert (estimate["verdict"], estimate["age"]) == (2.0, 0.0)
+        assert said["verdict"] == said["stiffness_verdict"] == said["damping_verdict"] == "trust"
+        assert said["reason"] == page["reason"]
+        assert said["diagnosis_time"] == pytest.approx(1000.0 + rows[-1, 0], abs=0.05)
+        estimate, said = heard(1200, status=Status.WAITING)
+        assert said["age"] >= estimate["age"] == pytest.approx(0.1)
+        # Of a change the board does not know yet; then it does.
+        assert math.isnan(heard(1300, state=State.CHANGED)[0]["verdict"])
+        status["counts"]["changes"] += 1
+        estimate, said = heard(1400)
+        assert math.isnan(estimate["verdict"])
+        assert (said["verdict"], said["diagnosis_time"]) == ("not diagnosed yet", None)
+        assert said["reason"] == "the material has changed since"
+    finally:
+        publisher.close()
+        listener.close()
 
 
 def test_an_address_in_use_is_one_clear_line() -> None:

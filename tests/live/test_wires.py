@@ -19,11 +19,13 @@ from wire_robots import (
     force,
     free_port,
     position,
+    query,
     sent_by_another_process,
 )
 
 from palpate.errors import PalpateError
 from palpate.live.sources.opening import SourceOptions, open_source
+from palpate.live.wires.packets import packed
 
 
 @pytest.fixture(scope="module")
@@ -157,6 +159,28 @@ def fuzz(robot, source, count: int, first: int = 0) -> int:
 
 def test_what_is_no_sample_is_counted_and_the_next_one_is_taken(robot, source):
     fuzz(robot, source, 200)
+
+
+@pytest.mark.parametrize("options", [{}, {"socket": "pull"}, {"socket": "pull", "bind": "yes"}])
+def test_a_packet_that_is_too_long_is_counted_and_those_after_it_are_heard(options):
+    zmq = pytest.importorskip("zmq", reason="no pyzmq: pip install 'palpate[live]'")
+    address = f"tcp://127.0.0.1:{free_port()}"
+    with zmq.Context() as context, context.socket(zmq.PUSH if options else zmq.XPUB) as robot:
+        robot.linger, robot.sndtimeo = 0, 5000  # ms: where nobody takes it, it fails
+        (robot.connect if "bind" in options else robot.bind)(address)
+        with contextlib.closing(
+            open_source(f"zmq:{address}{query(options)}", SourceOptions())
+        ) as source:
+            source.open()
+            if not options:
+                assert robot.recv()[:1] == b"\x01"  # it knows its subscriber
+            for k in range(60):
+                if k in (20, 40):
+                    robot.send(bytes(100_000 if k == 20 else 30_000_000))
+                robot.send(packed(k, 1e-3 * k, 1e-3, 0.5))
+            assert len(collect(source, 60, patience=10.0)) == 60
+            assert (source.counts.malformed, source.counts.lost) == (2, 0)
+            assert source.counts.last_fault == "a packet of 30000000 bytes"
 
 
 @pytest.mark.slow

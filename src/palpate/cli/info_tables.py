@@ -12,7 +12,7 @@ from rich.text import Text
 from palpate.cli.layout import Cell, Column, print_table, say, say_path
 from palpate.cli.printing import Terminal
 from palpate.digits import rounded
-from palpate.errors import RecordingError
+from palpate.errors import RecordingError, printable
 from palpate.preparation import roles_of
 from palpate.recordings.recording import Recording
 from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey
@@ -109,7 +109,7 @@ def _roles_table(recording: Recording) -> Section:
     """Which channels would be taken for what, and why; or why they cannot be chosen."""
     columns = [Column("taken as"), Column("channel"), Column("because", prose=True)]
     rows: list[list[Cell]] = [
-        [role, _words(names), _words(reason)] for role, names, reason in _roles(recording)
+        [role, printable(names), printable(reason)] for role, names, reason in _roles(recording)
     ]
     return columns, rows
 
@@ -143,7 +143,7 @@ def _types_table(recording: Recording, surveyed: Survey) -> Section:
     rows: list[list[Cell]] = []
     for topic, kind in recording.types.items():
         count = sum(channel.name.startswith(f"{topic}.") for channel in surveyed.channels)
-        rows.append([_words(topic), _words(kind), str(count)])
+        rows.append([printable(topic), printable(kind), str(count)])
     return [Column("topic"), Column("type"), Column("channels", right=True)], rows
 
 
@@ -153,13 +153,13 @@ def _clocks_table(surveyed: Survey) -> Section:
     rows: list[list[Cell]] = []
     for clock in surveyed.clocks[:_MOST_ROWS]:
         if not clock.name:
-            none: Cell = _words("none: samples only", style="dim")
+            none: Cell = Text("none: samples only", style="dim")
             rows.append([none, str(clock.samples), *("" for _ in headings[1:])])
             continue
         gaps = f"{clock.gaps} (≤ {_quantity(clock.largest_gap, 's')})" if clock.gaps else "–"
         rows.append(
             [
-                _words(clock.name),
+                printable(clock.name),
                 str(clock.samples),
                 _quantity(clock.rate, "Hz"),
                 _moment(clock.start),
@@ -185,7 +185,7 @@ def _channels_table(channels: Sequence[ChannelSurvey]) -> Section:
         unknown = channel.samples - channel.known
         rows.append(
             [
-                *map(_words, words),
+                *map(printable, words),
                 str(channel.samples),
                 str(unknown or "–"),
                 _number(channel.minimum),
@@ -204,14 +204,9 @@ def _print_section(console: Console, section: Section) -> None:
 
 def _print_lines(console: Console, word: str, lines: Sequence[str], style: str) -> None:
     for line in lines[:_MOST_LINES]:
-        say(console, _words(f"{word}: {line}"), style)
+        say(console, printable(f"{word}: {line}"), style)
     if len(lines) > _MOST_LINES:
         say(console, f"{word}: {len(lines) - _MOST_LINES} more; see --json", style)
-
-
-def _words(words: str, style: str = "") -> Text:
-    """Words of a file, in which signs that would steer the terminal are spelled out."""
-    return Text("".join(s if s.isprintable() else repr(s)[1:-1] for s in words), style=style)
 
 
 def _count(number: int, noun: str) -> str:

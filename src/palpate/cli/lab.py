@@ -1,6 +1,5 @@
 """The command ``palpate lab``."""
 
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from cyclopts import Parameter
 
 from palpate.cli.groups import RIG
 from palpate.cli.printing import Terminal
+from palpate.cli.progress import bar
 
 if TYPE_CHECKING:
     from palpate.lab import Bench, Material, Measurement, Probe, Trajectory
@@ -98,7 +98,10 @@ def lab(
     inputs = [] if trajectory in laboratory.TRAJECTORIES else [Path(trajectory)]
     inputs += [Path(material)] if _is_scene(material) else []
     check_outputs([output, picture] if picture else [output], inputs)
-    measurement = _run(bench, seed, seconds)
+    with bar(f"pressing {bench.material.name}") as progress:
+        measurement = bench.run(
+            seed, seconds=seconds, progress=lambda reached: progress(reached / seconds)
+        )
     write_contact(measurement.contact, output, notes=_versions(bench))
     # A recording that goes on into a pipe is not mixed with words about it.
     console = Terminal(stderr=is_standard_output(output))
@@ -182,19 +185,6 @@ def _probe(instruments: Instruments) -> "Probe":
     raise InvalidParameterError(
         f"--probe must be one of twin-pantograph, ideal, not {instruments.probe!r}"
     )
-
-
-def _run(bench: "Bench", seed: int, seconds: float) -> "Measurement":
-    """Run the bench, with a progress bar where a person looks on."""
-    if not sys.stderr.isatty():
-        return bench.run(seed, seconds=seconds)
-    from rich.progress import Progress
-
-    with Progress(console=Terminal(stderr=True), transient=True) as bar:
-        task = bar.add_task(f"pressing {bench.material.name}", total=seconds)
-        return bench.run(
-            seed, seconds=seconds, progress=lambda reached: bar.update(task, completed=reached)
-        )
 
 
 def _versions(bench: "Bench") -> dict[str, str]:

@@ -8,6 +8,8 @@ from rich.cells import cell_len
 from rich.console import Console, JustifyMethod
 from rich.text import Text
 
+from palpate.errors import printable
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -41,9 +43,16 @@ class Column:
     hyphens: bool = False
 
 
+def as_text(words: Cell) -> Text:
+    """Lines of text, of which the terminal shows every sign and obeys none."""
+    given = words if isinstance(words, Text) else Text(words)
+    plain = "\n".join(map(printable, str(words).split("\n")))
+    return given.copy() if plain == given.plain else Text(plain, given.style)
+
+
 def say(console: Console, words: Cell, style: str = "", *, hang: int = 2) -> None:
     """Print words, folded between them; all lines but the first are indented."""
-    text = words.copy() if isinstance(words, Text) else Text(words)
+    text = as_text(words)
     if style:
         text.stylize_before(style)
     for line in _folded(console, text, console.width, hang):
@@ -52,7 +61,7 @@ def say(console: Console, words: Cell, style: str = "", *, hang: int = 2) -> Non
 
 def say_path(console: Console, words: str, style: str = "") -> None:
     """Print what is there to be copied, such as a file's name: in one line, however long."""
-    console.print(Text(words, style), soft_wrap=True)
+    console.print(Text(printable(words), style), soft_wrap=True)
 
 
 def say_command(console: Console, words: str, style: str = "") -> None:
@@ -138,7 +147,7 @@ def _in_two_lines(cell: Text) -> Text:
 
 
 def _as_texts(rows: Sequence[Sequence[Cell]]) -> list[list[Text]]:
-    return [[c.copy() if isinstance(c, Text) else Text(c) for c in row] for row in rows]
+    return [[as_text(cell) for cell in row] for row in rows]
 
 
 def _table(columns: Sequence[Column], rows: Sequence[Sequence[Text]]) -> "Table":

@@ -190,6 +190,7 @@ def live(
     console
         Show a line of figures.
     """
+    from palpate.errors import RecordingError
     from palpate.live.running import run
     from palpate.validation import number_in
 
@@ -200,7 +201,7 @@ def live(
     chosen = _estimator(Choosing(law, method), exponent)
     taken = incoming.source(source)
     sinks = _sinks(record, publish, page or Page(), console=console, diagnosis=looping.diagnosis)
-    run(
+    found = run(
         taken,
         chosen,
         sinks,
@@ -208,6 +209,11 @@ def live(
         realtime=looping.realtime,
         seconds=seconds,
     )
+    if "recorder" in found["failed"]:
+        raise RecordingError(
+            f"{record or 'the recording'}: the recorder failed, and what came after that is not in "
+            "it; what was recorded until then can be read"
+        )
 
 
 def _estimator(choosing: Choosing, exponent: float | None) -> "ContactEstimator":

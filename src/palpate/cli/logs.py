@@ -6,6 +6,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
+from palpate.errors import printable
+
 _LEVELS = {1: logging.INFO, 2: logging.DEBUG}
 
 
@@ -20,12 +22,10 @@ class _Lines(logging.Handler):
         """Print it: seconds since the start, where it comes from, and what it says."""
         words = " ".join(record.getMessage().split())
         where = record.name.removeprefix("palpate.")
-        if sys.stderr is not None:
-            with suppress(OSError):  # there is nobody left to tell
-                # Looked up each time: a bar takes its place for as long as it is shown.
-                print(
-                    f"{time.perf_counter() - self._begun:7.3f} s  {where}: {words}", file=sys.stderr
-                )
+        line = printable(f"{time.perf_counter() - self._begun:7.3f} s  {where}: {words}")
+        with suppress(OSError):  # there is nobody left to tell
+            # Looked up each time: a bar takes its place for as long as it is shown.
+            print(line, file=sys.stderr)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ import codecs
 import io
 import json
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -14,11 +15,17 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from palpate.cli.groups import OUTPUT
+from palpate.errors import printable
 
 AsJson = Annotated[bool, Parameter(name="--json", negative="", group=OUTPUT)]
 
 #: Of a line that goes to a file or a pipe, unless COLUMNS says otherwise.
 PIPE_WIDTH = 100
+
+# A word of a person or a file that is no word is shown by its beginning and its end; a path of the
+# usual length is shown whole.
+_TOO_LONG = re.compile(r"(\S{60})\S{121,}(\S{20})")
+_LONGEST_LINE = 2000
 
 _COLOURLESS = ContextVar("palpate.colourless", default=False)
 
@@ -80,13 +87,23 @@ def _width() -> int:
 def print_json(whole: dict[str, Any]) -> None:
     """Print one JSON object on a line of its own; escaped where the output is not UTF-8."""
     text = json.dumps(whole, ensure_ascii=False, allow_nan=False)
-    if not _carried(text):
+    if not _carried(text) or any("\x7f" <= sign <= "\x9f" for sign in text):
         text = json.dumps(whole, allow_nan=False)
     print(text)
 
 
 def prepare_output() -> None:
-    """Let what the output's encoding lacks be printed in other signs, instead of failing."""
+    """Let what the output's encoding lacks be printed in other signs, instead of failing.
+
+    A stream that is closed leads nowhere: no file that is opened later takes its descriptor, into
+    which libraries print.
+    """
+    while (nowhere := os.open(os.devnull, os.O_RDWR)) < 3:
+        pass
+    os.close(nowhere)
+    for descriptor, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(descriptor, "w", encoding="utf-8", errors="replace"))
     codecs.register_error("palpate.plain", _in_plain_signs)
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="palpate.plain")
@@ -94,8 +111,7 @@ def prepare_output() -> None:
 
 def finish_output() -> None:
     """Write out what is waiting, so that what cannot be written is known before the end."""
-    if sys.stdout is not None:
-        sys.stdout.flush()
+    sys.stdout.flush()
 
 
 def abandon_output() -> None:
@@ -108,11 +124,9 @@ def abandon_output() -> None:
 
 def complain(words: str) -> None:
     """Print one line on standard error, whatever the words are made of."""
-    line = " ".join(words.split())
-    shown = "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in line)
-    if sys.stderr is not None:
-        with suppress(OSError):  # there is nobody left to tell
-            print(f"palpate: {shown}", file=sys.stderr)
+    line = _TOO_LONG.sub(r"\1…\2", printable(" ".join(words.split())))
+    with suppress(OSError):  # there is nobody left to tell
+        print(f"palpate: {line[:_LONGEST_LINE]}", file=sys.stderr)
 
 
 def _carried(text: str) -> bool:

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from palpate.errors import printable
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -36,16 +38,16 @@ def counted(items: Sequence[Item], words: str) -> Iterable[Item]:
 @contextmanager
 def bar(words: str) -> Iterator["Callable[[float], None]"]:
     """Show how much of something is done; nothing where standard error is no terminal."""
-    if sys.stderr is None or not sys.stderr.isatty():
+    if not sys.stderr.isatty():
         yield lambda fraction: None
         return
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     from palpate.cli.printing import Terminal
 
-    columns = TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn()
     with Progress(*columns, console=Terminal(stderr=True), transient=True) as shown:
-        task = shown.add_task(words, total=1.0)
+        task = shown.add_task(printable(words), total=1.0)
         yield lambda fraction: shown.update(task, completed=fraction)
 
 
@@ -55,7 +57,7 @@ def rated(words: str) -> Iterator["Callable[[int, int], None]"]:
 
     Nothing where standard error is no terminal.
     """
-    if sys.stderr is None or not sys.stderr.isatty():
+    if not sys.stderr.isatty():
         yield lambda done, total: None
         return
     from rich.progress import (
@@ -69,14 +71,14 @@ def rated(words: str) -> Iterator["Callable[[int, int], None]"]:
     from palpate.cli.printing import Terminal
 
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=Terminal(stderr=True), transient=True) as shown:
-        task = shown.add_task(words, total=None, rate="")
+        task = shown.add_task(printable(words), total=None, rate="")
         first: list[tuple[float, int]] = []
 
         def advance(done: int, total: int) -> None:

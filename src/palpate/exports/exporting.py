@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 
 from palpate.errors import ExportRefusedError, InvalidParameterError
@@ -15,7 +16,7 @@ from palpate.exports.registry import engine_called
 from palpate.exports.source import Exportable, Source
 from palpate.exports.statement import Statement
 from palpate.validation import number_in
-from palpate.writing import check_writable, make_folder, write_text
+from palpate.writing import check_own, check_writable, encoded, make_folder, write_text
 
 STATEMENT = ("statement.json", "statement.md")
 
@@ -54,7 +55,8 @@ class Export:
         Raises
         ------
         RecordingError
-            It cannot be made or written to, or one of the files would replace an input.
+            It cannot be made or written to, or one of the files would replace an input, or a file
+            that no export wrote or that was changed since.
         """
         return _saved(self.statement, self.files, Path(folder), inputs)
 
@@ -178,39 +180,57 @@ def _check(engine: Engine, asked: Asked, *, given_radius: bool) -> None:
             raise InvalidParameterError(f"{name} means nothing to {engine.title}: leave it out")
 
 
-def _left(folder: Path, files: Mapping[str, str]) -> list[str]:
-    """Names of an earlier export's files in a folder that this one does not replace."""
+def _earlier(folder: Path) -> dict[str, str]:
+    """SHA-256 of earlier exports' files in a folder by their names, as their statement says."""
     try:
-        earlier = json.loads((folder / STATEMENT[0]).read_bytes())
-        names = [str(name) for name in (*earlier["files"], *earlier.get("left", ()))]
+        found = json.loads((folder / STATEMENT[0]).read_bytes())["sha256"]
+        return {str(name): str(digest) for name, digest in found.items()}
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        return []
-    return [name for name in names if name not in files and (folder / name).is_file()]
+        return {}
 
 
-def _written(statement: Statement, files: Mapping[str, str], left: Sequence[str]) -> dict[str, str]:
-    """The statement's own two files."""
-    whole = {**statement.as_dict(), "files": list(files), "left": list(left)}
+def _digest(text: str) -> str:
+    return sha256(encoded(text)).hexdigest()
+
+
+def _written(
+    statement: Statement, files: Mapping[str, str], earlier: Mapping[str, str], left: Sequence[str]
+) -> dict[str, str]:
+    """All files, of which the statement's own two come last."""
     title = f"# {statement.source.name or 'A law'} in {statement.engine.title}"
     listed = [f"- `{name}`" for name in files] or ["Nothing was exported."]
     if left:
         listed.append(f"\nOf an earlier export, and not of this one: {', '.join(left)}.")
     page = "\n\n".join([title, *statement.words(), "\n".join(listed)])
     number, words = STATEMENT
-    return {
-        number: json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n",
-        words: page + "\n",
-    }
+    texts = {**files, words: page + "\n"}
+    digests = {name: _digest(text) for name, text in texts.items()}
+    digests |= {name: earlier[name] for name in left}
+    whole = {**statement.as_dict(), "files": list(files), "left": list(left), "sha256": digests}
+    text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
+    return {**texts, number: text + "\n"}
 
 
 def _saved(
     statement: Statement, files: Mapping[str, str], folder: Path, inputs: Sequence[Path]
 ) -> list[Path]:
     make_folder(folder)
-    texts = {**files, **_written(statement, files, _left(folder, files))}
+    earlier = _earlier(folder)
+    made = {*files, *STATEMENT}
+    left = [name for name in earlier if name not in made and (folder / name).is_file()]
+    texts = _written(statement, files, earlier, left)
     paths = [folder / name for name in texts]
     for path in paths:
         check_writable(path, inputs)
+
+    def own(path: Path) -> bool:
+        if path.name == STATEMENT[0] and earlier:
+            return True
+        found = sha256(path.read_bytes()).hexdigest()
+        # Or as it is to be: an export that was interrupted has no statement.
+        return found in (earlier.get(path.name), _digest(texts[path.name]))
+
+    check_own(folder, texts, own)
     for path, text in zip(paths, texts.values(), strict=True):
         write_text(path, text, inputs)
     return paths

@@ -31,8 +31,10 @@ def Material "Contact" (
 )
 {{
     float physics:restitution = 0
-    float physics:dynamicFriction = 0
-    float physics:staticFriction = 0
+    # Not measured: the law has no friction. At 0 the pyramidal cone of Newton's SolverMuJoCo gives
+    # NaN, and at 1 alone it leaves the normal force as it is.
+    float physics:dynamicFriction = 1
+    float physics:staticFriction = 1
     float newton:contactStiffness = {stiffness}
     float newton:contactDamping = {damping}
     float physxMaterial:compliantContactStiffness = {stiffness}
@@ -65,7 +67,8 @@ def Xform "World"
     {{
     }}
 
-    # The material stands on the ground alone: the tip must be rigid, for the engines combine both.
+    # Both shapes are bound to the material: where one has none Newton takes the mean of this and
+    # its own defaults.
     def Plane "ground" (
         prepend apiSchemas = ["PhysicsCollisionAPI", "MaterialBindingAPI"]
     )
@@ -75,9 +78,12 @@ def Xform "World"
     }}
 
     def Sphere "tip" (
-        prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsCollisionAPI"]
+        prepend apiSchemas = [
+            "PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsCollisionAPI", "MaterialBindingAPI"
+        ]
     )
     {{
+        rel material:binding:physics = </World/Contact>
         double radius = {radius}
         float physics:mass = {mass}
         double3 xformOp:translate = (0, 0, {radius})
@@ -86,13 +92,14 @@ def Xform "World"
 }}
 """
 
-_COMBINED = (
-    "Newton and PhysX combine the materials of both bodies: give it to one, and read there how the "
-    "other counts"
+_BOTH = (
+    "bind the material to both shapes, the one that presses and the one that is pressed: where one "
+    "has none Newton takes the mean of this material and its own defaults"
 )
 _NEWTON = (
-    "Newton with SolverMuJoCo took these numbers as mass-normalised before its pull request 2964, "
-    "and approximately since: name the version you run"
+    "take Newton's SolverSemiImplicit, which has this law: SolverMuJoCo of Newton 1.8.0 takes the "
+    "numbers as mass-normalised by default, and its pyramidal cone changes the normal force for "
+    "another friction than the written 1, to NaN at 0; that friction is not the material's"
 )
 _UNITS = (
     "the numbers are in kg, m and s: a stage with another metersPerUnit or kilogramsPerUnit does "
@@ -149,7 +156,7 @@ class Usd(Engine):
             },
             engine_law=law,
             exact=is_kelvin_voigt(asked.law),
-            warnings=(_COMBINED, _NEWTON, _UNITS, *_explicit(law, asked)),
+            warnings=(_BOTH, _NEWTON, _UNITS, *_explicit(law, asked)),
         )
 
 

@@ -33,7 +33,8 @@ SILENT = 20  # sample times without a sample, but at least SILENT_TIME, are a si
 SILENT_TIME = 0.2  # s
 PATIENCE = 1.0  # s: of a slow source too, a person who asks for something is heard meanwhile
 _NONE = (math.nan,) * 4
-_TAKEN = frozenset({Status.UPDATED, Status.GUARDED, Status.RESTARTED})
+#: Of a sample that was learned.
+TAKEN = frozenset({Status.UPDATED, Status.GUARDED, Status.RESTARTED})
 _REFUSED = frozenset({Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE})
 _EMPTY_PARAMETERS = (math.nan,) * MOST_PARAMETERS
 _NO_NUMBER = "samples come that are no numbers, or too large: they are refused"
@@ -161,7 +162,7 @@ class Loop:
         starving = self.watchdog.starving(arrival, prepared=sampled or self._taring)
         if refused or fault or starving:
             self._complain(fault or ("" if refused else _STARVING), arrival)
-        if status in _TAKEN:
+        if status in TAKEN:
             counts.learned += 1
         if status is Status.RESTARTED:
             counts.changes += 1
@@ -176,7 +177,7 @@ class Loop:
         elif 0.0 <= arrival.time - self._changed < SHOWN_FOR:
             self.state = State.CHANGED
         elif sampled:
-            self.state = State.CONTACT if status in _TAKEN else State.FREE
+            self.state = State.CONTACT if status in TAKEN else State.FREE
 
     def _complain(self, words: str, arrival: Arrival) -> None:
         if self.watchdog.fault(words or _NO_NUMBER, arrival.there):

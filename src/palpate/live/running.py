@@ -85,7 +85,8 @@ def run(
     Returns
     -------
     dict
-        What :meth:`palpate.live.loop.Loop.status` says at the end.
+        What :meth:`palpate.live.loop.Loop.status` says at the end; and, as ``"failed"``, the sinks
+        whose processes ended with an error or were killed, each with its exit code.
 
     Raises
     ------
@@ -111,7 +112,8 @@ def run(
             chosen = chosen.replace(sample_time=source.sample_time)
         loop = Loop(source, preparation, chosen, ring)
         interruption.stops(loop)
-        with _started(sinks, session, loop, board) as started, undisturbed():
+        failed: dict[str, int] = {}
+        with _started(sinks, session, loop, board, failed) as started, undisturbed():
             # All is there before the first sample: none waits while others begin.
             for sentence in ask_for_realtime() if realtime else ():
                 loop.say(sentence)
@@ -120,7 +122,7 @@ def run(
                 loop.say("started")
             loop.commands = _Asked(started, loop, board, seconds)
             loop.run()
-        return loop.status()
+        return {**loop.status(), "failed": failed}
 
 
 class _Asked:
@@ -160,9 +162,9 @@ class _Asked:
 
 @contextmanager
 def _started(
-    sinks: Sequence[Sink], session: Session, loop: Loop, board: Board
+    sinks: Sequence[Sink], session: Session, loop: Loop, board: Board, failed: dict[str, int]
 ) -> Iterator[dict[str, Connection]]:
-    """Start the sinks' processes; at the end they are told, and have a while to finish."""
+    """Start the sinks' processes; at the end they have a while to finish; failures are noted."""
     context = multiprocessing.get_context("spawn")
     processes: list[BaseProcess] = []
     connections: dict[str, Connection] = {}
@@ -191,6 +193,7 @@ def _started(
     finally:
         board.write({"stopped": True, **loop.status()})
         end(processes, PATIENCE)
+        failed |= {each.name: each.exitcode for each in processes if each.exitcode}
         for connection in connections.values():
             connection.close()
 

@@ -37,6 +37,7 @@ def status_of(loop: "Loop") -> dict[str, Any]:
             "remembers": loop.laws.remembers,
         },
         "verdict": loop.laws.page(loop.estimator),
+        "flags": loop.estimator.estimate().flags,
         "needs_condition_10": loop.estimator.needs_condition_10,
         "state": loop.state.name.lower(),
         "held": loop.held,

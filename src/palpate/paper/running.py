@@ -13,7 +13,7 @@ from palpate.paper.experiment import Experiment, Outcome
 from palpate.paper.report.contents import Report, Section
 from palpate.paper.report.writing import write_report
 from palpate.paper.workers import Failure, Given, Result, perform, processes
-from palpate.writing import make_folder
+from palpate.writing import check_own, make_folder
 
 #: Told what has just been finished, and how many of how many outcomes and figures are.
 Progress = Callable[[str, int, int], None]
@@ -162,6 +162,10 @@ def run_paper(
     PalpateError
         Some experiments failed; the others are in the report all the same.
     """
+    begun_before = (folder / "outcomes").is_dir()
+    drawings = [path.name for each in experiments for path in on_disk.figures_of(folder, each.name)]
+    pages = ["report.html", "report.json", "claims.md"]
+    check_own(folder, [*pages, *drawings], lambda _: begun_before)
     for wanted in (folder, folder / "outcomes"):
         make_folder(wanted)
     run = PaperRun(experiments, seeds, folder)

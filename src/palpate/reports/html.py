@@ -5,6 +5,8 @@ from html import escape
 
 #: What stands before each verdict, so that no reader needs the colour.
 SIGNS = {"trust": "✓", "with-care": "◐", "do-not-trust": "✗", "note": "·"}
+#: In the head of every page: that palpate wrote it, and may replace it.
+GENERATOR = '<meta name="generator" content="palpate">'
 _CLASSES = {"trust": "yes", "with-care": "partly", "do-not-trust": "no", "note": "open"}
 
 
@@ -28,6 +30,7 @@ def document(title: str, style: str, parts: Iterable[str]) -> str:
             '<meta charset="utf-8">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             '<meta name="color-scheme" content="light dark">',
+            GENERATOR,
             f"<title>{escape(title)}</title>",
             f"<style>{style}</style>",
             "</head>",

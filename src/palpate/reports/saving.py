@@ -14,13 +14,14 @@ from palpate.errors import MissingExtraError
 from palpate.figures.style import LIGHT, style
 from palpate.identification import Identification
 from palpate.recordings.columns import has_parquet, write_columns
+from palpate.reports.html import GENERATOR
 from palpate.reports.identification import Circumstances, page
 from palpate.results.columns import in_file, trace_columns
 from palpate.results.description import described
 from palpate.results.loading import RESULT, TRACES
 from palpate.results.toml import as_toml, how_made
 from palpate.stages import timed
-from palpate.writing import check_writable, make_folder, write_text
+from palpate.writing import check_own, check_writable, make_folder, write_text
 
 REPORT, OPTIONS = "report.html", "run.toml"
 _PACKAGES = ("palpate", "numpy", "matplotlib", "pyarrow")
@@ -40,7 +41,8 @@ class Destination:
     Raises
     ------
     RecordingError
-        The folder cannot be made or written to, or one of the files would replace an input.
+        The folder cannot be made or written to, or one of the files would replace an input or a
+        file that is none of palpate's.
     MissingExtraError
         matplotlib, which the report needs, is not installed.
     """
@@ -59,6 +61,7 @@ class Destination:
         make_folder(self.folder)
         for name in self.names:
             check_writable(self.folder / name, self.inputs)
+        check_own(self.folder, self.names, lambda _: _has_a_result(self.folder))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -115,6 +118,13 @@ class Destination:
         config = self.folder / OPTIONS
         words = ["palpate", "identify", *map(str, files), "--config", str(config)]
         return shlex.join([*words, "-o", str(self.folder)])
+
+
+def _has_a_result(folder: Path) -> bool:
+    """Whether palpate wrote a result there, or the page of one before it was interrupted."""
+    marks = {RESULT: '"palpate_version"', REPORT: GENERATOR}
+    there = {name: mark for name, mark in marks.items() if (folder / name).is_file()}
+    return any(mark.encode() in (folder / name).read_bytes() for name, mark in there.items())
 
 
 def _versions() -> dict[str, str]:

@@ -86,6 +86,11 @@ def load_result(path: str | Path) -> SavedResult:
         one does not know.
     """
     named = Path(path)
+    if named.suffix != ".json" and named.is_file():
+        raise RecordingError(
+            f"{named}: this is a recording, not a result; run palpate identify {named} -o FOLDER, "
+            "and give that folder"
+        )
     file = named if named.suffix == ".json" and not named.is_dir() else named / RESULT
     whole = _described(file)
     try:

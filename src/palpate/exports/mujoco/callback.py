@@ -1,19 +1,9 @@
-"""The exact law as MuJoCo's passive-force callback: a Python module of text, and its run."""
-
-import ast
-from collections.abc import Sequence
-from types import ModuleType
-from typing import Any
-
-from palpate.exports.text import digits, hash_comment
-from palpate.force_laws import GeneralisedHuntCrossley
-
-MODULE = '''\
-{comment}
 """F = K x^n + B x^p v, at least 0, between two geoms in MuJoCo, exactly, by mjcb_passive.
 
-    with ExactContact(model, tip={tip!r}, pad={pad!r}):
+    with ExactContact(model):
         mujoco.mj_step(model, data)
+
+palpate_contact.json, beside this file, has the four numbers and the names of the two geoms.
 
 The two geoms must not collide by themselves (contype="0" conaffinity="0"). MuJoCo has one such
 callback for all models: other models are left alone, and a callback that was there before is called
@@ -21,55 +11,78 @@ first and put back at the end. While any is installed MuJoCo compiles no model f
 exception raised"): compile them before.
 """
 
-import mujoco
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
-STIFFNESS = {stiffness}  # K, N/m^n
-EXPONENT = {exponent}  # n
-DAMPING = {damping}  # B, N s/m^(p+1)
-DAMPING_EXPONENT = {damping_exponent}  # p
 
-
-def law(penetration, velocity):
-    """Force [N] at a penetration [m] and a velocity [m/s]; a contact does not pull."""
-    if penetration <= 0.0:
-        return 0.0
-    elastic = STIFFNESS * penetration**EXPONENT
-    return max(elastic + DAMPING * penetration**DAMPING_EXPONENT * velocity, 0.0)
+def read_contact() -> dict[str, Any]:
+    """Return the numbers and names beside this file."""
+    text = Path(__file__).with_name("palpate_contact.json").read_text(encoding="utf-8")
+    return dict(json.loads(text))
 
 
 class ExactContact:
-    """The contact of a tip and a pad of one model, from install() to uninstall()."""
+    """The contact of a tip and a pad of one model, from install() to uninstall().
 
-    def __init__(self, model, tip={tip!r}, pad={pad!r}):
+    Parameters
+    ----------
+    model : mujoco.MjModel
+        That both geoms are in.
+    contact : mapping, optional
+        stiffness K [N/m^n], exponent n, damping B [N s/m^(p+1)], damping_exponent p, and the names
+        of the geoms, tip and pad; default: those beside this file.
+    """
+
+    def __init__(self, model: Any, contact: Mapping[str, Any] | None = None) -> None:
+        import mujoco  # here, since palpate is installed without it too
+
+        self.mujoco = mujoco
+        self.contact = read_contact() if contact is None else contact
         self.address = model._address
-        self.tip, self.pad = model.geom(tip).id, model.geom(pad).id
+        self.tip, self.pad = model.geom(self.contact["tip"]).id, model.geom(self.contact["pad"]).id
         self.bodies = model.geom_bodyid[self.tip], model.geom_bodyid[self.pad]
         self.line = np.zeros(6)
         self.jacobians = np.zeros((2, 3, model.nv))
         self.reach = 1e3 * float(model.stat.extent)
-        self.before = None
+        self.before: Any = None
         self.force = 0.0  # as of the last call, N
         self.penetration = 0.0  # m
 
-    def install(self):
-        self.before = mujoco.get_mjcb_passive()
-        mujoco.set_mjcb_passive(self)
+    def law(self, penetration: float, velocity: float) -> float:
+        """Force [N] at a penetration [m] and a velocity [m/s]; a contact does not pull."""
+        if penetration <= 0.0:
+            return 0.0
+        c = self.contact
+        elastic = c["stiffness"] * penetration ** c["exponent"]
+        damper = c["damping"] * penetration ** c["damping_exponent"]
+        return max(float(elastic + damper * velocity), 0.0)
+
+    def install(self) -> "ExactContact":
+        """Let MuJoCo call this contact at every step."""
+        self.before = self.mujoco.get_mjcb_passive()
+        self.mujoco.set_mjcb_passive(self)
         return self
 
-    def uninstall(self):
-        mujoco.set_mjcb_passive(self.before)
+    def uninstall(self) -> None:
+        """Put back the callback that was there before."""
+        self.mujoco.set_mjcb_passive(self.before)
 
     __enter__ = install
 
-    def __exit__(self, *error):
+    def __exit__(self, *error: object) -> None:
         self.uninstall()
 
-    def __call__(self, model, data):
+    def __call__(self, model: Any, data: Any) -> None:
+        """Add the contact's force to the passive forces; MuJoCo calls this."""
         if self.before is not None:
             self.before(model, data)
         if model._address != self.address:
             return
+        mujoco = self.mujoco
         distance = mujoco.mj_geomDistance(model, data, self.pad, self.tip, self.reach, self.line)
         self.penetration, self.force = -distance, 0.0
         if not distance < 0.0:
@@ -79,38 +92,24 @@ class ExactContact:
         mujoco.mj_jac(model, data, on_tip, None, self.line[3:], self.bodies[0])
         mujoco.mj_jac(model, data, on_pad, None, self.line[:3], self.bodies[1])
         away = out @ (on_tip - on_pad)
-        self.force = law(-distance, -float(away @ data.qvel))
+        self.force = self.law(-distance, -float(away @ data.qvel))
         data.qfrc_passive += self.force * away
 
 
-if __name__ == "__main__":
-    model = mujoco.MjModel.from_xml_path("scene.xml")
+def _drop() -> None:
+    """Drop the body of scene.xml, beside this file, whose geom is called tip."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(Path(__file__).with_name("scene.xml")))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     peak = 0.0
-    with ExactContact(model) as contact:
+    with ExactContact(model, {**read_contact(), "tip": "tip"}) as contact:
         while data.qpos[0] <= 0.0 and data.time < 10.0:
             mujoco.mj_step(model, data)
             peak = max(peak, contact.force)
-    print(f"peak force {{peak:.3f}} N; leaves at {{float(data.qvel[0]):.4f}} m/s")
-'''
+    print(f"peak force {peak:.3f} N; leaves at {float(data.qvel[0]):.4f} m/s")
 
 
-def module_text(law: GeneralisedHuntCrossley, tip: str, pad: str, notes: Sequence[str]) -> str:
-    """Return the module that a user imports."""
-    return MODULE.format(
-        comment=hash_comment(notes),
-        tip=tip,
-        pad=pad,
-        stiffness=digits(law.stiffness),
-        exponent=digits(law.exponent),
-        damping=digits(law.damping),
-        damping_exponent=digits(law.damping_exponent),
-    )
-
-
-def loaded(text: str) -> Any:
-    """Return the module of this text, as an import of its file would."""
-    module = ModuleType("palpate_contact")
-    exec(compile(ast.parse(text), "palpate_contact.py", "exec"), module.__dict__)
-    return module
+if __name__ == "__main__":
+    _drop()

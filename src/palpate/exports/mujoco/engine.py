@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.exports.asked import Asked
 from palpate.exports.engine import Engine, Fragment
@@ -246,11 +247,8 @@ def _about(form: str, asked: Asked, rows: Rows) -> tuple[str, ...]:
             f"the mass that the contacts add comes to {percent(heavy)} of force on this motion: a "
             "lighter body, a slower motion or the callback has less of it"
         )
-    if form == "pair" and law.damping and law.damping_exponent < law.exponent:
-        words.append(
-            "where a body leaves, the pair pulls as the law does, which a real contact does not: "
-            "for impacts take two-contacts or the callback (--form)"
-        )
+    if form == "pair" and law.damping:
+        words += _pulls(law, float(np.median(asked.motion.penetration[asked.motion.judged])), rows)
     shallow = _shallow(asked.law, rows, asked.motion.deepest)
     if shallow:
         words.append(
@@ -258,6 +256,21 @@ def _about(form: str, asked: Asked, rows: Rows) -> tuple[str, ...]:
             f"{100 * _OFF:.0f} %"
         )
     return tuple(words)
+
+
+def _pulls(law: GeneralisedHuntCrossley, depth: float, rows: Rows) -> tuple[str, ...]:
+    """From which speed on a pair pulls, with what, and what does not."""
+    rising = law.exponent - law.damping_exponent
+    speed = law.stiffness / law.damping * depth**rising
+    where = " (K/B)" if rising == 0.0 else f" from a depth of {length(depth, 2)}"
+    where += " or, nearer the surface, at less" if rising > 0.0 else ""
+    most = rows.contacts * max(row.adhesion for row in rows.rows)
+    return (
+        f"withdrawn faster than {rounded(speed, 2)} m/s{where}, the pair pulls, by up to "
+        f"{rounded(most, 2)} N, which a real contact does not: for such motions take the callback, "
+        "or two-contacts (--form), whose force is never below 0",
+        "MJX ignores the adhesion of a pair: the form for MJX is two-contacts (--form)",
+    )
 
 
 def _added(asked: Asked, rows: Rows) -> float:

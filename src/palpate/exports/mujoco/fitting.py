@@ -26,8 +26,8 @@ DAMPER_HIGHS = (0.002, 0.003, 0.005, 0.0075, 0.011, 0.017, 0.025, 0.04, 0.06)
 _FORCE_TO_REBOUND = 5.0
 # How far a width goes beyond the deepest sample.
 _ROOM = 1.02
-# A row may pull ten times as strongly as the whole contact ever pushes.
-_ADHESION = 10.0
+# Of what a damper may have to pull with: two digits of it are written, and none below.
+_ADHESION = 1.1
 # Steps to a drop's half period, where e has to be known to a tenth of a percent only.
 _COARSE = 400
 # Drops that are judged, as parts of the greatest depth.
@@ -59,14 +59,18 @@ def single(law: GeneralisedHuntCrossley, motion: Motion, mobility: float, contac
 
 
 def pair(law: GeneralisedHuntCrossley, motion: Motion, mobility: float, contacts: int) -> Rows:
-    """A spring and a damper, each a row that may pull: F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0."""
+    """A spring, and a damper that may pull: F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0."""
     depths, share = depths_that_count(motion), mobility / contacts
-    strongest = float(np.abs(motion.force_by(law)[motion.judged]).max())
+    # Where the law pushes, its damper pulls less strongly than its spring pushes; on the motion it
+    # may pull more. Beyond both the whole pair would pull, as no real contact does.
+    x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
+    drag = law.damping * x**law.damping_exponent * -v
+    strongest = max(float(drag.max()), law.stiffness * float(depths[-1]) ** law.exponent)
     # Without a damper nothing has to pull.
     adhesion = float(f"{_ADHESION * strongest / contacts:.2g}") if law.damping else 0.0
     shape = _spring(law, depths)
     high = shape.solimp[1]
-    spring = Row(shape.scale * high**2 * share, 0.0, shape.solimp, shape.inset, adhesion)
+    spring = Row(shape.scale * high**2 * share, 0.0, shape.solimp, shape.inset)
     made = []
     for shape in _dampers(law, depths):
         high = shape.solimp[1]

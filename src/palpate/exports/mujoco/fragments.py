@@ -1,8 +1,10 @@
 """What is exported to MuJoCo: rows, or the law itself as a callback."""
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -79,11 +81,14 @@ class _InMuJoCo(Fragment):
         speed = drop_to(law, 1.0 / self.mobility, deepest).speed if law.stiffness > 0.0 else 0.1
         files = {**first, "scene.xml": self.scene(speed, notes)}
         if self.robot is not None and self.robot.path.suffix == ".xml":
+            path, (meshes, textures) = self.robot.path, self.robot.asset_folders
             here = [
                 *notes,
-                f"To be kept in one folder with contact.xml and {self.robot.path.name}.",
+                'Load it by mujoco.MjModel.from_xml_path("robot_scene.xml"): it includes '
+                f"{path.name} and contact.xml.",
+                "Take your own surface out, or let it not collide with the tip: both would push.",
             ]
-            files["robot_scene.xml"] = texts.robot(self.robot.path.name, here)
+            files["robot_scene.xml"] = texts.robot(path, meshes, textures, here)
         return files
 
 
@@ -151,14 +156,19 @@ class AsCallback(_InMuJoCo):
     """The law itself, in Python, called at every step."""
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
-        """Return the module, and a scene for it."""
-        files = {"palpate_contact.py": self._module(notes)}
+        """Return the module, its numbers and names, and a scene for it."""
+        # Names of a model are data: none of them enters the source, not even as a comment.
+        source = Path(str(callback.__file__)).read_text(encoding="utf-8")
+        numbers = json.dumps({**self._contact(self.tip), "notes": list(notes)}, indent=1)
+        files = {"palpate_contact.py": source, "palpate_contact.json": numbers + "\n"}
         if self.robot is not None:
             files["contact.xml"] = texts.fragment(None, self.tip, self.place, notes)
         return self._files(files, notes)
 
-    def _module(self, notes: Sequence[str] = ()) -> str:
-        return callback.module_text(self.asked.law, self.tip, PADS[0], notes)
+    def _contact(self, tip: str) -> dict[str, Any]:
+        names = ("stiffness", "exponent", "damping", "damping_exponent")
+        law = self.asked.law
+        return {**{name: getattr(law, name) for name in names}, "tip": tip, "pad": PADS[0]}
 
     def predicted(self, motion: Motion) -> Floats:
         """The law's, at least 0: a contact does not pull."""
@@ -174,7 +184,7 @@ class AsCallback(_InMuJoCo):
             pressed = self.pressed()
         except MissingExtraError:
             return None
-        contact = callback.loaded(self._module()).ExactContact(pressed.model)
+        contact = callback.ExactContact(pressed.model, self._contact(self.tip))
         force = np.empty(len(motion))
         out = pressed.along()
         with contact:
@@ -194,8 +204,7 @@ class AsCallback(_InMuJoCo):
         except MissingExtraError:
             return None
         model = mujoco.MjModel.from_xml_string(self.scene(drop.speed))
-        text = callback.module_text(self.asked.law, TIP, PADS[0], ())
-        with callback.loaded(text).ExactContact(model):
+        with callback.ExactContact(model, self._contact(TIP)):
             return _thrown(mujoco, model)
 
 

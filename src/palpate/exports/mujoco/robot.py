@@ -52,6 +52,8 @@ class Robot:
         Where a surface just touches it in the model's first pose.
     time_step : float
         The model's own, s.
+    asset_folders : tuple of str
+        Of its meshes and textures, from its own folder on.
     passive : bool
         Whether it has passive forces, which a pair that pulls and a callback are among.
     warnings, refusals : tuple of str
@@ -65,6 +67,7 @@ class Robot:
     contacts: int
     place: Place
     time_step: float
+    asset_folders: tuple[str, str]
     passive: bool = True
     warnings: tuple[str, ...] = ()
     refusals: tuple[str, ...] = ()
@@ -94,6 +97,7 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
     kind = mujoco.mjtGeom(int(model.geom_type[first.tip])).name.removeprefix("mjGEOM_")
     if kind == "PLANE":
         raise InvalidParameterError(f"geom {geom} is a plane: name the one that touches it")
+    spec = _spec(path)
     mobility = float(model.body_invweight0[model.geom_bodyid[first.tip], 0])
     if not mobility > 0.0:
         raise InvalidParameterError(
@@ -112,6 +116,7 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
         max(1, *counts) if len(counts) == 1 else 1,
         there.place,
         float(model.opt.timestep),
+        (spec.meshdir, spec.texturedir),
         _passive(mujoco, model),
         (*_warnings(kind, geom, counts), *_felt_otherwise(mass, mobility)),
         _refusals(mujoco, model, kind, geom, counts),

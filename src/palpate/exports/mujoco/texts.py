@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -47,7 +48,9 @@ FRAGMENT = """\
 ROBOT = """\
 {comment}
 <mujoco>
-  <include file={model}/>
+  {model}
+  <!-- Assets are looked for from this file on: after the model, so that its own are overridden. -->
+  {assets}
   <include file="contact.xml"/>
 </mujoco>
 """
@@ -131,11 +134,14 @@ def scene(
     )
 
 
-def robot(model: str, notes: Sequence[str]) -> str:
-    """A scene of the user's model with the fragment; it is to stand beside both."""
-    name = ElementTree.tostring(ElementTree.Element("a", file=model), encoding="unicode")
-    quoted = name.removeprefix("<a file=").removesuffix(" />")
-    return ROBOT.format(comment=xml_comment(notes), model=quoted)
+def robot(model: Path, meshes: str, textures: str, notes: Sequence[str]) -> str:
+    """A scene of the user's model, wherever that is, with the fragment beside this file."""
+    whole = model.absolute()
+    folders = {"meshdir": str(whole.parent / meshes), "texturedir": str(whole.parent / textures)}
+    include = ElementTree.Element("include", file=str(whole))
+    parts = (include, ElementTree.Element("compiler", folders))
+    both = [ElementTree.tostring(part, encoding="unicode") for part in parts]
+    return ROBOT.format(comment=xml_comment(notes), model=both[0], assets=both[1])
 
 
 def as_one_contact(rows: Rows) -> Rows:

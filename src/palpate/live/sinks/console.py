@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from palpate.errors import printable
 from palpate.live.law_numbers import law_lines
 from palpate.live.sinks.figures import WorkingDepth, at_depth, percent, seconds
 from palpate.live.sinks.printing import printed
@@ -77,7 +78,7 @@ class _Printing:
         if status and not status.get("stopped"):
             self._print("the loop has ended without a word; this is what it counted last:")
         for line in summary(status, self._watching.others()):
-            self._print(line)
+            self._print(printable(line))
 
     def _print(self, words: str, end: str = "\n") -> None:
         self._heard = self._heard and printed(words, end)
@@ -90,9 +91,9 @@ class _Printing:
             self._depth.see(rows)
         for sentence in self._new(status):
             self._clear()
-            self._print(sentence)
+            self._print(printable(sentence))
         if not self._quiet and len(self._row) and not status.get("stopped"):
-            self._show(_line(status, self._row, self._depth.value))
+            self._show(printable(_line(status, self._row, self._depth.value)))
         self._watching.tell({})
 
     def _new(self, status: dict[str, Any]) -> Iterator[str]:

@@ -14,7 +14,7 @@ from palpate.identifying import identify
 from palpate.live.choices import CHOICES
 from palpate.live.realtime import go_last
 from palpate.live.sinks.sink import Session
-from palpate.live.sinks.watching import PLACE, Watching
+from palpate.live.sinks.watching import PLACE, Watching, basis_of, outdated
 from palpate.validation import Floats
 
 WINDOW = 20.0  # s
@@ -27,11 +27,6 @@ _SAMPLE = [PLACE[name] for name in ("time", "penetration", "velocity", "force", 
 _GAP = 10.0
 # Delays after a change: for two the velocity's window has both materials in it.
 _SMEARED = 3.0
-_SINCE = {
-    "method": "another estimator runs now",
-    "changes": "the material has changed since",
-    "tare": "the force was tared since",
-}
 
 
 class Diagnosing:
@@ -69,26 +64,6 @@ class Diagnosing:
                 due = time.monotonic() + self._every
             watching.tell({**page, "outdated": outdated(page, status)} if page else page)
         watching.close()
-
-
-def _basis(status: dict[str, Any]) -> dict[str, Any]:
-    """What a diagnosis is of; it is another one's as soon as one of these is another."""
-    changes = status.get("counts", {}).get("changes", 0)
-    return {"method": status.get("method"), "changes": changes, "tare": status.get("tare")}
-
-
-def outdated(page: dict[str, Any], status: dict[str, Any]) -> str:
-    """Why the last diagnosis is not of what the loop does now; nothing where it is.
-
-    Parameters
-    ----------
-    page : dict
-        What :func:`diagnosed` gave.
-    status : dict
-        What the loop says now.
-    """
-    now = _basis(status)
-    return " and ".join(words for name, words in _SINCE.items() if page["of"][name] != now[name])
 
 
 def recent(samples: Floats, window: float, delay: float) -> Floats:
@@ -150,7 +125,7 @@ def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         "window": [float(samples[0, 0]), float(samples[-1, 0])],
         "samples": len(samples),
         "method": status.get("method"),
-        "of": _basis(status),
+        "of": basis_of(status),
     }
     try:
         contact = contact_of(samples, float(status.get("sample_time", 1e-3)))

@@ -144,6 +144,8 @@ def described(status: dict[str, Any]) -> dict[str, str]:
         tared = "being measured" if tare is None else f"{tare:.6g} N was taken off online"
     verdict = verdict_on(status)
     told = {"law": str(verdict["law"])} if verdict and verdict["known"] else {}
+    diagnosis = status.get("diagnosis", {})
+    told |= {name: str(diagnosis[name]) for name in ("verdict", "reason") if name in diagnosis}
     return {
         "source": str(status.get("source", "")),
         "method": str(status.get("method", "")),

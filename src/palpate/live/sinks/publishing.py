@@ -12,17 +12,23 @@ import numpy as np
 from palpate.digits import parameter
 from palpate.errors import PalpateError
 from palpate.live.law_numbers import fields_of
+from palpate.live.loop import TAKEN
 from palpate.live.sinks.sink import Session
-from palpate.live.sinks.watching import Watching
+from palpate.live.sinks.watching import PLACE, Watching
 from palpate.live.states import State
 from palpate.live.verdict_on_laws import verdict_on
-from palpate.live.wires.estimates import GENERATION, Fields
+from palpate.live.wires.estimates import GENERATION, SCHEMA, Fields
 from palpate.live.wires.ros_estimates import TOPICS, RosEncoder
 from palpate.validation import Floats
 
+#: Of an estimate, in place of words.
+LEVELS = {"do-not-trust": 0.0, "with-care": 1.0, "trust": 2.0}
 _PAUSE = 1e-3  # s: how often new rows are looked for
 _ASKED_EVERY = 0.02  # s: whether the loop has stopped
 _TOLD_EVERY = 0.25  # s: the status, and the sink's own board
+
+
+_now = time.monotonic
 
 
 class Wire(Protocol):
@@ -96,14 +102,15 @@ class _Publishing:
         self._wire, self._watching = wire, watching
         self._sent = 0
         self._fields: Fields | None = None
-        self._last: Floats = np.empty((0, 0))  # of what was published
+        self._last: dict[str, float] = {}  # of what was published
+        self._seen = self._learned = math.nan  # when; and when a sample was, by the robot's clock
         self._told = 0.0
 
     def run(self) -> None:
         waiting = self._watching.take().rows
         over, asked = False, 0.0
         while not over:
-            now = time.monotonic()
+            now = _now()
             if now >= asked:
                 asked, over = now + _ASKED_EVERY, self._watching.over
             page, rows = self._watching.status(), self._watching.take().rows
@@ -124,31 +131,43 @@ class _Publishing:
             page["origin"],
         ):
             fields = self._fields = Fields.of(page)
-            self._last = rows[:0]
+            self._last, self._learned = {}, math.nan
         mine = rows[:, GENERATION] == fields.generation
         # Rows of the estimator before, which the board does not know any more, are not published.
         self._watching.dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
         if mine.any():
-            values = fields.values(rows[mine]).tolist()
-            self._last = rows[mine][-1:]
+            values = fields.values(rows[mine], self._after(page, rows[mine])).tolist()
+            self._last, self._seen = dict(zip(fields.names, values[-1], strict=True)), _now()
             refused = self._wire.send(fields.names, values)
             self._watching.dropped += refused  # they came to nobody, as those that the ring lost
             self._sent += len(values) - refused
         return rows[rows[:, GENERATION] > fields.generation]
 
+    def _after(self, page: dict[str, Any], rows: Floats) -> Floats:
+        """The verdict as a number, NaN of none; and s since a sample was learned."""
+        level = LEVELS.get(str(self._watching.diagnosis(page)["verdict"]), math.nan)
+        # Of a change the board does not know at once.
+        levels = np.where(rows[:, PLACE["state"]] == State.CHANGED, math.nan, level)
+        times, taken = rows[:, PLACE["arrived"]], np.isin(rows[:, PLACE["status"]], list(TAKEN))
+        latest = np.maximum.accumulate(np.where(taken, np.arange(len(rows)), -1))
+        learned = np.where(latest < 0, self._learned, times[latest])
+        self._learned = float(learned[-1])
+        return np.column_stack([levels, times - learned])
+
     def _tell(self, page: dict[str, Any], *, silent: bool) -> None:
         """Say it whether rows come or not: of a source that is lost there are none."""
-        now = time.monotonic()
-        if now < self._told or not len(self._last) or self._fields is None:
+        now, last = _now(), self._last
+        if now < self._told or not last or self._fields is None:
             return
-        values = self._fields.values(self._last)[0].tolist()
-        if not math.isfinite(values[0]):
+        if not math.isfinite(last["time"]):
             return
         self._told = now + _TOLD_EVERY
-        stamp = round(1e9 * (values[0] - 1e-9 * self._fields.origin)) + self._fields.origin
+        stamp = round(1e9 * (last["time"] - 1e-9 * self._fields.origin)) + self._fields.origin
         lost = silent and page["state"] == "lost"
-        state = "lost" if lost else State(int(values[6])).name.lower()
-        self._wire.tell(state, page["source"], stamp, words_of(page, self._fields, values))
+        state = "lost" if lost else State(int(last["state"])).name.lower()
+        said = words_of(page, self._fields, {**last, "age": last["age"] + now - self._seen})
+        said |= self._watching.diagnosis(page)
+        self._wire.tell(state, page["source"], stamp, said)
         self._report()
 
     def _report(self) -> None:
@@ -156,31 +175,32 @@ class _Publishing:
 
 
 def words_of(
-    page: dict[str, Any], fields: Fields, values: Sequence[float]
+    page: dict[str, Any], fields: Fields, named: dict[str, float]
 ) -> dict[str, str | float]:
-    """What is said in words: numbers with their units and error bars, and what was lost.
+    """What is said beside the estimates: numbers as such in SI, and in a sentence with their units.
 
-    And which law it is, by an estimator that compares laws: words, and plain numbers in SI.
+    And which law it is, by an estimator that compares laws.
     """
-    named = dict(zip(fields.names, values, strict=True))
-    said: dict[str, str | float] = {"method": str(page["method"]), "law": str(page["law"]["kind"])}
-    shown = page["law"].get("shown", range(len(fields.parameters)))
-    units = dict(zip(fields.parameters, page["law"]["units"], strict=True))
+    law = page["law"]
+    said: dict[str, str | float] = {"schema": SCHEMA, "method": page["method"], "law": law["kind"]}
+    said |= {"flags": "; ".join(page["flags"]), "age": named["age"]}
     verdict = verdict_on(page)
-    known = verdict and verdict["parameters"]
-    own = verdict["own"] if verdict and known else fields.parameters
-    fixed = verdict["fixed"] if verdict else ()
-    for name in (fields.parameters[place] for place in shown):
+    own = verdict["own"] if verdict and verdict["parameters"] else fields.parameters
+    fixed, words = verdict["fixed"] if verdict else (), []
+    for place in law.get("shown", range(len(fields.parameters))):
+        name, unit = fields.parameters[place], law["units"][place]
         value, error = named[name], named[f"{name}_standard_error"]
-        if name not in own:
-            said[name] = "none of its own"
+        if name in own:
+            words.append(f"{name} {_parameter(value, error, unit, fixed=name in fixed)}")
         else:
-            said[name] = _parameter(value, error, units[name], fixed=name in fixed)
+            value = error = math.nan
+        said |= {name: value, f"{name}_standard_error": error}
+    said["words"] = ", ".join(words)
     if verdict:
         origin = 1e-9 * fields.origin  # what the loop counts its times from
         said |= {f"verdict_{name}": each for name, each in fields_of(verdict, origin).items()}
     for name in ("lost", "repeated", "disordered", "malformed", "unpaired", "refused"):
-        said[name] = str(page["counts"].get(name, 0))
+        said[name] = page["counts"].get(name, 0)
     return said
 
 

@@ -1,6 +1,7 @@
 """An MCAP recording of what came and what was found."""
 
 import os
+import sys
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
@@ -59,15 +60,17 @@ class Recorder:
         self._folder = Path() if folder is None else folder
 
     def run(self, session: Session, commands: Connection) -> None:
-        """Record until the loop stops."""
+        """Record until the loop stops; the exit status is 1 where not all could be recorded."""
         watching = Watching(session)
-        recording, wish, said = None, 0, ""
+        recording, wish, said, failed = None, 0, "", False
         if self._path is not None:
             recording, said = _begun(self._path)
+            failed = recording is None
         goes_on = True
         while goes_on:
             goes_on = watching.wait(FLUSHED_EVERY)
             status = watching.status()
+            status["diagnosis"] = watching.diagnosis(status)
             asked = status.get("record", {})
             rows = watching.take().rows.tolist()
             if recording is not None:
@@ -77,12 +80,15 @@ class Recorder:
                 recording, said = self._obey(recording, asked)
                 watching.go_back(asked["since"])  # when it was asked for
             if recording is not None and recording.failed:
-                recording = None
+                recording, failed = None, True
             watching.tell(_page(recording, said))
         if recording is not None:
             said = recording.finish()
+            failed = failed or recording.failed
         watching.tell({**_page(recording, said), "on": False})
         watching.close()
+        if failed:
+            sys.exit(1)  # by which the loop's process knows
 
     def _obey(
         self, recording: "Recording | None", asked: dict[str, Any]

@@ -1,5 +1,6 @@
 """What a sink sees of the loop."""
 
+import math
 import multiprocessing
 import time
 from typing import Any
@@ -10,6 +11,46 @@ from palpate.live.sinks.sink import Session
 
 #: Place of each column in a row.
 PLACE = {name: k for k, name in enumerate(COLUMNS)}
+#: In place of a verdict, until there is one of what the loop does now.
+NOT_DIAGNOSED = "not diagnosed yet"
+_SINCE = {
+    "method": "another estimator runs now",
+    "changes": "the material has changed since",
+    "tare": "the force was tared since",
+}
+
+
+def basis_of(status: dict[str, Any]) -> dict[str, Any]:
+    """What a diagnosis is of; it is another one's as soon as one of these is another."""
+    changes = status.get("counts", {}).get("changes", 0)
+    method = [status.get("method"), status.get("generation")]
+    return {"method": method, "changes": changes, "tare": status.get("tare")}
+
+
+def outdated(page: dict[str, Any], status: dict[str, Any]) -> str:
+    """Why the last diagnosis is not of what the loop does now; nothing where it is."""
+    now = basis_of(status)
+    return " and ".join(words for name, words in _SINCE.items() if page["of"][name] != now[name])
+
+
+def diagnosis_of(page: dict[str, Any] | None, status: dict[str, Any]) -> dict[str, str | float]:
+    """What a reader needs of a diagnosis, None without one; no verdict where it is outdated."""
+    marks = dict.fromkeys(("overall", "stiffness", "damping"), NOT_DIAGNOSED)
+    time = math.nan
+    if page is None or "of" not in page:
+        reason = "nothing diagnoses this loop" if page is None else "the first diagnosis is to come"
+    elif since := outdated(page, status):
+        reason = since
+    else:
+        reason, marks = page["reason"], page["verdict"] or marks
+        time = 1e-9 * status.get("origin", 0) + page["window"][1]
+    return {
+        "verdict": marks["overall"],
+        "stiffness_verdict": marks["stiffness"],
+        "damping_verdict": marks["damping"],
+        "reason": reason,
+        "diagnosis_time": time,
+    }
 
 
 class Watching:
@@ -48,6 +89,10 @@ class Watching:
     def others(self) -> dict[str, dict[str, Any]]:
         """What the other sinks said last."""
         return {name: board.read() for name, board in self._others.items()}
+
+    def diagnosis(self, status: dict[str, Any]) -> dict[str, str | float]:
+        """What the last diagnosis says of what the loop does now."""
+        return diagnosis_of(self.others().get("diagnosis"), status)
 
     def tell(self, page: dict[str, Any]) -> None:
         """Write the sink's own board, with the rows that it lost."""

@@ -10,7 +10,7 @@ from palpate.errors import InvalidParameterError, MissingExtraError, PalpateErro
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sinks.publishing import Publisher
 from palpate.live.wires.addresses import WireAddress, parsed
-from palpate.live.wires.estimates import BEFORE
+from palpate.live.wires.estimates import AFTER, BEFORE
 from palpate.validation import shown
 
 if TYPE_CHECKING:
@@ -87,6 +87,7 @@ class ZeroMQWire:
 
     def _packed(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
         if self._binary:
+            values = values[: -len(AFTER)]  # which the status has too: the layout stays
             size = (len(values) - len(BEFORE)) // 2
             rest = [math.nan] * (MOST_PARAMETERS - size)
             first = len(BEFORE) + size

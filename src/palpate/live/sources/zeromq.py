@@ -8,7 +8,7 @@ from palpate.live.arrivals import Arrival, Counts
 from palpate.live.sources.opening import SourceOptions
 from palpate.live.wires.addresses import WireAddress, parsed
 from palpate.live.wires.ordering import Order, Origin, Receipt, Verdict
-from palpate.live.wires.packets import LONGEST, PacketError, unpacked
+from palpate.live.wires.packets import PacketError, unpacked
 from palpate.validation import shown
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 OPTIONS = ("socket", "bind", "topic")
 # Packets that wait in the socket, 20 s at 1 kHz: the default of 1000 would lose what comes while
-# the loop is held up for a second. Of the longest they are 80 MB.
+# the loop is held up for a second.
 WAITING = 20_000
 
 
@@ -78,7 +78,7 @@ class ZeroMQ:
         self._poller.register(socket, zmq.POLLIN)
         socket.linger = 0
         socket.rcvhwm = WAITING
-        socket.maxmsgsize = 16 * LONGEST  # longer ones end the connection, before they take memory
+        # No maxmsgsize: it would end the connection for good, and the loop would hear nothing more.
         if not self._pull:
             socket.setsockopt(zmq.SUBSCRIBE, self._topic.encode())
         try:

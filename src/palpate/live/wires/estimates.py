@@ -21,6 +21,11 @@ BEFORE = (
     ("surface", "surface"),  # m
     ("margin", "margin"),  # of condition 10
 )
+#: Behind all of them: the verdict as a number, and s since a sample was learned.
+AFTER = ("verdict", "age")
+#: Of these names and those of the status; a field that goes, or means another thing, makes it the
+#: next.
+SCHEMA = 2
 _TIMES = (0, 1)
 _COLUMNS = [COLUMNS.index(column) for _, column in BEFORE]
 _PARAMETER = COLUMNS.index("parameter_0")
@@ -55,14 +60,14 @@ class Fields:
     def names(self) -> tuple[str, ...]:
         """All names, in the order of the numbers."""
         errors = (f"{name}_standard_error" for name in self.parameters)
-        return (*(name for name, _ in BEFORE), *self.parameters, *errors)
+        return (*(name for name, _ in BEFORE), *self.parameters, *errors, *AFTER)
 
-    def values(self, rows: Floats) -> Floats:
-        """Return the numbers of rows of the ring, shape (k, len(names))."""
+    def values(self, rows: Floats, after: Floats) -> Floats:
+        """Return the numbers of rows of the ring, shape (k, len(names)); those after are given."""
         size = len(self.parameters)
         fixed = rows[:, _COLUMNS]
         fixed[:, _TIMES] += 1e-9 * self.origin
         variances = rows[:, _COVARIANCE : _COVARIANCE + MOST_PARAMETERS**2 : MOST_PARAMETERS + 1]
         with np.errstate(invalid="ignore"):
             errors = np.sqrt(variances[:, :size])
-        return np.hstack([fixed, rows[:, _PARAMETER : _PARAMETER + size], errors])
+        return np.hstack([fixed, rows[:, _PARAMETER : _PARAMETER + size], errors, after])

@@ -81,7 +81,7 @@ class RosEncoder:
         stamp : int
             ns, by the robot's clock.
         values : dict
-            What is said, by name; numbers are written with nine digits.
+            What is said, by name; numbers are written with 15 digits.
         """
         types = self._store.types
         time = types["builtin_interfaces/msg/Time"](*divmod(max(stamp, 0), NANO))
@@ -89,7 +89,7 @@ class RosEncoder:
         header = types["std_msgs/msg/Header"](*numbered, time, "")
         pairs = [
             types["diagnostic_msgs/msg/KeyValue"](
-                name, value if isinstance(value, str) else f"{value:.9g}"
+                name, value if isinstance(value, str) else f"{value:.15g}"
             )
             for name, value in values.items()
         ]
