@@ -12,7 +12,7 @@ LAWS: dict[str, ForceLaw] = {
     "n = 1.5": HuntCrossley(2e4, 3e4, 1.5),
     "PVC": lab.PVC.law,
 }
-MODULES = {"drake": "pydrake", "opensim": "opensim", "pybullet": "pybullet", "mujoco": "mujoco"}
+MODULES = {"drake": "pydrake", "opensim": "opensim", "mujoco": "mujoco"}
 RADIUS = 30e-3  # m, of the tip, where an engine's law has it
 
 

@@ -7,16 +7,13 @@ datagram of the same numbers between the same processes. All that is lost is cou
 
 import argparse
 import os
-import shutil
 import socket
 import struct
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from pathlib import Path
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -35,28 +32,6 @@ _SETTLE = 1.0  # s, that discovery takes at most on one machine
 _BARE = struct.Struct("<Qd6d")
 _DOMAIN = 200
 Send = Callable[[int, int], None]
-_ROSPY = """
-import os, sys, time
-import rospy
-from geometry_msgs.msg import PoseStamped, WrenchStamped
-rospy.init_node("robot", disable_signals=True)
-# Without a queue it sends at once, as a node in C++ does.
-import warnings
-warnings.simplefilter("ignore")
-kinds = [("/pose", PoseStamped), ("/wrench", WrenchStamped)]
-senders = [(rospy.Publisher(n, k, queue_size=None, tcp_nodelay=True), k()) for n, k in kinds]
-print("ready", flush=True)
-sys.stdin.readline()
-begin = time.monotonic()
-for k in range(int(sys.argv[1])):
-    time.sleep(max(begin + k / float(sys.argv[2]) - time.monotonic(), 0.0))
-    stamp = rospy.Time(*divmod(time.monotonic_ns(), 10**9))
-    for sender, message in senders:
-        message.header.stamp = stamp
-        sender.publish(message)
-sys.stdin.readline()
-os._exit(0)
-"""
 
 
 def sender(wire: str, where: str) -> Send:
@@ -177,9 +152,6 @@ def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:
     where = {"zmq": f"tcp://127.0.0.1:{_free()}", "zenoh": f"tcp/127.0.0.1:{_free()}"}.get(wire)
     where = where or (str(_free(socket.SOCK_DGRAM)) if wire == DIRECT else str(_DOMAIN))
     command = [sys.executable, "-m", "benchmarks.live_wires", "--send", wire, where, str(count)]
-    if wire == "ros1":
-        # A robot's own node: by the Python that has rospy, which knows nothing of palpate.
-        command = ["/usr/bin/python3", "-c", _ROSPY, str(count), str(RATE)]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:
@@ -218,7 +190,6 @@ def _taken(
         "zmq": where,
         "dds": f"/pose,/wrench?domain={where}",
         "zenoh": f"/pose,/wrench?connect={where}",
-        "ros1": "/pose,/wrench",
     }[wire]
     source = open_source(f"{wire}:{rest}", SourceOptions(vectors=True))
     source.open()
@@ -254,34 +225,6 @@ def _free(kind: int = socket.SOCK_STREAM) -> int:
     return port
 
 
-@contextmanager
-def ros_master() -> Iterator[bool]:
-    """A master of ROS 1 of our own; whether there is one."""
-    if shutil.which("rosmaster") is None:
-        yield False
-        return
-    port = _free()
-    os.environ |= {"ROS_MASTER_URI": f"http://127.0.0.1:{port}", "ROS_IP": "127.0.0.1"}
-    clean = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    with tempfile.TemporaryDirectory() as home, (Path(home) / "master.log").open("wb") as log:
-        clean["ROS_HOME"] = home
-        command = ["rosmaster", "--core", "-p", str(port)]
-        process = subprocess.Popen(command, env=clean, stdout=log, stderr=log)
-        try:
-            until = time.monotonic() + 20.0
-            while time.monotonic() < until and not _listens(port):
-                time.sleep(0.1)
-            yield True
-        finally:
-            process.terminate()
-            process.wait(10)
-
-
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
-
-
 def section_of(wires: list[str], seconds: float) -> Section:
     """Measure each wire, one after the other."""
     notes = [f"{seconds:g} s at {RATE:g} Hz each; ROS's wires carry two messages a sample."]
@@ -307,15 +250,14 @@ def section_of(wires: list[str], seconds: float) -> Section:
 def main() -> None:
     """Measure, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("wires", nargs="*", default=["zmq", "dds", "zenoh", "ros1"])
+    parser.add_argument("wires", nargs="*", default=["zmq", "dds", "zenoh"])
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--send", nargs=3, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.send:
         wire, where, count = given.send
         serve(wire, where, int(count))
-    with ros_master() if "ros1" in given.wires else tempfile.TemporaryDirectory():
-        section = section_of(given.wires, given.seconds)
+    section = section_of(given.wires, given.seconds)
     report.print_sections([section], machine.describe(""), Console(highlight=False, width=120))
 
 

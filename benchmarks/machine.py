@@ -18,7 +18,6 @@ PACKAGES = (
     "mujoco",
     "drake",
     "opensim",
-    "pybullet",
 )
 
 

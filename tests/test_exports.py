@@ -156,7 +156,7 @@ def test_the_nearest_kelvin_voigt_law_is_the_least_squares_and_the_law_itself_wh
     assert kelvin_voigt(GeneralisedHuntCrossley.of(linear), motion).simplest() == linear
     found = kelvin_voigt(PVC.law, motion)
     least = force_error(motion.force_by(found), motion.force_by(PVC.law), motion.judged)
-    # Measured on this motion; what MuJoCo's and PyBullet's linear contact were seen to leave.
+    # Measured on this motion; what MuJoCo's linear contact was seen to leave.
     assert 17.0 < least < 18.0
     for change in ({"stiffness": 1.01 * found.stiffness}, {"damping": 1.1 * found.damping}):
         worse = replace(found, **change)
@@ -178,7 +178,7 @@ def test_of_a_law_that_remembers_the_nearest_member_is_exported_with_its_error()
     ]
     assert found.error_percent < min(others)
     assert not found.law.remembers
-    made = exports.export(law, "gazebo-classic", allow=True)
+    made = exports.export(law, "usd", allow=True)
     assert made.statement.as_dict()["error_percent"]["nearest"] == pytest.approx(
         found.error_percent
     )
@@ -297,9 +297,8 @@ def test_the_stable_step_is_that_of_a_semi_implicit_penalty():
         assert (abs(x) < 1.0) is stable
 
 
-@pytest.mark.parametrize("engine", ["usd", "gazebo-classic"])
-def test_what_has_no_engine_here_is_marked_and_its_impacts_are_warned_of(engine, ball, tmp_path):
-    made = exports.export(ball, engine, mass=1.0)
+def test_what_has_no_engine_here_is_marked_and_its_impacts_are_warned_of(ball, tmp_path):
+    made = exports.export(ball, "usd", mass=1.0)
     assert not made.statement.compared.replayed
     for name, text in made.files.items():
         assert "not replayed here" in text, name
@@ -311,24 +310,12 @@ def test_what_has_no_engine_here_is_marked_and_its_impacts_are_warned_of(engine,
     assert whole["law"]["stiffness"] == ball.law.stiffness
 
 
-def test_a_surface_of_gazebo_classic_has_both_numbers_and_the_other_body_none(ball):
-    made = exports.export(KelvinVoigt(2000.0, 16.0), "gazebo-classic", mass=0.5)
-    assert "exact" not in made.statement.claim or made.statement.exact
-    surface = ElementTree.fromstring(made.files["surface.sdf"])
-    assert surface.findtext(".//kp") == "2000"
-    assert surface.findtext(".//kd") == "16"
-    # The spring corrects K x/(h K + B) a second; a smaller max_vel, such as the default, cuts it.
-    assert float(surface.findtext(".//max_vel")) > 2000.0 * 14e-3 / (2.0 + 16.0)
-    world = ElementTree.fromstring(made.files["scene.world"])
-    assert [each.text for each in world.iter("kd")] == ["16", "0"]
-    assert world.findtext(".//mass") == "0.5"
-    assert ElementTree.fromstring(made.files["surface.urdf"]).findtext("kp") == "2000"
-
-
 def test_a_time_step_is_counted_where_the_engine_takes_it_implicitly_and_said_where_explicitly():
     stiff = KelvinVoigt(2e4, 20.0)
     rebounds = [
-        exports.export(stiff, "gazebo-classic", time_step=step).statement.compared.rebound
+        exports.export(
+            stiff, "drake", form="sap", time_step=step, replay=False
+        ).statement.compared.rebound
         for step in (1e-5, 1e-3, 3e-3)
     ]
     exact = exports.export(stiff, "usd").statement.compared.drop.restitution
@@ -340,9 +327,14 @@ def test_a_time_step_is_counted_where_the_engine_takes_it_implicitly_and_said_wh
 
 
 def test_gazebo_with_dart_is_refused_for_it_ignores_both_numbers():
-    for to, form in (("gazebo", "auto"), ("gazebo-classic", "dart")):
-        with pytest.raises(ExportRefusedError, match="ignores <kp> and <kd>"):
-            exports.export(BALL.law, to, form=form)
+    with pytest.raises(ExportRefusedError, match="ignores the <kp> and <kd>"):
+        exports.export(BALL.law, "gazebo")
+
+
+@pytest.mark.parametrize("engine", ["pybullet", "gazebo-classic"])
+def test_an_engine_that_is_gone_is_refused_in_a_line_that_says_what_to_do(engine):
+    with pytest.raises(InvalidParameterError, match=rf"no longer exports to {engine}: .*kelvin-v"):
+        exports.export(BALL.law, engine)
 
 
 def test_what_an_engine_can_do_nothing_with_is_refused_rather_than_ignored(toy):

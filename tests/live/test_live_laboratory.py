@@ -9,6 +9,7 @@ import pytest
 
 from palpate import InvalidParameterError, OnlinePreparation, lab
 from palpate.live import run
+from palpate.live.sinks.opening import open_publisher
 from palpate.live.sources import SOURCES, SourceOptions, open_source
 from palpate.live.sources.laboratory import Laboratory
 from palpate.live.sources.laboratory_process import Setup
@@ -167,8 +168,15 @@ def test_the_laboratory_on_the_loop_gives_the_truth():
 def test_each_kind_of_source_says_how_it_is_written():
     for scheme, kind in SOURCES.items():
         assert kind.form.startswith(f"{scheme}:")
-    with pytest.raises(InvalidParameterError, match=r"lab:ball .*zmq:.*dds:.*zenoh:.*ros1:"):
+    with pytest.raises(InvalidParameterError, match=r"lab:ball .*zmq:.*dds:.*zenoh:"):
         open_source("nowhere")
+
+
+@pytest.mark.parametrize("opened", [open_source, open_publisher])
+def test_ros_1_is_refused_in_one_line_that_says_what_to_use(opened):
+    with pytest.raises(InvalidParameterError, match=r"no longer speaks ROS 1 live: .*dds:") as told:
+        opened("ros1:/pose,/wrench")
+    assert "\n" not in str(told.value)
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="of Linux")

@@ -120,15 +120,13 @@ def test_every_field_is_a_word_or_a_number_in_si():
     json.dumps(plain(told(before)), allow_nan=False)
 
 
-@pytest.mark.parametrize("ros1", [False, True], ids=["ROS 2", "ROS 1"])
-def test_the_verdict_is_published_in_words_and_numbers(ros1):
+def test_the_verdict_is_published_in_words_and_numbers():
     typesys = pytest.importorskip("rosbags.typesys", reason="the extra live is not installed")
     from palpate.live.wires.ros_estimates import STATUS, RosEncoder
 
-    data = RosEncoder(ros1=ros1).status("contact", "rig", 0, {"law": "spring", "lead": 1.0 / 3.0})
-    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros1 else typesys.Stores.LATEST)
-    read = store.deserialize_ros1 if ros1 else store.deserialize_cdr
-    values = {each.key: each.value for each in read(data, STATUS).status[0].values}
+    data = RosEncoder().status("contact", "rig", 0, {"law": "spring", "lead": 1.0 / 3.0})
+    store = typesys.get_typestore(typesys.Stores.LATEST)
+    values = {each.key: each.value for each in store.deserialize_cdr(data, STATUS).status[0].values}
     assert values == {"law": "spring", "lead": "0.333333333333333"}
 
 

@@ -165,7 +165,7 @@ def test_with_a_token_nothing_is_shown_without_it():
         assert (answer.status, answer.headers["location"]) == (303, "/")
         cookie = answer.headers["set-cookie"]
         assert "HttpOnly" in cookie
-        assert "SameSite=Strict" in cookie
+        assert "SameSite=strict" in cookie
         remembered = cookie.partition(";")[0]
         assert page.get(Cookie=remembered)[0].status == 200
         with page.socket(additional_headers={"Cookie": remembered}) as client:

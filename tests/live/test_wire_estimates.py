@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scripted import arrivals, looped, measured
-from test_wires import ros_master, wire  # noqa: F401 - fixtures
+from test_wires import wire  # noqa: F401 - a fixture
 from wire_robots import ROBOTS, free_port, query
 
 import palpate
@@ -217,39 +217,10 @@ class ZenohListener(RosListener):
         assert any("/%palpate%estimate/std_msgs::msg::dds_::" in each for each in self.tokens)
 
 
-class ROS1Listener(RosListener):
-    wait = 3.0
-
-    def __init__(self) -> None:
-        super().__init__("ros1")
-        from palpate.live.wires.ros1_process import Bridge
-
-        self.address = "ros1:/palpate"
-        topics = ["/palpate/estimate", "/palpate/status"]
-        self.bridge = Bridge({"mode": "subscribe", "topics": topics}, "")
-
-    def decoded(self, data: bytes, kind: str):
-        return self.store.deserialize_ros1(data, kind)
-
-    def hear(self) -> None:
-        from palpate.live.wires.ros1_bridge import MESSAGE, STAMPED
-
-        while self.bridge.waiting(0.3):
-            for frame in self.bridge.frames(0.3):
-                if frame.kind == MESSAGE:
-                    body = frame.body[STAMPED.size :]
-                    (self.status if frame.topic else self.take)(body)
-
-    def close(self) -> None:
-        self.bridge.close()
-        super().close()
-
-
 LISTENERS = {
     "zmq": ZeroMQListener,
     "dds": DDSListener,
     "zenoh": ZenohListener,
-    "ros1": ROS1Listener,
 }
 
 

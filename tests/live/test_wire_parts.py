@@ -256,7 +256,7 @@ def test_any_bytes_are_a_sample_or_a_packet_error(data, vectors):
     assert isinstance(found.position, tuple) is vectors
 
 
-ROS2, ROS1 = get_typestore(Stores.LATEST), get_typestore(Stores.ROS1_NOETIC)
+ROS2 = get_typestore(Stores.LATEST)
 
 
 def made(store, kind, **fields):
@@ -279,11 +279,9 @@ def made(store, kind, **fields):
 
 
 @pytest.mark.parametrize("kind", sorted({**POSITIONS, **FORCES}))
-@pytest.mark.parametrize("ros1", [False, True], ids=["ros2", "ros1"])
-def test_every_type_is_read_where_its_numbers_are(kind, ros1):
+def test_every_type_is_read_where_its_numbers_are(kind):
     path = {**POSITIONS, **FORCES}[kind]
-    store = ROS1 if ros1 else ROS2
-    message = made(store, kind)
+    message = made(ROS2, kind)
     place = message
     for name in path.split(".") if path else ():
         place, last = getattr(place, name), name
@@ -292,8 +290,8 @@ def test_every_type_is_read_where_its_numbers_are(kind, ros1):
         object.__setattr__(message, last, 2.5)
     else:
         place.x, place.y, place.z = 1.5, -2.5, 3.5
-    data = bytes((store.serialize_ros1 if ros1 else store.serialize_cdr)(message, kind))
-    reader = MessageReader("/topic", kind, [path], vectors=not scalar, ros1=ros1)
+    data = bytes(ROS2.serialize_cdr(message, kind))
+    reader = MessageReader("/topic", kind, [path], vectors=not scalar)
     reading = reader.read(data)
     assert reading.values == ((2.5,) if scalar else ((1.5, -2.5, 3.5),))
     assert reading.stamp is None  # a stamp of zeros is none
@@ -330,20 +328,16 @@ def test_a_field_that_cannot_be_read_is_refused_before_any_message(kind, path, v
     assert "/topic" in str(caught.value)
 
 
-@given(st.binary(max_size=300), st.booleans())
-def test_any_bytes_are_a_message_or_an_error_of_ours(data, ros1):
-    reader = READERS[ros1]
+@given(st.binary(max_size=300))
+def test_any_bytes_are_a_message_or_an_error_of_ours(data):
     try:
-        reading = reader.read(data)
+        reading = WRENCHES.read(data)
     except PalpateError:
         return
     assert len(reading.values[0]) == 3
 
 
-READERS = [
-    MessageReader("/t", "geometry_msgs/msg/WrenchStamped", ["wrench.force"], vectors=True, ros1=r)
-    for r in (False, True)
-]
+WRENCHES = MessageReader("/t", "geometry_msgs/msg/WrenchStamped", ["wrench.force"], vectors=True)
 
 
 def test_layouts_that_a_hostile_sender_invents_are_not_kept_for_ever():

@@ -1,4 +1,4 @@
-"""What holds of every wire: DDS and Zenoh by ROS 2's names, ROS 1, and ZeroMQ."""
+"""What holds of every wire: DDS and Zenoh by ROS 2's names, and ZeroMQ."""
 
 import contextlib
 import random
@@ -8,7 +8,6 @@ import struct
 import time
 
 import pytest
-from peers import ros1
 from wire_robots import (
     POSE,
     ROBOTS,
@@ -28,20 +27,8 @@ from palpate.live.sources.opening import SourceOptions, open_source
 from palpate.live.wires.packets import packed
 
 
-@pytest.fixture(scope="module")
-def ros_master(tmp_path_factory):
-    if missing := ros1.absent():
-        pytest.skip(f"ROS 1 is not installed: no {missing}")
-    with ros1.master(tmp_path_factory.mktemp("ros")) as environment:
-        yield environment
-
-
 @pytest.fixture(params=WIRES)
-def wire(request, monkeypatch):
-    if request.param == "ros1":
-        environment = request.getfixturevalue("ros_master")
-        for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOME"):
-            monkeypatch.setenv(name, environment[name])
+def wire(request):
     return request.param
 
 
@@ -103,7 +90,7 @@ def test_a_robot_that_starts_again_is_followed(robot, source):
     found = []
     for k, stamp in stamps:
         robot.send(k, stamp)
-        found += collect(source, 1)  # one at a time: ROS 1 has a connection for each topic
+        found += collect(source, 1)
     source.close()
     assert [each.force for each in found] == [force(k) for k in (*range(1000, 1010), *range(20))]
     assert (source.counts.lost, source.counts.disordered) == (0, 0)
@@ -129,7 +116,11 @@ def test_a_robot_that_goes_away_and_comes_back_is_heard_again(robot, source):
 
 
 def fuzz(robot, source, count: int, first: int = 0) -> int:
-    """So many packets that are no samples, with good ones in between; all are counted."""
+    """So many packets that are no samples, with good ones in between; all are counted.
+
+    But over DDS, where Cyclone DDS drops them before palpate sees them.
+    """
+    counted = not source.name.startswith("dds")
     chance, sample = random.Random(5), first
     before = source.counts.malformed
     good = robot.message(POSE, 1, START) if hasattr(robot, "message") else bytes(64)
@@ -148,11 +139,12 @@ def fuzz(robot, source, count: int, first: int = 0) -> int:
             found += len(collect(source, 1))
             # Datagrams that nobody takes in time are dropped by the system itself.
             until = time.monotonic() + 5.0
-            while source.counts.malformed <= before + k and time.monotonic() < until:
+            while counted and source.counts.malformed <= before + k and time.monotonic() < until:
                 source.take(0.01)
     assert found == sample - first
-    assert source.counts.malformed == before + count
-    assert source.counts.last_fault
+    if counted:
+        assert source.counts.malformed == before + count
+        assert source.counts.last_fault
     assert (source.counts.repeated, source.counts.disordered) == (0, 0)
     return sample
 
@@ -274,7 +266,6 @@ def received(wire: str, count: int) -> tuple[int, int, int]:
             "zmq": where,
             "dds": f"dds:/pose,/wrench?domain={where}",
             "zenoh": f"zenoh:/pose,/wrench?connect={where}",
-            "ros1": "ros1:/pose,/wrench",
         }[wire]
         source = open_source(address, SourceOptions(vectors=True))
         source.open()

@@ -16,7 +16,7 @@ from palpate.live.sources.opening import SourceOptions, open_source
 POSE, WRENCH = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
 START = 1_700_000_000_000_000_000  # ns
 VECTORS = SourceOptions(vectors=True)
-WIRES = ("zmq", "dds", "zenoh", pytest.param("ros1", marks=[pytest.mark.peers, pytest.mark.slow]))
+WIRES = ("zmq", "dds", "zenoh")
 
 
 def free_port() -> int:
@@ -81,18 +81,15 @@ class ZeroMQRobot:
 class RosRobot:
     """Two topics of ROS, made by rosbags."""
 
-    ros1 = False
-
     def __init__(self) -> None:
         from rosbags.typesys import Stores, get_typestore
 
-        self.store = get_typestore(Stores.ROS1_NOETIC if self.ros1 else Stores.LATEST)
+        self.store = get_typestore(Stores.LATEST)
 
     def message(self, kind: str, k: int, stamp: int) -> bytes:
         types = self.store.types
-        number = (k,) if self.ros1 else ()
         when = types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9))
-        header = types["std_msgs/msg/Header"](*number, when, "base")
+        header = types["std_msgs/msg/Header"](when, "base")
         vector = types["geometry_msgs/msg/Vector3"]
         if kind == POSE:
             point = types["geometry_msgs/msg/Point"](*position(k))
@@ -101,8 +98,6 @@ class RosRobot:
         else:
             wrench = types["geometry_msgs/msg/Wrench"](vector(*force(k)), vector(0.0, 0.0, 0.0))
             whole = types[WRENCH](header, wrench)
-        if self.ros1:
-            return bytes(self.store.serialize_ros1(whole, kind))
         return bytes(self.store.serialize_cdr(whole, kind))
 
     def send(self, k: int, stamp: int | None = None) -> None:
@@ -214,36 +209,7 @@ class ZenohRobot(RosRobot):
         self.session.close()
 
 
-class ROS1Robot(RosRobot):
-    """A node of rospy, which publishes bytes as they are."""
-
-    ros1 = True
-
-    def __init__(self, types: tuple[str, str] = (POSE, WRENCH)) -> None:
-        super().__init__()
-        from palpate.live.wires.ros1_process import Bridge
-
-        described = []
-        for kind in types:
-            text, checksum = self.store.generate_msgdef(kind)
-            described.append((kind.replace("/msg/", "/"), checksum, text))
-        task = {"mode": "publish", "topics": ["/pose", "/wrench"], "types": described}
-        self.bridge = Bridge({**task, "queue": 100_000}, "")
-
-    def source(self, **options: Any):
-        source = open_source(f"ros1:/pose,/wrench{query(options)}", VECTORS)
-        source.open()
-        time.sleep(1.0)  # until the publishers have heard of the subscriber
-        return source
-
-    def put(self, index: int, data: bytes, k: int) -> None:
-        self.bridge.write([(index, data)])
-
-    def close(self) -> None:
-        self.bridge.close()
-
-
-ROBOTS = {"zmq": ZeroMQRobot, "dds": DDSRobot, "zenoh": ZenohRobot, "ros1": ROS1Robot}
+ROBOTS = {"zmq": ZeroMQRobot, "dds": DDSRobot, "zenoh": ZenohRobot}
 
 
 def query(options: dict[str, Any]) -> str:

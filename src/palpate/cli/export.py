@@ -79,7 +79,7 @@ def export(
     result
         What palpate identify FILE -o FOLDER wrote: the folder, or its result.json.
     to
-        mujoco, drake, opensim, pybullet, gazebo-classic or usd.
+        mujoco, drake, opensim or usd.
     output
         Write fragment, smallest scene and statement to this folder.
     allow

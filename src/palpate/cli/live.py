@@ -171,7 +171,7 @@ def live(
     ----------
     source
         The laboratory, such as lab:ball; a recording's path; or a robot on the wire: an address
-        that begins with zmq:, dds:, zenoh: or ros1:.
+        that begins with zmq:, dds: or zenoh:.
     law
         The law: auto, the everyday one that explains the samples best so far, and by how much; any,
         the best of all; or one, such as half-space, flat or half-space+single; Hunt-Crossley's

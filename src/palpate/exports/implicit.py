@@ -1,6 +1,6 @@
 """A drop as an engine steps it whose contact is implicit: its force is that of the step's end.
 
-Drake's discrete plants and PyBullet have, of a body on a contact,
+Drake's discrete plants have, of a body on a contact,
 
     m (v₁ − v₀) = −h F(x₁, v₁),  x₁ = x₀ + h v₁,
 

@@ -13,10 +13,21 @@ MODULES: Mapping[str, str] = MappingProxyType(
         "mujoco": "palpate.exports.mujoco",
         "drake": "palpate.exports.drake",
         "opensim": "palpate.exports.opensim",
-        "pybullet": "palpate.exports.pybullet",
-        "gazebo-classic": "palpate.exports.gazebo_classic",
         "usd": "palpate.exports.usd",
     }
+)
+
+#: Kelvin–Voigt engines that an identified law can be typed into, but that have no export.
+_BY_HAND: Mapping[str, str] = MappingProxyType(
+    {
+        "pybullet": "its contactStiffness and contactDamping are the K and B",
+        "gazebo-classic": "ODE's <kp> and <kd> are the K and B",
+    }
+)
+#: gz-physics issues 82 and 636, gz-sim issue 1961.
+_DART = (
+    "Gazebo with DART ignores the <kp> and <kd> of a surface: nothing of the law would arrive; "
+    "export to mujoco or drake instead"
 )
 
 
@@ -31,14 +42,17 @@ def engine_called(name: str) -> Engine:
     Raises
     ------
     InvalidParameterError
-        There is none.
+        There is none, or no longer one.
     ExportRefusedError
         It is one that ignores what it would be given.
     """
     if name in ("gazebo", "gz", "dart"):
-        from palpate.exports.gazebo_classic import DART
-
-        raise ExportRefusedError(DART)
+        raise ExportRefusedError(_DART)
+    if name in _BY_HAND:
+        raise InvalidParameterError(
+            f"palpate no longer exports to {name}: {_BY_HAND[name]} that "
+            "palpate identify FILE --method kelvin-voigt prints"
+        )
     if name not in MODULES:
         raise InvalidParameterError(f"to must be one of {', '.join(MODULES)}, not {name!r}")
     engine: Engine = import_module(MODULES[name]).ENGINE

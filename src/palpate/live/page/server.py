@@ -19,7 +19,7 @@ from palpate.errors import InvalidParameterError
 from palpate.live.choices import CHOICES, offered
 from palpate.live.commands import Command
 from palpate.live.page.channels import CHANNELS
-from palpate.live.page.gate import App, Gate
+from palpate.live.page.gate import Gate
 from palpate.live.page.history import MOST_ROWS, History
 from palpate.live.page.look import STATIC, style_sheet
 from palpate.live.page.protocol import ABORT, Malformed
@@ -115,7 +115,7 @@ class Server:
         """Return the ASGI application."""
         # Some machines' own tables call it plain text, which no browser would run.
         mimetypes.add_type("text/javascript", ".js")
-        inner: App = Starlette(
+        inner = Starlette(
             routes=[
                 Route("/", self._index),
                 Route("/look.css", self._look),

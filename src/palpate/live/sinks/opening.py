@@ -5,6 +5,7 @@ from importlib import import_module
 
 from palpate.errors import InvalidParameterError
 from palpate.live.sinks.sink import Sink
+from palpate.live.sources.opening import NO_ROS1
 from palpate.validation import shown
 
 #: Where estimates are published back, by what stands before the colon of an address: a module that
@@ -13,7 +14,6 @@ PUBLISHERS: Mapping[str, str] = {
     "zmq": "palpate.live.sinks.zeromq",
     "dds": "palpate.live.sinks.dds",
     "zenoh": "palpate.live.sinks.zenoh",
-    "ros1": "palpate.live.sinks.ros1",
 }
 
 
@@ -28,6 +28,8 @@ def open_publisher(address: str) -> Sink:
         What it needs is not installed.
     """
     scheme, colon, rest = address.partition(":")
+    if scheme == "ros1":
+        raise InvalidParameterError(NO_ROS1)
     if not colon or scheme not in PUBLISHERS:
         known = ", ".join(f"{name}:…" for name in PUBLISHERS)
         raise InvalidParameterError(f"--publish must be one of {known}, not {shown(address)}")

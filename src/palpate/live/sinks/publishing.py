@@ -219,12 +219,10 @@ class RosWire:
     ----------
     scheme, prefix : str
         Of the address; topics are ``<prefix>/estimate`` and ``<prefix>/status``.
-    ros1 : bool
-        Whether messages are of ROS 1.
     """
 
-    def __init__(self, scheme: str, prefix: str, *, ros1: bool = False) -> None:
-        self._scheme, self._prefix, self._ros1 = scheme, prefix, ros1
+    def __init__(self, scheme: str, prefix: str) -> None:
+        self._scheme, self._prefix = scheme, prefix
         self._encoder: RosEncoder | None = None
 
     @property
@@ -236,7 +234,7 @@ class RosWire:
     def encoder(self) -> RosEncoder:
         """Made when it is first needed, in the process that needs it."""
         if self._encoder is None:
-            self._encoder = RosEncoder(ros1=self._ros1)
+            self._encoder = RosEncoder()
         return self._encoder
 
     def close(self) -> None:

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from cyclonedds.domain import DomainParticipant
     from cyclonedds.sub import DataReader
 
-    from palpate.live.wires.dds_refusals import Refusals
-
 OPTIONS = (*ros_topics.OPTIONS, "domain", "interface")
 #: s: that ``open`` waits for the topics, so that one of a wrong type is refused at once.
 PATIENCE = 0.5
@@ -49,8 +47,6 @@ class DDS:
         self._discovery: BuiltinDataReader | None = None
         self._waits: WaitSet | None = None
         self._readers: dict[int, DataReader[Any]] = {}
-        self._refusals: Refusals | None = None
-        self._refused = 0
 
     @property
     def name(self) -> str:
@@ -74,13 +70,12 @@ class DDS:
 
     def open(self) -> None:
         """Join the domain and look for the topics; one that comes later is waited for."""
-        from palpate.live.wires.dds_domain import participant, refusals
+        from palpate.live.wires.dds_domain import participant
 
         self._participant = participant(self._domain, self._interface)
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
         from cyclonedds.core import WaitSet
 
-        self._refusals, self._refused = refusals(), refusals().count
         self._waits = WaitSet(self._participant)
         self._discovery = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._wake_for(self._discovery)
@@ -153,7 +148,6 @@ class DDS:
             raise PalpateError(f"{self.name} is not open")
         until, waited = time.monotonic() + timeout, False
         ready = self._topics.ready
-        self._count_refused()
         while not ready:
             if self._receive(waited=waited):
                 if not ready and time.monotonic() >= until:
@@ -162,20 +156,11 @@ class DDS:
             left = until - time.monotonic()
             if left <= 0.0:
                 self._topics.settle()
-                self._count_refused()
                 return None
             waited = True
             self._waits.wait(round(1e9 * left))
             self._discover()
         return ready.popleft()
-
-    def _count_refused(self) -> None:
-        """Count what did not even come as far as here."""
-        assert self._refusals is not None  # it is open
-        if self._refusals.count != self._refused:
-            count, words = self._refusals.since(self._refused)
-            self._refused += count
-            self._topics.refuse(words, count)
 
     def _receive(self, *, waited: bool) -> bool:
         """Take what is there; whether there was anything."""

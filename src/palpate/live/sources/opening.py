@@ -60,8 +60,13 @@ SOURCES: Mapping[str, Kind] = {
     "zmq": Kind("palpate.live.sources.zeromq", "zmq:tcp://127.0.0.1:5555", "ZeroMQ"),
     "dds": Kind("palpate.live.sources.dds", "dds:/pose,/wrench", "ROS 2 over DDS"),
     "zenoh": Kind("palpate.live.sources.zenoh", "zenoh:/pose,/wrench", "ROS 2 over Zenoh"),
-    "ros1": Kind("palpate.live.sources.ros1", "ros1:/pose,/wrench", "ROS 1"),
 }
+
+#: What an address that begins with ros1: gets for an answer, as a source or for --publish.
+NO_ROS1 = (
+    "palpate no longer speaks ROS 1 live: run ros1_bridge and use dds:, "
+    "or record a bag and identify that"
+)
 
 
 def open_source(address: str, options: SourceOptions | None = None) -> Source:
@@ -88,6 +93,8 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
     if colon and scheme in SOURCES:
         source: Source = import_module(SOURCES[scheme].module).open_source(rest, given)
         return source
+    if scheme == "ros1":
+        raise InvalidParameterError(NO_ROS1)
     if not Path(address).exists():
         known = ", ".join(f"{kind.form} ({kind.words})" for kind in SOURCES.values())
         raise InvalidParameterError(

@@ -1,12 +1,10 @@
 """DDS by Cyclone DDS, without ROS: participants, and ROS's types with their bytes as they came."""
 
 import os
-import time
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
-from palpate.live.wires.dds_refusals import Refusals
 from palpate.live.wires.ros_topics import dds_type
 from palpate.recordings.messages.fields import Field, Group, Many, Number, Text
 
@@ -31,12 +29,6 @@ _LOOPBACK = """<CycloneDDS><Domain id="any">
 _INTERFACE = """<CycloneDDS><Domain id="any"><General><Interfaces>
 <NetworkInterface name="{name}"/></Interfaces></General></Domain></CycloneDDS>"""
 _opened: dict[int, tuple[str, "Domain"]] = {}
-
-
-@lru_cache(maxsize=1)
-def refusals() -> Refusals:
-    """What Cyclone DDS refused in this process."""
-    return Refusals()
 
 
 def participant(domain: int, interface: str | None) -> "DomainParticipant":
@@ -68,15 +60,12 @@ def participant(domain: int, interface: str | None) -> "DomainParticipant":
     try:
         before = _opened.get(domain)
         if before is None:
-            with refusals().taken():
-                _opened[domain] = configuration, Domain(domain, configuration or None)
+            _opened[domain] = configuration, Domain(domain, configuration or None)
         elif before[0] != configuration:
             raise InvalidParameterError(f"dds: {where}: this process has it on another one")
         return DomainParticipant(domain)
     except DDSException as error:
-        time.sleep(0.05)  # for what the log says of it to be read
-        reason = refusals().line or _reason(error)
-        raise PalpateError(f"dds: {where} cannot be joined: {reason}") from None
+        raise PalpateError(f"dds: {where} cannot be joined: {_reason(error)}") from None
 
 
 def _configuration(interface: str | None) -> str:

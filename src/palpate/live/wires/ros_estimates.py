@@ -23,33 +23,22 @@ _LEVELS = {"invalid": 1, "held": 1, "lost": 3}
 
 
 class RosEncoder:
-    """Makes messages of ROS 2, in CDR, or of ROS 1.
+    """Makes messages of ROS 2, in CDR."""
 
-    Parameters
-    ----------
-    ros1 : bool
-        Which.
-    """
-
-    def __init__(self, *, ros1: bool) -> None:
+    def __init__(self) -> None:
         try:
             from rosbags.typesys import Stores, get_typestore
         except ImportError:
             raise MissingExtraError(
                 "messages of ROS need rosbags: pip install 'palpate[live]'"
             ) from None
-        self._ros1 = ros1
-        self._store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
+        self._store = get_typestore(Stores.LATEST)
         self._names: tuple[str, ...] = ()
         self._template, self._at, self._form = bytearray(), 0, struct.Struct("")
 
     def hash_of(self, type_name: str) -> str:
         """Return the hash of a type's description, by which ROS 2 distinguishes versions of it."""
         return self._store.hash_rihs01(type_name)
-
-    def definition_of(self, type_name: str) -> tuple[str, str]:
-        """Return a type's definition and its MD5 sum, by which ROS 1 tells versions of it apart."""
-        return self._store.generate_msgdef(type_name)
 
     def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
         """Return the message of one sample; only its numbers are written anew."""
@@ -85,8 +74,7 @@ class RosEncoder:
         """
         types = self._store.types
         time = types["builtin_interfaces/msg/Time"](*divmod(max(stamp, 0), NANO))
-        numbered = (0,) if self._ros1 else ()
-        header = types["std_msgs/msg/Header"](*numbered, time, "")
+        header = types["std_msgs/msg/Header"](time, "")
         pairs = [
             types["diagnostic_msgs/msg/KeyValue"](
                 name, value if isinstance(value, str) else f"{value:.15g}"
@@ -99,6 +87,4 @@ class RosEncoder:
         return self._bytes(types[STATUS](header, [one]), STATUS)
 
     def _bytes(self, message: object, type_name: str) -> bytes:
-        if self._ros1:
-            return bytes(self._store.serialize_ros1(message, type_name))
         return bytes(self._store.serialize_cdr(message, type_name, little_endian=True))

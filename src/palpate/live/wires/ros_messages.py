@@ -20,7 +20,7 @@ from palpate.recordings.messages.layout import Layout, Leaf, NumberAt, TimeAt
 # 4 ms, once.
 LONGEST = 16_384
 _MOST_LAYOUTS = 64  # kept to compare messages with; a robot's topic has one
-_STAMP, _NUMBER = "header.stamp", "header.seq"
+_STAMP = "header.stamp"
 
 #: Where in a message the position is, by its type.
 POSITIONS = {
@@ -54,14 +54,11 @@ class Reading(NamedTuple):
     ----------
     stamp : int or None
         Of its header, ns; None where it has none, or one of 0, which ROS takes for none.
-    number : int or None
-        ``header.seq``, by which a publisher of ROS 1 counts.
     values : tuple of Value
         In the order of the paths that are wanted.
     """
 
     stamp: int | None
-    number: int | None
     values: tuple[Value, ...]
 
 
@@ -71,7 +68,6 @@ class _Places:
 
     checks: tuple[tuple[int, int, bytes], ...]
     stamp: tuple[struct.Struct, int, struct.Struct, int] | None
-    number: tuple[struct.Struct, int] | None
     numbers: tuple[tuple[tuple[struct.Struct, int], ...], ...]
 
     def fits(self, message: bytes) -> bool:
@@ -84,14 +80,11 @@ class _Places:
             whole: int = seconds.unpack_from(message, at)[0]
             rest: int = nanoseconds.unpack_from(message, after)[0]
             stamp = whole * NANO + rest or None
-        number: int | None = None
-        if self.number is not None:
-            number = self.number[0].unpack_from(message, self.number[1])[0]
         found = [
             [float(form.unpack_from(message, at)[0]) for form, at in each] for each in self.numbers
         ]
         values: tuple[Any, ...] = tuple(e[0] if len(e) == 1 else tuple(e) for e in found)
-        return Reading(stamp, number, values)
+        return Reading(stamp, values)
 
 
 class MessageReader:
@@ -106,8 +99,6 @@ class MessageReader:
         a vector such as ``wrench.force``.
     vectors : bool
         Whether vectors are wanted.
-    ros1 : bool
-        Whether they are of ROS 1; else in CDR.
 
     Raises
     ------
@@ -117,13 +108,11 @@ class MessageReader:
         rosbags, which knows ROS's types, is not installed.
     """
 
-    def __init__(
-        self, topic: str, type_name: str, paths: Sequence[str], *, vectors: bool, ros1: bool = False
-    ) -> None:
+    def __init__(self, topic: str, type_name: str, paths: Sequence[str], *, vectors: bool) -> None:
         self._paths, self._vectors = tuple(paths), vectors
         self._known: dict[int, list[_Places]] = {}
         self._kept = 0
-        fields, self._walk = _walk_of(topic, type_name, ros1=ros1)
+        fields, self._walk = _walk_of(topic, type_name)
         for path in paths:
             self._check(f"topic {topic} of the type {type_name}", fields, path)
 
@@ -181,7 +170,6 @@ class MessageReader:
             (*_form(stamp.seconds), *_form(stamp.nanoseconds))
             if isinstance(stamp, TimeAt)
             else None,
-            _form(leaves[_NUMBER]) if _NUMBER in leaves else None,
             tuple(
                 tuple(_form(leaf) for leaf in self._leaves(leaves, path)) for path in self._paths
             ),
@@ -211,22 +199,21 @@ def _vector_words(path: str) -> str:
     )
 
 
-def _walk_of(topic: str, type_name: str, *, ros1: bool) -> tuple[Group, Callable[[bytes], Layout]]:
+def _walk_of(topic: str, type_name: str) -> tuple[Group, Callable[[bytes], Layout]]:
     try:
         from palpate.recordings.messages.definitions import message_fields
-        from palpate.recordings.messages.walking import walk_cdr, walk_ros1
+        from palpate.recordings.messages.walking import walk_cdr
     except ImportError:
         raise MissingExtraError(
             "messages of ROS need rosbags: pip install 'palpate[live]'"
         ) from None
     try:
-        fields = message_fields(type_name, "ros1msg" if ros1 else "ros2msg", "")
+        fields = message_fields(type_name, "ros2msg", "")
     except UndecodableError:
         raise InvalidParameterError(
             f"topic {topic} is of the type {type_name}, which ROS itself does not define"
         ) from None
-    walk = walk_ros1 if ros1 else walk_cdr
-    return fields, lambda message: walk(message, fields)
+    return fields, lambda message: walk_cdr(message, fields)
 
 
 def _form(leaf: Leaf) -> tuple[struct.Struct, int]:

@@ -27,7 +27,7 @@ class Message:
     topic : int
         Which of the topics of the address.
     payload : bytes
-        In CDR, with its head; or as ROS 1 writes it.
+        In CDR, with its head.
     written : int
         When it was sent, ns since 1970, or when it came where the wire does not say.
     number : int, optional
@@ -67,17 +67,15 @@ class RosTopics:
         is that of :class:`Pairing`, s; two sample times unless given.
     options : SourceOptions
         What is known of the samples.
-    ros1 : bool
-        Whether messages are of ROS 1.
     """
 
-    def __init__(self, address: WireAddress, options: SourceOptions, *, ros1: bool = False) -> None:
+    def __init__(self, address: WireAddress, options: SourceOptions) -> None:
         names = topics_of(address, 2)
         self.sample_time = options.sample_time or 1e-3
         self.counts, self.origin = Counts(), Origin()
         self.ready: deque[Arrival] = deque()
         self._news: list[str] = []
-        self._vectors, self._ros1, self._scheme = options.vectors, ros1, address.scheme
+        self._vectors, self._scheme = options.vectors, address.scheme
         given = (address.options.get("position"), address.options.get("force"))
         roles = (POSITIONS, FORCES)
         if len(names) == 1:
@@ -115,9 +113,7 @@ class RosTopics:
                     f"{word} is not known: {_advice(word, role)}"
                 )
             paths.append(role[type_name] if path is None else path)
-        topic.reader = MessageReader(
-            topic.name, type_name, paths, vectors=self._vectors, ros1=self._ros1
-        )
+        topic.reader = MessageReader(topic.name, type_name, paths, vectors=self._vectors)
         topic.type_name = type_name
         self._news.append(f"topic {topic.name} is there, of the type {type_name}")
 
@@ -150,8 +146,7 @@ class RosTopics:
             self.refuse(f"{topic.name}: {fault}")
             return
         stamp = message.written if reading.stamp is None else reading.stamp
-        number = reading.number if message.number is None else message.number
-        verdict = topic.order.admit(stamp, number)
+        verdict = topic.order.admit(stamp, message.number)
         if verdict is Verdict.REFUSED:
             return
         there = topic.receipt.there(stamp, waited=waited)
