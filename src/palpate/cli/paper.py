@@ -12,7 +12,7 @@ from palpate.cli.printing import Terminal, complain
 
 if TYPE_CHECKING:
     from palpate.paper import Experiment
-    from palpate.paper.report.contents import Report
+    from palpate.paper.report import Report
     from palpate.paper.running import PaperRun, Progress
 
 Names = Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")]
@@ -126,7 +126,7 @@ def _progress() -> "Iterator[Progress]":
 
 def _print(report: "Report", folder: Path) -> None:
     from palpate.cli.layout import Column, print_table, say, say_path
-    from palpate.paper.report.verdicts import SIGNS
+    from palpate.paper.report import SIGNS
 
     console = Terminal()
     columns = [Column("figure"), Column("claim")]

@@ -1,4 +1,4 @@
-"""What an experiment of the paper is, what it measures, and what the paper says of it."""
+"""What an experiment of the paper is, what the paper says of it, and what it measures."""
 
 import tomllib
 from abc import ABC, abstractmethod
@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate.figures.style import LIGHT, style
-from palpate.force_laws import ForceLaw
+import palpate
+from palpate.force_laws import Floats, ForceLaw
+from palpate.paper.drawing import THEME, Figure, style
 from palpate.paper.judges import JUDGES
-from palpate.paper.judging import Finding, Judge
-from palpate.paper.panels import Figure
-from palpate.paper.quantities import Numbers, over_seeds
-from palpate.validation import Floats
+from palpate.paper.judging import Finding, Judge, Numbers, over_seeds
 
 Curves = dict[str, Floats]
-#: Says a number over the seeds, or several that are alike: median, and the range in brackets.
+#: Numbers by name and curves, as an experiment measures them.
+Measured = tuple[dict[str, float], Curves]
+#: Formats a number over the seeds, or several that are alike: median, and the range in brackets.
 Say = Callable[..., str]
 # A pixel of a figure is a thousandth of its width; more digits make a heavy file that looks alike.
 DIGITS_DRAWN = 5
@@ -34,18 +34,14 @@ class Claim:
     ----------
     key : str
         Its name within the experiment.
-    where : str
-        Section and figure.
-    words : str
-        The paper's own.
+    where, words : str
+        Section and figure, and the paper's own words.
     number : str
         The number that the paper gives, with its unit; empty where it gives none.
     measured, unit : str
         What our number is, where the paper's words do not say, and its unit.
-    reading : str
-        What the words are taken to mean in numbers.
-    depends : str
-        On what the paper leaves open.
+    reading, depends : str
+        What the words are taken to mean in numbers, and on what the paper leaves open.
     """
 
     key: str
@@ -56,14 +52,6 @@ class Claim:
     unit: str = ""
     reading: str = ""
     depends: str = ""
-
-    @classmethod
-    def of(cls, key: str, said: Mapping[str, str], notes: Mapping[str, str]) -> "Claim":
-        """Return the claim that the file says so, with the notes that it asks for."""
-        known = {name: words.format(**notes) for name, words in said.items() if name != "ours"}
-        ours = said.get("ours", "")  # such as "largest bias left [mN]"
-        measured, _, unit = ours.rpartition(" [") if ours.endswith("]") else (ours, "", "")
-        return cls(key, **known, measured=measured, unit=unit.removesuffix("]"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,18 +94,8 @@ class Table:
     ) -> "Table":
         """Return a table of numbers over the seeds.
 
-        Parameters
-        ----------
-        say : callable
-            Says a number.
-        title, note : str
-            Above it and below.
-        first : tuple of str
-            Headings of what a row begins with.
-        columns : mapping
-            Names of the other columns' numbers by their headings, with places to be filled in.
-        rows : mapping or iterable
-            By what each row begins with, the words that fill those places; the same unless given.
+        ``first`` heads what a row begins with; ``columns`` names the numbers of the others, with
+        places for the words that ``rows`` has by what each row begins with, or for those themselves.
         """
         filled = rows if isinstance(rows, Mapping) else {row: row for row in rows}
         cells = (
@@ -154,7 +132,7 @@ class Experiment(ABC):
         """What the figure shows, for those too who cannot see it."""
 
     @abstractmethod
-    def measure(self, seed: int) -> tuple[Numbers, Curves]:
+    def measure(self, seed: int) -> Measured:
         """Return numbers by name, and what is drawn; the same seed gives the same."""
 
     @abstractmethod
@@ -165,7 +143,7 @@ class Experiment(ABC):
         """
 
     def tables(self, say: Say) -> tuple[Table, ...]:
-        """Return the tables that belong to the figure; none unless it has some."""
+        """Return the tables that belong to the figure; default: none."""
         return ()
 
     @property
@@ -182,7 +160,7 @@ class Experiment(ABC):
         """Measure once."""
         numbers, curves = self.measure(seed)
         plain = {name: float(value) for name, value in numbers.items()}
-        return Outcome(seed, plain, {name: rounded(curve) for name, curve in curves.items()})
+        return Outcome(seed, plain, {name: _rounded(curve) for name, curve in curves.items()})
 
     def findings(self, outcome: Outcome) -> dict[str, Finding]:
         """Hold what was measured against every claim."""
@@ -190,7 +168,7 @@ class Experiment(ABC):
 
     def figure(self, outcomes: Sequence[Outcome]) -> Figure:
         """Return the figure of some outcomes."""
-        with style(LIGHT) as new_figure:
+        with style(THEME) as new_figure:
             figure = new_figure(figsize=self.size, layout="constrained")
             self.draw(figure, outcomes)
             figure.suptitle(self.title, fontsize=11)
@@ -204,29 +182,6 @@ class Experiment(ABC):
         return self.tables(partial(over_seeds, [outcome.numbers for outcome in outcomes]))
 
 
-def by_symbol(
-    what: str, values: Iterable[float], unit: str, symbols: Iterable[str] = ("K", "B", "n")
-) -> dict[str, float]:
-    """Name the values of several parameters: "time α = 5 K [s]", and so on."""
-    end = f" [{unit}]" if unit else ""
-    return {f"{what} {s}{end}": float(value) for s, value in zip(symbols, values, strict=True)}
-
-
-def by_parameter(
-    what: str, law: ForceLaw | type[ForceLaw], values: Iterable[float]
-) -> dict[str, float]:
-    """Name a law's parameters, or their errors, with the unit of each."""
-    ends = (f" [{unit}]" if unit else "" for unit in law.units)
-    names = (f"{what} {symbol}{end}" for symbol, end in zip(law.symbols, ends, strict=True))
-    return {name: float(value) for name, value in zip(names, values, strict=True)}
-
-
-def rounded(values: "ArrayLike") -> list[float]:
-    """Numbers as they are drawn, as a list."""
-    flat = np.asarray(values, dtype=np.float64).tolist()
-    return [float(f"{value:.{DIGITS_DRAWN}g}") for value in flat]
-
-
 @cache
 def claims_file() -> Mapping[str, Any]:
     """Return what ``claims.toml`` holds."""
@@ -237,9 +192,35 @@ def claims_file() -> Mapping[str, Any]:
 @cache
 def all_claims() -> Mapping[str, tuple[Claim, ...]]:
     """Return every claim, by experiment."""
-    whole = claims_file()
+    others = ("abstract", "notes", "not-held")
+    of_figures = {name: each for name, each in claims_file().items() if name not in others}
     return {
-        name: tuple(Claim.of(key, said, whole["notes"]) for key, said in claims.items())
-        for name, claims in whole.items()
-        if name not in ("abstract", "notes", "not-held")
+        name: tuple(_claim(key, **written) for key, written in claims.items())
+        for name, claims in of_figures.items()
     }
+
+
+def _claim(key: str, ours: str = "", **written: str) -> Claim:
+    """Fill in the notes that a claim names; ``ours`` is such as "largest bias left [mN]"."""
+    known = {name: words.format(**claims_file()["notes"]) for name, words in written.items()}
+    measured, _, unit = ours.rpartition(" [") if ours.endswith("]") else (ours, "", "")
+    return Claim(key, **known, measured=measured, unit=unit.removesuffix("]"))
+
+
+def by_symbol(
+    what: str,
+    values: Iterable[float],
+    unit: str | None = None,
+    law: ForceLaw | type[ForceLaw] = palpate.HuntCrossley,
+) -> dict[str, float]:
+    """Name the values of a law's parameters: "time α = 5 K [s]"; default unit: the parameter's."""
+    units = law.units if unit is None else (unit,) * len(law.symbols)
+    return {
+        f"{what} {symbol}{f' [{end}]' if end else ''}": float(value)
+        for symbol, end, value in zip(law.symbols, units, values, strict=False)
+    }
+
+
+def _rounded(values: ArrayLike) -> list[float]:
+    flat = np.asarray(values, dtype=np.float64).tolist()
+    return [float(f"{value:.{DIGITS_DRAWN}g}") for value in flat]

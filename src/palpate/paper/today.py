@@ -4,28 +4,17 @@ Every method learns from the first half of a recording, and predicts the second.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from palpate.diagnosis import MARKS, Data
-from palpate.estimators import (
-    ContactEstimator,
-    DoubleStageRLS,
-    KelvinVoigtRLS,
-    SingleStageRLS,
-    VariableProjection,
-    ViscoelasticContact,
-)
-from palpate.figures.style import LIGHT as THEME
-from palpate.identification import Identification
-from palpate.lab import RELAXING_SPONGE
-from palpate.metrics import rmse_percent
-from palpate.paper.experiment import Curves, Experiment, Outcome, Say, Table
-from palpate.paper.panels import Figure, draw_lines
-from palpate.paper.quantities import Numbers
-from palpate.paper.sessions import GATE, SI, START, pressed
+import palpate
+from palpate import lab
+from palpate.paper import drawing
+from palpate.paper.drawing import THEME, Figure
+from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, Say, Table
+from palpate.paper.judging import Numbers
+from palpate.paper.rig import GATE, SI, START, Method, pressed
 
 #: What is learned from ends here, s.
 HALF = 7.0
@@ -33,57 +22,53 @@ HALF = 7.0
 EVERY = 20
 _PAPER: Mapping[str, Any] = {"gate": GATE, "scale": SI, "outlier_rejection": False}
 # By what a person calls it: the paper's as the paper sets them, and ours with default settings.
-METHODS: Mapping[str, tuple[type[ContactEstimator], Mapping[str, Any]]] = {
-    "single stage": (SingleStageRLS, _PAPER),
-    "double stage": (DoubleStageRLS, _PAPER),
-    "Kelvin–Voigt": (KelvinVoigtRLS, _PAPER),
-    "variable projection": (VariableProjection, {}),
-    "memory: --law auto": (ViscoelasticContact, {}),
-    "memory: --law any": (ViscoelasticContact, {"memory": "any"}),
+METHODS: Mapping[str, tuple[Method, Mapping[str, Any]]] = {
+    "single stage": (palpate.SingleStageRLS, _PAPER),
+    "double stage": (palpate.DoubleStageRLS, _PAPER),
+    "Kelvin–Voigt": (palpate.KelvinVoigtRLS, _PAPER),
+    "variable projection": (palpate.VariableProjection, {}),
+    "memory: --law auto": (palpate.ViscoelasticContact, {}),
+    "memory: --law any": (palpate.ViscoelasticContact, {"memory": "any"}),
 }
 #: What a diagnosis says of a number, from the best to the worst, and what it advises.
+MARKS = ("trust", "with-care", "do-not-trust")
 WORDS = tuple(mark.replace("-", " ") for mark in MARKS)
 ADVICE = ("nothing", "--law auto", "--law any", "something else")
 QUANTITIES = {"K′": "N/m", "B′": "N·s/m"}
 
 
-@dataclass(frozen=True)
-class Today(Experiment):
+class _Today(Experiment):
     """The relaxing sponge by every method that there is, with the verdict of the diagnosis."""
 
-    name: str = "today"
-    title: str = "What the authors would see today: a sponge that relaxes"
     caption = (
         "Force error over time of each method's law, learned from the first five seconds; the "
         "other five, shaded, it had not seen. Below, RMSE% over those, and stiffness and damping "
         "that a small oscillation of the motion's own frequency feels, with their error bars at "
         "two standard errors, for every seed; the truth dotted."
     )
-    size: tuple[float, float] = (11.0, 7.5)
 
-    def measure(self, seed: int) -> tuple[Numbers, Curves]:
-        """Learn from the first half of the recording that Fig. 13 uses, and predict the second."""
+    def measure(self, seed: int) -> Measured:
+        # The recording that Fig. 13 uses.
         contact = pressed("relaxing-sponge", "three-sines", seed)
-        data = Data(contact.window(START, HALF))
+        learned = contact.window(START, HALF)
         unseen = contact.time >= HALF
         numbers: dict[str, float] = {}
         curves: Curves = {"time": contact.time[::EVERY]}
         for name, (kind, settings) in METHODS.items():
-            result = Identification.of(data, kind(**settings))
-            predicted = result.predicted_force(contact)
+            result = palpate.identify(learned, kind(**settings), trace="full")
+            error = contact.force - result.predicted_force(contact)
             numbers |= _said(name, result)
-            share = rmse_percent(contact.force[unseen], predicted[unseen])
-            numbers[f"rmse unseen {name} [%]"] = share
-            curves[f"{name}/error"] = (contact.force - predicted)[::EVERY]
+            shares = (np.dot(each[unseen], each[unseen]) for each in (error, contact.force))
+            numbers[f"rmse unseen {name} [%]"] = 100.0 * np.sqrt(next(shares) / next(shares))
+            curves[f"{name}/error"] = error[::EVERY]
         return numbers, curves
 
     def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
-        """Draw the first outcome's errors, and every seed's numbers."""
         curves = outcomes[0].curves
         grid = figure.add_gridspec(2, 3, height_ratios=(1.2, 1.0))
         axes = figure.add_subplot(grid[0, :])
         lines = {name: curves[f"{name}/error"] for name in METHODS}
-        draw_lines(axes, curves["time"], lines, linewidth=1.0)
+        drawing.lines(axes, curves["time"], lines, linewidth=1.0)
         axes.axvspan(HALF, curves["time"][-1], color=THEME.grid, alpha=0.5, linewidth=0)
         axes.set(
             xlabel="time [s]", ylabel="force error [N]", xlim=(START + 0.5, curves["time"][-1])
@@ -101,7 +86,6 @@ class Today(Experiment):
             panel.set_yticklabels(names if j == 0 else [])
 
     def tables(self, say: Say) -> tuple[Table, ...]:
-        """Return what each method says beside the truth, and what is said of it."""
         marks = {f"trust {symbol}?": f"mark of {symbol} {{}}" for symbol in QUANTITIES}
         marks |= {"and all?": "mark of all {}"}
         rows = tuple(
@@ -143,7 +127,7 @@ FELT = (
 )
 
 
-def _said(name: str, result: Identification) -> dict[str, float]:
+def _said(name: str, result: palpate.Identification) -> dict[str, float]:
     """What it comes to, with bars, and what is said of it."""
     felt, diagnosis = result.dynamic_stiffness(), result.diagnosis
     truth = _truth(felt.depth, felt.frequency)
@@ -168,8 +152,8 @@ def _said(name: str, result: Identification) -> dict[str, float]:
 
 def _truth(depth: float, frequency: float) -> tuple[float, float]:
     """K′ and B′ of the sponge: its spring and damper, and a Maxwell branch E iωτ/(1 + iωτ)."""
-    law, branch = RELAXING_SPONGE.law, RELAXING_SPONGE.branch_stiffness
-    turned = 1j * frequency * RELAXING_SPONGE.relaxation_time
+    law, branch = lab.RELAXING_SPONGE.law, lab.RELAXING_SPONGE.branch_stiffness
+    turned = 1j * frequency * lab.RELAXING_SPONGE.relaxation_time
     memory = branch * turned / (1.0 + turned)
     stiffness = law.stiffness_at(depth) + memory.real
     return stiffness, law.damping_at(depth) + memory.imag / frequency
@@ -196,4 +180,5 @@ def _draw_numbers(axes: Any, place: Any, numbers: Numbers, symbol: str) -> None:
         axes.axvline(truth, color=THEME.ink, linewidth=0.5, linestyle=":")
 
 
-EXPERIMENTS = (Today(),)
+TITLE = "What the authors would see today: a sponge that relaxes"
+EXPERIMENTS = (_Today("today", TITLE, size=(11.0, 7.5)),)
