@@ -1,7 +1,7 @@
 """The experiments of Haddadi & Hashtrudi-Zaad (2012), on the laboratory's rig.
 
-``trials``, ``methods``, ``motions`` and ``changes`` hold the paper's, and ``today`` what its authors
-would see today. ``claims.toml`` has what the paper says of each, and ``judges.py`` when that holds.
+``trials``, ``methods``, ``motions`` and ``changes`` hold the paper's, ``today`` what its authors
+would see now. ``claims.toml`` has what the paper says of each, and ``judges.py`` when that holds.
 """
 
 from palpate.paper import changes, methods, motions, today, trials

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate
-from palpate.figures.style import LIGHT as THEME
+from palpate.figures.style import LIGHT
 from palpate.figures.style import style as style
 from palpate.force_laws import Floats
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 else:  # matplotlib takes half a second, and is loaded where something is drawn
     Axes = Figure = Any
 
+THEME = LIGHT
 #: What a person calls the lab's materials.
 LABELS = {"ball": "ball", "sponge": "sponge", "pvc": "PVC phantom"}
 LABELS |= {"relaxing-sponge": "relaxing sponge"}
@@ -54,12 +55,7 @@ def traced(
 
 
 def lines(
-    axes: Axes,
-    x: ArrayLike,
-    curves: Mapping[Any, ArrayLike],
-    *,
-    first: int = 0,
-    **options: Any,
+    axes: Axes, x: ArrayLike, curves: Mapping[Any, ArrayLike], *, first: int = 0, **options: Any
 ) -> None:
     """Draw lines that differ in colour and dashes, the first of them in the ``first`` style."""
     for i, (label, y) in enumerate(curves.items(), first):

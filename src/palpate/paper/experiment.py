@@ -1,10 +1,11 @@
 """What an experiment of the paper is, what the paper says of it, and what it measures."""
 
+import re
 import tomllib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache
 from importlib import resources
 from typing import Any
 
@@ -15,13 +16,13 @@ import palpate
 from palpate.force_laws import Floats, ForceLaw
 from palpate.paper.drawing import THEME, Figure, style
 from palpate.paper.judges import JUDGES
-from palpate.paper.judging import Finding, Judge, Numbers, over_seeds
+from palpate.paper.judging import Finding, Judge, Numbers, named, quantities, said, unit_of
 
 Curves = dict[str, Floats]
 #: Numbers by name and curves, as an experiment measures them.
 Measured = tuple[dict[str, float], Curves]
-#: Formats a number over the seeds, or several that are alike: median, and the range in brackets.
-Say = Callable[..., str]
+Columns = Mapping[str, str] | Sequence[str]
+Rows = Mapping[tuple[str, ...], tuple[str, ...]] | Iterable[tuple[str, ...]]
 # A pixel of a figure is a thousandth of its width; more digits make a heavy file that looks alike.
 DIGITS_DRAWN = 5
 
@@ -30,18 +31,9 @@ DIGITS_DRAWN = 5
 class Claim:
     """A sentence of the paper, as ``claims.toml`` holds it.
 
-    Parameters
-    ----------
-    key : str
-        Its name within the experiment.
-    where, words : str
-        Section and figure, and the paper's own words.
-    number : str
-        The number that the paper gives, with its unit; empty where it gives none.
-    measured, unit : str
-        What our number is, where the paper's words do not say, and its unit.
-    reading, depends : str
-        What the words are taken to mean in numbers, and on what the paper leaves open.
+    ``number`` is the paper's; ``measured`` says what ours is where the paper's words do not, and
+    ``unit`` its unit. ``reading`` is what the words are taken to mean in numbers, and ``depends``
+    what of the things that the paper leaves open decides.
     """
 
     key: str
@@ -58,14 +50,8 @@ class Claim:
 class Outcome:
     """What one seed gave: plain numbers, so that it can be written down, judged and drawn later.
 
-    Parameters
-    ----------
-    seed : int
-        The seed.
-    numbers : mapping
-        By name, with the unit in brackets at its end; NaN where something never happened.
-    curves : mapping
-        What is drawn: a list of floats each, thinned out; NaN where there is nothing.
+    ``numbers`` have their unit in brackets at the end of the name, and are NaN where something
+    never happened; ``curves`` are what is drawn, thinned out, NaN where there is nothing.
     """
 
     seed: int
@@ -82,54 +68,57 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
 
-    @classmethod
-    def of(
-        cls,
-        say: Say,
-        title: str,
-        first: tuple[str, ...],
-        columns: Mapping[str, str],
-        rows: Mapping[tuple[str, ...], tuple[str, ...]] | Iterable[tuple[str, ...]],
-        note: str = "",
-    ) -> "Table":
+
+@dataclass(frozen=True, slots=True)
+class Seeds:
+    """The numbers of some seeds, to be tabulated."""
+
+    every: Sequence[Numbers]
+
+    def __call__(self, *names: str) -> str:
+        """Median over the seeds of one number, or of several alike, and the range in brackets."""
+        return said([each.of(numbers) for numbers in self.every for each in quantities(*names)])
+
+    def table(
+        self, title: str, first: tuple[str, ...], names: Columns, rows: Rows, note: str = ""
+    ) -> Table:
         """Return a table of numbers over the seeds.
 
-        ``first`` heads what a row begins with; ``columns`` names the numbers of the others, with
-        places for the words that ``rows`` has by what each row begins with, or for those themselves.
+        ``first`` heads what a row begins with. The other columns are numbers by ``names``, with
+        places for the words that ``rows`` has by what each row begins with, or for these. Each is
+        headed by its key, or by its name without the places and with the unit.
         """
         filled = rows if isinstance(rows, Mapping) else {row: row for row in rows}
+        if not isinstance(names, Mapping):
+            words = next(iter(filled.values()))
+            full = [next(iter(named(name.format(*words), self.every[0]))) for name in names]
+            units = [f" [{unit}]" if (unit := unit_of(each)) else "" for each in full]
+            bare = [re.sub(r",? *\{\d?\} *", " ", name).strip() for name in names]
+            names = {a + b: name for a, b, name in zip(bare, units, names, strict=True)}
         cells = (
-            (*row, *(say(name.format(*words)) for name in columns.values()))
+            (*row, *(self(name.format(*words)) for name in names.values()))
             for row, words in filled.items()
         )
-        return cls(title, (*first, *columns), tuple(cells), note)
+        return Table(title, (*first, *names), tuple(cells), note)
 
 
 @dataclass(frozen=True)
 class Experiment(ABC):
     """A figure of the paper, with the tables that belong to it.
 
-    Parameters
-    ----------
-    name : str
-        As the command line and the files know it, such as "fig03".
-    title : str
-        What a person calls it.
-    group : str
-        One process measures a seed of those of a group, one after the other: they press the same.
-    size : tuple of float
-        Width and height of the figure, in.
+    ``name`` is such as "fig03"; ``size`` is the figure's width and height, in. One process measures
+    a seed of those of a ``group``, one after the other, for they press the same.
     """
 
     name: str
+    size: tuple[float, float]
     title: str
     group: str = field(default="pressed once", kw_only=True)
-    size: tuple[float, float] = field(default=(10.5, 8.0), kw_only=True)
 
     @property
-    @abstractmethod
     def caption(self) -> str:
-        """What the figure shows, for those too who cannot see it."""
+        """What the figure shows, in words; default: the class's docstring."""
+        return " ".join((self.__doc__ or "").split())
 
     @abstractmethod
     def measure(self, seed: int) -> Measured:
@@ -142,7 +131,7 @@ class Experiment(ABC):
         In the colours for a light background, which are exchanged for a dark one.
         """
 
-    def tables(self, say: Say) -> tuple[Table, ...]:
+    def tables(self, say: Seeds) -> tuple[Table, ...]:
         """Return the tables that belong to the figure; default: none."""
         return ()
 
@@ -179,7 +168,7 @@ class Experiment(ABC):
 
     def tabulated(self, outcomes: Sequence[Outcome]) -> tuple[Table, ...]:
         """Return the tables of some outcomes."""
-        return self.tables(partial(over_seeds, [outcome.numbers for outcome in outcomes]))
+        return self.tables(Seeds([outcome.numbers for outcome in outcomes]))
 
 
 @cache

@@ -3,18 +3,17 @@
 from collections.abc import Mapping
 
 from palpate.paper.judging import (
+    NEVER,
     Condition,
     Judge,
     Quantity,
     about,
     between,
     farthest_from,
-    happens,
     increasing,
     judge,
     largest,
     least,
-    never,
     number,
 )
 
@@ -215,7 +214,7 @@ JUDGES["fig16"] = _concluded("double-stage", "kelvin-voigt", _EXTENDED) | {
         beside=f"time {{{_EXTENDED}|single-stage|kelvin-voigt}} B",
     ),
     "quadratic-never": judge(
-        never(least(*(f"time {same} {_EXTENDED} K₂" for same in SAME))),
+        least(*(f"time {same} {_EXTENDED} K₂" for same in SAME)) >= NEVER,
         beside=f"time {_EXTENDED} K₂",
     ),
     "best-error": judge(least(least("rmse kelvin-voigt"), _EXTENDED_ERROR) / "rmse single-stage"),
@@ -266,11 +265,15 @@ _LOGARITHMIC, _LINEAR, _INERTIAL = (
 )
 JUDGES["fig17"] = {
     "too-long": judge(number(_ONE) > 5.0, beside=("time {two|three} sines", _LONG)),
-    "two-enough": judge(number(f"{_DIFFERENCE.format('two')}s") <= 5.0, happens("time two sines")),
-    "one-converges": judge(happens(_ONE)),
+    "two-enough": judge(
+        number(f"{_DIFFERENCE.format('two')}s") <= 5.0, number("time two sines") < NEVER
+    ),
+    "one-converges": judge(number(_ONE) < NEVER),
     "one-slower": judge(number(_ONE) / "time three sines" >= 2.0, beside=_BY_SIZE),
     "five-hundred": judge(
-        happens(_ONE), number(_ONE) > 100.0, beside=(_LONG, "time of variable projection one sine")
+        number(_ONE) < NEVER,
+        number(_ONE) > 100.0,
+        beside=(_LONG, "time of variable projection one sine"),
     ),
     "one-consistent": judge(number(_DIFFERENCE.format("one")) <= 5.0),
     "not-enough": judge(largest(_LINEAR, _INERTIAL) > 1e6, beside=_LOGARITHMIC),
@@ -280,7 +283,7 @@ _OVER_SINGLE_STAGE = (
     number(f"time {same} one sine") / f"time {same} of single-stage one sine K|B" for same in SAME
 )
 JUDGES["fig18"] = {
-    "one-enough": judge(happens(_ONE), beside=("time two sines", _BY_SIZE)),
+    "one-enough": judge(number(_ONE) < NEVER, beside=("time two sines", _BY_SIZE)),
     "sooner": judge(largest(*_OVER_SINGLE_STAGE) < 1.0, beside=_ONE),
 }
 

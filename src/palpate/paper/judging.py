@@ -11,7 +11,7 @@ two. Names that differ in a word or two are written as one: "time α = {5|6}" is
 import math
 import operator
 import statistics
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -21,10 +21,9 @@ _TIMES = ("s", "ms")
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What ``of`` makes of an outcome's numbers.
+    """What ``of`` makes of an outcome's numbers, which have the ``name``, or of ``parts``.
 
-    Its ``name`` is that of the numbers, and ``which`` says which of several it is if not the
-    largest; what is computed of ``parts`` has none.
+    Of several numbers it is the largest, or ``which`` says.
     """
 
     of: Callable[[Numbers], float]
@@ -32,16 +31,14 @@ class Quantity:
     parts: tuple["Quantity", ...] = ()
     which: str = ""
 
-    def leaves(self) -> Iterator["Quantity"]:
+    def leaves(self) -> list["Quantity"]:
         """Those parts that have a name."""
-        if self.name:
-            yield self
-        for part in self.parts:
-            yield from part.leaves()
+        own = [self] if self.name else []
+        return own + [leaf for part in self.parts for leaf in part.leaves()]
 
     def seen(self, every: Sequence[Numbers]) -> str:
         """Its name and its value over the seeds, with the unit of the numbers that it is of."""
-        unit = _unit(next(iter(named(self.name, every[0]))))
+        unit = unit_of(next(iter(named(self.name, every[0]))))
         words = said([self.of(numbers) for numbers in every], unit)
         return f"{self.which}{self.name.replace('|', ' or ')}: {words}"
 
@@ -65,6 +62,8 @@ class Quantity:
 
 
 Of = str | float | Quantity
+#: The time of what never happens.
+NEVER = math.inf
 
 
 def quantities(*of: Of) -> tuple[Quantity, ...]:
@@ -125,7 +124,7 @@ def named(name: str, numbers: Numbers) -> dict[str, float]:
     names = {f"{head} {each}".strip() for each in last.split("|")}
     beginnings = tuple(f"{each} " for each in names)
     found = {
-        key: math.inf if math.isnan(value) and _unit(key) in _TIMES else value
+        key: math.inf if math.isnan(value) and unit_of(key) in _TIMES else value
         for key, value in numbers.items()
         if key in names or key.startswith(beginnings)
     }
@@ -140,7 +139,8 @@ def largest_of(name: str, numbers: Numbers) -> float:
     return max(named(name, numbers).values())
 
 
-def _unit(key: str) -> str:
+def unit_of(key: str) -> str:
+    """Return what stands in brackets at the end of a number's name."""
     return key.partition(" [")[2].removesuffix("]")
 
 
@@ -155,11 +155,6 @@ def readable(value: float) -> str:
         return f"{value:.2e}".replace("-", "−")
     digits = max(0, 2 - math.floor(math.log10(size)))
     return f"{value:.{digits}f}".replace("-", "−")
-
-
-def over_seeds(every: Iterable[Numbers], *names: str) -> str:
-    """Median over the seeds of one number, or of several alike, and the range in brackets."""
-    return said([each.of(numbers) for numbers in every for each in quantities(*names)])
 
 
 def said(values: Iterable[float], unit: str = "") -> str:
@@ -178,21 +173,13 @@ class Condition:
     kept: Callable[..., bool]
     others: tuple[Quantity, ...] = ()
 
-    def values(self, numbers: Numbers) -> list[float]:
-        """Of all that it compares."""
-        return [each.of(numbers) for each in (self.of, *self.others)]
-
 
 @dataclass(frozen=True, slots=True)
 class Finding:
     """What one seed says of a claim.
 
-    Parameters
-    ----------
-    holds : bool or None
-        None: it cannot be checked.
-    ours : float or None
-        The number measured, in the claim's unit; None where nothing was, or for ever was waited.
+    ``holds`` is None where it cannot be checked; ``ours`` is the number measured, in the claim's
+    unit, None where nothing was, or for ever was waited.
     """
 
     holds: bool | None
@@ -211,11 +198,12 @@ class Judge:
     def __call__(self, numbers: Numbers) -> Finding:
         """Hold the numbers of one seed against the conditions."""
         value = None if self.ours is None else self.ours.of(numbers)
-        compared = [each.values(numbers) for each in self.conditions]
-        known = not any(math.isnan(each) for values in compared for each in values)
-        held = [each.kept(*v) for each, v in zip(self.conditions, compared, strict=True)]
-        finite = value is not None and math.isfinite(value)
-        return Finding(all(held) if held and known else None, value if finite else None)
+        ours = None if value is None or not math.isfinite(value) else value
+        compared = [[q.of(numbers) for q in (each.of, *each.others)] for each in self.conditions]
+        if not compared or any(math.isnan(each) for values in compared for each in values):
+            return Finding(None, ours)
+        pairs = zip(self.conditions, compared, strict=True)
+        return Finding(all(each.kept(*values) for each, values in pairs), ours)
 
     def words(self, every: Sequence[Numbers]) -> str:
         """Say every number that was used over the seeds, but what stands in the column before."""
@@ -248,19 +236,11 @@ def judge(
     beside: str | Iterable[Of] = (),
     elsewhere: str = "",
 ) -> Judge:
-    """Return a judge.
+    """Return a judge: of our number, or the condition on it, and of what else has to be kept.
 
-    Parameters
-    ----------
-    ours : str, Quantity or Condition, optional
-        The number that the report puts beside the paper's, or what it has to keep to; None: nothing
-        is measured.
-    *kept : Condition
-        What has to be kept too; without any condition the claim cannot be checked.
-    beside : str or iterable
-        Quantities printed beside it.
-    elsewhere : str
-        How the numbers of a second material begin, of which it is said whether they agree.
+    Without a number nothing is measured, without a condition the claim cannot be checked. What is
+    ``beside`` is printed too; ``elsewhere`` begins the numbers of a second material, of which the
+    words say whether they agree.
     """
     others = quantities(beside) if isinstance(beside, str) else quantities(*beside)
     if isinstance(ours, Condition):
@@ -281,16 +261,6 @@ def between(of: Of, low: float, high: float) -> Condition:
 def about(of: Of, claimed: float) -> Condition:
     """Read "approximately": within a factor of two either way."""
     return between(of, claimed / 2.0, 2.0 * claimed)
-
-
-def happens(of: Of) -> Condition:
-    """At all, some time."""
-    return Condition(number(of), math.isfinite)
-
-
-def never(of: Of) -> Condition:
-    """Does not happen."""
-    return Condition(number(of), math.isinf)
 
 
 def increasing(*of: Of) -> Condition:

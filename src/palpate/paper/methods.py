@@ -13,31 +13,10 @@ import numpy as np
 import palpate
 from palpate import lab
 from palpate.force_laws import Floats
-from palpate.paper import drawing
-from palpate.paper.drawing import DASHES, THEME, UNITS, Axes, Figure
-from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, Say, Table, by_symbol
-from palpate.paper.judging import Numbers, largest_of, named
-from palpate.paper.rig import (
-    AGREED,
-    BALL_LAW,
-    SAME_COVARIANCES,
-    SI,
-    START,
-    Method,
-    Results,
-    convergence_times,
-    from_starts,
-    ideally_pressed,
-    identified,
-    names_of_starts,
-    off,
-    pressed,
-    session,
-    spread,
-    starts_of,
-    taken,
-    times_to,
-)
+from palpate.paper import drawing, rig
+from palpate.paper.drawing import DASHES, THEME, UNITS, Figure
+from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, Seeds, Table, by_symbol
+from palpate.paper.judging import largest_of, named
 
 SINGLE, DOUBLE, LINEAR = palpate.SingleStageRLS, palpate.DoubleStageRLS, palpate.KelvinVoigtRLS
 PROJECTION = palpate.VariableProjection
@@ -59,7 +38,9 @@ CLOSE = {"K": (1800.0, 2200.0), "B": (1600.0, 2400.0), "n": (0.96, 1.04)}
 WIDE = {"K": (1000.0, 3000.0), "B": (-1000.0, 5000.0), "n": (0.8, 1.2)}
 #: The ball, and one a fifth stiffer and more damped, in turn every two seconds.
 CHANGES = (4.0, 6.0, 8.0, 10.0)
-STIFFER = palpate.HuntCrossley(1.2 * BALL_LAW.stiffness, 1.2 * BALL_LAW.damping, BALL_LAW.exponent)
+STIFFER = palpate.HuntCrossley(
+    1.2 * rig.BALL_LAW.stiffness, 1.2 * rig.BALL_LAW.damping, rig.BALL_LAW.exponent
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,37 +71,34 @@ class Held:
         return lab.Command(command.penetration, along, command.lateral_position, across)
 
 
-class _ForgettingFactors(Experiment):
-    """Fig. 7: the single stage on the ball under forgetting factors and initial covariances."""
-
-    caption = (
-        "Left: K, B and n over time for several forgetting factors. Right: the same for several "
-        "initial covariances. Below: a probe held at one depth, and convergence and overshoot of "
-        "every seed over the initial covariance."
-    )
+class _Forgetting(Experiment):
+    """Left: K, B and n over time for several forgetting factors. Right: the same for several
+    initial covariances. Below: a probe held at one depth, and convergence and overshoot of every
+    seed over the initial covariance.
+    """
 
     def measure(self, seed: int) -> Measured:
-        contact = pressed("ball", "three-sines", seed)
-        starts = starts_of(contact, SINGLE)
+        contact = rig.pressed("ball", "three-sines", seed)
+        starts = rig.starts_of(contact, SINGLE)
         settings: dict[str, dict[str, Any]] = {
             **{name: {"forgetting": each} for name, each in PROFILES.items()},
             **{name: {"initial_covariance": size} for name, size in COVARIANCES.items()},
             **{f"start {name}": {"initial": law} for name, law in starts.items()},
         }
-        results = {name: identified(contact, SINGLE, **each) for name, each in settings.items()}
-        results["variable projection"] = identified(contact, PROJECTION)
+        results = {name: rig.identified(contact, SINGLE, **each) for name, each in settings.items()}
+        results["variable projection"] = rig.identified(contact, PROJECTION)
         numbers, curves = _held(seed)
         numbers |= _varying(seed)
         numbers["λ after 1 s"] = 1.0 - 0.01 * math.exp(-5.0)
-        truth = BALL_LAW.parameters
+        truth = rig.BALL_LAW.parameters
         for name, result in results.items():
-            known = taken(result)
-            start = result.estimator.settings.get("initial", BALL_LAW).parameters
+            known = rig.taken(result)
+            start = result.estimator.settings.get("initial", rig.BALL_LAW).parameters
             low, high = np.minimum(start, truth), np.maximum(start, truth)
             beyond = np.maximum(known.max(axis=0) - high, low - known.min(axis=0)).clip(min=0.0)
             late = known[len(known) // 2 :] / truth - 1.0
             worst = 100.0 * np.abs(late).max(axis=0)
-            numbers |= by_symbol(f"time {name}", times_to(result, truth), "s")
+            numbers |= by_symbol(f"time {name}", rig.times_to(result, truth), "s")
             numbers |= by_symbol(f"scatter {name}", 100.0 * late.std(axis=0), "%")
             numbers |= by_symbol(f"largest error {name}", worst, "%")
             numbers |= by_symbol(f"overshoot {name}", beyond / truth, "of the truth")
@@ -164,12 +142,9 @@ class _ForgettingFactors(Experiment):
         every.set(xscale="log", yscale="log", xlabel="P₀", title="Every seed")
         every.legend(loc="upper left")
 
-    def tables(self, say: Say) -> tuple[Table, ...]:
-        columns = {f"{symbol} [s]": f"time {{}} {symbol}" for symbol in UNITS} | {
-            "late scatter of B [%]": "scatter {} B",
-            "overshoot of B": "overshoot {} B",
-            "RMSE%": "rmse {}",
-        }
+    def tables(self, say: Seeds) -> tuple[Table, ...]:
+        times = (f"time {{}} {symbol}" for symbol in UNITS)
+        columns = (*times, "scatter {} B", "overshoot {} B", "rmse {}")
         note = (
             "Seconds of contact until each parameter is within 5 % of the truth for good; scatter: "
             "standard deviation over the second half; overshoot: largest excursion beyond start "
@@ -178,22 +153,22 @@ class _ForgettingFactors(Experiment):
         profiles = [(name,) for name in (*PROFILES, "variable projection")]
         sizes = [(name,) for name in COVARIANCES]
         return (
-            Table.of(say, "Forgetting factor", ("",), columns, profiles, note),
-            Table.of(say, "Initial covariance, α = 5", ("",), columns, sizes, note),
+            say.table("Forgetting factor", ("",), columns, profiles, note),
+            say.table("Initial covariance, α = 5", ("",), columns, sizes, note),
         )
 
 
 def _held(seed: int) -> Measured:
     """Largest relative error of a parameter while the probe is held, and how many were guarded."""
     trajectory = Held(lab.THREE_SINES, HOLD_FROM)
-    contact = ideally_pressed(lab.BALL, trajectory, seed, HOLD_FROM + HELD_SECONDS)
+    contact = rig.ideally_pressed(lab.BALL, trajectory, seed, HOLD_FROM + HELD_SECONDS)
     late = contact.time > trajectory.stop
     keep = np.flatnonzero(late)[::60]
     curves = {"held/time": contact.time[keep] - trajectory.stop}
     numbers: dict[str, float] = {}
     for name in HELD:
-        result = identified(contact, SINGLE, forgetting=PROFILES[name])
-        error = off(result.trace.parameters, BALL_LAW.parameters)
+        result = rig.identified(contact, SINGLE, forgetting=PROFILES[name])
+        error = rig.off(result.trace.parameters, rig.BALL_LAW.parameters)
         numbers |= by_symbol(f"held error {name}", error[late].max(axis=0), "%")
         numbers |= by_symbol(f"held error at the end, {name}", error[-1], "%")
         numbers[f"held guarded {name} [samples]"] = int(result.estimate.guarded)
@@ -205,13 +180,13 @@ def _varying(seed: int) -> dict[str, float]:
     """Errors by forgetting factor where the ball changes every two seconds."""
     other = lab.Homogeneous(STIFFER)
     varying = lab.TimeVaryingMaterial((lab.BALL, other, lab.BALL, other, lab.BALL), CHANGES)
-    contact = ideally_pressed(varying, lab.THREE_SINES, seed)
+    contact = rig.ideally_pressed(varying, lab.THREE_SINES, seed)
     stiffer = np.searchsorted(CHANGES, contact.time, side="right") % 2 == 1
-    truth = np.where(stiffer, STIFFER.stiffness, BALL_LAW.stiffness)
+    truth = np.where(stiffer, STIFFER.stiffness, rig.BALL_LAW.stiffness)
     numbers: dict[str, float] = {}
     for factor in (1.0, 0.99):
         forgetting = palpate.ConstantForgetting(factor)
-        result = identified(contact, SINGLE, forgetting=forgetting)
+        result = rig.identified(contact, SINGLE, forgetting=forgetting)
         after = result.trace.taken & (contact.time > CHANGES[0])
         error = (result.trace.parameters[:, 0] / truth - 1.0)[after]
         numbers[f"varying rmse λ = {factor:g} [%]"] = result.prediction_rmse_percent
@@ -224,13 +199,6 @@ def _varying(seed: int) -> dict[str, float]:
 #: When "the first few milliseconds" end, s.
 FIRST_FEW = 20e-3
 NO_START = "no start"
-TITLES = {
-    "single-stage": "HC, single stage",
-    "double-stage": "HC, double stage",
-    "kelvin-voigt": "Kelvin–Voigt",
-    "extended-kelvin-voigt": "extended Kelvin–Voigt",
-    "variable-projection": "HC, variable projection",
-}
 # Share of the final value from which, and up to which, a stiffness is drawn.
 BELOW, ABOVE = 1e-3, 1e3
 # Errors below this are drawn on a linear scale, N.
@@ -246,19 +214,17 @@ SHARES = (0.1, 0.5)
 
 @dataclass(frozen=True)
 class _Comparison(Experiment):
-    """Every method, from every start of the paper's rule, on one recording of one material."""
+    """A column for each method: its parameters and its force error over the time since contact,
+    from every start of the tables.
+    """
 
     material: str
-    kinds: tuple[Method, ...]
-    numerals: tuple[str, str]  # of the paper's tables of starts and of errors
+    kinds: tuple[rig.Method, ...]
+    numerals: str  # of the paper's tables of starts and of errors
     beside: str = ""  # a second material, on which the claims are looked at too
-    caption = (
-        "A column for each method: its parameters and its force error over the time since "
-        "contact, from every start of the tables."
-    )
 
     @property
-    def _methods(self) -> tuple[Method, ...]:
+    def _methods(self) -> tuple[rig.Method, ...]:
         return (*self.kinds, PROJECTION)
 
     def measure(self, seed: int) -> Measured:
@@ -268,35 +234,35 @@ class _Comparison(Experiment):
             second = self._measured(self.beside, seed)[0]
             numbers |= {f"{prefix} {name}": value for name, value in second.items()}
         if self.material == "ball":
-            numbers |= _logarithm(pressed("ball", "three-sines", seed)) | _threshold()
-            numbers |= _sampled(session("ball", "three-sines", seed).contact)
+            numbers |= _logarithm(rig.pressed("ball", "three-sines", seed)) | _threshold()
+            numbers |= _sampled(rig.session("ball", "three-sines", seed).contact)
         return numbers, curves
 
     def _measured(self, material: str, seed: int) -> Measured:
-        contact = pressed(material, "three-sines", seed)
+        contact = rig.pressed(material, "three-sines", seed)
         numbers: dict[str, float] = {}
         curves: Curves = {}
-        errors: dict[tuple[float, Method], list[float]] = {}
+        errors: dict[tuple[float, rig.Method], list[float]] = {}
         for kind in self.kinds:
-            starts, law = starts_of(contact, kind), kind.law_type
-            results = from_starts(contact, kind, starts)
+            starts, law = rig.starts_of(contact, kind), kind.law_type
+            results = rig.from_starts(contact, kind, starts)
             for name, start in starts.items():
                 numbers |= by_symbol(f"start {kind.method} {name}", start.parameters, law=law)
             times = {"": list(results.values())}
-            for size in SAME_COVARIANCES:
-                others = from_starts(contact, kind, starts, initial_covariance=size).values()
+            for size in rig.SAME_COVARIANCES:
+                others = rig.from_starts(contact, kind, starts, initial_covariance=size).values()
                 times[f"P₀ = {size:g} "] = list(others)
                 errors[size, kind] = [each.prediction_rmse_percent for each in others]
             for which, every in times.items():
-                what, apart = f"{which}{kind.method}", 100.0 * spread(every)[-1]
-                numbers |= by_symbol(f"time {what}", convergence_times(every), "s", law)
+                what, apart = f"{which}{kind.method}", 100.0 * rig.spread(every)[-1]
+                numbers |= by_symbol(f"time {what}", rig.convergence_times(every), "s", law)
                 numbers |= by_symbol(f"spread {what}", apart, "%", law)
             numbers |= _by_start(kind, results, material, curves)
-        for size in SAME_COVARIANCES:
+        for size in rig.SAME_COVARIANCES:
             pairs = zip(errors[size, DOUBLE], errors[size, SINGLE], strict=True)
             least = min(double / single for double, single in pairs)
             numbers[f"least double over single P₀ = {size:g} [×]"] = least
-        projected = {NO_START: identified(contact, PROJECTION)}
+        projected = {NO_START: rig.identified(contact, PROJECTION)}
         return numbers | _by_start(PROJECTION, projected, material, curves), curves
 
     def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
@@ -304,64 +270,48 @@ class _Comparison(Experiment):
         for column, kind in zip(grid.T, self._methods, strict=True):
             _draw_method(column, kind, outcomes)
 
-    def tables(self, say: Say) -> tuple[Table, ...]:
-        starts, errors = self.numerals
-
-        def lawful(what: str, kind: Method) -> str:
+    def tables(self, say: Seeds) -> tuple[Table, ...]:
+        def lawful(what: str, kind: rig.Method) -> str:
             return ", ".join(f"{s} = {say(f'{what} {s}')}" for s in kind.law_type.symbols)
 
-        rows = tuple(
-            (kind.method, start, lawful(f"start {kind.method} {start}", kind))
-            for kind in self.kinds
-            for start in _names(kind)
-        )
-        header = ("method", "start", "initial values, SI")
-        tables = [Table(f"Table {starts}: initial values, {self.material}", header, rows, OVER)]
-        for material, table in {self.material: f"Table {errors}: ", self.beside: ""}.items():
-            prefix = f"{material.replace('-', ' ')} " if material != self.material else ""
-            if not material:
-                continue
-            rows = tuple(
-                (
-                    kind.method,
-                    start,
-                    say(f"{prefix}rmse {kind.method} {start}"),
-                    lawful(f"{prefix}final {kind.method} {start}", kind),
-                )
-                for kind in self._methods
-                for start in _names(kind)
-            )
-            note = f"A-priori force error after 0.2 s of contact, 100 √(Σe²/ΣF²). {OVER}"
-            header = ("method", "start", "RMSE%", "final values, SI")
-            tables.append(Table(f"{table}RMSE%, {material}", header, rows, note))
+        header = ("method", "start", "initial values, SI", "RMSE%", "final values, SI")
+        note = f"RMSE%: a-priori force error after 0.2 s of contact, 100 √(Σe²/ΣF²). {OVER}"
+        title, tables = f"{self.numerals}: starts and RMSE%, {self.material}", []
+        for material in filter(None, (self.material, self.beside)):
+            prefix, rows = "", []
+            if material == self.beside:
+                prefix, title = f"{material.replace('-', ' ')} ", f"Starts and RMSE%, {material}"
+            for kind in self._methods:
+                for start in _names(kind):
+                    what = f"{kind.method} {start}"
+                    first = lawful(f"{prefix}start {what}", kind) if kind in self.kinds else ""
+                    rmse, last = say(f"{prefix}rmse {what}"), lawful(f"{prefix}final {what}", kind)
+                    rows.append((kind.method, start, first, rmse, last))
+            tables.append(Table(title, header, tuple(rows), note))
             tables.append(self._times(say, f"Convergence, {material}", prefix))
         return tuple(tables)
 
-    def _times(self, say: Say, title: str, prefix: str) -> Table:
-        columns = {
-            "time [s]": f"{prefix}time {{}} {{}}",
-            "starts apart at the end [%]": f"{prefix}spread {{}} {{}}",
-            "own end [s]": f"{prefix}settled {{}} {{}}",
-        }
-        for size in SAME_COVARIANCES:
-            columns[f"P₀ = {size:g}: time [s]"] = f"{prefix}time P₀ = {size:g} {{}} {{}}"
+    def _times(self, say: Seeds, title: str, prefix: str) -> Table:
+        columns = [f"{prefix}{what} {{}} {{}}" for what in ("time", "spread", "settled")]
+        columns += [f"{prefix}time P₀ = {size:g} {{}} {{}}" for size in rig.SAME_COVARIANCES]
         rows = [(kind.method, symbol) for kind in self.kinds for symbol in kind.law_type.symbols]
         note = (
-            "Seconds of contact until the estimates from all starts agree within 5 % and stay so; "
-            "own end: until each is within 5 % of its own final value. "
-            "First with each method's default P₀ (1e3 single stage, 1e8 Kelvin–Voigt and double "
-            "stage, 1e10 extended Kelvin–Voigt, in SI), then with the same P₀ for all, by which "
-            "the claims are judged. " + OVER
+            "Time: until the estimates from all starts agree within 5 % and stay so; spread: how "
+            "far they end apart; settled: until each is within 5 % of its own final value. By each "
+            "method's default P₀ (1e3 single stage, 1e8 Kelvin–Voigt and double stage, 1e10 "
+            f"extended Kelvin–Voigt, in SI), and by the same for all, as claims do. {OVER}"
         )
-        return Table.of(say, title, ("method", "parameter"), columns, rows, note)
+        return say.table(title, ("method", "parameter"), columns, rows, note)
 
 
-def _names(kind: Method) -> tuple[str, ...]:
+def _names(kind: rig.Method) -> tuple[str, ...]:
     """Of a method's starts."""
-    return (NO_START,) if kind is PROJECTION else names_of_starts(kind)
+    return (NO_START,) if kind is PROJECTION else rig.names_of_starts(kind)
 
 
-def _by_start(kind: Method, results: Results, material: str, curves: Curves) -> dict[str, float]:
+def _by_start(
+    kind: rig.Method, results: rig.Results, material: str, curves: Curves
+) -> dict[str, float]:
     """What each start came to; adds what is drawn of it to the curves."""
     law, known, numbers = kind.law_type, lab.MATERIALS[material], {}
     for start, result in results.items():
@@ -369,18 +319,18 @@ def _by_start(kind: Method, results: Results, material: str, curves: Curves) -> 
         few = round(FIRST_FEW / result.contact.sample_time)
         numbers[f"rmse {what} [%]"] = result.prediction_rmse_percent
         numbers |= by_symbol(f"final {what}", final, law=law)
-        first = taken(result)[:few].min(axis=0) / final
+        first = rig.taken(result)[:few].min(axis=0) / final
         numbers |= by_symbol(f"first over final {what}", first, "", law)
         if isinstance(known, lab.Homogeneous) and law is type(known.law):
-            error = off(final, known.law.parameters)
+            error = rig.off(final, known.law.parameters)
             numbers |= by_symbol(f"off the truth {what}", error, "%", law)
         curves |= drawing.traced(f"{kind.method}/{start}", result)
     # Starts that a large P₀ has forgotten agree long before they are right.
-    settled = np.max([times_to(each, each.law.parameters) for each in results.values()], axis=0)
+    settled = np.max([rig.times_to(each, each.law.parameters) for each in results.values()], axis=0)
     return numbers | by_symbol(f"settled {kind.method}", settled, "s", law)
 
 
-def _draw_method(column: Any, kind: Method, outcomes: Sequence[Outcome]) -> None:
+def _draw_method(column: Any, kind: rig.Method, outcomes: Sequence[Outcome]) -> None:
     curves, law = outcomes[0].curves, kind.law_type
     shown = {name: f"{kind.method}/{name}" for name in _names(kind)}
     # For every Hunt–Crossley method the same axes, so that they compare.
@@ -408,7 +358,9 @@ def _draw_method(column: Any, kind: Method, outcomes: Sequence[Outcome]) -> None
     rmse = [v for o in outcomes for v in named(f"rmse {kind.method}", o.numbers).values()]
     low, high = f"{min(rmse):.2g}", f"{max(rmse):.2g}"
     span = low if low == high else f"{low}–{high}"
-    column[0].set_title(f"{TITLES[kind.method]}\nRMSE {span} %")
+    name = kind.method.replace("kelvin-voigt", "Kelvin–Voigt").replace("-", " ")
+    heading = f"HC, {name}" if law is palpate.HuntCrossley else name
+    column[0].set_title(f"{heading}\nRMSE {span} %")
     column[0].legend(loc="upper right", ncols=3, handlelength=1.6, columnspacing=0.9)
 
 
@@ -419,12 +371,12 @@ def _logarithm(contact: palpate.Contact) -> dict[str, float]:
     F = K xⁿ + B xⁿ v: the same samples, starts and parameters. Beside them both models whole, with
     P₀ in units in which it means the same for both.
     """
-    starts, linear = starts_of(contact, SINGLE), starts_of(contact, LINEAR)
+    starts, linear = rig.starts_of(contact, SINGLE), rig.starts_of(contact, LINEAR)
     # Set II differs from set I in n alone.
-    two, alone = {name: starts[name] for name in ("I", "III")}, {"exponent": BALL_LAW.exponent}
+    two, alone = {name: starts[name] for name in ("I", "III")}, {"exponent": rig.BALL_LAW.exponent}
     models = [
-        ("with ln", SINGLE, two, alone, SI),
-        ("without ln", DOUBLE, two, alone, SI),
+        ("with ln", SINGLE, two, alone, rig.SI),
+        ("without ln", DOUBLE, two, alone, rig.SI),
         ("with ln, own units", SINGLE, two, alone, OWN),
         ("without ln, own units", DOUBLE, two, alone, OWN),
         # Both models whole, in SI: the comparison has them.
@@ -432,13 +384,13 @@ def _logarithm(contact: palpate.Contact) -> dict[str, float]:
         ("kelvin-voigt, own units", LINEAR, linear, {}, OWN),
     ]
     numbers: dict[str, float] = {}
-    for size in SAME_COVARIANCES:
+    for size in rig.SAME_COVARIANCES:
         for words, kind, each, settings, scale in models:
             given: dict[str, Any] = {"initial_covariance": size, "scale": scale, **settings}
-            times = convergence_times(from_starts(contact, kind, each, **given).values())
+            times = rig.convergence_times(rig.from_starts(contact, kind, each, **given).values())
             numbers |= by_symbol(f"time {words}, P₀ = {size:g}", times[:2], "s")
-    known = contact.window(START + 1.0)
-    power, one = known.penetration**BALL_LAW.exponent, np.ones_like(known.velocity)
+    known = contact.window(rig.START + 1.0)
+    power, one = known.penetration**rig.BALL_LAW.exponent, np.ones_like(known.velocity)
     for words, regressors in {"with ln": one, "without ln": power}.items():
         columns = np.stack((regressors, regressors * known.velocity))
         numbers[f"condition number {words}"] = condition_number(columns)
@@ -452,16 +404,16 @@ def condition_number(columns: Floats) -> float:
 
 def _threshold() -> dict[str, float]:
     """Say what ln(1 + δ) ≈ δ costs where condition 10 is used to the full; no noise at all."""
-    time = np.arange(START + 0.5, START + 10.0, 1e-3)
+    time = np.arange(rig.START + 0.5, rig.START + 10.0, 1e-3)
     motion = lab.THREE_SINES.at(time)
     x, v = motion.penetration, motion.velocity
     numbers = {"0.1 − ln 1.1": 0.1 - math.log1p(0.1), "−0.1 − ln 0.9": -0.1 - math.log1p(-0.1)}
     for share in SHARES:
-        damping = share * BALL_LAW.stiffness / np.abs(v).max()
-        law = palpate.HuntCrossley(BALL_LAW.stiffness, damping, BALL_LAW.exponent)
+        damping = share * rig.BALL_LAW.stiffness / np.abs(v).max()
+        law = palpate.HuntCrossley(rig.BALL_LAW.stiffness, damping, rig.BALL_LAW.exponent)
         force = law.force(x, v)
         contact = palpate.Contact(time, penetration=x, velocity=v, force=force, source="exact")
-        bias = off(identified(contact, SINGLE).law.parameters, law.parameters)
+        bias = rig.off(rig.identified(contact, SINGLE).law.parameters, law.parameters)
         numbers |= by_symbol(f"bias at {share:g} K/B", bias, "%")
     return numbers
 
@@ -471,8 +423,8 @@ def _sampled(whole: palpate.Contact) -> dict[str, float]:
     numbers: dict[str, float] = {}
     for step in STEPS:
         channels = {name: getattr(whole, name)[::step] for name in ("time", "penetration", "force")}
-        result = identified(palpate.prepare(**channels).window(START), SINGLE)
-        error = off(result.law.parameters, BALL_LAW.parameters)
+        result = rig.identified(palpate.prepare(**channels).window(rig.START), SINGLE)
+        error = rig.off(result.law.parameters, rig.BALL_LAW.parameters)
         numbers |= by_symbol(f"error at {1000 // step} Hz", error, "%")
     return numbers
 
@@ -496,25 +448,22 @@ OTHERWISE: dict[str, dict[str, Any]] = {
     "0.1, P₀ = 10": {"initial_covariance": (10.0, 10.0, 10.0)},
     "0.1, in cm": {"scale": palpate.Scale(10e-3, 10e-3, 1.0)},
 }
-CASES = (*(f"{off:g}" for off in OFF), *OTHERWISE, "0.5, n right", "0.5, single stage")
+CASES = (*(f"{away:g}" for away in OFF), *OTHERWISE, "0.5, n right", "0.5, single stage")
 LIMITS = {"K": (0.0, 6000.0), "B": (0.0, 6000.0), "n": (0.6, 1.4)}
 #: "≪ 1" in (5), read as for condition 10; the paper's is in N, for x^n is in mⁿ.
 MUCH_LESS = 0.1
 
 
 class _NearTruth(Experiment):
-    """Fig. 9: the double stage, from starts ever farther from where it should end."""
-
-    caption = (
-        "K, B and n of the double stage from starts 2, 10 and 30 % off the truth, which stay "
-        "apart. Below: how far apart they end over how far off they start, for ball and sponge."
-    )
+    """K, B and n of the double stage from starts 2, 10 and 30 % off the truth, which stay apart.
+    Below: how far apart they end over how far off they start, for ball and sponge.
+    """
 
     def measure(self, seed: int) -> Measured:
         numbers: dict[str, float] = {}
         curves: Curves = {}
         for name, material in MATERIALS.items():
-            contact, law = pressed(name, "three-sines", seed), material.law.parameters
+            contact, law = rig.pressed(name, "three-sines", seed), material.law.parameters
             ends = {f"{away:g}": _from(contact, law, away) for away in OFF}
             for words, settings in OTHERWISE.items():
                 ends[words] = _from(contact, law, 0.1, **settings)
@@ -522,20 +471,23 @@ class _NearTruth(Experiment):
             ends["0.5, single stage"] = _from(contact, law, 0.5, kind=SINGLE)
             for case, results in ends.items():
                 final = np.array([result.law.parameters for result in results.values()])
-                apart = 100.0 * np.ptp(final, axis=0) / final.mean(axis=0)
-                times = convergence_times(results.values())
-                numbers |= by_symbol(f"error {name} {case}", off(final, law).max(axis=0), "%")
-                numbers |= by_symbol(f"apart {name} {case}", apart, "%")
+                spread = 100.0 * np.ptp(final, axis=0) / final.mean(axis=0)
+                times = rig.convergence_times(results.values())
+                numbers |= by_symbol(f"error {name} {case}", rig.off(final, law).max(axis=0), "%")
+                numbers |= by_symbol(f"apart {name} {case}", spread, "%")
                 numbers |= by_symbol(f"time {name} {case}", times, "s")
-            numbers[f"reach {name} [%]"] = _reach(name, numbers)
+            # How far off all starts up to there end within 5 % of each other.
+            apart = [largest_of(f"apart {name} {each:g}", numbers) for each in OFF]
+            agreed = np.logical_and.accumulate(np.array(apart) <= 100.0 * rig.AGREED)
+            numbers[f"reach {name} [%]"] = 100.0 * np.max(agreed * OFF)
             near = (each for away in OFF for each in ends[f"{away:g}"].values())
-            known = _conditions(contact, law, near) | _wrong_exponent(contact, law)
+            known = _conditions(contact, law, near)
             numbers |= {f"{name} {words}": value for words, value in known.items()}
             if name == "ball":
                 for away in DRAWN:
                     for way, result in ends[f"{away:g}"].items():
                         curves |= drawing.traced(f"{away:g}/{way}", result)
-                curves |= drawing.traced("projection", identified(contact, PROJECTION))
+                curves |= drawing.traced("projection", rig.identified(contact, PROJECTION))
         return numbers, curves
 
     def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
@@ -550,20 +502,31 @@ class _NearTruth(Experiment):
                     axes.set_title(f"starts {100 * away:g} % off")
             axes.set(xlabel="time since contact [s]")
         drawing.legend_below(figure, axes, 5)
-        _draw_ends(figure.add_subplot(grid[3, :]), outcomes)
+        axes = figure.add_subplot(grid[3, :])
+        for i, material in enumerate(MATERIALS):
+            for j, outcome in enumerate(outcomes):
+                ends = [largest_of(f"apart {material} {away:g}", outcome.numbers) for away in OFF]
+                looks = {"color": THEME.lines[i], "linestyle": DASHES[i], "marker": "os"[i]}
+                label = material if j == 0 else None
+                axes.plot([100.0 * away for away in OFF], ends, markersize=4, label=label, **looks)
+        drawing.truth(axes, 100.0 * rig.AGREED, None)
+        axes.text(60.0, 5.3, "5 %", color=THEME.ink, ha="right")
+        axes.set(xscale="log", yscale="log", xlim=(0.9, 62.0), ylim=(1.0, 300.0))
+        ticks = [1, 2, 5, 10, 20, 50]
+        axes.set_xticks(ticks, [str(tick) for tick in ticks])
+        axes.set(xlabel="starts off by [%]", ylabel="apart at the end [%]")
+        axes.set_title("Every seed: how far apart the starts end")
+        axes.legend(loc="upper left")
 
-    def tables(self, say: Say) -> tuple[Table, ...]:
-        columns = {f"{symbol} off [%]": f"error {{}} {{}} {symbol}" for symbol in UNITS} | {
-            "ends apart [%]": "apart {} {}",
-            "convergence [s]": "time {} {}",
-        }
+    def tables(self, say: Seeds) -> tuple[Table, ...]:
+        columns = (*(f"error {{}} {{}} {symbol}" for symbol in UNITS), "apart {} {}", "time {} {}")
         rows = [(name, case) for name in MATERIALS for case in CASES]
         note = (
             "Each line is four starts, K and B and n off both ways, or two with n as it is; what "
             "is shown is the worst of them at the end."
         )
         title, first = "Double stage: starts near the truth", ("material", "starts off by")
-        return (Table.of(say, title, first, columns, rows, note),)
+        return (say.table(title, first, columns, rows, note),)
 
 
 def _from(
@@ -571,41 +534,13 @@ def _from(
     law: Floats,
     away: float,
     ways: Mapping[str, tuple[int, int, int]] = WAYS,
-    kind: Method = DOUBLE,
+    kind: rig.Method = DOUBLE,
     **settings: Any,
 ) -> dict[str, palpate.Identification]:
     """Identify from starts that are off the truth by a share, in several ways."""
     starts = {way: law * (1.0 + away * np.array(signs)) for way, signs in ways.items()}
     laws = {way: palpate.HuntCrossley(*start.tolist()) for way, start in starts.items()}
-    return from_starts(contact, kind, laws, **settings)
-
-
-def _reach(material: str, numbers: Numbers) -> float:
-    """How far off, in percent, all starts up to there end within 5 % of each other."""
-    reach = 0.0
-    for away in OFF:
-        if largest_of(f"apart {material} {away:g}", numbers) > 100.0 * AGREED:
-            break
-        reach = 100.0 * away
-    return reach
-
-
-def _draw_ends(axes: Axes, outcomes: Sequence[Outcome]) -> None:
-    """How far apart every seed ends, over how far off the starts are."""
-    for i, material in enumerate(MATERIALS):
-        for j, outcome in enumerate(outcomes):
-            ends = [largest_of(f"apart {material} {away:g}", outcome.numbers) for away in OFF]
-            looks = {"color": THEME.lines[i], "linestyle": DASHES[i], "marker": "os"[i]}
-            label = material if j == 0 else None
-            axes.plot([100.0 * away for away in OFF], ends, markersize=4, label=label, **looks)
-    drawing.truth(axes, 100.0 * AGREED, None)
-    axes.text(60.0, 5.3, "5 %", color=THEME.ink, ha="right")
-    axes.set(xscale="log", yscale="log", xlim=(0.9, 62.0), ylim=(1.0, 300.0))
-    ticks = [1, 2, 5, 10, 20, 50]
-    axes.set_xticks(ticks, [str(tick) for tick in ticks])
-    axes.set(xlabel="starts off by [%]", ylabel="apart at the end [%]")
-    axes.set_title("Every seed: how far apart the starts end")
-    axes.legend(loc="upper left")
+    return rig.from_starts(contact, kind, laws, **settings)
 
 
 def _conditions(
@@ -615,7 +550,7 @@ def _conditions(
 
     Then they are made to hold: stage 2 is given the true K and B, stage 1 the true n.
     """
-    starts = starts_of(contact, DOUBLE)
+    starts = rig.starts_of(contact, DOUBLE)
     stiffness, damping, exponent = truth.tolist()
     right = {
         name: palpate.HuntCrossley(stiffness, damping, law.parameters[2])
@@ -624,75 +559,55 @@ def _conditions(
     # So small a P₀ leaves K and B where they start.
     held = {"initial_covariance": (1e-12, 1e-12, 1e3)}
     ends = {
-        "starts I to III": from_starts(contact, DOUBLE, starts),
-        "K and B given": from_starts(contact, DOUBLE, right, **held),
-        "n given": from_starts(contact, DOUBLE, starts, exponent=exponent),
+        "starts I to III": rig.from_starts(contact, DOUBLE, starts),
+        "K and B given": rig.from_starts(contact, DOUBLE, right, **held),
+        "n given": rig.from_starts(contact, DOUBLE, starts, exponent=exponent),
     }
-    ending_right = [each for each in near if _worst(each, truth) <= 100.0 * AGREED]
+    ending_right = [each for each in near if _worst(each, truth) <= 100.0 * rig.AGREED]
     seen = {"starts I to III": ends["starts I to III"].values(), "near, ending right": ending_right}
     numbers: dict[str, float] = {}
     for words, results in seen.items():
         met = np.array([_broken(each, truth) for each in results] or [(math.nan, math.nan)])
         numbers[f"(5) broken, {words} [%]"], numbers[f"(6) one-sided, {words}"] = met.min(axis=0)
     for words, by_start in ends.items():
-        numbers[f"ends apart, {words} [%]"] = 100.0 * spread(by_start.values())[-1].max()
+        numbers[f"ends apart, {words} [%]"] = 100.0 * rig.spread(by_start.values())[-1].max()
         numbers[f"off the truth, {words} [%]"] = max(_worst(r, truth) for r in by_start.values())
+    # What stage 1 finds with n right, and with n too large by 0.2.
+    numbers["0.01^0.2"] = 0.01**0.2
+    for words, more in {"n right": 0.0, "n 0.2 too large": 0.2}.items():
+        result = rig.identified(contact, DOUBLE, exponent=exponent + more)
+        numbers[f"stage 1 rmse, {words} [%]"] = result.prediction_rmse_percent
+        numbers[f"stage 1 K, {words} [× the truth]"] = result.law.parameters[0] / stiffness
     return numbers
 
 
 def _worst(result: palpate.Identification, truth: Floats) -> float:
-    return float(off(result.law.parameters, truth).max())
+    return float(rig.off(result.law.parameters, truth).max())
 
 
 def _broken(result: palpate.Identification, truth: Floats) -> tuple[float, float]:
     """Samples that break (5), %, and |mean| over mean size of the product in (6): 0 if it holds."""
     inside, contact = result.trace.taken, result.contact
     x, v = contact.penetration[inside], contact.velocity[inside]
-    stiffness, damping, exponent = (truth - taken(result)).T
+    stiffness, damping, exponent = (truth - rig.taken(result)).T
     rate = (stiffness + damping * v) * x ** truth[2]
     product = exponent * rate
     one_sided = abs(product.mean()) / np.abs(product).mean()
     return 100.0 * float(np.mean(np.abs(rate) > MUCH_LESS)), float(one_sided)
 
 
-def _wrong_exponent(contact: palpate.Contact, truth: Floats) -> dict[str, float]:
-    """Say what stage 1 finds with n right, and with n too large by 0.2."""
-    numbers = {"0.01^0.2": 0.01**0.2}
-    for words, more in {"n right": 0.0, "n 0.2 too large": 0.2}.items():
-        result = identified(contact, DOUBLE, exponent=float(truth[2]) + more)
-        numbers[f"stage 1 rmse, {words} [%]"] = result.prediction_rmse_percent
-        numbers[f"stage 1 K, {words} [× the truth]"] = result.law.parameters[0] / truth[0]
-    return numbers
-
-
-THREE = (SINGLE, DOUBLE, LINEAR)
+THREE, RELAXING = (SINGLE, DOUBLE, LINEAR), "relaxing-sponge"
+FOUR = (*THREE, palpate.ExtendedKelvinVoigtRLS)
+FORGETTING = "Rubber ball, single stage: forgetting factor and initial covariance"
+NEAR = "Rubber ball, double stage: starts in the vicinity of the final values"
+ONE_RECORDING = "{}: three starts, {} methods, one recording (Tables {} and {})"
+BALL = ONE_RECORDING.format("Rubber ball", "four", "I", "II")
+SPONGE = ONE_RECORDING.format("Sponge", "four", "III", "IV")
+PHANTOM = ONE_RECORDING.format("PVC phantom", "five", "V", "VI")
 EXPERIMENTS = (
-    _ForgettingFactors(
-        "fig07",
-        "Rubber ball, single stage: forgetting factor and initial covariance",
-        size=(10.5, 10.0),
-    ),
-    _Comparison(
-        "fig08",
-        "Rubber ball: three starts, four methods, one recording (Tables I and II)",
-        *("ball", THREE, ("I", "II")),
-        size=(11.4, 9.0),
-    ),
-    _Comparison(
-        "fig13",
-        "Sponge: three starts, four methods, one recording (Tables III and IV)",
-        *("sponge", THREE, ("III", "IV"), "relaxing-sponge"),
-        size=(11.4, 9.0),
-    ),
-    _Comparison(
-        "fig16",
-        "PVC phantom: three starts, five methods, one recording (Tables V and VI)",
-        *("pvc", (*THREE, palpate.ExtendedKelvinVoigtRLS), ("V", "VI")),
-        size=(14.0, 9.0),
-    ),
-    _NearTruth(
-        "fig09",
-        "Rubber ball, double stage: starts in the vicinity of the final values",
-        size=(10.5, 8.5),
-    ),
+    _Forgetting("fig07", (10.5, 10.0), FORGETTING),
+    _Comparison("fig08", (11.4, 9.0), BALL, "ball", THREE, "Tables I and II"),
+    _Comparison("fig13", (11.4, 9.0), SPONGE, "sponge", THREE, "Tables III and IV", RELAXING),
+    _Comparison("fig16", (14.0, 9.0), PHANTOM, "pvc", FOUR, "Tables V and VI"),
+    _NearTruth("fig09", (10.5, 8.5), NEAR),
 )

@@ -8,35 +8,17 @@ import numpy as np
 
 import palpate
 from palpate import lab
-from palpate.paper import drawing
+from palpate.paper import drawing, rig
 from palpate.paper.drawing import THEME, Axes, Figure
-from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, Say, Table, by_symbol
-from palpate.paper.judging import named, over_seeds
+from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, Seeds, Table, by_symbol
+from palpate.paper.judging import named
 from palpate.paper.methods import condition_number
-from palpate.paper.rig import (
-    BALL_LAW,
-    SAME_COVARIANCES,
-    START,
-    Method,
-    Results,
-    Starts,
-    convergence_times,
-    from_starts,
-    ideally_pressed,
-    identified,
-    names_of_starts,
-    off,
-    pressed,
-    session,
-    starts_of,
-    times_to,
-)
 
 #: From here on the approach is over, s.
 SINES = 2.5
 #: What is drawn of the loop, and of the motion, s.
 DRAWN, MOTION = (2.5, 12.0), (4.0, 8.0)
-MODELS: dict[str, Method] = {
+MODELS: dict[str, rig.Method] = {
     "Kelvin–Voigt": palpate.KelvinVoigtRLS,
     "single stage": palpate.SingleStageRLS,
     "variable projection": palpate.VariableProjection,
@@ -45,25 +27,22 @@ LINEAR = next(iter(MODELS))
 
 
 class _Hysteresis(Experiment):
-    """Fig. 10: a motion that comes near the ball's surface, and the forces predicted there."""
-
-    caption = (
-        "The motion; force over penetration; the same without its linear spring, which tapers to "
-        "the surface as Hunt–Crossley does and Kelvin–Voigt does not; and the last millimetre, "
-        "where Kelvin–Voigt pulls."
-    )
+    """The motion; force over penetration; the same without its linear spring, which tapers to the
+    surface as Hunt–Crossley does and Kelvin–Voigt does not; and the last millimetre, where
+    Kelvin–Voigt pulls.
+    """
 
     def measure(self, seed: int) -> Measured:
-        contact = pressed("ball", "near-surface", seed)
-        truth = session("ball", "near-surface", seed).truth.window(START)
+        contact = rig.pressed("ball", "near-surface", seed)
+        truth = rig.session("ball", "near-surface", seed).truth.window(rig.START)
         inside = _inside(contact)
-        damped = replace(BALL_LAW, damping=3.0 * BALL_LAW.damping)
+        damped = replace(rig.BALL_LAW, damping=3.0 * rig.BALL_LAW.damping)
         numbers = {
             "least force measured [N]": contact.force[inside].min(),
             "least force felt [N]": truth.force[inside].min(),
-            "least force 10 mm deep [N]": _least(pressed("ball", "three-sines", seed)),
-            "least force, ideal probe, as it is [N]": _ideal(BALL_LAW, 1.0, seed),
-            "least force, ideal probe, half the speed [N]": _ideal(BALL_LAW, 0.5, seed),
+            "least force 10 mm deep [N]": _least(rig.pressed("ball", "three-sines", seed)),
+            "least force, ideal probe, as it is [N]": _ideal(rig.BALL_LAW, 1.0, seed),
+            "least force, ideal probe, half the speed [N]": _ideal(rig.BALL_LAW, 0.5, seed),
             "least force, ideal probe, three times the damping [N]": _ideal(damped, 1.0, seed),
         }
         keep = np.flatnonzero((contact.time > DRAWN[0]) & (contact.time < DRAWN[1]))[::3]
@@ -73,7 +52,7 @@ class _Hysteresis(Experiment):
             "force": np.where(inside, contact.force, np.nan)[keep],
         }
         for name, kind in MODELS.items():
-            result = identified(contact, kind)
+            result = rig.identified(contact, kind)
             force = result.law.force(contact.penetration, contact.velocity)
             pulls = inside & (force < 0.0)
             # Force and velocity both outward: the robot would have to pull the material along.
@@ -103,20 +82,15 @@ class _Hysteresis(Experiment):
         viscous.set_title("Without the spring K̂ x: what is measured tapers to the surface")
         _draw_loop(near, first, tuple(MODELS))
         near.set(ylabel="force [N]", xlim=(-0.03, 0.8), ylim=(-0.35, 1.8))
-        least = over_seeds([outcome.numbers for outcome in outcomes], f"least force {LINEAR}")
+        least = Seeds([outcome.numbers for outcome in outcomes])(f"least force {LINEAR}")
         near.set_title(f"Near the surface: {LINEAR} down to {least} N")
         near.legend(loc="upper left")
 
-    def tables(self, say: Say) -> tuple[Table, ...]:
-        columns = {
-            "least force [N]": "least force {}",
-            "time pulling [%]": "time pulling {}",
-            "energy given [mJ]": "energy given {}",
-            "RMSE%": "rmse {}",
-        }
+    def tables(self, say: Seeds) -> tuple[Table, ...]:
+        columns = ("least force {}", "time pulling {}", "energy given {}", "rmse {}")
         rows = [(name,) for name in MODELS]
         note = "The final law along the measured motion, samples inside the material from 2.5 s on."
-        return (Table.of(say, "Near the surface", ("model",), columns, rows, note),)
+        return (say.table("Near the surface", ("model",), columns, rows, note),)
 
 
 def _inside(contact: palpate.Contact) -> Any:
@@ -125,7 +99,7 @@ def _inside(contact: palpate.Contact) -> Any:
 
 def _least(contact: palpate.Contact) -> float:
     """Least force of an identified Kelvin–Voigt law along a motion, N."""
-    law = identified(contact, palpate.KelvinVoigtRLS).law
+    law = rig.identified(contact, palpate.KelvinVoigtRLS).law
     return float(law.force(contact.penetration, contact.velocity)[_inside(contact)].min())
 
 
@@ -133,8 +107,8 @@ def _ideal(law: palpate.HuntCrossley, speed: float, seed: int) -> float:
     """The same of an ideal probe, with the near-surface motion at a share of its speed."""
     motion = lab.NEAR_SURFACE.motion
     slower = replace(motion, frequencies=tuple(speed * each for each in motion.frequencies))
-    seconds = START + 10.0 / speed
-    return _least(ideally_pressed(lab.Homogeneous(law), lab.Probing(slower), seed, seconds))
+    seconds = rig.START + 10.0 / speed
+    return _least(rig.ideally_pressed(lab.Homogeneous(law), lab.Probing(slower), seed, seconds))
 
 
 def _draw_loop(axes: Axes, outcome: Outcome, models: Sequence[str], stiffness: float = 0.0) -> None:
@@ -161,59 +135,57 @@ PROJECTION = "none: variable projection"
 
 @dataclass(frozen=True)
 class _Richness(Experiment):
-    """Figs. 17 and 18: one method on the ball, two sines and one, from the starts of Table I."""
+    """Parameters and force error over the time since contact, from every start, for two sines and
+    for one; beside them the convergence times of every seed over the initial covariance.
+    """
 
-    kind: Method
-    caption = (
-        "Parameters and force error over the time since contact, from every start, for two sines "
-        "and for one; beside them the convergence times of every seed over the initial covariance."
-    )
+    kind: rig.Method
 
     @property
     def _norms(self) -> dict[str, tuple[float, ...]]:
         """Initial covariances by motion."""
-        long = {LONG_MOTION: LONG_COVARIANCES} if self.kind is palpate.SingleStageRLS else {}
-        return dict.fromkeys(MOTIONS, COVARIANCES) | long
+        norms: dict[str, tuple[float, ...]] = dict.fromkeys(MOTIONS, COVARIANCES)
+        single = self.kind is palpate.SingleStageRLS
+        return norms | {LONG_MOTION: LONG_COVARIANCES} if single else norms
 
     def measure(self, seed: int) -> Measured:
-        three = pressed("ball", "three-sines", seed)
+        three = rig.pressed("ball", "three-sines", seed)
         # The starts are those of the three sines.
-        starts = starts_of(three, self.kind)
-        reference = from_starts(three, self.kind, starts)
+        starts = rig.starts_of(three, self.kind)
+        reference = rig.from_starts(three, self.kind, starts)
         numbers = self._summary("three sines", reference)
         curves: Curves = {}
         for name, trajectory in MOTIONS.items():
-            contact = pressed("ball", trajectory, seed, SECONDS)
-            results = from_starts(contact, self.kind, starts)
+            contact = rig.pressed("ball", trajectory, seed, SECONDS)
+            results = rig.from_starts(contact, self.kind, starts)
             numbers |= self._summary(name, results)
             numbers |= _by_covariance(name, contact, self.kind, starts, COVARIANCES)
             numbers |= _conditioning(name, contact)
             numbers[f"largest difference from three sines, {name} [%]"] = max(
-                off(result.law.parameters, reference[start].law.parameters).max()
+                rig.off(result.law.parameters, reference[start].law.parameters).max()
                 for start, result in results.items()
             )
             if self.kind is palpate.KelvinVoigtRLS and name == "one sine":
                 # Times of the other model on the same data, with the same P₀.
                 other, what = palpate.SingleStageRLS, f"of single-stage {name}"
-                others = starts_of(three, other)
-                numbers |= _by_covariance(what, contact, other, others, SAME_COVARIANCES)
-            projected = identified(contact, palpate.VariableProjection)
+                others = rig.starts_of(three, other)
+                numbers |= _by_covariance(what, contact, other, others, rig.SAME_COVARIANCES)
+            projected = rig.identified(contact, palpate.VariableProjection)
             for start, result in {**results, "projection": projected}.items():
                 curves |= drawing.traced(f"{name}/{start}", result, f"{name}/elapsed")
-            times = times_to(projected, BALL_LAW.parameters)
+            times = rig.times_to(projected, rig.BALL_LAW.parameters)
             numbers |= by_symbol(f"time of variable projection {name}", times, "s")
-            numbers |= _ends(f"{name} variable projection", projected)
-        for long, sizes in self._norms.items():
-            if long not in MOTIONS:
-                contact = ideally_pressed(lab.BALL, lab.ONE_SINE, seed, LONG)
-                numbers |= _by_covariance(long, contact, self.kind, starts, sizes)
+            numbers |= _end(f"{name} variable projection", projected)
+        if sizes := self._norms.get(LONG_MOTION):
+            contact = rig.ideally_pressed(lab.BALL, lab.ONE_SINE, seed, LONG)
+            numbers |= _by_covariance(LONG_MOTION, contact, self.kind, starts, sizes)
         return numbers, curves
 
-    def _summary(self, motion: str, results: Results) -> dict[str, float]:
-        times = convergence_times(results.values())
+    def _summary(self, motion: str, results: rig.Results) -> dict[str, float]:
+        times = rig.convergence_times(results.values())
         numbers = by_symbol(f"time {motion}", times, "s", self.kind.law_type)
         for start, result in results.items():
-            numbers |= _ends(f"{motion} {start}", result)
+            numbers |= _end(f"{motion} {start}", result)
         return numbers
 
     def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
@@ -239,7 +211,7 @@ class _Richness(Experiment):
     def _draw_motion(self, column: Any, motion: str, outcome: Outcome) -> None:
         """Parameters and force error of every start; the value from three sines dotted."""
         curves, law, clock = outcome.curves, self.kind.law_type, f"{motion}/elapsed"
-        names = names_of_starts(self.kind)
+        names = rig.names_of_starts(self.kind)
         starts = {start: f"{motion}/{start}" for start in names}
         every = {**starts, PROJECTION: f"{motion}/projection"}
         # Its stiffness and damping are another law's than Kelvin–Voigt's.
@@ -255,39 +227,43 @@ class _Richness(Experiment):
         column[-1].set(xscale="log", ylim=(-1.0, 1.0), ylabel="force error [N]")
         column[-1].set(xlabel="time since contact [s]")
 
-    def tables(self, say: Say) -> tuple[Table, ...]:
+    def tables(self, say: Seeds) -> tuple[Table, ...]:
         rows = {(motion, "default"): (motion, "") for motion in ("three sines", *MOTIONS)}
         for motion, sizes in self._norms.items():
             rows |= {(motion, f"{size:g}"): (motion, f"P₀ = {size:g} ") for size in sizes}
         symbols = self.kind.law_type.symbols
-        columns = {f"{symbol} [s]": f"time {{1}}{{0}} {symbol}" for symbol in symbols}
+        columns = [f"time {{1}}{{0}} {symbol}" for symbol in symbols]
         note = (
-            f"Seconds of contact until all starts agree within 5 %, of {SECONDS - START:g} s on "
-            "the rig; 450 s are an ideal probe's with the same sensors."
+            f"Seconds of contact until all starts agree within 5 %, of {SECONDS - rig.START:g} s "
+            "on the rig; 450 s are an ideal probe's with the same sensors."
         )
         title = f"Convergence by motion, {self.kind.method}"
-        return (Table.of(say, title, ("motion", "P₀"), columns, rows, note),)
+        return (say.table(title, ("motion", "P₀"), columns, rows, note),)
 
 
 def _by_covariance(
-    what: str, contact: palpate.Contact, kind: Method, starts: Starts, sizes: Sequence[float]
+    what: str,
+    contact: palpate.Contact,
+    kind: rig.Method,
+    starts: rig.Starts,
+    sizes: Sequence[float],
 ) -> dict[str, float]:
     numbers: dict[str, float] = {}
     for size in sizes:
-        results = from_starts(contact, kind, starts, initial_covariance=size)
-        times = convergence_times(results.values())
+        results = rig.from_starts(contact, kind, starts, initial_covariance=size)
+        times = rig.convergence_times(results.values())
         numbers |= by_symbol(f"time P₀ = {size:g} {what}", times, "s", kind.law_type)
     return numbers
 
 
-def _ends(what: str, result: palpate.Identification) -> dict[str, float]:
+def _end(what: str, result: palpate.Identification) -> dict[str, float]:
     finals = by_symbol(f"final {what}", result.law.parameters, "", result.law)
     return {**finals, f"rmse {what} [%]": result.prediction_rmse_percent}
 
 
 def _conditioning(motion: str, contact: palpate.Contact) -> dict[str, float]:
     """Condition numbers of columns of unit length: of the logarithm's, and of linear systems."""
-    known = contact.window(START + 1.0)
+    known = contact.window(rig.START + 1.0)
     x, v = known.penetration, known.velocity
     one = np.ones_like(x)
     systems = {
@@ -301,18 +277,12 @@ def _conditioning(motion: str, contact: palpate.Contact) -> dict[str, float]:
     }
 
 
+SURFACE = "Rubber ball, near the surface: force over penetration"
+SINGLE = "Rubber ball, Hunt–Crossley by the single stage: two sines and one"
 EXPERIMENTS = (
-    _Hysteresis("fig10", "Rubber ball, near the surface: force over penetration", size=(10.5, 7.6)),
+    _Hysteresis("fig10", (10.5, 7.6), SURFACE),
+    _Richness("fig17", (11.5, 9.2), SINGLE, palpate.SingleStageRLS),
     _Richness(
-        "fig17",
-        "Rubber ball, Hunt–Crossley by the single stage: two sines and one",
-        palpate.SingleStageRLS,
-        size=(11.5, 9.2),
-    ),
-    _Richness(
-        "fig18",
-        "Rubber ball, Kelvin–Voigt: two sines and one",
-        palpate.KelvinVoigtRLS,
-        size=(11.5, 7.0),
+        "fig18", (11.5, 7.0), "Rubber ball, Kelvin–Voigt: two sines and one", palpate.KelvinVoigtRLS
     ),
 )

@@ -94,17 +94,19 @@ def starts_of(contact: palpate.Contact, kind: Method) -> Starts:
     in the steady state from set I; both Hunt–Crossley methods start alike, from the steady state
     of the single stage. The linear models start low and high.
     """
-    hunt_crossley = kind.law_type is palpate.HuntCrossley
-    low = kind.law_type(*(1.0 if s == "n" else SMALL for s in kind.law_type.symbols))
-    first = palpate.SingleStageRLS if hunt_crossley else kind
-    known = taken(identified(contact, first, initial=low))
-    # The steady state is the average over the second half of the contact.
-    steady = HIGH * known[len(known) // 2 :].mean(axis=0)
-    if not hunt_crossley:
-        return {"low": low, "high": kind.law_type(*steady.tolist())}
-    second = palpate.HuntCrossley(SMALL, SMALL, 2.0)
-    third = palpate.HuntCrossley(*steady[:2].tolist(), 1.0)
-    return {"I": low, "II": second, "III": third}
+    if kind.law_type is not palpate.HuntCrossley:
+        low = kind.law_type(*[SMALL] * len(kind.law_type.symbols))
+        return {"low": low, "high": kind.law_type(*_high(contact, kind, low))}
+    small = palpate.HuntCrossley(SMALL, SMALL, 1.0)
+    stiffness, damping, _ = _high(contact, palpate.SingleStageRLS, small)
+    third = palpate.HuntCrossley(stiffness, damping, 1.0)
+    return {"I": small, "II": palpate.HuntCrossley(SMALL, SMALL, 2.0), "III": third}
+
+
+def _high(contact: palpate.Contact, kind: Method, start: palpate.ForceLaw) -> list[float]:
+    """So many times the average of each parameter over the second half of the contact."""
+    known = taken(identified(contact, kind, initial=start))
+    return [float(each) for each in HIGH * known[len(known) // 2 :].mean(axis=0)]
 
 
 def names_of_starts(kind: Method) -> tuple[str, ...]:

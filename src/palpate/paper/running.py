@@ -10,15 +10,8 @@ import signal
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    Future,
-    ProcessPoolExecutor,
-    wait,
-)
+from concurrent import futures
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,28 +20,26 @@ import palpate
 from palpate.figures.slimming import slim
 from palpate.figures.style import as_svg, recoloured
 from palpate.paper.experiment import Experiment, Outcome
-from palpate.paper.page import figures_of, write_page
-from palpate.paper.report import Report, Section, versions, write_data
+from palpate.paper.report import Report, figures_of, versions, write_report
 from palpate.writing import make_folder, write_text
 
 #: Called with what has just been finished, and how many of how many outcomes and figures are.
 Progress = Callable[[str, int, int], None]
-#: Experiments, and a seed to measure, or outcomes to draw.
-Task = tuple[tuple[Experiment, ...], int | list[Outcome]]
+#: A seed to measure, or outcomes to draw; and of which experiments.
+Given = int | list[Outcome]
+Task = tuple[tuple[Experiment, ...], Given]
 #: What a task gives for each: one seed, a figure for a light and for a dark background, or words.
 Result = Outcome | tuple[str, str] | str
 # What judges and reports measures nothing: a claim is reworded and judged anew without a run.
-NOT_MEASURING = ("cli", "reports", *(f"paper/{name}.py" for name in ("judg", "page", "report")))
+NOT_MEASURING = ("cli", "reports", "paper/judges.py", "paper/judging.py", "paper/report.py")
 
 
 @cache
 def code() -> str:
     """Return a hash of the code that measures, for a checkout changes without its version."""
-    root = Path(str(palpate.__file__)).parent
-    ours = {path.relative_to(root).as_posix(): path for path in root.rglob("*")}
-    found = hashlib.sha256()
-    for name, path in sorted(ours.items()):
-        if path.suffix in (".py", ".so", ".pyd") and not name.startswith(NOT_MEASURING):
+    root, found = Path(str(palpate.__file__)).parent, hashlib.sha256()
+    for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".so", ".pyd")):
+        if not path.relative_to(root).as_posix().startswith(NOT_MEASURING):
             found.update(path.read_bytes())
     return found.hexdigest()[:16]
 
@@ -104,11 +95,9 @@ def _remark(experiment: Experiment, seeds: int) -> str:
     return f"<!-- {seeds} seeds, {made} -->\n"
 
 
-def write_figures(
-    folder: Path, experiment: Experiment, seeds: int, drawings: tuple[str, str]
-) -> None:
+def write_figures(folder: Path, experiment: Experiment, seeds: int, drawn: Sequence[str]) -> None:
     """Write an experiment's figure for both backgrounds."""
-    for path, drawing in zip(figures_of(folder, experiment.name), drawings, strict=True):
+    for path, drawing in zip(figures_of(folder, experiment.name), drawn, strict=True):
         write_text(path, drawing + _remark(experiment, seeds))
 
 
@@ -121,35 +110,42 @@ def figures_are_current(folder: Path, experiment: Experiment, seeds: int) -> boo
         return False
 
 
-def perform(experiments: Sequence[Experiment], given: int | list[Outcome]) -> list[Result]:
+def perform(experiments: Sequence[Experiment], given: Given) -> list[Result]:
     """Run one seed of experiments that press the same, or draw their outcomes, in a worker."""
-    return [_tried(experiment, given) for experiment in experiments]
-
-
-def _tried(experiment: Experiment, given: int | list[Outcome]) -> Result:
-    try:
-        if isinstance(given, int):
-            return experiment.run(given)
-        # Not into files, for a worker that is stopped could not take its half of one away.
-        light = slim(as_svg(experiment.figure(given)))
-        return light, recoloured(light)
-    except Exception as error:
-        last = traceback.extract_tb(error.__traceback__)[-1]
-        return f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})"
+    results: list[Result] = []
+    for each in experiments:
+        try:
+            if isinstance(given, int):
+                results.append(each.run(given))
+                continue
+            # Not into files: a worker that is stopped could not take its half of one away.
+            light = slim(as_svg(each.figure(given)))
+            results.append((light, recoloured(light)))
+        except Exception as error:
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            place = f"{Path(last.filename).name}:{last.lineno}"
+            results.append(f"{type(error).__name__}: {error} ({place})")
+    return results
 
 
 @contextmanager
-def processes(count: int) -> Iterator[ProcessPoolExecutor]:
+def processes(count: int) -> Iterator[futures.ProcessPoolExecutor]:
     """Processes that end at once when this one is interrupted."""
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_prepare_worker)
+    pool = futures.ProcessPoolExecutor(count, mp_context=context, initializer=_prepare_worker)
+    # A terminal sends Ctrl-C to the processes too; where this is its main thread, they start deaf.
+    deaf = threading.current_thread() is threading.main_thread()
     try:
-        # A pool starts a process where a submission finds none idle: all of them here, so that no
-        # interrupt is lost later.
-        with _ignoring_interrupts():
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN) if deaf else None
+        try:
+            # A pool starts a process where a submission finds none idle: all of them here, so that
+            # no interrupt is lost later.
             for _ in range(count):
                 pool.submit(int)
+        finally:
+            if deaf:
+                signal.signal(signal.SIGINT, before)
         yield pool
     except BaseException:
         for worker in set(multiprocessing.active_children()) - others:
@@ -157,19 +153,6 @@ def processes(count: int) -> Iterator[ProcessPoolExecutor]:
         raise
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def _ignoring_interrupts() -> Iterator[None]:
-    """Start processes that ignore Ctrl-C, which a terminal sends to them too."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _prepare_worker() -> None:
@@ -185,102 +168,73 @@ def _prepare_worker() -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
-@dataclass(slots=True)
-class PaperRun:
-    """Experiments under way, in the order of the report, of so many seeds: 0, 1, …"""
+def _resume(report: Report) -> None:
+    """Read the outcomes that an earlier run by the same code has left."""
+    for each in report.experiments:
+        found = (read_outcome(report.folder, each, seed) for seed in range(report.seeds))
+        report.outcomes |= {(each.name, outcome.seed): outcome for outcome in found if outcome}
+        if figures_are_current(report.folder, each, report.seeds):
+            report.drawn.add(each.name)
 
-    experiments: Sequence[Experiment]
-    seeds: int
-    folder: Path
-    outcomes: dict[tuple[str, int], Outcome] = field(default_factory=dict)
-    drawn: set[str] = field(default_factory=set)
-    failures: list[str] = field(default_factory=list)
-    reused: int = 0
 
-    def resume(self) -> None:
-        """Read the outcomes that an earlier run by the same code has left."""
-        for each in self.experiments:
-            found = (read_outcome(self.folder, each, seed) for seed in range(self.seeds))
-            self.outcomes |= {(each.name, outcome.seed): outcome for outcome in found if outcome}
-            if figures_are_current(self.folder, each, self.seeds):
-                self.drawn.add(each.name)
-        self.reused = len(self.outcomes)
+def _work(report: Report, workers: int, progress: Progress) -> None:
+    """Do all that is missing; a failure is noted, and the rest goes on."""
+    tasks = [*_measurements(report), *_drawings(report, report.experiments)]
+    if not tasks:
+        return
+    with processes(min(workers, len(tasks))) as pool:
+        pending = {pool.submit(perform, *task): task for task in tasks}
+        while pending:
+            # In the order of the work: what was finished first is written down first.
+            finished = futures.wait(pending, return_when=futures.FIRST_COMPLETED).done
+            for future in [each for each in pending if each in finished]:
+                experiments, given = pending.pop(future)
+                try:
+                    results = future.result()
+                except Exception as error:  # a worker that died
+                    results = [f"{type(error).__name__}: {error}"] * len(experiments)
+                for experiment, result in zip(experiments, results, strict=True):
+                    _settle(report, experiment, given, result, progress)
+                # A worker may have died: what it did is among the failures.
+                with suppress(futures.BrokenExecutor):
+                    for task in _drawings(report, experiments) if isinstance(given, int) else ():
+                        pending[pool.submit(perform, *task)] = task
 
-    def work(self, workers: int, progress: Progress) -> None:
-        """Do all that is missing; a failure is noted, and the rest goes on."""
-        tasks = [*self._measurements(), *self._drawings(self.experiments)]
-        if not tasks:
-            return
-        with processes(min(workers, len(tasks))) as pool:
-            pending = {pool.submit(perform, *task): task for task in tasks}
-            while pending:
-                # In the order of the work: what was finished first is written down first.
-                finished = wait(pending, return_when=FIRST_COMPLETED).done
-                for future in [each for each in pending if each in finished]:
-                    experiments, given = pending.pop(future)
-                    self._settle(experiments, given, future, progress)
-                    with suppress(BrokenExecutor):  # a worker died: what it did is among failures
-                        for task in self._drawings(experiments) if isinstance(given, int) else ():
-                            pending[pool.submit(perform, *task)] = task
 
-    def _measurements(self) -> Iterator[Task]:
-        """Each seed of each group, one group after the other, without what is there already."""
-        for group in sorted({each.group for each in self.experiments}):
-            members = [each for each in self.experiments if each.group == group]
-            for seed in range(self.seeds):
-                left = tuple(each for each in members if (each.name, seed) not in self.outcomes)
-                if left:
-                    yield left, seed
+def _measurements(report: Report) -> Iterator[Task]:
+    """Each seed of each group, one group after the other, without what is there already."""
+    for group in sorted({each.group for each in report.experiments}):
+        members = [each for each in report.experiments if each.group == group]
+        for seed in range(report.seeds):
+            left = tuple(each for each in members if (each.name, seed) not in report.outcomes)
+            if left:
+                yield left, seed
 
-    def _drawings(self, experiments: Iterable[Experiment]) -> Iterator[Task]:
-        """Those of the experiments of which every seed is there, and no figure."""
-        for each in experiments:
-            outcomes = self._of(each)
-            if len(outcomes) == self.seeds and each.name not in self.drawn:
-                yield (each,), outcomes
 
-    def _settle(
-        self,
-        experiments: Sequence[Experiment],
-        given: int | list[Outcome],
-        future: Future[list[Result]],
-        progress: Progress,
-    ) -> None:
-        """Write down what a task gave."""
-        try:
-            results = future.result()
-        except Exception as error:  # a worker that died
-            results = [f"{type(error).__name__}: {error}"] * len(experiments)
-        for experiment, result in zip(experiments, results, strict=True):
-            what = f"{experiment.name}, {f'seed {given}' if isinstance(given, int) else 'figure'}"
-            if isinstance(result, str):
-                self.failures.append(f"{what}: {result}")
-            elif isinstance(result, Outcome):
-                # Known before it is written: an interrupt may come while the disk takes its time,
-                # and the page then counts every outcome that is there.
-                self.outcomes[experiment.name, result.seed] = result
-                write_outcome(self.folder, experiment, result)
-            else:
-                write_figures(self.folder, experiment, self.seeds, result)
-                self.drawn.add(experiment.name)
-            total = len(self.experiments) * (self.seeds + 1)
-            progress(what, len(self.outcomes) + len(self.drawn), total)
+def _drawings(report: Report, experiments: Iterable[Experiment]) -> Iterator[Task]:
+    """Those of the experiments of which every seed is there, and no figure."""
+    for each in experiments:
+        if report.is_complete(each) and each.name not in report.drawn:
+            yield (each,), report.outcomes_of(each)
 
-    def _of(self, experiment: Experiment) -> list[Outcome]:
-        every = (self.outcomes.get((experiment.name, seed)) for seed in range(self.seeds))
-        return [outcome for outcome in every if outcome]
 
-    def report(self) -> Report:
-        """Return what is finished, and the names of what is not."""
-        sections, missing = [], []
-        for each in self.experiments:
-            outcomes, drawn = self._of(each), each.name in self.drawn
-            if len(outcomes) < self.seeds:
-                missing.append(f"{each.name} ({len(outcomes)} of {self.seeds} seeds)")
-                continue
-            sections.append(Section(each, outcomes, drawn))
-            missing += [] if drawn else [f"{each.name} (no figure)"]
-        return Report(tuple(sections), self.seeds, tuple(missing), tuple(self.failures))
+def _settle(
+    report: Report, experiment: Experiment, given: Given, result: Result, progress: Progress
+) -> None:
+    """Write down what a task gave of an experiment."""
+    what = f"{experiment.name}, {f'seed {given}' if isinstance(given, int) else 'figure'}"
+    if isinstance(result, str):
+        report.failures.append(f"{what}: {result}")
+    elif isinstance(result, Outcome):
+        # Known before it is written: an interrupt may come while the disk takes its time, and the
+        # page then counts every outcome that is there.
+        report.outcomes[experiment.name, result.seed] = result
+        write_outcome(report.folder, experiment, result)
+    else:
+        write_figures(report.folder, experiment, report.seeds, result)
+        report.drawn.add(experiment.name)
+    total = len(report.experiments) * (report.seeds + 1)
+    progress(what, len(report.outcomes) + len(report.drawn), total)
 
 
 def run_paper(
@@ -290,22 +244,12 @@ def run_paper(
     folder: Path,
     workers: int | None = None,
     progress: Progress = lambda words, done, total: None,
-    begun: Callable[[PaperRun], None] = lambda run: None,
+    begun: Callable[[Report], None] = lambda report: None,
 ) -> Report:
     """Run experiments over seeds, write everything to a folder, and resume what it holds.
 
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        In the order of the report.
-    seeds : int
-        How many, ≥ 1.
-    folder : Path
-        Made if it is not there.
-    workers : int, optional
-        Processes; default: as many as there are cores.
-    progress, begun : callable, optional
-        Called after each outcome and figure; and once before any, with what is reused.
+    ``progress`` is called after each outcome and figure, ``begun`` once before any, with what is
+    reused. ``workers`` is how many processes to start, default: as many as there are cores.
 
     Raises
     ------
@@ -316,17 +260,15 @@ def run_paper(
     """
     for wanted in (folder, folder / "outcomes"):
         make_folder(wanted)
-    run = PaperRun(experiments, seeds, folder)
-    run.resume()
-    begun(run)
+    report = Report(experiments, seeds, folder)
+    _resume(report)
+    begun(report)
     try:
-        run.work(workers or os.cpu_count() or 1, progress)
+        _work(report, workers or os.cpu_count() or 1, progress)
     finally:
-        report = run.report()
-        write_page(report, folder)
-        write_data(report, folder)
-    if run.failures:
-        more = f" (and {len(run.failures) - 1} more)" if len(run.failures) > 1 else ""
-        words = f"{run.failures[0]}{more}; the rest is in {folder / 'report.html'}"
+        write_report(report)
+    if failures := report.failures:
+        more = f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
+        words = f"{failures[0]}{more}; the rest is in {folder / 'report.html'}"
         raise palpate.PalpateError(words)
     return report

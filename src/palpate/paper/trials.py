@@ -11,12 +11,12 @@ from palpate import lab
 from palpate.force_laws import Floats
 from palpate.paper import drawing
 from palpate.paper.drawing import LABELS, THEME, UNITS, Axes, Figure
-from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, Say, Table, by_symbol
+from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, Seeds, Table, by_symbol
 from palpate.paper.judging import named, readable
 from palpate.paper.rig import GATE, START, identified, off, pressed, session, truth_of
 
 MATERIALS = ("ball", "sponge", "pvc")
-REPETITIONS = 3
+REPETITIONS, THREE = 3, (10.5, 6.2)
 METHODS: Mapping[str, type[palpate.ContactEstimator]] = {
     "single-stage": palpate.SingleStageRLS,
     "variable-projection": palpate.VariableProjection,
@@ -33,15 +33,14 @@ SLOWER = (1.0, 2.0, 5.0, 10.0)
 
 
 class _Followed(Experiment):
-    """Fig. 3: the paper's trajectory, commanded and followed by the rig in each material."""
-
-    caption = (
-        "Penetration over time: commanded, and reached in the ball, the sponge and the PVC "
-        "phantom; below, how far each lags behind the command, with the range over the seeds."
-    )
+    """Penetration over time: commanded, and reached in the ball, the sponge and the PVC phantom;
+    below, how far each lags behind the command, with the range over the seeds.
+    """
 
     def measure(self, seed: int) -> Measured:
-        numbers = {"peak speed commanded [mm/s]": _commanded_speed()}
+        period: Floats = np.arange(0.0, 2.0 * np.pi, 1e-4)  # of the sines, s
+        speed = np.abs(lab.THREE_SINES.motion.at(period)[1]).max()
+        numbers: dict[str, float] = {"peak speed commanded [mm/s]": 1e3 * speed}
         curves: Curves = {}
         for name in MATERIALS:
             measured = session(name, "three-sines", seed)
@@ -56,9 +55,9 @@ class _Followed(Experiment):
                 f"mean depth {name} [mm]": 1e3 * depth.mean(),
                 f"least depth {name} [mm]": 1e3 * depth.min(),
                 f"peak speed {name} [mm/s]": 1e3 * np.abs(truth.velocity[whole]).max(),
-                f"rms lag {name} [mm]": 1e3 * np.sqrt(np.mean(lag**2)),
+                f"rms lag {name} [mm]": 1e3 * float(np.sqrt(np.mean(lag**2))),
                 f"peak force {name} [N]": truth.force.max(),
-                f"bias left {name} [mN]": 1e3 * bias,
+                f"bias left {name} [mN]": 1e3 * float(bias),
                 f"largest error {name} [%]": 100.0 * relative.max(),
             }
             drawn = np.flatnonzero(truth.time >= START - 0.2)
@@ -85,29 +84,16 @@ class _Followed(Experiment):
         lower.set(xlabel="time [s]", ylabel="lag [mm]", title="Command minus what was reached")
         lower.set_xlim(time[0], time[-1])
 
-    def tables(self, say: Say) -> tuple[Table, ...]:
-        columns = {
-            "mean depth, mm": "mean depth {}",
-            "least depth, mm": "least depth {}",
-            "peak speed, mm/s": "peak speed {}",
-            "lag, rms, mm": "rms lag {}",
-            "peak force, N": "peak force {}",
-            "force bias left, mN": "bias left {}",
-            "largest s.e. of VP, %": "largest error {}",
-        }
+    def tables(self, say: Seeds) -> tuple[Table, ...]:
+        kinds = "mean depth, least depth, peak speed, rms lag, peak force, bias left, largest error"
+        names = [f"{kind} {{}}" for kind in kinds.split(", ")]
         rows = {(LABELS[name],): (name,) for name in MATERIALS}
         note = (
             "Median over the seeds, range in brackets. Peak speed commanded: "
-            f"{_commanded_speed():.1f} mm/s. VP is variable projection, after 10 s."
+            f"{say('peak speed commanded')} mm/s. Error: of variable projection, after 10 s."
         )
         title = "How the trajectory is followed"
-        return (Table.of(say, title, ("material",), columns, rows, note),)
-
-
-def _commanded_speed() -> float:
-    """mm/s, over one period of the sines."""
-    time: Floats = np.arange(0.0, 2.0 * np.pi, 1e-4)
-    return 1e3 * float(np.abs(lab.THREE_SINES.motion.at(time)[1]).max())
+        return (say.table(title, ("material",), names, rows, note),)
 
 
 @dataclass(frozen=True)
@@ -120,7 +106,6 @@ class _Repetitions(Experiment):
     material: str
     beside: tuple[str, ...] = ()
     group: str = field(default="pressed three times", kw_only=True)
-    size: tuple[float, float] = field(default=(10.5, 6.2), kw_only=True)
 
     @property
     def caption(self) -> str:
@@ -167,16 +152,46 @@ class _Repetitions(Experiment):
     def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
         axes = figure.subplots(2, 3, height_ratios=(1.5, 1.0))
         titles, truths = ("stiffness", "damping", "exponent"), truth_of(self.material)
+        curves, time = outcomes[0].curves, np.array(outcomes[0].curves["time"])
+        methods = {"single-stage": THEME.lines[0], "variable-projection": THEME.ink}
         for upper, lower, symbol, title, truth in zip(*axes, UNITS, titles, truths, strict=True):
             label = f"{symbol} [{UNITS[symbol]}]" if UNITS[symbol] else symbol
-            _draw_courses(upper, symbol, outcomes[0], truth)
+            lines = {
+                f"single stage, {k + 1}": curves[f"single-stage {k}/{symbol}"]
+                for k in range(REPETITIONS)
+            }
+            drawing.lines(upper, time, lines, linestyle="-", linewidth=1.1)
+            lines["variable projection, 1"] = projected = curves[f"variable-projection 0/{symbol}"]
+            looks = {"color": THEME.ink, "linewidth": 1.1}
+            upper.plot(time, projected, "--", label="variable projection, 1", **looks)
+            drawing.truth(upper, truth)
+            # The start-up leaves any scale: what is shown is where estimates stay, three times.
+            settled = np.abs(np.array([*lines.values()])[:, time > time[0] + 1.0] - truth)
+            reach = 3.0 * float(np.nanmax(settled, initial=0.02 * abs(truth)))
+            upper.set(ylim=(truth - reach, truth + reach), xlim=(time[0], time[-1]))
             upper.set(title=title, ylabel=label, xlabel="time [s]")
-            _draw_finals(lower, symbol, outcomes, truth)
-            lower.set(xlabel=label)
+            # Final values of two methods, each with two standard errors, beside the truth.
+            for row, (method, colour) in enumerate(methods.items()):
+                values, errors = (
+                    [
+                        value
+                        for outcome in outcomes
+                        for k in range(REPETITIONS)
+                        for value in named(f"{of} {method} {k} {symbol}", outcome.numbers).values()
+                    ]
+                    for of in ("final", "standard error")
+                )
+                places = row + np.linspace(-0.3, 0.3, len(values))
+                looks = {"fmt": "o", "color": colour, "markersize": 3.0, "linewidth": 0.8}
+                lower.errorbar(values, places, xerr=2.0 * np.array(errors), **looks)
+            lower.axvline(truth, color=THEME.ink, linewidth=0.9, linestyle=":")
+            lower.set_yticks(range(len(methods)), [each.replace("-", " ") for each in methods])
+            lower.set(ylim=(len(methods) - 0.4, -0.6), xlabel=label)
+            lower.grid(visible=False, axis="y")
         axes[1, 0].set_title("final values, all seeds")
         drawing.legend_below(figure, axes[0, 0], 5)
 
-    def tables(self, say: Say) -> tuple[Table, ...]:
+    def tables(self, say: Seeds) -> tuple[Table, ...]:
         rows = [("truth, ours", *map(readable, truth_of(self.material)), "")]
         for method in METHODS:
             each = [[f"final {method} {k} {s}" for k in range(REPETITIONS)] for s in UNITS]
@@ -189,43 +204,6 @@ class _Repetitions(Experiment):
         )
         title = f"{LABELS[self.material].capitalize()}: final values from set I"
         return (Table(title, header, tuple(rows), note),)
-
-
-def _draw_courses(axes: Axes, symbol: str, outcome: Outcome, truth: float) -> None:
-    """Every repetition by the single stage, and the first by variable projection."""
-    curves, time = outcome.curves, np.array(outcome.curves["time"])
-    singles = {
-        f"single stage, {k + 1}": curves[f"single-stage {k}/{symbol}"] for k in range(REPETITIONS)
-    }
-    projected = curves[f"variable-projection 0/{symbol}"]
-    drawing.lines(axes, time, singles, linestyle="-", linewidth=1.1)
-    axes.plot(time, projected, "--", label="variable projection, 1", color=THEME.ink, linewidth=1.1)
-    drawing.truth(axes, truth)
-    # The start-up leaves any scale: what is shown is where the estimates stay, three times.
-    settled = np.abs(np.array([*singles.values(), projected])[:, time > time[0] + 1.0] - truth)
-    reach = 3.0 * float(np.nanmax(settled, initial=0.02 * abs(truth)))
-    axes.set(ylim=(truth - reach, truth + reach), xlim=(time[0], time[-1]))
-
-
-def _draw_finals(axes: Axes, symbol: str, outcomes: Sequence[Outcome], truth: float) -> None:
-    """Final values of two methods, each with two standard errors, beside the truth."""
-    methods = {"single-stage": THEME.lines[0], "variable-projection": THEME.ink}
-    for row, (method, colour) in enumerate(methods.items()):
-        values, errors = (
-            [
-                value
-                for outcome in outcomes
-                for k in range(REPETITIONS)
-                for value in named(f"{what} {method} {k} {symbol}", outcome.numbers).values()
-            ]
-            for what in ("final", "standard error")
-        )
-        rows, bars = row + np.linspace(-0.3, 0.3, len(values)), 2.0 * np.array(errors)
-        axes.errorbar(values, rows, xerr=bars, fmt="o", color=colour, markersize=3.0, linewidth=0.8)
-    axes.axvline(truth, color=THEME.ink, linewidth=0.9, linestyle=":")
-    axes.set_yticks(range(len(methods)), [method.replace("-", " ") for method in methods])
-    axes.set_ylim(len(methods) - 0.4, -0.6)
-    axes.grid(visible=False, axis="y")
 
 
 @dataclass(frozen=True)
@@ -254,12 +232,11 @@ class _Condition(Experiment):
             numbers |= _when(name, single) | _otherwise(name, contact)
             drawn = drawing.thinned(contact.time)
             speed = np.where(single.trace.taken, 1e3 * np.abs(contact.velocity), np.nan)
-            curves |= {
-                f"{name}/time": contact.time[drawn],
-                f"{name}/speed": speed[drawn],
-                f"{name}/single-stage": _limit(single)[drawn],
-                f"{name}/variable-projection": _limit(projected)[drawn],
-            }
+            curves |= {f"{name}/time": contact.time[drawn], f"{name}/speed": speed[drawn]}
+            for result in (single, projected):
+                stiffness, damping = np.abs(drawing.course_of(result)[drawn, :2]).T
+                limit = 100.0 * stiffness / np.where(damping > 0.0, damping, np.nan)  # mm/s
+                curves[f"{name}/{result.estimator.method}"] = limit
         for slower in SLOWER if "sponge" in self.materials else ():
             numbers |= _slowed(seed, slower)
         return numbers, curves
@@ -281,31 +258,29 @@ class _Condition(Experiment):
             panel.set(xlabel="time [s]")
         drawing.legend_below(figure, axes[0, 1], 4)
 
-    def tables(self, say: Say) -> tuple[Table, ...]:
+    def tables(self, say: Seeds) -> tuple[Table, ...]:
         rows = {
             (LABELS[name], f"{covariance:g}", gate): (name, f"{covariance:g}", gate)
             for name in self.materials
             for covariance in COVARIANCES
             for gate in GATES
         }
-        columns = {
-            "holds from, ms": "holds from P₀ = {1}, {2} {0}",
-            "violated, %": "broken P₀ = {1}, {2} {0}",
-        }
+        columns = {"holds from [ms]": "holds from P₀ = {1}, {2} {0}"}
+        columns |= {"broken [%]": "broken P₀ = {1}, {2} {0}"}
         note = (
             f"Holds from: time after the first sample taken from which condition 10 holds for "
             f"{UNBROKEN:g} s without a break. Median over the seeds, range in brackets; “never” "
             "within the 10 s. The claims are judged by P₀ = 1000 and our samples."
         )
         title, first = "From when on condition 10 holds", ("material", "P₀", "samples taken")
-        shown = Table.of(say, title, first, columns, rows, note)
+        shown = say.table(title, first, columns, rows, note)
         if "sponge" not in self.materials:
             return (shown,)
         words = ("the paper's", *(f"{slower:g} times slower" for slower in SLOWER[1:]))
         speeds = {(name,): (f"{slower:g}",) for name, slower in zip(words, SLOWER, strict=True)}
-        errors = {f"error of {symbol}, %": f"error {{}} times slower {symbol}" for symbol in "KBn"}
+        errors = {f"error of {symbol} [%]": f"error {{}} times slower {symbol}" for symbol in "KBn"}
         note = "Single stage on the sponge with B = 10 K. Median over the seeds, range in brackets."
-        return shown, Table.of(say, "How the speed matters", ("speed",), errors, speeds, note)
+        return shown, say.table("How the speed matters", ("speed",), errors, speeds, note)
 
 
 def _margin(result: palpate.Identification) -> Floats:
@@ -380,13 +355,6 @@ def _slowed(seed: int, slower: float) -> dict[str, float]:
     }
 
 
-def _limit(result: palpate.Identification) -> Floats:
-    """0.1 K/B, mm/s."""
-    stiffness, damping = np.abs(drawing.course_of(result)[:, :2]).T
-    limit: Floats = 100.0 * stiffness / np.where(damping > 0.0, damping, np.nan)
-    return limit
-
-
 def _draw_limits(axes: Axes, outcomes: Sequence[Outcome], name: str) -> None:
     first = outcomes[0].curves
     time, speed = np.array(first[f"{name}/time"]), np.array(first[f"{name}/speed"])
@@ -404,11 +372,11 @@ def _draw_limits(axes: Axes, outcomes: Sequence[Outcome], name: str) -> None:
 
 
 EXPERIMENTS = (
-    _Followed("fig03", "The trajectory, and how the rig follows it", size=(9.5, 6.0)),
-    _Repetitions("fig05", "Rubber ball, three repetitions", "ball"),
-    _Repetitions("fig11", "Sponge, three repetitions", "sponge"),
-    _Repetitions("fig14", "PVC phantom, three repetitions", "pvc", ("ball", "sponge")),
-    _Condition("fig06", "Rubber ball, condition 10", ("ball",), size=(10.5, 3.8)),
-    _Condition("fig12", "Sponge, condition 10", ("sponge", "relaxing-sponge"), size=(10.5, 6.7)),
-    _Condition("fig15", "PVC phantom, condition 10", ("pvc",), size=(10.5, 3.8)),
+    _Followed("fig03", (9.5, 6.0), "The trajectory, and how the rig follows it"),
+    _Repetitions("fig05", THREE, "Rubber ball, three repetitions", "ball"),
+    _Repetitions("fig11", THREE, "Sponge, three repetitions", "sponge"),
+    _Repetitions("fig14", THREE, "PVC phantom, three repetitions", "pvc", ("ball", "sponge")),
+    _Condition("fig06", (10.5, 3.8), "Rubber ball, condition 10", ("ball",)),
+    _Condition("fig12", (10.5, 6.7), "Sponge, condition 10", ("sponge", "relaxing-sponge")),
+    _Condition("fig15", (10.5, 3.8), "PVC phantom, condition 10", ("pvc",)),
 )
