@@ -1,21 +1,15 @@
 """The report: a page that needs nothing beside it, the same as JSON, and a table to paste."""
 
 import json
-from html.parser import HTMLParser
+import re
 
 import pytest
 from paper_cases import Tiny
+from test_report_page import Reading
 
 from palpate.paper import EXPERIMENTS, Claim, Finding
 from palpate.paper.experiment import all_claims, claims_file
-from palpate.paper.report import (
-    Judgement,
-    Report,
-    abstract,
-    figures_of,
-    not_held,
-    write_report,
-)
+from palpate.paper.report import Judgement, Report, abstract, figures_of, not_held, write_report
 
 DRAWING = """<?xml version="1.0"?>
 <svg xmlns="http://www.w3.org/2000/svg" width="9pt" height="9pt" viewBox="0 0 9 9">
@@ -23,31 +17,6 @@ DRAWING = """<?xml version="1.0"?>
 <path d="m0 0 9 9" clip-path="url(#clip)" stroke="#0072b2"/>
 </svg><!-- a remark -->
 """
-
-
-class Page(HTMLParser):
-    """Checks that what is opened is closed, and collects what a test asks about."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open, self.tags, self.words = [], [], ""
-        self.feed(text)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append((tag, dict(attributes)))
-        if tag not in ("meta", "img", "source", "br"):
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.words += data
-
-    def all(self, tag):
-        return [attributes for name, attributes in self.tags if name == tag]
 
 
 @pytest.fixture
@@ -66,7 +35,7 @@ def report(tmp_path):
 
 @pytest.fixture
 def page(report):
-    return Page((report.folder / "report.html").read_text(encoding="utf-8"))
+    return Reading((report.folder / "report.html").read_text(encoding="utf-8"))
 
 
 def test_the_page_says_every_claim_with_its_verdict_table_and_figure(page, report):
@@ -76,40 +45,41 @@ def test_the_page_says_every_claim_with_its_verdict_table_and_figure(page, repor
         assert each.remark in page.words
     for section in report.sections:
         for table in section.tables:
-            for words in (table.title, table.note, *table.header, *sum(table.rows, ())):
+            for words in (
+                table.title,
+                table.note,
+                *table.header,
+                *(c for row in table.rows for c in row),
+            ):
                 assert words in page.words
-    drawings = [drawing for drawing in page.all("svg") if drawing["role"] == "img"]
-    assert [each["aria-label"] for each in drawings] == ["A line & nothing else."] * 2
     for words in ("fig09 (1 of 3 seeds)", "fig03 (no figure)", "fig08, seed 2: <broken>"):
         assert words in page.words
     for ours in ("hunt-crossley", "stiffness 2000", "0.5 N", "P₀", "palpate", "processors"):
         assert ours in page.words
     assert "{'" not in page.words
-
-
-def test_the_page_needs_nothing_beside_it_and_every_link_has_its_target(page):
-    assert page.all("script") == page.all("link") == page.all("img") == []
-    targets = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
-    assert len(targets) == len(set(targets))
-    assert {link["href"] for link in page.all("a")} <= {f"#{target}" for target in targets}
-    assert all(heading["scope"] in ("row", "col") for heading in page.all("th"))
-    assert len(page.all("caption")) == len(page.all("table")) > 5
-
-
-def test_a_drawing_takes_the_colours_of_the_page(report):
     text = (report.folder / "report.html").read_text(encoding="utf-8")
-    assert 'stroke="var(--drawing-line-0)"' in text
+    assert text.count('role="img" aria-label="A line &amp; nothing else."') == 2
+    assert 'stroke="var(--drawing-line-0)"' in text  # a drawing takes the page's colours
     assert "fig01-drawing-clip" in text
+
+
+def test_the_page_needs_nothing_beside_it_and_every_link_has_its_target(report, page):
+    text = (report.folder / "report.html").read_text(encoding="utf-8")
+    assert page.open == re.findall("<script|<link|<img", text) == []
+    assert len(page.names) == len(set(page.names))
+    assert page.references <= {f"#{name}" for name in page.names}
+    assert text.count("<th") == text.count("<thead") + text.count('<th scope="')
+    assert text.count("<caption") == text.count("<table") > 5
 
 
 def test_the_abstract_names_every_claim_that_can_be_checked_once():
     lines = [line["claims"].split() for line in claims_file()["abstract"].values()]
     every = {
-        f"{name}.{claim.key}": EXPERIMENTS[name].judges[claim.key]
-        for name, claims in all_claims().items()
-        for claim in claims
+        f"{n}.{c.key}": EXPERIMENTS[n].judges[c.key] for n in EXPERIMENTS for c in all_claims()[n]
     }
-    assert sorted(sum(lines, [])) == sorted(key for key, judge in every.items() if judge.conditions)
+    assert sorted(key for line in lines for key in line) == sorted(
+        key for key, judge in every.items() if judge.conditions
+    )
     assert len(lines) == 10
 
     def judged(key, holds):
@@ -122,20 +92,14 @@ def test_the_abstract_names_every_claim_that_can_be_checked_once():
     assert list(abstract([judged(lines[1][0], None)])) == []
 
 
-def test_what_is_held_against_nothing_is_said_with_its_reason(report, page):
+def test_the_data_hold_the_same_and_what_is_held_against_nothing_with_its_reason(report, page):
     markdown = (report.folder / "claims.md").read_text(encoding="utf-8")
     judged = {claim.words for claims in all_claims().values() for claim in claims}
     for why, sentences in not_held().items():
         for where, words in sentences:
             assert where.partition("-")[0] in ("II", "III", "IV", "V", "VI", "VII", "VIII")
             assert words not in judged
-            assert words in page.words
-            assert words in markdown
-        assert why in page.words
-        assert why in markdown
-
-
-def test_the_data_hold_the_same(report):
+            assert all(words in text and why in text for text in (page.words, markdown))
     whole = json.loads((report.folder / "report.json").read_text(encoding="utf-8"))
     first, outcome = whole["claims"][0], whole["experiments"][0]["outcomes"][2]
     assert [claim["words"] for claim in whole["claims"]] == [
@@ -148,7 +112,6 @@ def test_the_data_hold_the_same(report):
     numbers = {"seed [m]": 2, "remainder": 0, "third": 0.666666667, "never [s]": None}
     assert outcome["numbers"] == numbers
     assert sum(whole["verdicts"].values()) == len(whole["claims"]) == 6
-    lines = (report.folder / "claims.md").read_text(encoding="utf-8").splitlines()
-    rows = [line.replace("\\|", "") for line in lines if line.startswith("|")]
+    rows = [line.replace("\\|", "") for line in markdown.splitlines() if line.startswith("|")]
     assert len(rows) == 2 + len(report.judgements)
     assert {row.count("|") for row in rows} == {7}
