@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from palpate.paper import Claim, Experiment, Table
-from palpate.paper.judging import at_most, judge, that, unchecked
+from palpate.paper.judging import judge, number
 
 # One for all tests, whose presses then stay in memory.
 SEED = 3
@@ -16,39 +16,32 @@ SEED = 3
 
 @dataclass(frozen=True)
 class Tiny(Experiment):
-    """Squares its seed; from ``slow_from`` on it takes ``seconds``.
+    """A line & nothing else."""
 
-    Fails where the seed is ``fails_at``; draws no figure if ``undrawable``.
-    """
-
+    # Squares its seed; from ``slow_from`` on it takes ``seconds``. Fails where the seed is
+    # ``fails_at``; draws no figure if ``undrawable``.
     name: str = "tiny"
+    size: tuple[float, float] = (2.0, 1.0)
     title: str = "A tiny <experiment>"
     fails_at: int = -1
     undrawable: bool = False
     seconds: float = 0.0
     slow_from: int = 0
-    caption = "A line & nothing else"
-    size: tuple[float, float] = (2.0, 1.0)
     claims = (
         Claim("even", "I, Fig. 1", "the seed is even", "2", "the seed", "m", "on whole numbers"),
         Claim("lost", "II", "nobody <knows> | any more"),
     )
     judges: ClassVar = {
-        "even": judge("seed", that("remainder", at_most(0.0)), beside=["never"]),
-        "lost": unchecked(),
+        "even": judge("seed", number("remainder") <= 0.0, beside=["never"]),
+        "lost": judge(),
     }
 
     def measure(self, seed):
         time.sleep(self.seconds if seed >= self.slow_from else 0.0)
         if seed == self.fails_at:
             raise ArithmeticError("no such square")
-        numbers = {
-            "seed [m]": seed,
-            "remainder": seed % 2,
-            "third": seed / 3.0,
-            "never [s]": math.nan,
-        }
-        return numbers, {"line": [0.0, math.nan, seed + 1.0 / 3.0]}
+        numbers = {"seed [m]": seed, "remainder": seed % 2, "third": seed / 3.0}
+        return {**numbers, "never [s]": math.nan}, {"line": [0.0, math.nan, seed + 1.0 / 3.0]}
 
     def draw(self, figure, outcomes):
         if self.undrawable:
@@ -58,9 +51,10 @@ class Tiny(Experiment):
             axes.plot(outcome.curves["line"])
 
     def tables(self, say):
-        return (
-            Table("Thirds & more", ("of", "third"), (("seed", say("third")),), "as <they> came"),
+        thirds = Table(
+            "Thirds & more", ("of", "third"), (("seed", say("third")),), "as <they> came"
         )
+        return thirds, say.table("By name", ("a",), ["{}"], [("seed",), ("remainder",)])
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """``palpate paper``, as a user meets it."""
 
-import subprocess
 import sys
 
 import pytest
@@ -36,12 +35,11 @@ def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path, monkeyp
 
 
 REFUSED = {
-    "an unknown experiment": (("--only", "a", "fig99"), ["fig99", "--only", "a, b"]),
-    "no seeds": (("--seeds", "0"), ["--seeds", "0"]),
-    "seeds that are no number": (("--seeds", "many"), ["--seeds", "many"]),
-    "no workers": (("--workers", "0"), ["--workers", "0"]),
-    "a file for a folder": (("-o", "file"), ["file"]),
-    "a folder below a file": (("-o", "file/below"), ["file/below"]),
+    "an unknown experiment": ("--only a fig99", ["fig99", "--only", "a, b"]),
+    "no seeds": ("--seeds 0", ["--seeds", "0"]),
+    "seeds that are no number": ("--seeds many", ["--seeds", "many"]),
+    "no workers": ("--workers 0", ["--workers", "0"]),
+    "a folder below a file": ("-o file/below", ["file/below"]),
 }
 
 
@@ -50,12 +48,9 @@ def test_a_bad_argument_is_one_line(run, tiny, tmp_path, monkeypatch, arguments,
     pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("", encoding="utf-8")
-    status, out, err = run(*arguments)
-    assert (status, out) == (2, "")
-    assert len(err.splitlines()) == 1
-    assert err.startswith("palpate: ")
-    for word in words:
-        assert word in err
+    status, out, err = run(*arguments.split())
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert all(word in err for word in ("palpate: ", *words))
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
@@ -67,11 +62,3 @@ def test_a_missing_extra_is_named_before_the_work(run, tmp_path, monkeypatch, mo
     assert len(err.splitlines()) == 1
     assert f"palpate[{extra}]" in err
     assert not (tmp_path / "report").exists()
-
-
-def test_the_help_of_palpate_imports_no_experiment():
-    code = (
-        "import sys; from palpate import cli; "
-        "sys.exit(any(n.startswith(('palpate.paper', 'palpate.lab')) for n in sys.modules))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,19 +1,15 @@
 """The report: a page that needs nothing beside it, the same as JSON, and a table to paste."""
 
 import json
-from html.parser import HTMLParser
+import re
 
 import pytest
 from paper_cases import Tiny
+from test_report_page import Reading
 
 from palpate.paper import EXPERIMENTS, Claim, Finding
 from palpate.paper.experiment import all_claims, claims_file
-from palpate.paper.outcomes import figures_of
-from palpate.paper.report.abstract import abstract
-from palpate.paper.report.contents import Report, Section
-from palpate.paper.report.not_held import not_held
-from palpate.paper.report.verdicts import Judgement, Verdict
-from palpate.paper.report.writing import write_report
+from palpate.paper.report import Judgement, Report, abstract, figures_of, not_held, write_report
 
 DRAWING = """<?xml version="1.0"?>
 <svg xmlns="http://www.w3.org/2000/svg" width="9pt" height="9pt" viewBox="0 0 9 9">
@@ -21,176 +17,101 @@ DRAWING = """<?xml version="1.0"?>
 <path d="m0 0 9 9" clip-path="url(#clip)" stroke="#0072b2"/>
 </svg><!-- a remark -->
 """
-VOID = {"meta", "img", "source", "br"}
-
-
-class Page(HTMLParser):
-    """Checks that what is opened is closed, and collects what a test asks about."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open, self.tags, self.words = [], [], ""
-        self.feed(text)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append((tag, dict(attributes)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.words += data
-
-    def all(self, tag):
-        return [attributes for name, attributes in self.tags if name == tag]
 
 
 @pytest.fixture
-def report():
-    experiments = [Tiny("fig01"), Tiny("fig02")]
-    sections = [Section.of(each, [each.run(seed) for seed in range(3)]) for each in experiments]
-    return Report(tuple(sections), 3, ("fig09 (1 of 3 seeds)",), ("fig08, seed 2: <broken>",))
-
-
-@pytest.fixture
-def folder(tmp_path, report):
-    for section in report.sections:
-        for path in figures_of(tmp_path, section.experiment.name):
+def report(tmp_path):
+    every = [Tiny("fig01"), Tiny("fig02"), Tiny("fig09"), Tiny("fig03")]
+    seeds = {"fig01": 3, "fig02": 3, "fig09": 1, "fig03": 3}
+    outcomes = {(e.name, seed): e.run(seed) for e in every for seed in range(seeds[e.name])}
+    failures = ["fig08, seed 2: <broken>"]
+    report = Report(every, 3, tmp_path, outcomes, {"fig01", "fig02"}, failures)
+    for name in report.drawn:
+        for path in figures_of(tmp_path, name):
             path.write_text(DRAWING, encoding="utf-8")
-    write_report(report, tmp_path)
-    return tmp_path
+    write_report(report)
+    return report
 
 
 @pytest.fixture
-def page(folder):
-    return Page((folder / "report.html").read_text(encoding="utf-8"))
+def page(report):
+    return Reading((report.folder / "report.html").read_text(encoding="utf-8"))
 
 
-def test_the_page_says_every_claim_with_its_verdict(page, report):
+def test_the_page_says_every_claim_with_its_verdict_table_and_figure(page, report):
     for each in report.judgements:
         for words in (each.claim.words, each.verdict_words, each.claim.where, each.ours_words):
             assert words in page.words
         assert each.remark in page.words
-    assert "nobody <knows> | any more" in page.words
-
-
-def test_the_page_shows_every_table_and_figure(page, report):
     for section in report.sections:
         for table in section.tables:
-            for words in (table.title, table.note, *table.header, *sum(table.rows, ())):
+            for words in (
+                table.title,
+                table.note,
+                *table.header,
+                *(c for row in table.rows for c in row),
+            ):
                 assert words in page.words
-    drawings = [drawing for drawing in page.all("svg") if drawing["role"] == "img"]
-    assert [each["aria-label"] for each in drawings] == ["A line & nothing else"] * 2
-    assert len(page.all("figcaption")) == 2
-
-
-def test_the_page_needs_nothing_beside_it(page):
-    assert page.all("script") == page.all("link") == page.all("img") == []
-    assert all(link["href"].startswith("#") for link in page.all("a"))
-
-
-def test_every_link_has_its_target(page):
-    targets = {attributes.get("id") for _, attributes in page.tags}
-    assert {link["href"][1:] for link in page.all("a")} <= targets
-    named = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
-    assert len(named) == len(set(named))
-
-
-def test_every_heading_of_a_table_has_its_scope(page):
-    assert page.all("table")
-    assert all(heading["scope"] in ("row", "col") for heading in page.all("th"))
-    assert len(page.all("caption")) == len(page.all("table"))
-
-
-def test_the_page_says_what_is_missing_and_what_failed(page):
-    assert "fig09 (1 of 3 seeds)" in page.words
-    assert "fig08, seed 2: <broken>" in page.words
-
-
-def test_the_page_says_what_is_ours(page):
-    for words in ("hunt-crossley", "stiffness 2000", "0.5 N", "P₀", "palpate", "processors"):
+    for words in ("fig09 (1 of 3 seeds)", "fig03 (no figure)", "fig08, seed 2: <broken>"):
         assert words in page.words
+    for ours in ("hunt-crossley", "stiffness 2000", "0.5 N", "P₀", "palpate", "processors"):
+        assert ours in page.words
     assert "{'" not in page.words
-
-
-def test_a_drawing_takes_the_colours_of_the_page(folder):
-    text = (folder / "report.html").read_text(encoding="utf-8")
-    assert 'stroke="var(--drawing-line-0)"' in text
+    text = (report.folder / "report.html").read_text(encoding="utf-8")
+    assert text.count('role="img" aria-label="A line &amp; nothing else."') == 2
+    assert 'stroke="var(--drawing-line-0)"' in text  # a drawing takes the page's colours
     assert "fig01-drawing-clip" in text
 
 
+def test_the_page_needs_nothing_beside_it_and_every_link_has_its_target(report, page):
+    text = (report.folder / "report.html").read_text(encoding="utf-8")
+    assert page.open == re.findall("<script|<link|<img", text) == []
+    assert len(page.names) == len(set(page.names))
+    assert page.references <= {f"#{name}" for name in page.names}
+    assert text.count("<th") == text.count("<thead") + text.count('<th scope="')
+    assert text.count("<caption") == text.count("<table") > 5
+
+
 def test_the_abstract_names_every_claim_that_can_be_checked_once():
-    listed = [key for line in claims_file()["abstract"].values() for key in line["claims"].split()]
+    lines = [line["claims"].split() for line in claims_file()["abstract"].values()]
     every = {
-        f"{name}.{claim.key}": EXPERIMENTS[name].judges[claim.key]
-        for name, claims in all_claims().items()
-        for claim in claims
+        f"{n}.{c.key}": EXPERIMENTS[n].judges[c.key] for n in EXPERIMENTS for c in all_claims()[n]
     }
-    assert sorted(listed) == sorted(key for key, judge in every.items() if judge.conditions)
-    assert len(claims_file()["abstract"]) == 10
-
-
-def test_a_line_of_the_abstract_is_the_verdict_of_its_claims_together():
-    first, *others = (line["claims"].split() for line in claims_file()["abstract"].values())
+    assert sorted(key for line in lines for key in line) == sorted(
+        key for key, judge in every.items() if judge.conditions
+    )
+    assert len(lines) == 10
 
     def judged(key, holds):
         name, _, short = key.partition(".")
         return Judgement(name, Claim(short, "V", "words"), (Finding(holds),))
 
-    for holds, verdict in (
-        ((True, True), Verdict.REPRODUCED),
-        ((True, False), Verdict.PARTLY),
-        ((False, False), Verdict.NOT_REPRODUCED),
-        ((None, True), Verdict.REPRODUCED),
-    ):
-        (line,) = abstract([judged(*each) for each in zip(first, holds, strict=False)])
-        assert line.verdict is verdict
-    assert list(abstract([judged(others[0][0], None)])) == []
+    for holds, counted in (((True, True), (2, 2)), ((True, False), (1, 2)), ((None, True), (1, 1))):
+        (line,) = abstract([judged(*each) for each in zip(lines[0], holds, strict=False)])
+        assert line[2:] == counted
+    assert list(abstract([judged(lines[1][0], None)])) == []
 
 
-def test_what_is_held_against_nothing_is_said_with_its_reason(folder, page):
-    markdown = (folder / "claims.md").read_text(encoding="utf-8")
+def test_the_data_hold_the_same_and_what_is_held_against_nothing_with_its_reason(report, page):
+    markdown = (report.folder / "claims.md").read_text(encoding="utf-8")
     judged = {claim.words for claims in all_claims().values() for claim in claims}
     for why, sentences in not_held().items():
         for where, words in sentences:
             assert where.partition("-")[0] in ("II", "III", "IV", "V", "VI", "VII", "VIII")
             assert words not in judged
-            assert words in page.words
-            assert words in markdown
-        assert why in page.words
-        assert why in markdown
-
-
-def test_the_json_holds_the_same(folder, report):
-    whole = json.loads((folder / "report.json").read_text(encoding="utf-8"))
-    assert len(whole["not_held"]) == len(not_held())
+            assert all(words in text and why in text for text in (page.words, markdown))
+    whole = json.loads((report.folder / "report.json").read_text(encoding="utf-8"))
+    first, outcome = whole["claims"][0], whole["experiments"][0]["outcomes"][2]
     assert [claim["words"] for claim in whole["claims"]] == [
         each.claim.words for each in report.judgements
     ]
-    assert whole["claims"][0]["ours"] == {"median": 1.0, "least": 0.0, "largest": 2.0}
-    assert whole["claims"][0]["verdict"] == "partly reproduced"
-    assert [each["name"] for each in whole["experiments"]] == ["fig01", "fig02"]
-    outcome = whole["experiments"][0]["outcomes"][2]
-    assert outcome["numbers"] == {
-        "seed [m]": 2,
-        "remainder": 0,
-        "third": 0.666666667,
-        "never [s]": None,
-    }
-    assert outcome["findings"]["even"] == {
-        "holds": True,
-        "ours": 2,
-    }
-    assert whole["claims"][0]["seen"] == "never: never; remainder: 0 (0 to 1.00)"
-    assert sum(whole["verdicts"].values()) == len(whole["claims"]) == 4
-
-
-def test_the_table_to_paste_has_a_row_of_equal_cells_for_each_claim(folder, report):
-    lines = (folder / "claims.md").read_text(encoding="utf-8").splitlines()
-    rows = [line for line in lines if line.startswith("|")]
+    assert first["ours"] == {"median": 1.0, "least": 0.0, "largest": 2.0}
+    assert (first["verdict"], first["seeds_held"]) == ("partly reproduced", 2)
+    assert first["seen"] == "never: never; remainder: 0 (0 to 1.00)"
+    assert outcome["findings"]["even"] == {"holds": True, "ours": 2}
+    numbers = {"seed [m]": 2, "remainder": 0, "third": 0.666666667, "never [s]": None}
+    assert outcome["numbers"] == numbers
+    assert sum(whole["verdicts"].values()) == len(whole["claims"]) == 6
+    rows = [line.replace("\\|", "") for line in markdown.splitlines() if line.startswith("|")]
     assert len(rows) == 2 + len(report.judgements)
-    assert {row.replace("\\|", "").count("|") for row in rows} == {7}
+    assert {row.count("|") for row in rows} == {7}

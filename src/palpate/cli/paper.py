@@ -12,8 +12,8 @@ from palpate.cli.printing import Terminal, complain
 
 if TYPE_CHECKING:
     from palpate.paper import Experiment
-    from palpate.paper.report.contents import Report
-    from palpate.paper.running import PaperRun, Progress
+    from palpate.paper.report import Report
+    from palpate.paper.running import Progress
 
 Names = Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")]
 
@@ -90,11 +90,10 @@ def _chosen(only: tuple[str, ...]) -> "list[Experiment]":
     return [each for name, each in EXPERIMENTS.items() if not only or name in only]
 
 
-def _say_what_is_reused(run: "PaperRun") -> None:
-    total = len(run.experiments) * run.seeds
-    if run.reused:
-        words = f"{run.reused} of {total} outcomes reused from an earlier run"
-        print(f"{words} by the same code", file=sys.stderr)
+def _say_what_is_reused(report: "Report") -> None:
+    if reused := len(report.outcomes):
+        words = f"{reused} of {len(report.experiments) * report.seeds} outcomes reused from an"
+        print(f"{words} earlier run by the same code", file=sys.stderr)
 
 
 @contextmanager
@@ -126,7 +125,7 @@ def _progress() -> "Iterator[Progress]":
 
 def _print(report: "Report", folder: Path) -> None:
     from palpate.cli.layout import Column, print_table, say, say_path
-    from palpate.paper.report.verdicts import SIGNS
+    from palpate.paper.report import SIGNS
 
     console = Terminal()
     columns = [Column("figure"), Column("claim")]

@@ -1,27 +1,28 @@
-"""What an experiment of the paper is, what it measures, and what the paper says of it."""
+"""What an experiment of the paper is, what the paper says of it, and what it measures."""
 
+import re
 import tomllib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache
 from importlib import resources
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate.figures.style import LIGHT, style
-from palpate.force_laws import ForceLaw
+import palpate
+from palpate.force_laws import Floats, ForceLaw
+from palpate.paper.drawing import THEME, Figure, style
 from palpate.paper.judges import JUDGES
-from palpate.paper.judging import Finding, Judge
-from palpate.paper.panels import Figure
-from palpate.paper.quantities import Numbers, over_seeds
-from palpate.validation import Floats
+from palpate.paper.judging import Finding, Judge, Numbers, named, quantities, said, unit_of
 
 Curves = dict[str, Floats]
-#: Says a number over the seeds, or several that are alike: median, and the range in brackets.
-Say = Callable[..., str]
+#: Numbers by name and curves, as an experiment measures them.
+Measured = tuple[dict[str, float], Curves]
+Columns = Mapping[str, str] | Sequence[str]
+Rows = Mapping[tuple[str, ...], tuple[str, ...]] | Iterable[tuple[str, ...]]
 # A pixel of a figure is a thousandth of its width; more digits make a heavy file that looks alike.
 DIGITS_DRAWN = 5
 
@@ -30,22 +31,9 @@ DIGITS_DRAWN = 5
 class Claim:
     """A sentence of the paper, as ``claims.toml`` holds it.
 
-    Parameters
-    ----------
-    key : str
-        Its name within the experiment.
-    where : str
-        Section and figure.
-    words : str
-        The paper's own.
-    number : str
-        The number that the paper gives, with its unit; empty where it gives none.
-    measured, unit : str
-        What our number is, where the paper's words do not say, and its unit.
-    reading : str
-        What the words are taken to mean in numbers.
-    depends : str
-        On what the paper leaves open.
+    ``number`` is the paper's; ``measured`` says what ours is where the paper's words do not, and
+    ``unit`` its unit. ``reading`` is what the words are taken to mean in numbers, and ``depends``
+    what of the things that the paper leaves open decides.
     """
 
     key: str
@@ -57,27 +45,13 @@ class Claim:
     reading: str = ""
     depends: str = ""
 
-    @classmethod
-    def of(cls, key: str, said: Mapping[str, str], notes: Mapping[str, str]) -> "Claim":
-        """Return the claim that the file says so, with the notes that it asks for."""
-        known = {name: words.format(**notes) for name, words in said.items() if name != "ours"}
-        ours = said.get("ours", "")  # such as "largest bias left [mN]"
-        measured, _, unit = ours.rpartition(" [") if ours.endswith("]") else (ours, "", "")
-        return cls(key, **known, measured=measured, unit=unit.removesuffix("]"))
-
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """What one seed gave: plain numbers, so that it can be written down, judged and drawn later.
 
-    Parameters
-    ----------
-    seed : int
-        The seed.
-    numbers : mapping
-        By name, with the unit in brackets at its end; NaN where something never happened.
-    curves : mapping
-        What is drawn: a list of floats each, thinned out; NaN where there is nothing.
+    ``numbers`` have their unit in brackets at the end of the name, and are NaN where something
+    never happened; ``curves`` are what is drawn, thinned out, NaN where there is nothing.
     """
 
     seed: int
@@ -94,67 +68,60 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
 
-    @classmethod
-    def of(
-        cls,
-        say: Say,
-        title: str,
-        first: tuple[str, ...],
-        columns: Mapping[str, str],
-        rows: Mapping[tuple[str, ...], tuple[str, ...]] | Iterable[tuple[str, ...]],
-        note: str = "",
-    ) -> "Table":
+
+@dataclass(frozen=True, slots=True)
+class Seeds:
+    """The numbers of some seeds, to be tabulated."""
+
+    every: Sequence[Numbers]
+
+    def __call__(self, *names: str) -> str:
+        """Median over the seeds of one number, or of several alike, and the range in brackets."""
+        return said([each.of(numbers) for numbers in self.every for each in quantities(*names)])
+
+    def table(
+        self, title: str, first: tuple[str, ...], names: Columns, rows: Rows, note: str = ""
+    ) -> Table:
         """Return a table of numbers over the seeds.
 
-        Parameters
-        ----------
-        say : callable
-            Says a number.
-        title, note : str
-            Above it and below.
-        first : tuple of str
-            Headings of what a row begins with.
-        columns : mapping
-            Names of the other columns' numbers by their headings, with places to be filled in.
-        rows : mapping or iterable
-            By what each row begins with, the words that fill those places; the same unless given.
+        ``first`` heads what a row begins with. The other columns are numbers by ``names``, with
+        places for the words that ``rows`` has by what each row begins with, or for these. Each is
+        headed by its key, or by its name without the places and with the unit.
         """
         filled = rows if isinstance(rows, Mapping) else {row: row for row in rows}
+        if not isinstance(names, Mapping):
+            words = next(iter(filled.values()))
+            full = [next(iter(named(name.format(*words), self.every[0]))) for name in names]
+            units = [f" [{unit}]" if (unit := unit_of(each)) else "" for each in full]
+            bare = [re.sub(r",? *\{\d?\} *", " ", name).strip() for name in names]
+            names = {a + b: name for a, b, name in zip(bare, units, names, strict=True)}
         cells = (
-            (*row, *(say(name.format(*words)) for name in columns.values()))
+            (*row, *(self(name.format(*words)) for name in names.values()))
             for row, words in filled.items()
         )
-        return cls(title, (*first, *columns), tuple(cells), note)
+        return Table(title, (*first, *names), tuple(cells), note)
 
 
 @dataclass(frozen=True)
 class Experiment(ABC):
     """A figure of the paper, with the tables that belong to it.
 
-    Parameters
-    ----------
-    name : str
-        As the command line and the files know it, such as "fig03".
-    title : str
-        What a person calls it.
-    group : str
-        One process measures a seed of those of a group, one after the other: they press the same.
-    size : tuple of float
-        Width and height of the figure, in.
+    ``name`` is such as "fig03"; ``size`` is the figure's width and height, in. One process measures
+    a seed of those of a ``group``, one after the other, for they press the same.
     """
 
     name: str
+    size: tuple[float, float]
     title: str
     group: str = field(default="pressed once", kw_only=True)
-    size: tuple[float, float] = field(default=(10.5, 8.0), kw_only=True)
 
     @property
-    @abstractmethod
     def caption(self) -> str:
-        """What the figure shows, for those too who cannot see it."""
+        """What the figure shows, in words; default: the class's docstring."""
+        return " ".join((self.__doc__ or "").split())
 
     @abstractmethod
-    def measure(self, seed: int) -> tuple[Numbers, Curves]:
+    def measure(self, seed: int) -> Measured:
         """Return numbers by name, and what is drawn; the same seed gives the same."""
 
     @abstractmethod
@@ -164,8 +131,8 @@ class Experiment(ABC):
         In the colours for a light background, which are exchanged for a dark one.
         """
 
-    def tables(self, say: Say) -> tuple[Table, ...]:
-        """Return the tables that belong to the figure; none unless it has some."""
+    def tables(self, say: Seeds) -> tuple[Table, ...]:
+        """Return the tables that belong to the figure; default: none."""
         return ()
 
     @property
@@ -182,7 +149,7 @@ class Experiment(ABC):
         """Measure once."""
         numbers, curves = self.measure(seed)
         plain = {name: float(value) for name, value in numbers.items()}
-        return Outcome(seed, plain, {name: rounded(curve) for name, curve in curves.items()})
+        return Outcome(seed, plain, {name: _rounded(curve) for name, curve in curves.items()})
 
     def findings(self, outcome: Outcome) -> dict[str, Finding]:
         """Hold what was measured against every claim."""
@@ -190,7 +157,7 @@ class Experiment(ABC):
 
     def figure(self, outcomes: Sequence[Outcome]) -> Figure:
         """Return the figure of some outcomes."""
-        with style(LIGHT) as new_figure:
+        with style(THEME) as new_figure:
             figure = new_figure(figsize=self.size, layout="constrained")
             self.draw(figure, outcomes)
             figure.suptitle(self.title, fontsize=11)
@@ -201,30 +168,7 @@ class Experiment(ABC):
 
     def tabulated(self, outcomes: Sequence[Outcome]) -> tuple[Table, ...]:
         """Return the tables of some outcomes."""
-        return self.tables(partial(over_seeds, [outcome.numbers for outcome in outcomes]))
-
-
-def by_symbol(
-    what: str, values: Iterable[float], unit: str, symbols: Iterable[str] = ("K", "B", "n")
-) -> dict[str, float]:
-    """Name the values of several parameters: "time α = 5 K [s]", and so on."""
-    end = f" [{unit}]" if unit else ""
-    return {f"{what} {s}{end}": float(value) for s, value in zip(symbols, values, strict=True)}
-
-
-def by_parameter(
-    what: str, law: ForceLaw | type[ForceLaw], values: Iterable[float]
-) -> dict[str, float]:
-    """Name a law's parameters, or their errors, with the unit of each."""
-    ends = (f" [{unit}]" if unit else "" for unit in law.units)
-    names = (f"{what} {symbol}{end}" for symbol, end in zip(law.symbols, ends, strict=True))
-    return {name: float(value) for name, value in zip(names, values, strict=True)}
-
-
-def rounded(values: "ArrayLike") -> list[float]:
-    """Numbers as they are drawn, as a list."""
-    flat = np.asarray(values, dtype=np.float64).tolist()
-    return [float(f"{value:.{DIGITS_DRAWN}g}") for value in flat]
+        return self.tables(Seeds([outcome.numbers for outcome in outcomes]))
 
 
 @cache
@@ -237,9 +181,35 @@ def claims_file() -> Mapping[str, Any]:
 @cache
 def all_claims() -> Mapping[str, tuple[Claim, ...]]:
     """Return every claim, by experiment."""
-    whole = claims_file()
+    others = ("abstract", "notes", "not-held")
+    of_figures = {name: each for name, each in claims_file().items() if name not in others}
     return {
-        name: tuple(Claim.of(key, said, whole["notes"]) for key, said in claims.items())
-        for name, claims in whole.items()
-        if name not in ("abstract", "notes", "not-held")
+        name: tuple(_claim(key, **written) for key, written in claims.items())
+        for name, claims in of_figures.items()
     }
+
+
+def _claim(key: str, ours: str = "", **written: str) -> Claim:
+    """Fill in the notes that a claim names; ``ours`` is such as "largest bias left [mN]"."""
+    known = {name: words.format(**claims_file()["notes"]) for name, words in written.items()}
+    measured, _, unit = ours.rpartition(" [") if ours.endswith("]") else (ours, "", "")
+    return Claim(key, **known, measured=measured, unit=unit.removesuffix("]"))
+
+
+def by_symbol(
+    what: str,
+    values: Iterable[float],
+    unit: str | None = None,
+    law: ForceLaw | type[ForceLaw] = palpate.HuntCrossley,
+) -> dict[str, float]:
+    """Name the values of a law's parameters: "time α = 5 K [s]"; default unit: the parameter's."""
+    units = law.units if unit is None else (unit,) * len(law.symbols)
+    return {
+        f"{what} {symbol}{f' [{end}]' if end else ''}": float(value)
+        for symbol, end, value in zip(law.symbols, units, values, strict=False)
+    }
+
+
+def _rounded(values: ArrayLike) -> list[float]:
+    flat = np.asarray(values, dtype=np.float64).tolist()
+    return [float(f"{value:.{DIGITS_DRAWN}g}") for value in flat]

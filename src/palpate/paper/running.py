@@ -1,134 +1,240 @@
-"""All experiments and seeds on all cores; what is finished stays, whatever happens then."""
+"""All experiments and seeds on all cores; what is finished stays on disk, whatever happens then."""
 
+import hashlib
+import json
+import math
+import multiprocessing
 import os
+import platform
+import signal
+import threading
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from contextlib import suppress
-from dataclasses import dataclass, field
+from concurrent import futures
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
+from typing import Any
 
-from palpate.errors import PalpateError
-from palpate.paper import outcomes as on_disk
+import palpate
+from palpate.figures.slimming import slim
+from palpate.figures.style import as_svg, recoloured
 from palpate.paper.experiment import Experiment, Outcome
-from palpate.paper.report.contents import Report, Section
-from palpate.paper.report.writing import write_report
-from palpate.paper.workers import Failure, Given, Result, perform, processes
-from palpate.writing import check_own, make_folder
+from palpate.paper.report import Report, figures_of, versions, write_report
+from palpate.writing import check_own, make_folder, write_text
 
-#: Told what has just been finished, and how many of how many outcomes and figures are.
+#: Called with what has just been finished, and how many of how many outcomes and figures are.
 Progress = Callable[[str, int, int], None]
-#: Experiments, and what to do with them.
+#: A seed to measure, or outcomes to draw; and of which experiments.
+Given = int | list[Outcome]
 Task = tuple[tuple[Experiment, ...], Given]
+#: What a task gives for each: one seed, a figure for a light and for a dark background, or words.
+Result = Outcome | tuple[str, str] | str
+# What judges and reports measures nothing: a claim is reworded and judged anew without a run.
+NOT_MEASURING = ("cli", "reports", "paper/judges.py", "paper/judging.py", "paper/report.py")
 
 
-@dataclass(slots=True)
-class PaperRun:
-    """Experiments under way.
+@cache
+def code() -> str:
+    """Return a hash of the code that measures, for a checkout changes without its version."""
+    root, found = Path(str(palpate.__file__)).parent, hashlib.sha256()
+    for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".so", ".pyd")):
+        if not path.relative_to(root).as_posix().startswith(NOT_MEASURING):
+            found.update(path.read_bytes())
+    return found.hexdigest()[:16]
 
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        What to run, in the order of the report.
-    seeds : int
-        How many: 0, 1, …
-    folder : Path
-        Where everything is written.
-    """
 
-    experiments: Sequence[Experiment]
-    seeds: int
-    folder: Path
-    outcomes: dict[tuple[str, int], Outcome] = field(default_factory=dict)
-    drawn: set[str] = field(default_factory=set)
-    failures: list[str] = field(default_factory=list)
-    reused: int = 0
+def provenance(experiment: Experiment) -> dict[str, Any]:
+    """Return what has to match for an outcome to be reused: versions, machine and settings."""
+    made_by = {**versions(), "code": code(), "machine": platform.machine()}
+    return {"versions": made_by, "settings": repr(experiment)}
 
-    def resume(self) -> None:
-        """Read the outcomes that an earlier run by the same code has left."""
-        for each in self.experiments:
-            found = (on_disk.read(self.folder, each, seed) for seed in range(self.seeds))
-            self.outcomes |= {(each.name, outcome.seed): outcome for outcome in found if outcome}
-            if on_disk.figures_are_current(self.folder, each, self.seeds):
-                self.drawn.add(each.name)
-        self.reused = len(self.outcomes)
 
-    def work(self, workers: int, progress: Progress) -> None:
-        """Do all that is missing; a failure is noted, and the rest goes on."""
-        tasks = [*self._measurements(), *self._drawings(self.experiments)]
-        if not tasks:
-            return
-        with processes(min(workers, len(tasks))) as pool:
-            pending = {pool.submit(perform, *task): task for task in tasks}
-            while pending:
-                # In the order of the work: what was finished first is written down first.
-                finished = wait(pending, return_when=FIRST_COMPLETED).done
-                for future in [each for each in pending if each in finished]:
-                    experiments, given = pending.pop(future)
-                    self._settle(experiments, given, future, progress)
-                    with suppress(BrokenExecutor):  # a worker died: what it did is among failures
-                        for task in self._drawings(experiments) if isinstance(given, int) else ():
-                            pending[pool.submit(perform, *task)] = task
+def path_of(folder: Path, name: str, seed: int) -> Path:
+    """Where the outcome of an experiment and a seed lies."""
+    return folder / "outcomes" / f"{name}-seed{seed}.json"
 
-    def _measurements(self) -> Iterator[Task]:
-        """Each seed of each group, one group after the other, without what is there already."""
-        for group in sorted({each.group for each in self.experiments}):
-            members = [each for each in self.experiments if each.group == group]
-            for seed in range(self.seeds):
-                left = tuple(each for each in members if (each.name, seed) not in self.outcomes)
-                if left:
-                    yield left, seed
 
-    def _drawings(self, experiments: Iterable[Experiment]) -> Iterator[Task]:
-        """Those of the experiments of which every seed is there, and no figure."""
-        for each in experiments:
-            if self._complete(each) and each.name not in self.drawn:
-                yield (each,), self._of(each)
+def write_outcome(folder: Path, experiment: Experiment, outcome: Outcome) -> None:
+    """Write an outcome, whole or not at all; what is not finite is null."""
 
-    def _settle(
-        self,
-        experiments: tuple[Experiment, ...],
-        given: Given,
-        future: Future[list[Result]],
-        progress: Progress,
-    ) -> None:
-        """Write down what a task gave."""
+    def plain(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    whole = {
+        "experiment": experiment.name,
+        "provenance": provenance(experiment),
+        "seed": outcome.seed,
+        "numbers": {name: plain(value) for name, value in outcome.numbers.items()},
+        "curves": {name: list(map(plain, curve)) for name, curve in outcome.curves.items()},
+    }
+    text = json.dumps(whole, ensure_ascii=False, allow_nan=False)
+    write_text(path_of(folder, experiment.name, outcome.seed), text + "\n")
+
+
+def read_outcome(folder: Path, experiment: Experiment, seed: int) -> Outcome | None:
+    """Return an outcome written earlier by the same versions and settings; None else."""
+
+    def known(value: float | None) -> float:
+        return math.nan if value is None else float(value)
+
+    try:
+        whole = json.loads(path_of(folder, experiment.name, seed).read_text(encoding="utf-8"))
+        if (whole["provenance"], whole["seed"]) == (provenance(experiment), seed):
+            numbers = {name: known(value) for name, value in whole["numbers"].items()}
+            curves = {name: list(map(known, curve)) for name, curve in whole["curves"].items()}
+            return Outcome(seed, numbers, curves)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        pass  # absent or damaged: it is made anew
+    return None
+
+
+def _remark(experiment: Experiment, seeds: int) -> str:
+    """What a figure is of; it stands at its end."""
+    made = hashlib.sha256(repr(provenance(experiment)).encode()).hexdigest()[:16]
+    return f"<!-- {seeds} seeds, {made} -->\n"
+
+
+def write_figures(folder: Path, experiment: Experiment, seeds: int, drawn: Sequence[str]) -> None:
+    """Write an experiment's figure for both backgrounds."""
+    for path, drawing in zip(figures_of(folder, experiment.name), drawn, strict=True):
+        write_text(path, drawing + _remark(experiment, seeds))
+
+
+def figures_are_current(folder: Path, experiment: Experiment, seeds: int) -> bool:
+    """Whether both figures are there, of as many seeds by the same versions and settings."""
+    end, paths = _remark(experiment, seeds), figures_of(folder, experiment.name)
+    try:
+        return all(path.read_text(encoding="utf-8").endswith(end) for path in paths)
+    except (OSError, ValueError):
+        return False
+
+
+def perform(experiments: Sequence[Experiment], given: Given) -> list[Result]:
+    """Run one seed of experiments that press the same, or draw their outcomes, in a worker."""
+    results: list[Result] = []
+    for each in experiments:
         try:
-            results = future.result()
-        except Exception as error:  # a worker that died
-            results = [Failure(f"{type(error).__name__}: {error}")] * len(experiments)
-        for experiment, result in zip(experiments, results, strict=True):
-            what = f"{experiment.name}, {f'seed {given}' if isinstance(given, int) else 'figure'}"
-            if isinstance(result, Failure):
-                self.failures.append(f"{what}: {result.words}")
-            elif isinstance(result, Outcome):
-                # Known before it is written: an interrupt may come while the disk takes its time,
-                # and the page then counts every outcome that is there.
-                self.outcomes[experiment.name, result.seed] = result
-                on_disk.write(self.folder, experiment, result)
-            else:
-                on_disk.write_figures(self.folder, experiment, self.seeds, result)
-                self.drawn.add(experiment.name)
-            total = len(self.experiments) * (self.seeds + 1)
-            progress(what, len(self.outcomes) + len(self.drawn), total)
-
-    def _of(self, experiment: Experiment) -> list[Outcome]:
-        every = (self.outcomes.get((experiment.name, seed)) for seed in range(self.seeds))
-        return [outcome for outcome in every if outcome]
-
-    def _complete(self, experiment: Experiment) -> bool:
-        return len(self._of(experiment)) == self.seeds
-
-    def report(self) -> Report:
-        """Return what is finished, and the names of what is not."""
-        sections, missing = [], []
-        for each in self.experiments:
-            outcomes, drawn = self._of(each), each.name in self.drawn
-            if len(outcomes) < self.seeds:
-                missing.append(f"{each.name} ({len(outcomes)} of {self.seeds} seeds)")
+            if isinstance(given, int):
+                results.append(each.run(given))
                 continue
-            sections.append(Section.of(each, outcomes, drawn))
-            missing += [] if drawn else [f"{each.name} (no figure)"]
-        return Report(tuple(sections), self.seeds, tuple(missing), tuple(self.failures))
+            # Not into files: a worker that is stopped could not take its half of one away.
+            light = slim(as_svg(each.figure(given)))
+            results.append((light, recoloured(light)))
+        except Exception as error:
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            place = f"{Path(last.filename).name}:{last.lineno}"
+            results.append(f"{type(error).__name__}: {error} ({place})")
+    return results
+
+
+@contextmanager
+def processes(count: int) -> Iterator[futures.ProcessPoolExecutor]:
+    """Processes that end at once when this one is interrupted."""
+    others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
+    pool = futures.ProcessPoolExecutor(count, mp_context=context, initializer=_prepare_worker)
+    # A terminal sends Ctrl-C to the processes too; where this is its main thread, they start deaf.
+    deaf = threading.current_thread() is threading.main_thread()
+    try:
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN) if deaf else None
+        try:
+            # A pool starts a process where a submission finds none idle: all of them here, so that
+            # no interrupt is lost later.
+            for _ in range(count):
+                pool.submit(int)
+        finally:
+            if deaf:
+                signal.signal(signal.SIGINT, before)
+        yield pool
+    except BaseException:
+        for worker in set(multiprocessing.active_children()) - others:
+            worker.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _prepare_worker() -> None:
+    """End when the process that started this one is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+def _resume(report: Report) -> None:
+    """Read the outcomes that an earlier run by the same code has left."""
+    for each in report.experiments:
+        found = (read_outcome(report.folder, each, seed) for seed in range(report.seeds))
+        report.outcomes |= {(each.name, outcome.seed): outcome for outcome in found if outcome}
+        if figures_are_current(report.folder, each, report.seeds):
+            report.drawn.add(each.name)
+
+
+def _work(report: Report, workers: int, progress: Progress) -> None:
+    """Do all that is missing; a failure is noted, and the rest goes on."""
+    tasks = [*_measurements(report), *_drawings(report, report.experiments)]
+    if not tasks:
+        return
+    with processes(min(workers, len(tasks))) as pool:
+        pending = {pool.submit(perform, *task): task for task in tasks}
+        while pending:
+            # In the order of the work: what was finished first is written down first.
+            finished = futures.wait(pending, return_when=futures.FIRST_COMPLETED).done
+            for future in [each for each in pending if each in finished]:
+                experiments, given = pending.pop(future)
+                try:
+                    results = future.result()
+                except Exception as error:  # a worker that died
+                    results = [f"{type(error).__name__}: {error}"] * len(experiments)
+                for experiment, result in zip(experiments, results, strict=True):
+                    _settle(report, experiment, given, result, progress)
+                # A worker may have died: what it did is among the failures.
+                with suppress(futures.BrokenExecutor):
+                    for task in _drawings(report, experiments) if isinstance(given, int) else ():
+                        pending[pool.submit(perform, *task)] = task
+
+
+def _measurements(report: Report) -> Iterator[Task]:
+    """Each seed of each group, one group after the other, without what is there already."""
+    for group in sorted({each.group for each in report.experiments}):
+        members = [each for each in report.experiments if each.group == group]
+        for seed in range(report.seeds):
+            left = tuple(each for each in members if (each.name, seed) not in report.outcomes)
+            if left:
+                yield left, seed
+
+
+def _drawings(report: Report, experiments: Iterable[Experiment]) -> Iterator[Task]:
+    """Those of the experiments of which every seed is there, and no figure."""
+    for each in experiments:
+        if report.is_complete(each) and each.name not in report.drawn:
+            yield (each,), report.outcomes_of(each)
+
+
+def _settle(
+    report: Report, experiment: Experiment, given: Given, result: Result, progress: Progress
+) -> None:
+    """Write down what a task gave of an experiment."""
+    what = f"{experiment.name}, {f'seed {given}' if isinstance(given, int) else 'figure'}"
+    if isinstance(result, str):
+        report.failures.append(f"{what}: {result}")
+    elif isinstance(result, Outcome):
+        # Known before it is written: an interrupt may come while the disk takes its time, and the
+        # page then counts every outcome that is there.
+        report.outcomes[experiment.name, result.seed] = result
+        write_outcome(report.folder, experiment, result)
+    else:
+        write_figures(report.folder, experiment, report.seeds, result)
+        report.drawn.add(experiment.name)
+    total = len(report.experiments) * (report.seeds + 1)
+    progress(what, len(report.outcomes) + len(report.drawn), total)
 
 
 def run_paper(
@@ -138,45 +244,35 @@ def run_paper(
     folder: Path,
     workers: int | None = None,
     progress: Progress = lambda words, done, total: None,
-    begun: Callable[[PaperRun], None] = lambda run: None,
+    begun: Callable[[Report], None] = lambda report: None,
 ) -> Report:
     """Run experiments over seeds, write everything to a folder, and resume what it holds.
 
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        In the order of the report.
-    seeds : int
-        How many, ≥ 1.
-    folder : Path
-        Made if it is not there.
-    workers : int, optional
-        Processes; as many as there are cores unless given.
-    progress, begun : callable, optional
-        Told after each outcome and figure; and once before any, with what is reused.
+    ``progress`` is called after each outcome and figure, ``begun`` once before any, with what is
+    reused. ``workers`` is how many processes to start, default: as many as there are cores.
 
     Raises
     ------
     RecordingError
-        The folder cannot be written to; said before the work starts.
+        The folder cannot be written to; raised before the work starts.
     PalpateError
         Some experiments failed; the others are in the report all the same.
     """
     begun_before = (folder / "outcomes").is_dir()
-    drawings = [path.name for each in experiments for path in on_disk.figures_of(folder, each.name)]
+    drawings = [path.name for each in experiments for path in figures_of(folder, each.name)]
     pages = ["report.html", "report.json", "claims.md"]
     check_own(folder, [*pages, *drawings], lambda _: begun_before)
     for wanted in (folder, folder / "outcomes"):
         make_folder(wanted)
-    run = PaperRun(experiments, seeds, folder)
-    run.resume()
-    begun(run)
+    report = Report(experiments, seeds, folder)
+    _resume(report)
+    begun(report)
     try:
-        run.work(workers or os.cpu_count() or 1, progress)
+        _work(report, workers or os.cpu_count() or 1, progress)
     finally:
-        report = run.report()
-        write_report(report, folder)
-    if run.failures:
-        more = f" (and {len(run.failures) - 1} more)" if len(run.failures) > 1 else ""
-        raise PalpateError(f"{run.failures[0]}{more}; the rest is in {folder / 'report.html'}")
+        write_report(report)
+    if failures := report.failures:
+        more = f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
+        words = f"{failures[0]}{more}; the rest is in {folder / 'report.html'}"
+        raise palpate.PalpateError(words)
     return report

@@ -1,14 +1,15 @@
 """What the figures share: curves thinned out, lines that differ without colour, labels."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.figures.style import LIGHT as THEME
-from palpate.identification import Identification
-from palpate.validation import Floats
+import palpate
+from palpate.figures.style import LIGHT
+from palpate.figures.style import style as style
+from palpate.force_laws import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes
@@ -16,25 +17,16 @@ if TYPE_CHECKING:
 else:  # matplotlib takes half a second, and is loaded where something is drawn
     Axes = Figure = Any
 
+THEME = LIGHT
 #: What a person calls the lab's materials.
-LABELS: Mapping[str, str] = {
-    "ball": "ball",
-    "sponge": "sponge",
-    "pvc": "PVC phantom",
-    "relaxing-sponge": "relaxing sponge",
-}
+LABELS = {"ball": "ball", "sponge": "sponge", "pvc": "PVC phantom"}
+LABELS |= {"relaxing-sponge": "relaxing sponge"}
 #: Of Hunt–Crossley's parameters, by their symbols.
-UNITS: Mapping[str, str] = {"K": "N/mⁿ", "B": "N·s/mⁿ⁺¹", "n": ""}
+UNITS = {"K": "N/mⁿ", "B": "N·s/mⁿ⁺¹", "n": ""}
 #: Told apart without colour.
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (7, 2, 1.5, 2)), (0, (3, 1)))
 # More points than this on a line of a figure look the same.
 POINTS = 400
-
-
-def early_and_late(elapsed: Floats) -> NDArray[np.intp]:
-    """Which samples to draw: enough for a logarithmic axis of time, and for a linear one."""
-    early = np.geomspace(1, elapsed.size, POINTS).round().astype(np.intp) - 1
-    return np.union1d(early, np.arange(0, elapsed.size, max(elapsed.size // POINTS, 1)))
 
 
 def thinned(time: Floats) -> NDArray[np.intp]:
@@ -42,41 +34,36 @@ def thinned(time: Floats) -> NDArray[np.intp]:
     return np.flatnonzero(np.arange(time.size) % np.where(time < time[0] + 0.5, 5, 20) == 0)
 
 
-def known(result: Identification) -> Floats:
+def course_of(result: palpate.Identification) -> Floats:
     """Parameters sample by sample, NaN where none was taken; shape (k, p)."""
-    trace = result.trace
-    return np.where(trace.taken[:, None], trace.parameters, np.nan)
+    return np.where(result.trace.taken[:, None], result.trace.parameters, np.nan)
 
 
-def traced(prefix: str, result: Identification, clock: str = "elapsed") -> dict[str, Floats]:
+def traced(
+    prefix: str, result: palpate.Identification, clock: str = "elapsed"
+) -> dict[str, Floats]:
     """Return parameters and force error of a result over the time since contact, to be drawn."""
     trace, contact = result.trace, result.contact
-    taken = trace.taken
-    elapsed = np.cumsum(contact.time_steps[taken])
-    keep = early_and_late(elapsed)
-    columns = trace.parameters[taken][keep].T
-    named = zip(result.law.symbols, columns, strict=True)
-    curves = {f"{prefix}/{symbol}": column for symbol, column in named}
-    curves[f"{prefix}/error"] = (contact.force - trace.predicted_force)[taken][keep]
-    return {clock: elapsed[keep], **curves}
+    elapsed = np.cumsum(contact.time_steps[trace.taken])
+    # Enough samples for a logarithmic axis of time, and for a linear one.
+    early = np.geomspace(1, elapsed.size, POINTS).round().astype(np.intp) - 1
+    keep = np.union1d(early, np.arange(0, elapsed.size, max(elapsed.size // POINTS, 1)))
+    columns = zip(result.law.symbols, trace.parameters[trace.taken][keep].T, strict=True)
+    error = (contact.force - trace.predicted_force)[trace.taken][keep]
+    curves = {f"{prefix}/{symbol}": column for symbol, column in columns}
+    return {clock: elapsed[keep], **curves, f"{prefix}/error": error}
 
 
-def draw_lines(
-    axes: Axes,
-    x: "ArrayLike",
-    lines: Mapping[str, "ArrayLike"] | Iterable[tuple[str | None, "ArrayLike"]],
-    *,
-    first: int = 0,
-    **options: Any,
+def lines(
+    axes: Axes, x: ArrayLike, curves: Mapping[Any, ArrayLike], *, first: int = 0, **options: Any
 ) -> None:
     """Draw lines that differ in colour and dashes, the first of them in the ``first`` style."""
-    pairs = lines.items() if isinstance(lines, Mapping) else lines
-    for i, (label, y) in enumerate(pairs, first):
+    for i, (label, y) in enumerate(curves.items(), first):
         looks = {"color": THEME.lines[i % len(THEME.lines)], "linestyle": DASHES[i % len(DASHES)]}
         axes.plot(x, y, label=label, **{"linewidth": 1.4, **looks, **options})
 
 
-def draw_course(
+def course(
     axes: Axes,
     curves: Mapping[str, list[float]],
     symbol: str,
@@ -87,11 +74,17 @@ def draw_course(
     **settings: Any,
 ) -> None:
     """One parameter over time, a line for each result; ``shown`` gives its curves by label."""
-    lines = {label: curves[f"{prefix}/{symbol}"] for label, prefix in shown.items()}
-    draw_lines(axes, curves[clock], lines)
+    of_symbol = {label: curves[f"{prefix}/{symbol}"] for label, prefix in shown.items()}
+    lines(axes, curves[clock], of_symbol)
     axes.set(ylabel=f"{symbol} [{unit}]" if unit else symbol, **settings)
 
 
-def draw_truth(axes: Axes, value: float, label: str | None = "truth") -> None:
+def truth(axes: Axes, value: float, label: str | None = "truth") -> None:
     """Dot a line where the truth, or another fixed value, is."""
     axes.axhline(value, color=THEME.ink, linewidth=0.9, linestyle=":", label=label)
+
+
+def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
+    """Put the legend of one of the axes below the whole figure."""
+    shown = axes.get_legend_handles_labels()
+    figure.legend(*shown, loc="outside lower center", ncols=columns)

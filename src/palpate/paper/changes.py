@@ -1,0 +1,294 @@
+"""Fig. 19 and section VII: a probe that moves from soft to hard and back in contact."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+import palpate
+from palpate import lab
+from palpate.force_laws import Floats
+from palpate.paper import drawing
+from palpate.paper.drawing import THEME, UNITS, Figure
+from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, Seeds, Table, by_symbol
+from palpate.paper.rig import AGREED, GATE, START, Method, ideally_pressed, identified, off, pressed
+
+SECONDS = 27.0
+#: A change takes half a second about its middle.
+SHIFTING = 0.25
+#: How long the probe stays in a zone, and when it crosses to the other, s.
+STAY = lab.PALPATION.dwell
+CHANGES = tuple(START + k * STAY for k in (1, 2, 3, 4))
+#: Mean over this many samples below twice the force noise: the error is back.
+WINDOW, FLOOR = 5, 0.1
+#: Of a thousand samples a second one in so many is drawn.
+EVERY = 50
+#: What is drawn about a change, samples before and after.
+BEFORE, AFTER = 5, 30
+#: The paper's γ, N⁻², by the reading that works.
+SENSITIVITY = 2.5
+#: β, and how much stiffer the hard zone is, where the one is asked about by the other.
+GAINS = (0.005, 0.05, 0.5, 5.0)
+CONTRASTS = {"1.3 times": 0.3, "twice": 1.0, "ten times": 9.0}
+#: The stays are shorter there, s, for as much is asked: two of them, and one before.
+SHORT = 2.0
+SINGLE, PERTURBED = palpate.SingleStageRLS, palpate.SelfPerturbation(0.05, SENSITIVITY)
+METHODS: dict[str, tuple[Method, dict[str, Any]]] = {
+    "regular": (SINGLE, {}),
+    "self-perturbing": (SINGLE, {"perturbation": PERTURBED}),
+    "constants exchanged": (SINGLE, {"perturbation": palpate.SelfPerturbation(2.5, 0.05)}),
+    "γ = 0.25": (SINGLE, {"perturbation": palpate.SelfPerturbation(0.05, 0.25)}),
+    # By the first change λ is 1 anyway, but for 1e-13: what differs from then on is the reset.
+    "no reset": (SINGLE, {"perturbation": PERTURBED, "forgetting": palpate.ConstantForgetting()}),
+    "λ = 0.99": (SINGLE, {"forgetting": palpate.ConstantForgetting(0.99)}),
+    "variable projection": (
+        palpate.VariableProjection,
+        {"change_detector": palpate.ChangeDetector()},
+    ),
+}
+SHOWN = {
+    "regular": "regular",
+    "self-perturbing": "self-perturbing",
+    "variable projection": "variable projection with change detection",
+}
+
+
+def stiffer(by: float) -> lab.Homogeneous:
+    """A phantom whose spring and damper are stiffer by a fraction."""
+    stiffness, damping, exponent = lab.PVC.law.parameters.tolist()
+    law = palpate.HuntCrossley((1.0 + by) * stiffness, (1.0 + by) * damping, exponent)
+    return lab.Homogeneous(law)
+
+
+#: The paper does not say how far its zones differ. With 7 % the error after a change is its 0.5 N.
+CONTRAST = 0.07
+ZONES = {"": lab.INCLUSION, ", 7 % apart": stiffer(CONTRAST)}
+TITLES = {"": "three times as stiff", ", 7 % apart": "7 % stiffer, ideal probe"}
+
+
+def palpated(by: float, seed: int, seconds: float, stay: float = STAY) -> palpate.Contact:
+    """An ideal probe on the phantom, whose other zone is stiffer by a fraction."""
+    zones = lab.SpaceVaryingMaterial((lab.PVC, stiffer(by)), (0.0,))
+    return ideally_pressed(zones, replace(lab.PALPATION, dwell=stay), seed, seconds)
+
+
+class _Intermittent(Experiment):
+    """K, B, n, force error and penetration over time while the probe changes between two zones
+    every five seconds: left of a phantom with a zone three times as stiff, right with one 7 %
+    stiffer. Below, millisecond by millisecond about a change, the mean of the four. The regular
+    single stage is lost, the self-perturbing one follows.
+    """
+
+    def measure(self, seed: int) -> Measured:
+        contacts = {
+            "": pressed("soft-and-hard", "palpation", seed, SECONDS),
+            ", 7 % apart": palpated(CONTRAST, seed, SECONDS),
+        }
+        # β = 0.05, γ = 2.5 N⁻²: NINT lets an error perturb from γ e² = 0.5 on.
+        numbers: dict[str, float] = {"error that perturbs [N]": np.sqrt(0.5 / SENSITIVITY)}
+        curves: Curves = {}
+        for which, contact in contacts.items():
+            curves[f"time{which}"] = contact.time[::EVERY]
+            curves[f"penetration{which}"] = 1e3 * contact.penetration[::EVERY]
+            for name, (kind, settings) in METHODS.items():
+                result = identified(contact, kind, **settings)
+                trace = result.trace
+                error = np.abs(contact.force - trace.predicted_force)
+                error = np.where(trace.taken, error, np.nan)
+                numbers |= _summary(f"{name}{which}", result, error, ZONES[which])
+                if kind is SINGLE:
+                    numbers |= _corrected(f"{name}{which}", result)
+                if name in SHOWN:
+                    curves |= _curves(f"{name}{which}", result, np.nan_to_num(error))
+        return numbers | _times_by_gain(seed) | _thresholds(seed), curves
+
+    def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
+        grid = figure.subplots(6, 2, height_ratios=(1.0, 1.0, 1.0, 1.2, 0.7, 1.2))
+        for column, (which, hard) in zip(grid.T, ZONES.items(), strict=True):
+            _draw_zones(column, outcomes[0].curves, which, hard)
+            column[0].set_title(f"second zone {TITLES[which]}", loc="left", fontsize=10)
+        drawing.legend_below(figure, grid[0, 0], 3)
+
+    def tables(self, say: Seeds) -> tuple[Table, ...]:
+        columns = ["mean error before {}{}"]
+        columns += [f"mean error after change {{}}{{}} {k}" for k in (1, 2, 3, 4)]
+        columns += ["first 2 ms {}{}", "back {}{}", "time of K {}{}"]
+        note = (
+            "Mean |force error| in each zone, N, without the half second of a change, and of the "
+            "first two samples that are wrong; back: until its mean over 5 ms is first below 0.1 N "
+            "after a change, the slowest of four; K back: until K is within 5 % of the truth for "
+            "the rest of the stay, mean of four. Self-perturbing: β = 0.05, γ = 2.5 N⁻²; constants "
+            "exchanged: β = 2.5, γ = 0.05; γ = 0.25: with β = 0.05; no reset: self-perturbing with "
+            "λ = 1 throughout; λ = 0.99: regular, with λ constant."
+        )
+        tables = []
+        for which, title in TITLES.items():
+            rows = {(name,): (name, which) for name in METHODS}
+            tables.append(say.table(f"Second zone {title}", ("method",), columns, rows, note))
+        title = (
+            "How soon K is back, by β and by how much the zones differ; γ = 2.5 N⁻², ideal probe"
+        )
+        gains = [f"K back with β = {gain:g}, {{}}" for gain in GAINS]
+        contrasts = [(words,) for words in CONTRASTS]
+        return *tables, say.table(title, ("second zone as stiff",), gains, contrasts)
+
+
+def _draw_zones(
+    column: Any, curves: Mapping[str, list[float]], which: str, hard: lab.Homogeneous
+) -> None:
+    """One phantom: parameters, force error, penetration, and the moment of a change."""
+    truths = zip(lab.PVC.law.parameters, hard.law.parameters, strict=True)
+    shown = {label: f"{name}{which}" for name, label in SHOWN.items()}
+    clock = f"time{which}"
+    for axes, (symbol, unit), known in zip(column, UNITS.items(), truths, strict=False):
+        ylim = (0.85 * min(known), 1.15 * max(known)) if which else (0.0, 1.5 * max(known))
+        drawing.course(axes, curves, symbol, shown, clock=clock, unit=unit, ylim=ylim)
+        for value in known:
+            drawing.truth(axes, value, None)
+    errors = {name: curves[f"{name}{which}/error"] for name in SHOWN}
+    size = len(next(iter(errors.values())))
+    drawing.lines(column[3], curves[clock][:size], errors, linewidth=0.9)
+    column[3].set(ylabel="|force error| [N]\nlargest of 50 ms")
+    penetration = curves[f"penetration{which}"]
+    column[4].plot(curves[clock], penetration, color=THEME.measured, linewidth=0.9)
+    column[4].set(ylabel="penetration [mm]", xlabel="time [s]")
+    for axes in column[:5]:
+        axes.set_xlim(START, SECONDS)
+        for a, b in zip(CHANGES[::2], CHANGES[1::2], strict=True):
+            axes.axvspan(a, b, color=THEME.grid, alpha=0.5, linewidth=0)
+    moments = {name: curves[f"{name}{which}/change"] for name in SHOWN}
+    drawing.lines(column[5], np.arange(-BEFORE, AFTER), moments, marker=".")
+    column[5].set(xlabel="time since a change [ms]", ylabel="|force error| [N]\nmean of four")
+    for axes in (column[3], column[5]):
+        axes.set(yscale="log", ylim=(0.01, 60.0))
+
+
+def _summary(
+    name: str, result: palpate.Identification, error: Floats, hard: lab.Homogeneous
+) -> dict[str, float]:
+    """Force errors and parameters of each visit of a zone, and how soon the error is back."""
+    time, trace = result.contact.time, result.trace
+    first = error[trace.taken][:20]
+    late = trace.parameters[(time > 10.0) & trace.taken]
+    span = 100.0 * np.ptp(late, axis=0) / np.abs(late.mean(axis=0))
+    numbers = {
+        f"first error {name} [N]": np.max(first),
+        f"first error lasts {name} [ms]": np.count_nonzero(first > 4.0 * FLOOR),
+        **{f"alarm {name} {k} [s]": time for k, time in enumerate(result.changes, 1)},
+        **by_symbol(f"range after 10 s {name}", span, "%"),
+        f"time of K {name} [ms]": _time_of_stiffness(result, hard),
+    }
+    for k, (start, end) in enumerate(itertools.pairwise((START, *CHANGES, SECONDS))):
+        zone = np.flatnonzero((time > start + SHIFTING) & (time < end - SHIFTING))
+        when = f"after change {name} {k}" if k else f"before {name}"
+        last, truth = trace.parameters[zone[-1]], (lab.PVC, hard)[k % 2].law.parameters
+        numbers[f"mean error {when} [N]"] = np.nanmean(error[zone])
+        numbers |= by_symbol(f"end of visit {k} {name}", last, "")
+        numbers[f"K off at a zone's end {name} {k} [%]"] = off(last, truth)[0]
+    backs, firsts = [], []
+    for k, change in enumerate(CHANGES, 1):
+        start = int(np.searchsorted(time, change))
+        since = np.nan_to_num(error[start : start + 4000])
+        # From the first sample on that shows the change, within 20 ms.
+        since = since[int(np.argmax(since[:20] > FLOOR)) :]
+        mean = np.convolve(since, np.full(WINDOW, 1.0 / WINDOW), mode="valid")
+        back = np.flatnonzero(mean < FLOOR)
+        backs.append(1e3 * result.contact.sample_time * back[0] if back.size else np.nan)
+        firsts.append(since[:2])
+        numbers[f"back {name} {k} [ms]"] = backs[-1]
+    numbers[f"mean back {name} [ms]"] = np.mean(backs)
+    numbers[f"first 2 ms {name} [N]"] = np.mean(firsts)
+    return numbers
+
+
+def _curves(name: str, result: palpate.Identification, error: Floats) -> Curves:
+    courses = zip(UNITS, drawing.course_of(result)[::EVERY].T, strict=True)
+    # The largest of each 50 samples, so that no peak is thinned away.
+    blocks = error[: len(error) // EVERY * EVERY].reshape(-1, EVERY)
+    starts = (int(np.searchsorted(result.contact.time, change)) for change in CHANGES)
+    changes = [error[start - BEFORE : start + AFTER] for start in starts]
+    return {
+        **{f"{name}/{symbol}": course for symbol, course in courses},
+        f"{name}/error": blocks.max(axis=1),
+        f"{name}/change": np.mean(changes, axis=0),
+    }
+
+
+def correction(result: palpate.Identification) -> tuple[Floats, Floats]:
+    """Times, and the percentage of its own error that a sample corrects: φᵀΔθ/e = φᵀL.
+
+    Of the single stage, of eqs. 12 and 13: no more than P in the direction of the regressor, for
+    φᵀL = φᵀPφ/(λ + φᵀPφ).
+    """
+    taken, contact = result.trace.taken, result.contact
+    stiffness, damping, exponent = result.trace.parameters[taken].T
+    known = np.stack([np.log(stiffness), damping / stiffness, exponent])
+    depth, speed = contact.penetration[taken][1:], contact.velocity[taken][1:]
+    regressor = np.stack([np.ones_like(depth), speed, np.log(depth)])
+    error = np.log(contact.force[taken][1:]) - np.sum(regressor * known[:, :-1], axis=0)
+    corrected = 100.0 * np.sum(regressor * np.diff(known), axis=0) / error
+    return contact.time[taken][1:], corrected
+
+
+def _corrected(name: str, result: palpate.Identification) -> dict[str, float]:
+    """What is corrected at first, in the half second before the first change, and after each."""
+    time, share = correction(result)
+
+    def most(start: float, seconds: float) -> float:
+        return float(share[(time >= start) & (time < start + seconds)].max())
+
+    numbers = {
+        f"corrected at first {name} [%]": share[:5].max(),
+        f"corrected before a change {name} [%]": most(CHANGES[0] - 0.5, 0.5),
+    }
+    for k, change in enumerate(CHANGES, 1):
+        numbers[f"corrected after a change {name} {k} [%]"] = most(change, 0.01)
+    return numbers
+
+
+def _time_of_stiffness(
+    result: palpate.Identification, hard: lab.Homogeneous, changes: tuple[float, ...] = CHANGES
+) -> float:
+    """Milliseconds until K is within 5 % for the rest of a stay, mean of the changes."""
+    time, times = result.contact.time, []
+    for k, (start, end) in enumerate(itertools.pairwise((*changes, np.inf)), 1):
+        there = result.trace.parameters[(time >= start) & (time < end), 0]
+        outside = np.abs(there / (lab.PVC, hard)[k % 2].law.parameters[0] - 1.0) > AGREED
+        last = np.flatnonzero(outside)
+        times.append(np.nan if outside[-1] else 1.0 + (last[-1] if last.size else -1.0))
+    return 1e3 * result.contact.sample_time * float(np.mean(times))
+
+
+def _times_by_gain(seed: int) -> dict[str, float]:
+    """How soon K is back, by β and by how much the zones differ."""
+    numbers: dict[str, float] = {}
+    first, second, end = (START + k * SHORT for k in (1, 2, 3))
+    for words, by in CONTRASTS.items():
+        contact, hard = palpated(by, seed, end, SHORT), stiffer(by)
+        for gain in GAINS:
+            perturbation = palpate.SelfPerturbation(gain, SENSITIVITY)
+            result = identified(contact, SINGLE, perturbation=perturbation)
+            time = _time_of_stiffness(result, hard, (first, second))
+            numbers[f"K back with β = {gain:g}, {words} [ms]"] = time
+    return numbers
+
+
+def _thresholds(seed: int) -> dict[str, float]:
+    """Tap a phantom, and take for contact what shows any force, or more than ours."""
+    run = lab.Bench(lab.PVC, lab.TAPPING, lab.IdealProbe()).run(seed, seconds=12.0)
+    contact, inside = run.contact.window(START), run.truth.window(START).penetration > 0.0
+    numbers: dict[str, float] = {}
+    for least in (0.0, GATE.make_force):
+        what, touching = f"force above {least:g} N", contact.force > least
+        result = identified(contact, SINGLE, gate=palpate.ContactGate(make_force=least))
+        error = off(result.law.parameters, lab.PVC.law.parameters)
+        numbers[f"free, but {what} [%]"] = 100.0 * float(np.mean(touching[~inside]))
+        numbers[f"contact misjudged by {what} [%]"] = 100.0 * float(np.mean(touching != inside))
+        numbers |= by_symbol(f"error by {what}", error, "%")
+    return numbers
+
+
+TITLE = "PVC phantom with a hard zone: regular and self-perturbing single stage"
+EXPERIMENTS = (_Intermittent("fig19", (11.5, 11.0), TITLE),)

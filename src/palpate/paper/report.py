@@ -1,0 +1,495 @@
+"""What becomes of the claims over the seeds: a page that needs nothing beside it, and data."""
+
+import enum
+import json
+import math
+import os
+import platform
+import re
+import statistics
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from functools import cached_property
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import palpate
+from palpate import lab
+from palpate.paper.experiment import Claim, Experiment, Outcome, Table, claims_file
+from palpate.paper.judging import Finding, said
+from palpate.paper.rig import GATE, START
+from palpate.reports import html
+from palpate.reports.drawings import inline
+from palpate.reports.style import DRAWINGS, STYLE
+from palpate.writing import write_text
+
+TITLE = "Haddadi & Hashtrudi-Zaad (2012), run again"
+ABOUT = (
+    "Every experiment of “Real-Time Identification of Hunt–Crossley Dynamic Models of Contact "
+    "Environments” (IEEE Transactions on Robotics 28(3), 2012), on a simulated twin pantograph "
+    "that presses simulated materials. The paper's tables and the curves of its figures are lost "
+    "to us; its words are not. Everything shown here is ours, and each sentence of the paper that "
+    "can be held against it is. Each experiment also shows variable projection, which the paper "
+    "does not have."
+)
+# What this page has beside what every page has.
+PAPER = """
+nav h2 { margin-top: 1.5rem; font-size: 1.1rem; }
+nav ul { columns: 20rem; padding-left: 1.2rem; }
+.counts { list-style: none; padding: 0; display: flex; flex-wrap: wrap; gap: 0.4rem 1.5rem; }
+.abstract { list-style: none; padding: 0; }
+.abstract li { margin: 0.5rem 0; padding-left: 1.6rem; text-indent: -1.6rem; }
+.abstract .badge { display: inline-block; width: 1.6rem; text-indent: 0; }
+figure svg { display: block; width: 100%; height: auto; max-width: 62rem; }
+figure .wide:focus-visible { outline-offset: -2px; }
+#claims q { display: block; max-width: 34rem; }
+#claims .badge { white-space: normal; }
+#not-held h3 { font-size: 1rem; margin-bottom: 0; }
+#not-held small { color: var(--soft); white-space: nowrap; }
+.claim { border-left: 4px solid var(--line); padding: 0.1rem 0 0.1rem 1rem; margin: 1.25rem 0; }
+.claim p { margin: 0.25rem 0; }
+.claim small { color: var(--soft); }
+@media (max-width: 40rem) {
+  figure svg { min-width: 44rem; }
+  #claims thead { position: absolute; clip-path: inset(50%); }
+  #claims table, #claims tbody, #claims tr, #claims th, #claims td { display: block; }
+  #claims caption { display: block; } #claims .none { display: none; }
+  #claims tr { border-bottom: 1px solid var(--line); padding: 0.6rem 0; }
+  #claims th, #claims td { border: 0; padding: 0.1rem 0; }
+  #claims td[data-name]::before { content: attr(data-name) ": "; color: var(--soft); }
+}
+@media print {
+  :root { font-size: 75%; } nav { display: none; } section { break-inside: auto; }
+  h2, caption, thead { break-after: avoid; } tr, figure, .claim { break-inside: avoid; }
+}
+"""
+
+
+class Verdict(enum.Enum):
+    """What the seeds say together."""
+
+    REPRODUCED = "reproduced"
+    PARTLY = "partly reproduced"
+    NOT_REPRODUCED = "not reproduced"
+    UNCHECKED = "cannot be checked"
+
+
+#: Beside the words, so that no verdict is told by its colour alone.
+SIGNS = dict(zip(Verdict, "✓◐✗–", strict=True))
+CLASSES = dict(zip(Verdict, ("yes", "partly", "no", "open"), strict=True))
+
+
+def verdict_of(held: int, checked: int) -> Verdict:
+    """Reproduced or not: in all seeds, or claims, that could tell; partly: in some of them."""
+    if not checked:
+        return Verdict.UNCHECKED
+    if held == checked:
+        return Verdict.REPRODUCED
+    return Verdict.PARTLY if held else Verdict.NOT_REPRODUCED
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """A claim of an experiment, a finding for each seed, and in words what else was seen."""
+
+    experiment: str
+    claim: Claim
+    findings: tuple[Finding, ...]
+    words: str = ""
+
+    @property
+    def anchor(self) -> str:
+        """Its name on the page."""
+        return f"{self.experiment}-{self.claim.key}"
+
+    @property
+    def checked(self) -> int:
+        """Seeds that could tell."""
+        return sum(finding.holds is not None for finding in self.findings)
+
+    @property
+    def held(self) -> int:
+        """Seeds in which it holds."""
+        return sum(finding.holds is True for finding in self.findings)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of all seeds together."""
+        return verdict_of(self.held, self.checked)
+
+    @property
+    def verdict_words(self) -> str:
+        """The verdict, with the count of seeds where they differ."""
+        if self.verdict is Verdict.PARTLY:
+            return f"reproduced in {self.held} of {self.checked} seeds"
+        if 0 < self.checked < len(self.findings):
+            return f"{self.verdict.value} ({self.checked} of {len(self.findings)} seeds can tell)"
+        return str(self.verdict.value)
+
+    @property
+    def ours(self) -> tuple[float, float, float] | None:
+        """Median, least and largest of what was measured; None where nothing was."""
+        every = (math.nan if each.ours is None else each.ours for each in self.findings)
+        known = [each for each in every if math.isfinite(each)]
+        return (statistics.median(known), min(known), max(known)) if known else None
+
+    @property
+    def ours_words(self) -> str:
+        """What was measured, with its unit; the range over the seeds in brackets."""
+        return "" if self.ours is None else said(self.ours, self.claim.unit)
+
+    @property
+    def remark(self) -> str:
+        """What the words are taken to mean, and on what that depends."""
+        parts = (part.removesuffix(".") for part in (self.claim.reading, self.claim.depends))
+        return " ".join(f"{part[:1].upper()}{part[1:]}." for part in parts if part)
+
+
+@dataclass(frozen=True)
+class Section:
+    """An experiment of the report, with all its seeds; whether its figure is there."""
+
+    experiment: Experiment
+    outcomes: Sequence[Outcome]
+    drawn: bool = True
+
+    @cached_property
+    def tables(self) -> tuple[Table, ...]:
+        """The experiment's, filled in."""
+        return self.experiment.tabulated(self.outcomes)
+
+    @cached_property
+    def judgements(self) -> tuple[Judgement, ...]:
+        """What the outcomes say of each claim."""
+        every = [outcome.numbers for outcome in self.outcomes]
+        name, judges = self.experiment.name, self.experiment.judges
+        return tuple(
+            Judgement(name, claim, tuple(map(judge, every)), judge.words(every))
+            for claim in self.experiment.claims
+            for judge in (judges[claim.key],)
+        )
+
+
+@dataclass
+class Report:
+    """What is finished of some experiments, of seeds from 0 on, in a folder; it grows in a run."""
+
+    experiments: Sequence[Experiment]
+    seeds: int
+    folder: Path
+    outcomes: dict[tuple[str, int], Outcome] = field(default_factory=dict)
+    drawn: set[str] = field(default_factory=set)
+    failures: list[str] = field(default_factory=list)
+
+    def outcomes_of(self, experiment: Experiment) -> list[Outcome]:
+        """Return those that are there, in the order of the seeds."""
+        every = (self.outcomes.get((experiment.name, seed)) for seed in range(self.seeds))
+        return [outcome for outcome in every if outcome]
+
+    def is_complete(self, experiment: Experiment) -> bool:
+        """Whether every seed is there."""
+        return len(self.outcomes_of(experiment)) == self.seeds
+
+    @property
+    def unfinished(self) -> list[str]:
+        """Names of what is missing."""
+        counted = {each.name: len(self.outcomes_of(each)) for each in self.experiments}
+        words = {n: f"{n} ({count} of {self.seeds} seeds)" for n, count in counted.items()}
+        words |= {n: f"{n} (no figure)" for n, count in counted.items() if count == self.seeds}
+        return [words[n] for n in words if counted[n] < self.seeds or n not in self.drawn]
+
+    @cached_property
+    def sections(self) -> list[Section]:
+        """The experiments that are finished; asked for at the end."""
+        finished = filter(self.is_complete, self.experiments)
+        return [Section(e, self.outcomes_of(e), e.name in self.drawn) for e in finished]
+
+    @property
+    def judgements(self) -> tuple[Judgement, ...]:
+        """Every claim of every section."""
+        return tuple(each for section in self.sections for each in section.judgements)
+
+    @property
+    def counts(self) -> dict[Verdict, int]:
+        """How many claims got which verdict."""
+        found = [judgement.verdict for judgement in self.judgements]
+        return {verdict: found.count(verdict) for verdict in Verdict}
+
+    @property
+    def summary(self) -> str:
+        """The counts in words."""
+        parts = (f"{count} {verdict.value}" for verdict, count in self.counts.items())
+        return f"{len(self.judgements)} claims: {', '.join(parts)}"
+
+
+def abstract(judgements: Sequence[Judgement]) -> Iterator[tuple[str, str, int, int]]:
+    """Sum up judgements in ten lines; what was not run is left out.
+
+    Each is several claims in one sentence, why some of them do not reproduce, and how many do in
+    every seed, of how many that can be checked.
+    """
+    known = {f"{each.experiment}.{each.claim.key}": each.verdict for each in judgements}
+    for line in claims_file()["abstract"].values():
+        verdicts = [known[key] for key in line["claims"].split() if key in known]
+        checked = [verdict for verdict in verdicts if verdict is not Verdict.UNCHECKED]
+        if checked:
+            held = checked.count(Verdict.REPRODUCED)
+            yield line["words"], line["because"], held, len(checked)
+
+
+def not_held() -> dict[str, list[list[str]]]:
+    """Return section and words of each sentence that is not judged, by the reason why not."""
+    groups = claims_file()["not-held"]
+    return {each["why"]: [w.split(" ", 1) for w in each["words"].splitlines()] for each in groups}
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what the numbers depend on."""
+    names = ("palpate", "numpy", "scipy", "mujoco", "matplotlib")
+    return {"Python": platform.python_version()} | {name: version(name) for name in names}
+
+
+def circumstances() -> dict[str, str]:
+    """Return when and on what this was made."""
+    return {
+        "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "machine": f"{platform.system()} on {platform.machine()}, {os.cpu_count()} processors",
+        "versions": ", ".join(f"{name} {number}" for name, number in versions().items()),
+    }
+
+
+def settings() -> tuple[Table, ...]:
+    """Return what the paper leaves open, and what was chosen."""
+    single = palpate.SingleStageRLS()
+    gate = (
+        f"penetration > {1e3 * GATE.minimum_penetration:g} mm and force > {GATE.make_force:g} N, "
+        f"until force ≤ {GATE.break_force:g} N"
+    )
+    chosen = (
+        ("clock", f"the command leaves its pause at {START:g} s; identification starts there"),
+        ("samples taken as contact", gate),
+        ("units of the estimators", "SI, as in the paper"),
+        ("P₀ of the single stage, of [ln K, B/K, n]", f"{single.settings['initial_covariance']:g}"),
+        ("forgetting", "λ(t) = 1 − 0.01 exp(−5 (t − contact)), the paper's"),
+        ("start, set I", "K = {:g}, B = {:g}, n = {:g}".format(*single.default_initial.parameters)),
+        ("sensors", lab.Sensors().describe()),
+        ("variable projection", "same samples, no starts, no forgetting, offset estimated"),
+    )
+    laws = tuple((name, _in_words(each.describe())) for name, each in lab.MATERIALS.items())
+    commands: dict[str, Any] = {**lab.TRAJECTORIES}
+    motions = tuple((name, _in_words(asdict(each))) for name, each in commands.items())
+    ours = "Within the orders of magnitude that the paper's text gives; its tables are lost."
+    return (
+        Table("How the experiments are set", ("setting", "value"), chosen),
+        Table("The materials, ours", ("material", "truth, SI"), laws, ours),
+        Table("The motions", ("motion", "command, SI"), motions),
+    )
+
+
+def _in_words(truth: Any) -> str:
+    """What a material or motion says of itself: a number, words, or several by name."""
+    if isinstance(truth, Mapping):
+        named = {key.replace("_", " "): _in_words(value) for key, value in truth.items()}
+        return ", ".join(v if key == "kind" else f"{key} {v}" for key, v in named.items())
+    if isinstance(truth, list | tuple):
+        return "; ".join(map(_in_words, truth))
+    return f"{truth:g}" if isinstance(truth, float) else str(truth)
+
+
+def write_report(report: Report) -> None:
+    """Write ``report.html``, ``report.json`` and ``claims.md``, each whole or not at all.
+
+    The figures that lie in the folder are put into the page.
+    """
+    folder = report.folder
+    sections = [line for section in report.sections for line in _section(section, folder)]
+    parts = [*_head(report), "<main>", *_claims(report), *_rest(), *sections, "</main>"]
+    whole = {
+        "title": TITLE,
+        **circumstances(),
+        "seeds": report.seeds,
+        "unfinished": report.unfinished,
+        "failures": report.failures,
+        "settings": [asdict(table) for table in settings()],
+        "verdicts": {verdict.value: count for verdict, count in report.counts.items()},
+        "claims": [_claim_as_dict(each) for each in report.judgements],
+        "not_held": not_held(),
+        "experiments": [_section_as_dict(each) for each in report.sections],
+    }
+    text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
+    write_text(folder / "report.html", html.document(TITLE, STYLE + DRAWINGS + PAPER, parts))
+    write_text(folder / "report.json", text + "\n")
+    write_text(folder / "claims.md", _markdown(report))
+
+
+def _claim_as_dict(each: Judgement) -> dict[str, Any]:
+    ours = dict(zip(("median", "least", "largest"), each.ours or (), strict=False)) or None
+    seeds = {"seeds_checked": each.checked, "seeds_held": each.held}
+    found = {"verdict": each.verdict.value, **seeds, "ours": ours, "seen": each.words}
+    return {"experiment": each.experiment, **asdict(each.claim), **found}
+
+
+def _section_as_dict(section: Section) -> dict[str, Any]:
+    experiment, name = section.experiment, section.experiment.name
+    outcomes = []
+    for each in section.outcomes:
+        numbers = {key: _plain(value) for key, value in each.numbers.items()}
+        findings = {
+            key: {"holds": found.holds, "ours": _plain(found.ours)}
+            for key, found in experiment.findings(each).items()
+        }
+        outcomes.append({"seed": each.seed, "numbers": numbers, "findings": findings})
+    return {
+        **{"name": name, "title": experiment.title, "caption": experiment.caption},
+        "figure": f"{name}.svg" if section.drawn else None,
+        "tables": [asdict(table) for table in section.tables],
+        "outcomes": outcomes,
+    }
+
+
+def _plain(value: float | None) -> float | None:
+    """A float to nine digits, None for what is not finite."""
+    return None if value is None or not math.isfinite(value) else float(f"{value:.9g}")
+
+
+def _markdown(report: Report) -> str:
+    """Return the table of claims, to paste into a document."""
+    header = ("figure", "the paper's words", "its number", "ours", "verdict", "read as, depends on")
+    rows: list[tuple[str, ...]] = [header]
+    for each in report.judgements:
+        claim, number = each.claim, each.ours_words
+        if number and claim.measured:
+            number = f"{claim.measured}: {number}"
+        ours = ". ".join(filter(None, (number, each.words)))
+        where, words = f"{each.experiment}; {claim.where}", f"“{claim.words}”"
+        rows.append((where, words, claim.number, ours, each.verdict_words, each.remark))
+    lines = ["| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |" for cells in rows]
+    lines[1:1] = ["|---" * len(header) + "|"]
+    lines += ["", "Not held against anything:", ""]
+    for why, sentences in not_held().items():
+        lines.append(f"- **{why}** " + "; ".join(f"“{words}” ({at})" for at, words in sentences))
+    return f"{report.summary}; {report.seeds} seeds.\n\n" + "\n".join(lines) + "\n"
+
+
+def figures_of(folder: Path, name: str) -> tuple[Path, Path]:
+    """Where an experiment's figure lies, for a light and for a dark background."""
+    return folder / f"{name}.svg", folder / f"{name}-dark.svg"
+
+
+def _head(report: Report) -> Iterator[str]:
+    yield f"<header><h1>{escape(TITLE)}</h1>"
+    yield f"<p>{escape(ABOUT)}</p>"
+    for words, left in {"Not finished": report.unfinished, "Failed": report.failures}.items():
+        if left:
+            yield f'<p class="note"><strong>{words}:</strong> {escape("; ".join(left))}.</p>'
+    lines = []
+    for sentence, because, held, checked in abstract(report.judgements):
+        verdict = verdict_of(held, checked)
+        why = "" if verdict is Verdict.REPRODUCED else f" {escape(because)}"
+        counted = f"({held} of {checked} claims reproduced in every seed)"
+        sign = f'<span class="badge {CLASSES[verdict]}">{SIGNS[verdict]}</span>'
+        said_so = f"{sign}<strong>{escape(sentence)}.</strong>{why}"
+        lines.append(f'{said_so} <span class="soft">{counted}</span>')
+    if lines:
+        yield "<h2>What reproduces, and what does not</h2>"
+        yield _list(lines, "abstract")
+    yield from html.definitions({**circumstances(), "seeds": f"{report.seeds}, from 0 on"})
+    yield "</header>"
+    places = {"claims": "Every claim", "not-held": "Not held against anything"}
+    places |= {"settings": "Settings and materials"}
+    places |= {each.experiment.name: _heading(each.experiment) for each in report.sections}
+    yield '<nav aria-label="Contents"><h2>Contents</h2>'
+    yield _list(f'<a href="#{name}">{escape(words)}</a>' for name, words in places.items())
+    yield "</nav>"
+
+
+def _badge(verdict: Verdict, words: str) -> str:
+    sign = f'<span aria-hidden="true">{SIGNS[verdict]}</span>'
+    return f'<span class="badge {CLASSES[verdict]}">{sign} {escape(words)}</span>'
+
+
+def _list(items: Iterable[str], kind: str = "") -> str:
+    named = f' class="{kind}"' if kind else ""
+    return f"<ul{named}>\n" + "\n".join(f"<li>{item}</li>" for item in items) + "\n</ul>"
+
+
+def _heading(experiment: Experiment) -> str:
+    figure, title = _figure(experiment.name), experiment.title
+    return title if figure == experiment.name else f"{figure}: {title}"
+
+
+def _figure(name: str) -> str:
+    """Return "Fig. 5" of "fig05"."""
+    return re.sub(r"^fig0*(?=\d)", "Fig. ", name)
+
+
+def _claims(report: Report) -> Iterator[str]:
+    yield '<section id="claims"><h2>Every claim of the paper</h2>'
+    counts = report.counts.items()
+    yield _list((_badge(verdict, f"{n} {verdict.value}") for verdict, n in counts), "counts")
+    yield (
+        "<p>Ours is the median over the seeds, with the range in brackets. A claim is reproduced "
+        "where it holds in every seed. One that does not reproduce is a result: beside its figure "
+        "stands how the words are read, what else was seen, and on what it depends.</p>"
+    )
+    header = ("figure", "the paper's words", "its number", "ours", "verdict")
+    yield from html.table_start("Every claim", header)
+    for each in report.judgements:
+        figure = f'<a href="#{each.anchor}">{escape(_figure(each.experiment))}</a>'
+        # Each names its column, for where the table is too narrow for columns.
+        cells = (
+            f'<td data-name="{name}">{escape(words)}</td>' if words else '<td class="none">–</td>'
+            for name, words in (("its number", each.claim.number), ("ours", each.ours_words))
+        )
+        yield (
+            f'<tr><th scope="row">{figure}</th><td><q>{escape(each.claim.words)}</q></td>'
+            f"{''.join(cells)}<td>{_badge(each.verdict, each.verdict_words)}</td></tr>"
+        )
+    yield from html.table_end()
+    yield "</section>"
+
+
+def _rest() -> Iterator[str]:
+    """What the paper says besides, a list for each reason, and what was chosen here."""
+    yield '<section id="not-held"><h2>Not held against anything</h2>'
+    yield "<p>What sections II to VIII say besides, and why no number here speaks of it.</p>"
+    for why, sentences in not_held().items():
+        yield f"<h3>{escape(why)}</h3>"
+        every = (f"<q>{escape(words)}</q> <small>{escape(at)}</small>" for at, words in sentences)
+        yield _list(every)
+    yield '</section>\n<section id="settings"><h2>Settings and materials</h2>'
+    yield from _tables(settings())
+    yield "</section>"
+
+
+def _tables(tables: Iterable[Table]) -> Iterator[str]:
+    for table in tables:
+        rows = ([escape(cell) for cell in row] for row in table.rows)
+        yield from html.table(table.title, table.header, rows)
+        if table.note:
+            yield f'<p class="soft">{escape(table.note)}</p>'
+
+
+def _section(section: Section, folder: Path) -> Iterator[str]:
+    name, words = section.experiment.name, section.experiment.caption
+    yield f'<section id="{name}"><h2>{escape(_heading(section.experiment))}</h2>'
+    if section.drawn:
+        drawing = figures_of(folder, name)[0].read_text(encoding="utf-8")
+        inside = inline(drawing, f"{name}-drawing", words)
+        yield f'<figure><div class="wide" tabindex="0">{inside}</div>'
+        yield f"<figcaption>{escape(words)}</figcaption></figure>"
+    for each in section.judgements:  # with all that stands behind the verdict
+        claim = each.claim
+        yield f'<div class="claim" id="{each.anchor}">'
+        yield f"<p><q>{escape(claim.words)}</q> <small>{escape(claim.where)}</small></p>"
+        yield f"<p>{_badge(each.verdict, each.verdict_words)}</p>"
+        numbers = {"its number": claim.number, claim.measured or "ours": each.ours_words}
+        if said := "; ".join(f"{name}: {value}" for name, value in numbers.items() if value):
+            yield f"<p>{escape(said)}</p>"
+        yield from (f'<p class="soft">{escape(w)}</p>' for w in (each.words, each.remark) if w)
+        yield "</div>"
+    yield from _tables(section.tables)
+    yield "</section>"

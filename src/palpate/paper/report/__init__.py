@@ -1,1 +1,0 @@
-"""What becomes of the claims, on a page and as JSON."""
