@@ -70,7 +70,7 @@ def test_an_error_of_the_reader_itself_is_not_called_one_of_the_path(tmp_path, m
         raise ValueError("a defect")
 
     monkeypatch.setattr("palpate.recordings.messages.mcap_records.whole_records", fail)
-    with pytest.raises(ValueError, match="^a defect$"):
+    with pytest.raises(ValueError, match=r"^a defect$"):
         open_recording(path)
     with pytest.raises(RecordingError, match="cannot be read; check the path"):
         open_recording(f"{path}\0.mcap")

@@ -88,7 +88,9 @@ def print_json(whole: dict[str, Any]) -> None:
 def prepare_output() -> None:
     """Let what the output's encoding lacks be printed in other signs, instead of failing."""
     codecs.register_error("palpate.plain", _in_plain_signs)
-    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+    # In the C locale Python lets bytes of file names through, and other signs fail all the same.
+    failing = ("strict", "surrogateescape")
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in failing:
         sys.stdout.reconfigure(errors="palpate.plain")
 
 

@@ -48,7 +48,8 @@ def sources_of(
         listed = [(_identity(source.name), source) for source in kind(text, leave_out)]
         if not listed:
             raise RecordingError(
-                f"{printable(text)}: there is no recording here; recordings end in {', '.join(_ENDINGS)}"
+                f"{printable(text)}: there is no recording here; recordings end in "
+                f"{', '.join(_ENDINGS)}"
             )
         for identity, source in listed:
             found.setdefault(identity, replace(source, name=printable(source.name)))
