@@ -68,6 +68,24 @@ def test_damage_is_said_in_a_line_or_in_what_was_lost(tmp_path, content, damage)
             assert 0 < fault.count <= unknown.sum()
 
 
+@pytest.mark.parametrize("damage", [b'""\r\xf8', b'"a"\rb', b'"\r"\n""\r\xf8'])
+def test_a_damaged_last_line_is_left_out(tmp_path, damage):
+    read = open_recording(written(tmp_path / "d.csv", PLAIN.encode() + damage))
+    whole = open_recording(written(tmp_path / "w.csv", PLAIN))
+    assert (
+        read.channels["force_N"][: len(whole.rows)].tolist() == whole.channels["force_N"].tolist()
+    )
+    assert any("left out" in sentence for sentence in read.losses)
+
+
+@pytest.mark.parametrize(
+    "notes", ["# made by: me\n", "# made by: me\n\n% of: a day\n", "sep=,\n#a: b"]
+)
+def test_a_table_of_notes_only_is_said_to_be_that(tmp_path, notes):
+    with pytest.raises(RecordingError, match="holds notes only; expected a header and samples"):
+        open_recording(written(tmp_path / "n.csv", notes))
+
+
 @pytest.mark.parametrize("left", range(2, 4000, 173))
 def test_of_a_file_that_was_cut_off_every_whole_row_is_read(tmp_path, left):
     """Wherever a writer was stopped: each row is one that it wrote, or it is not there."""

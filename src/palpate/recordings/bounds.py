@@ -7,6 +7,7 @@ from pathlib import Path
 from palpate.errors import RecordingError
 from palpate.recordings.formats import Request
 from palpate.recordings.recording import printable
+from palpate.recordings.sources import unreadable
 
 # How much longer than its file an array may be on its own: a channel that rests, and takes no room,
 # is as long as those that move, which shrink to a quarter at most.
@@ -61,11 +62,8 @@ def regular_size(path: Path) -> int:
             )
         with path.open("rb"):
             pass
-    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
-        if isinstance(error, RecordingError):
-            raise
-        reason = getattr(error, "strerror", None) or "cannot be read"
-        raise RecordingError(f"{source}: {reason}; check the path") from None
+    except (OSError, ValueError) as error:
+        raise unreadable(source, error) from None
     if not status.st_size:
         raise RecordingError(f"{source}: the file is empty; record or copy it again")
     return status.st_size

@@ -79,9 +79,7 @@ class Source:
                 else:
                     yield first
                     yield from chunks
-        except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
-            if isinstance(error, RecordingError):
-                raise
+        except (OSError, ValueError) as error:
             raise unreadable(printable(self.path), error) from None
 
     def _raw(self, file: IO[bytes]) -> Iterator[bytes]:
@@ -186,8 +184,13 @@ def _until_damaged(inflater: "zlib._Decompress", data: bytes) -> bytes:
     return b"".join(found)
 
 
-def unreadable(source: str, error: Exception) -> RecordingError:
-    """Return the error of a file that the system does not let read."""
+def unreadable(source: str, error: Exception) -> Exception:
+    """Return the error of a file that the system does not let read; any other error as it is.
+
+    A ValueError is the system's only where it is about a zero byte in the name.
+    """
+    if not isinstance(error, OSError) and "embedded null" not in str(error):
+        return error
     reason = getattr(error, "strerror", None) or "cannot be read"
     return RecordingError(f"{source}: {reason}; check the path")
 

@@ -5,9 +5,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from palpate.errors import RecordingError
 from palpate.recordings.messages.collection import Collection
 from palpate.recordings.recording import printable
+from palpate.recordings.sources import unreadable
 
 
 @contextmanager
@@ -19,10 +19,7 @@ def opened(path: Path, collection: Collection) -> Iterator[BinaryIO]:
         with path.open("rb") as file:
             yield file
     except (OSError, ValueError) as error:
-        if isinstance(error, RecordingError):
-            raise
-        reason = getattr(error, "strerror", None) or "cannot be read"
-        raise RecordingError(f"{printable(path)}: {reason}; check the path") from None
+        raise unreadable(printable(path), error) from None
 
 
 def name_of(path: Path) -> str:

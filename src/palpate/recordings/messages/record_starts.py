@@ -64,11 +64,11 @@ def _run(
     """Records that go on as the last ones did, in a pattern of up to eight sizes."""
     sizes = np.diff(bounds)
     period = next((p for p in range(1, _LONGEST_PATTERN + 1) if (sizes[p:] == sizes[:-p]).all()), 0)
-    if not period:
-        return np.empty(0, np.int64)
     end = int(bounds[-1])
     stride = int(sizes[-period:].sum())
     rounds = (len(view) - end) // stride
+    if not (period and rounds):  # the block ends before the pattern comes again
+        return np.empty(0, np.int64)
     offsets = bounds[-1 - period : -1] - bounds[-1 - period]
     same = np.ones(rounds, bool)
     for offset in offsets.tolist():

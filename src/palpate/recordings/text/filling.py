@@ -1,7 +1,9 @@
 """One way through a text file: its layout, then its rows, block by block, into columns."""
 
+import csv
 import itertools
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -160,7 +162,9 @@ class Filling:
     def _is_cut_off(self, line: bytes, row: int, before: bytes) -> bool:
         """Whether the last line, which has no end, was not written whole; that is said."""
         text = self.text.decode(line)
-        cells = [] if unclosed(text) else cells_of(text[:-1], self._delimiter)
+        cells = list[str]()
+        with suppress(csv.Error):  # an end of line within it
+            cells = [] if unclosed(text) else cells_of(text[:-1], self._delimiter)
         killed = self._file.size % BUFFER == 0 and not self._file.compressed
         cut = len(cells) < len(self.columns) or killed or bool(self._file.losses)
         # Its last number may lack digits, which only others of its kind can tell.
