@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from recordings import recording, rows_of, text_of, written
+from recordings import HEADER, recording, rows_of, text_of, written
 
 from palpate import figures
 from palpate.recordings.truth import truth_of
@@ -36,8 +36,8 @@ def printing(run, monkeypatch):
     return call
 
 
-def stream_of(encoding: str) -> io.TextIOWrapper:
-    return io.TextIOWrapper(io.BytesIO(), encoding=encoding, errors="strict")
+def stream_of(encoding: str, errors: str = "strict") -> io.TextIOWrapper:
+    return io.TextIOWrapper(io.BytesIO(), encoding=encoding, errors=errors)
 
 
 @pytest.mark.parametrize(
@@ -50,14 +50,35 @@ def stream_of(encoding: str) -> io.TextIOWrapper:
         ("--help", "ascii"),
     ],
 )
-def test_any_encoding_carries_the_tables(printing, good, command, encoding):
+@pytest.mark.parametrize("errors", ["strict", "surrogateescape"])  # the second in the C locale
+def test_any_encoding_carries_the_tables(printing, good, command, encoding, errors):
     guess = ["--stiffness", "2000", "--damping", "2000", "--exponent", "1", "--noise", "0.05"]
     arguments = {"design": guess, "--help": []}.get(command, [good])
-    stream = stream_of(encoding)
+    stream = stream_of(encoding, errors)
     assert printing(stream, command, *arguments) == (0, "")
     printed = stream.buffer.getvalue().decode(encoding)
     assert len(printed) > 200
     assert "\\u" not in printed  # every sign of ours has one that is plain
+
+
+@pytest.mark.parametrize("words", ["identify --help", "identify FILE -o FOLDER", "compare FILE"])
+def test_the_c_locale_carries_what_is_printed(good, tmp_path, words):
+    named = {"FILE": str(good), "FOLDER": str(tmp_path / "report")}
+    command = [*PALPATE, *(named.get(word, word) for word in words.split())]
+    locale = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": ""}
+    done = subprocess.run(command, capture_output=True, env=locale, check=False, timeout=60)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert done.stdout.isascii()
+    assert len(done.stdout) > 200
+
+
+@pytest.mark.parametrize("columns", [1, 20])
+@pytest.mark.parametrize("command", ["identify", "compare", "diagnose", "info", "--help"])
+def test_any_width_carries_the_tables(run, good, monkeypatch, command, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    status, out, err = run(command, *([] if command == "--help" else [good]))
+    assert (status, err) == (0, "")
+    assert len(out.splitlines()) > 20
 
 
 def test_plain_signs_are_read_as_what_they_stand_for(printing, good):
@@ -304,6 +325,35 @@ def test_a_note_of_any_depth_is_no_obstacle(run, tmp_path):
     status, out, err = run("identify", file)
     assert (status, err) == (0, "")
     assert "truth, by" not in out
+
+
+@pytest.mark.parametrize("size", [1e90, 1e155, 1e300])
+@pytest.mark.parametrize("which", [slice(300, 301), slice(0, None, 7), slice(None)])
+@pytest.mark.parametrize("columns", [(1,), (2,), (1, 2)])
+@pytest.mark.parametrize("vectors", [False, True])
+def test_values_beyond_any_measurement_are_no_numbers(run, tmp_path, size, which, columns, vectors):
+    """LAPACK prints its own words on standard output where it is given infinities."""
+    rows = rows_of()
+    for row in rows[which]:
+        for column in columns:
+            row[column] = repr(size * float(row[column]))
+    header = HEADER
+    if vectors:
+        header = ("time_s", "x_m", "y_m", "z_m", "fx_N", "fy_N", "fz_N")
+        rows = [[t, "0", "0", f"-{x}".replace("--", ""), "0.1", f, f] for t, x, f in rows]
+    file = written(tmp_path / "far.csv", text_of(rows, header))
+    status, out, err = run("identify", file, "--json")
+    if which == slice(None) or status:
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert "Error" not in err
+    else:
+        assert err == ""
+        assert "holds no number in" in json.dumps(json.loads(out)["remarks"])
+    if not vectors:
+        assert (status == 2) == (which == slice(None))
+    status, out, err = run("identify", file, "--strict")
+    assert (status, out) == (2, "")
+    assert "is no measurement" in err
 
 
 @pytest.mark.parametrize("digits", [400, 5000])

@@ -167,6 +167,35 @@ def test_error_bars_hold_the_truth(surface: bool) -> None:
     assert fits.noise == pytest.approx(curves.noise, rel=0.15)
 
 
+@pytest.mark.parametrize("motion", ["approach–retract", "palpation"])
+@pytest.mark.parametrize("shift", [-6e-3, -3e-3, 3e-3, 40e-3])
+@pytest.mark.parametrize("approach", [True, False], ids=["approach", "contact only"])
+def test_a_surface_outside_the_default_range_is_found(
+    motion: str, shift: float, approach: bool
+) -> None:
+    curves = random_curves(MOTIONS[motion], 20, seed=3)
+    there = approach | (curves.penetration > 1.5e-3)
+    force = np.where(there, curves.force, np.nan)
+    fits = fit_curves(curves.penetration + shift, curves.velocity, force, surface="estimate")
+    assert fits.words.count("fitted") >= 19
+    z = (fits.surface - shift) / fits.standard_errors[:, 4]
+    assert np.abs(z).max() < 4.0
+    errors = fits.standard_errors[:, :3]
+    assert (np.abs(parameters(fits)[:, :3] - curves.truth[:, :3]) < 4.0 * errors).all()
+
+
+def test_a_surface_at_the_edge_of_its_range_is_not_called_fitted() -> None:
+    curves = random_curves(approach_and_retract, 2, seed=3)
+    narrow = fitted(curves, surface="estimate", surface_range=(1e-3, 2e-3))
+    assert set(narrow.words) == {"surface at the edge of its range"}
+    # Far above the first sample, by 15 travels of the probe: even the wider range ends before it.
+    depth, speed = approach_and_retract(np.linspace(0.0, 1.0, 400))
+    depth, speed = 5.5e-3 + 5e-4 * depth, 1e-3 * speed
+    force = HuntCrossley(4e4, 1e6, 2.0).force(depth + 10e-3, speed)
+    rising = fit_curves(depth, speed, force, surface="estimate", noise=1e-4)
+    assert rising.words == ["surface at the edge of its range"]
+
+
 @pytest.mark.parametrize("more", [{}, UNKNOWN])
 def test_threads_instruction_sets_and_neighbours_change_no_bit(more: dict[str, Any]) -> None:
     curves = random_curves(approach_and_retract, 40, surface=bool(more), seed=31)

@@ -26,6 +26,14 @@ def run(capsys, monkeypatch, *arguments):
     return status, *capsys.readouterr()
 
 
+def test_a_damping_of_almost_nothing_has_no_speed_limit(capsys, monkeypatch):
+    guess = [*GUESS, "--noise", "0.05", "--json"]
+    guess[3] = "1e-320"
+    status, out, err = run(capsys, monkeypatch, "design", *guess)
+    assert (status, err) == (0, "")
+    assert json.loads(out)["speed_limit"] is None
+
+
 def test_the_command_prints_precision_times_limit_and_a_command_to_run_next(capsys, monkeypatch):
     status, out, err = run(capsys, monkeypatch, "design", *GUESS, "--noise", "0.05")
     assert (status, err) == (0, "")

@@ -77,6 +77,24 @@ def finished(results, most=None):
 
 
 @pytest.mark.slow
+def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(run, tmp_path):
+    folder = tmp_path / "all"
+    write_recordings(folder, 2)
+    (folder / "touch-001.csv").rename(os.fsencode(folder) + b"/touch-\xff\xe9.csv")
+    write_zarr(folder / "array.zarr", 2)
+    (folder / "array.zarr").rename(os.fsencode(folder) + b"/array\xff.zarr")
+    (folder / "literal\\xff.csv").write_bytes((folder / "touch-000.csv").read_bytes())
+    for words in ("5 contacts in", "5 of 5 contacts reused"):
+        status, out, err = run("fleet", folder, "-o", tmp_path / "results", "--workers", 1)
+        assert (status, err) == (0, "")
+        assert words in out
+    table = read_results(tmp_path / "results")
+    names = [name.rpartition("/")[2] for name in table["source"].to_pylist()]
+    arrays = [r"array\xff.zarr"] * 2
+    assert sorted(names) == [*arrays, r"literal\xff.csv", "touch-000.csv", r"touch-\xff\xe9.csv"]
+    assert table["error"].to_pylist() == [None] * 5
+
+
 def test_a_fleet_of_which_nothing_was_identified_fails(run, tmp_path):
     (tmp_path / "bad.csv").write_text("time_s,penetration_m\n1,2\n")
     for _ in range(2):  # the second time by what is there

@@ -153,6 +153,16 @@ def test_a_row_of_another_size_is_an_error(row):
     assert engine._state() == before
 
 
+@pytest.mark.parametrize("row", ["12", ["1", "2"], [1.0, None], [[1.0], [2.0]], [1.0, 2j]])
+def test_a_row_of_anything_but_numbers_is_a_type_error(row):
+    engine = taught(2)
+    before = engine._state()
+    for call in (lambda: engine.update(row, 1.0), lambda: engine.predict(row)):
+        with pytest.raises(TypeError, match="regressor must hold numbers"):
+            call()
+    assert engine._state() == before
+
+
 COPIES = {
     "pickle": lambda e: pickle.loads(pickle.dumps(e)),
     "copy.copy": copy.copy,

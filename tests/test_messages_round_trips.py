@@ -4,6 +4,7 @@ import message_files as files
 import numpy as np
 import pytest
 
+from palpate import RecordingError
 from palpate.recordings import open_recording
 
 GIVEN = files.values()
@@ -39,6 +40,40 @@ def assert_same(found, given=GIVEN, *, seq=False) -> None:
 def test_mcap_of_ros2_comes_back_to_the_last_bit(tmp_path, compression, chunk) -> None:
     path = files.ros2_mcap(tmp_path / "a.mcap", GIVEN, compression=compression, chunk_size=chunk)
     assert_same(open_recording(path))
+
+
+@pytest.mark.parametrize("sizes", [(40, 30), (36, 40)])
+@pytest.mark.parametrize("chunk", [1000, 1025, 1050, 1075])
+def test_mcap_of_two_topics_in_turn_comes_back_whatever_a_chunk_holds(
+    tmp_path, chunk, sizes
+) -> None:
+    """A chunk may end with the records by which a pattern of sizes is known."""
+    topics = ("/ft", "/pose")
+    schema = ("json", "jsonschema", "Any", b"{}")
+    messages = [
+        (topics[k % 2], files.BEGIN + k, f'{{"z": {k}}}'.ljust(sizes[k % 2]).encode())
+        for k in range(400)
+    ]
+    path = files.raw_mcap(
+        tmp_path / "a.mcap", messages, dict.fromkeys(topics, schema), chunk_size=chunk
+    )
+    found = open_recording(path)
+    for k, topic in enumerate(topics):
+        assert found.channels[f"{topic}.z"].tolist() == list(range(k, 400, 2))
+    assert not found.losses
+
+
+def test_an_error_of_the_reader_itself_is_not_called_one_of_the_path(tmp_path, monkeypatch) -> None:
+    path = files.wrench_mcap(tmp_path / "a.mcap", GIVEN)
+
+    def fail(*_: object) -> None:
+        raise ValueError("a defect")
+
+    monkeypatch.setattr("palpate.recordings.messages.containers._whole_records", fail)
+    with pytest.raises(ValueError, match=r"^a defect$"):
+        open_recording(path)
+    with pytest.raises(RecordingError, match="cannot be read; check the path"):
+        open_recording(f"{path}\0.mcap")
 
 
 def test_mcap_without_chunks_comes_back_to_the_last_bit(tmp_path) -> None:

@@ -113,6 +113,8 @@ def test_options_come_from_a_file_and_the_command_line_has_the_last_word(run, tm
         ("config = 'x'", "'config' is no option"),
         ("time = 1979-05-27", "'time' must be text, a number"),
         ("time = ", "not TOML"),
+        ("time = " + "[" * 1000, "nests too deeply"),
+        ("time = " + "[" * 1000 + "]" * 1000, "nests too deeply"),
         ("delay = '5 parsecs'", "--delay must be a number and one of s"),
     ],
 )

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +79,7 @@ def test_the_result_is_what_json_prints(ball, saved, run):
     printed = json.loads(run("identify", BALL, "--json")[1])
     written = json.loads((saved / "result.json").read_text(encoding="utf-8"))
     assert written.pop("trace").startswith("trace.")
+    written.pop("trace_digest")
     assert written.pop("file") == printed.pop("file")
     assert written == printed
 
@@ -155,6 +157,28 @@ def test_a_damaged_result_is_one_line(saved, tmp_path, spoil, words):
     with pytest.raises(RecordingError, match=re.escape(words)) as raised:
         palpate.load_result(tmp_path)
     assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("parquet", [True, False])
+def test_the_trace_of_another_run_is_refused(ball, tmp_path, monkeypatch, undrawn, parquet):
+    monkeypatch.setattr(saving, "has_parquet", lambda: parquet)
+    shifted = replace(ball.contact, force=ball.contact.force + 1e-12)  # of the same length
+    for folder, each in (("one", ball), ("other", palpate.identify(shifted))):
+        each.save(tmp_path / folder)
+        assert same(palpate.load_result(tmp_path / folder).contact.force, each.contact.force)
+    [trace] = (tmp_path / "other").glob("trace.*")
+    shutil.copy(trace, tmp_path / "one")
+    with pytest.raises(RecordingError, match=rf"result\.json: {trace.name} beside it is another"):
+        palpate.load_result(tmp_path / "one")
+
+
+def test_a_result_without_a_digest_as_it_was_before_there_was_one_is_read(ball, saved, tmp_path):
+    shutil.copytree(saved, tmp_path, dirs_exist_ok=True)
+    file = tmp_path / "result.json"
+    whole = json.loads(file.read_text("utf-8"))
+    assert set(whole.pop("trace_digest")) == {"bytes", "sha256"}
+    file.write_text(json.dumps(whole), "utf-8")
+    assert palpate.load_result(tmp_path).law == ball.law
 
 
 def change(folder: Path, **fields) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from recordings import written
 
-from palpate import open_recording
+from palpate import RecordingError, open_recording
 from palpate.recordings.units import unit_in_name
 
 COLUMNS = {"time": [0.0, 0.5, 1.25], "Fx": [-1.5, 2.0, 1e-3]}
@@ -151,3 +151,17 @@ def test_an_empty_column_is_no_number(tmp_path):
     read = open_recording(written(tmp_path / "e.csv", "t,remark\n0,\n1,\n"))
     assert read.channels["remark"].tolist() == ["", ""]
     assert read.faults == {}
+
+
+@pytest.mark.parametrize("damage", [b'""\r\xf8', b'"a"\rb', b'"\r"\n""\r\xf8'])
+def test_a_damaged_last_line_is_left_out(tmp_path, damage):
+    whole = "time,Fx\n" + "".join(f"{0.001 * k:.3f},{k}\n" for k in range(400))
+    read = open_recording(written(tmp_path / "d.csv", whole.encode() + damage))
+    assert read.channels["Fx"][:400].tolist() == list(range(400))
+    assert any("left out" in sentence for sentence in read.losses)
+
+
+@pytest.mark.parametrize("notes", ["# made by: me\n\n% of: a day\n", "sep=,\n#a: b"])
+def test_a_table_of_notes_only_is_said_to_be_that(tmp_path, notes):
+    with pytest.raises(RecordingError, match="holds notes only; expected a header and samples"):
+        open_recording(written(tmp_path / "n.csv", notes))

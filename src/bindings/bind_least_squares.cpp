@@ -58,7 +58,13 @@ Vector<Order> regressor_of(const nb::sequence& sequence) {
     throw nb::value_error(("regressor must have " + std::to_string(Order) + " entries").c_str());
   }
   Vector<Order> regressor{};
-  for (std::size_t i = 0; i < Order; ++i) regressor[i] = nb::cast<double>(sequence[i]);
+  for (std::size_t i = 0; i < Order; ++i) {
+    if (!nb::try_cast(sequence[i], regressor[i])) {
+      throw nb::type_error(
+          ("regressor must hold numbers, and its entry " + std::to_string(i) + " is not one")
+              .c_str());
+    }
+  }
   return regressor;
 }
 

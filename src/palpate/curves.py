@@ -33,7 +33,7 @@ _AT_ONCE = 2_000_000  # samples of one call of the core, between which Ctrl-C is
 _RANGE: tuple[float, float] = _core.defaults["VariableProjection"]["exponent_range"]
 _MOST_SAMPLES = 1 << 20  # the levels of error bars that look at noise end there
 #: By the codes of :attr:`CurveFits.status`.
-STATUS_WORDS = ("fitted", "no contact", "did not settle")
+STATUS_WORDS = ("fitted", "no contact", "did not settle", "surface at the edge of its range")
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +132,8 @@ def fit_curves(
         Find where the material begins too, within ``surface_range``. None: at 0.
     surface_range : tuple of float, optional
         Where the surface is looked for, m, in the coordinate of the penetration: (lowest, highest).
-        None: ± a fifth of the unit of penetration.
+        Default: ± a fifth of the unit of penetration; a curve whose best surface lies at an edge of
+        that is fitted again, from one travel of the probe above its highest sample to its deepest.
     exponent : float, optional
         n, in [0.1, 10], where the shape of the tip says it: 1.5 for a sphere. None: fitted.
     exponent_range : tuple of float

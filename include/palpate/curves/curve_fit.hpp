@@ -303,7 +303,9 @@ class CurveFitter {
     fit.taken = static_cast<std::uint64_t>(cost.data().count());
     fit.flags = bars.flags;
     if (tare_refuted_) fit.flags |= tare_refuted;
-    fit.status = best.settled ? CurveStatus::fitted : CurveStatus::unsettled;
+    fit.status = !best.settled                   ? CurveStatus::unsettled
+                 : (fit.flags & surface_at_edge) ? CurveStatus::surface_at_edge
+                                                 : CurveStatus::fitted;
     fit.offset_mean = prior_mean_ * force;
     fit.offset_deviation = model_.settings.offset_deviation * force;
     fit.prior_variance = state.variance * force * force;
@@ -358,14 +360,38 @@ class CurveFitter {
   bool joined_ = false;
 };
 
+// The default range of surfaces, widened to all depths of the curve and as far again above them: a
+// recording without an approach tells where its surface lies by the bend of its force. At the deep
+// end an 80th would be called the edge, and a tip may touch no earlier.
+inline CurveSettings widened(CurveSettings settings, const CurveArrays& curve,
+                             double unit) noexcept {
+  constexpr double largest = 1e100;  // as suggested_scale
+  double low = largest, high = -largest;
+  for (std::size_t i = 0; i < curve.count; ++i) {
+    const Sample s{curve.penetration[i], curve.velocity[i], curve.force[i]};
+    if (!finite(s) || !(std::abs(s.penetration) < largest)) continue;
+    low = std::min(low, s.penetration);
+    high = std::max(high, s.penetration);
+  }
+  settings.lowest_surface = std::min(-0.2 * unit, low - (high - low));
+  settings.highest_surface = std::max(0.2 * unit, high + (high - low) / 79.0);
+  return settings;
+}
+
 }  // namespace detail
 
 // `memory` holds curve_memory(curve.count) doubles; `roles`, where it is given, a number a sample.
-// Kernels of other instruction sets give the same bits.
+// Kernels of other instruction sets give the same bits. Where the best surface is at an edge of the
+// default range, it is looked for once more in a wider one.
 inline CurveFit fit_curve(const CurveArrays& curve, const CurveSettings& settings, double* memory,
                           std::uint8_t* roles = nullptr,
                           const lanes::CurveKernels& kernels = lanes::curve_kernels) noexcept {
-  return detail::CurveFitter(curve, settings, memory, kernels)(roles);
+  const CurveFit fit = detail::CurveFitter(curve, settings, memory, kernels)(roles);
+  if (!(fit.flags & surface_at_edge) || settings.lowest_surface != settings.highest_surface) {
+    return fit;
+  }
+  const CurveSettings wide = detail::widened(settings, curve, fit.scale.penetration);
+  return detail::CurveFitter(curve, wide, memory, kernels)(roles);
 }
 
 }  // namespace palpate

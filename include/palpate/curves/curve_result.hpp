@@ -20,12 +20,12 @@ struct CurveSettings {
   double offset_deviation = 0.0;   // as ProjectionSettings has it
   double surface_deviation = 0.0;  // the same
   bool find_surface = false;
-  double lowest_surface = 0.0;  // both 0: a fifth of the unit of penetration each way
-  double highest_surface = 0.0;
+  double lowest_surface = 0.0;  // both 0: a fifth of the unit of penetration each way,
+  double highest_surface = 0.0;  // and once more in a wider range where that is too narrow
   Scale scale{0.0, 0.0, 0.0};
 };
 
-enum class CurveStatus : std::uint8_t { fitted, no_contact, unsettled };
+enum class CurveStatus : std::uint8_t { fitted, no_contact, unsettled, surface_at_edge };
 
 // What a sample was to a fit.
 enum class CurveRole : std::uint8_t { absent, free, firm, light, left_out };

@@ -74,6 +74,8 @@ def _table(path: Path) -> dict[str, Any]:
         raise RecordingError(f"{path}: {error.strerror or 'cannot be read'}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError) as error:
         raise RecordingError(f"{path}: not TOML: {error}") from None
+    except RecursionError:
+        raise RecordingError(f"{path}: not TOML of options: it nests too deeply") from None
 
 
 def _as_arguments(where: str, option: str, off: str | None, value: Any) -> list[str]:

@@ -182,8 +182,8 @@ def _print_stacked(
     console: Console, columns: Sequence[Column], rows: Sequence[Sequence[Text]]
 ) -> None:
     """A block of lines for each row: its name, then a heading and its cell in each line."""
-    label = max(_width(_flat(column.heading)) for column in columns[1:]) + GAP
-    widest = max(_width(cell.plain) for row in rows for cell in row[1:])
+    label = max((_width(_flat(column.heading)) for column in columns[1:]), default=0) + GAP
+    widest = max((_width(cell.plain) for row in rows for cell in row[1:]), default=0)
     if label + widest + GAP > console.width:
         label = 0  # the heading has a line of its own
     for name, *cells in rows:

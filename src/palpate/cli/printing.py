@@ -105,7 +105,9 @@ def prepare_output() -> None:
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(descriptor, "w", encoding="utf-8", errors="replace"))
     codecs.register_error("palpate.plain", _in_plain_signs)
-    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+    # In the C locale Python lets bytes of file names through, and other signs fail all the same.
+    failing = ("strict", "surrogateescape")
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in failing:
         sys.stdout.reconfigure(errors="palpate.plain")
 
 

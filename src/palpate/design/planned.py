@@ -98,7 +98,7 @@ class Design:
             "sample_time": self.sample_time,
             "offset": self.offset,
             "surface": self.surface,
-            "speed_limit": self.speed_limit,
+            "speed_limit": self.speed_limit if math.isfinite(self.speed_limit) else None,
             "limits": asdict(self.limits),
             "planned": self.planned.as_dict(),
             "better": None if self.better is None else self.better.as_dict(),

@@ -3,6 +3,7 @@
 import glob
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -47,10 +48,11 @@ def sources_of(
         listed = [(_identity(source.name), source) for source in kind(text, leave_out)]
         if not listed:
             raise RecordingError(
-                f"{text}: there is no recording here; recordings end in {', '.join(_ENDINGS)}"
+                f"{printable(text)}: there is no recording here; recordings end in "
+                f"{', '.join(_ENDINGS)}"
             )
         for identity, source in listed:
-            found.setdefault(identity, source)
+            found.setdefault(identity, replace(source, name=printable(source.name)))
     return list(found.values())
 
 
@@ -91,7 +93,7 @@ def _at(
 def _in_folder(path: Path, leave_out: Path | None, above: tuple[str, ...]) -> Iterator[Source]:
     here = os.path.realpath(path)
     if (path / _BAG).is_file():  # a bag of ROS 2 is a folder
-        yield Source(printable(path), "file", stamp=stamp_of(str(path)))
+        yield Source(str(path), "file", stamp=stamp_of(str(path)))
         return
     results = leave_out is not None and _same(path, leave_out)
     if results or here in above or (path / MANIFEST).is_file():  # results, of whichever run

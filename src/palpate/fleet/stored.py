@@ -3,6 +3,7 @@
 import hashlib
 import math
 import os
+import re
 import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -141,11 +142,21 @@ def on_this_machine(name: str) -> Iterator[Path]:
         The object cannot be fetched.
     """
     if "://" not in name:
-        yield Path(name)
+        yield Path(_on_disk(name))
         return
     fsspec = needed("fsspec", "object storage")
     with temporary_file(PurePosixPath(name).name, _fetched(fsspec, name)) as path:
         yield path
+
+
+def _on_disk(name: str) -> str:
+    """The name of a file as its folder has it: tables take UTF-8, a folder takes any bytes."""
+    if "\\x" not in name or os.path.lexists(name):
+        return name
+    raw = re.sub(
+        rb"\\x([0-9a-f]{2})", lambda found: bytes.fromhex(found[1].decode()), os.fsencode(name)
+    )
+    return os.fsdecode(raw)
 
 
 def _fetched(fsspec: Any, name: str) -> Iterator[bytes]:
@@ -160,7 +171,7 @@ def _fetched(fsspec: Any, name: str) -> Iterator[bytes]:
 def _opened(name: str) -> Any:
     zarr = needed("zarr", "an array of contacts")
     try:
-        return zarr.open_group(name, mode="r")
+        return zarr.open_group(_on_disk(name), mode="r")
     except Exception as error:
         raise RecordingError(
             f"{name}: is no group of arrays by Zarr that can be opened: {_line(error)}"

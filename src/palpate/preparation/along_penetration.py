@@ -11,6 +11,7 @@ from palpate.contact import Contact
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.baselines import baseline_of, free_samples
+from palpate.preparation.channels import measurable
 from palpate.preparation.corrections import add
 from palpate.preparation.prepared import Prepared
 from palpate.preparation.roles import Roles
@@ -108,6 +109,7 @@ def _prepared(
     corrections.rescaled(values, made)
     measured = {name: values[name] for name in ("time", "penetration", "force")}
     time, penetration, force = checked_signals(**measured)
+    penetration, force = measurable(penetration), measurable(force)
     contact = Contact(
         time,
         penetration=penetration,

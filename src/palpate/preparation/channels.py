@@ -11,7 +11,15 @@ from palpate.recordings.units import GRAVITY, UNITS, WEIGHTS, plain_unit, size_o
 from palpate.remarks import Remark
 from palpate.validation import Floats
 
-LARGEST = 1e100  # of any unit: no sensor shows it, and its square overflows
+#: In SI, beyond which a value is no measurement; units of the arithmetic end there too. Sums of
+#: eighth powers are finite below it: of an infinity LAPACK prints words on standard output.
+LARGEST = 1e30
+
+
+def measurable(values: Floats) -> Floats:
+    """Values of which those beyond what anyone can measure are NaN."""
+    beyond = np.abs(values) > LARGEST
+    return np.where(beyond, np.nan, values) if beyond.any() else values
 
 
 def values_of(
@@ -31,9 +39,15 @@ def values_of(
     for role, names in channels.items():
         if not names:
             continue
-        columns = [recording.numbers(name, strict=strict) for name in names]
-        columns = [np.where(np.abs(column) > LARGEST, np.nan, column) for column in columns]
-        for name, column in zip(names, columns, strict=True):
+        read = [recording.numbers(name, strict=strict) for name in names]
+        columns = [measurable(column) for column in read]
+        for name, column, before in zip(names, columns, read, strict=True):
+            if strict and column is not before:
+                sample = int(np.nanargmax(np.abs(before)))
+                raise RecordingError(
+                    f"{recording.place(name, sample)}: {before[sample]:g} is no measurement: it is "
+                    f"beyond {LARGEST:g}"
+                )
             remarks += _unknown(recording, name, column)
         kind = kinds.get(role, role)
         if kind in UNITS:
@@ -47,6 +61,12 @@ def values_of(
                 words += f" weight at {GRAVITY} m/s²"
                 remarks.append(Remark("units", words, "--unit force=N, where it is a force in N"))
         values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
+        known = np.isfinite(np.column_stack(columns)).all(axis=1)
+        if role in ("depth", "force") and known.size and not known.any():
+            raise RecordingError(
+                f"{recording.place(names[0])}: no sample holds a number in [-{LARGEST:g}, "
+                f"{LARGEST:g}]; check its unit, or name another column"
+            )
     if roles.segment is not None:
         values["segment"] = recording.channel(roles.segment)
     return values

@@ -183,7 +183,7 @@ def number_in_text(text: str) -> float:
     return float(text)
 
 
-def printable(path: Path) -> str:
+def printable(path: str | Path) -> str:
     """Return a path as text that can be encoded: bytes that are no UTF-8 in hexadecimal."""
     return os.fsencode(path).decode("utf-8", "backslashreplace")
 

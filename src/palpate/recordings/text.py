@@ -2,6 +2,7 @@
 
 import bz2
 import codecs
+import csv
 import gzip
 import io
 import itertools
@@ -10,7 +11,7 @@ import re
 import sys
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from functools import cache, lru_cache
 from importlib import import_module
 from pathlib import Path
@@ -536,7 +537,9 @@ class _Table:
     def _is_cut_off(self, line: bytes, row: int, before: bytes) -> bool:
         """Whether the last line, which has no end, was not written whole; that is said."""
         text = self.text.decode(line)
-        cells = [] if unclosed(text) else cells_of(text[:-1], self.layout.delimiter)
+        cells = list[str]()
+        with suppress(csv.Error):  # an end of line within it
+            cells = [] if unclosed(text) else cells_of(text[:-1], self.layout.delimiter)
         killed = self.text.size % BUFFER == 0 and not self.text.compressed
         cut = len(cells) < len(self.columns) or killed or bool(self.text.losses)
         # Its last number may lack digits, which only others of its kind can tell.

@@ -65,9 +65,9 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
     delimiter = separator or _delimiter(body[: TRIED + 1])
     commented = notes.pop("", None)  # the last line above, which may be the header
     header, first = _header(body, delimiter, commented, source, top + 1)
+    if not body and not header:
+        raise RecordingError(f"{source}: the file holds notes only; expected a header and samples")
     if header is None:
-        if not body:
-            raise RecordingError(f"{source}: the file is empty; expected a header and samples")
         count = len(_cells(body[0], delimiter, source, top + 1))
         header = [f"column {place}" for place in range(1, count + 1)]
         notes["header"] = "none, so that the columns are numbered"

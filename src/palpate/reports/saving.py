@@ -18,7 +18,7 @@ from palpate.reports.html import GENERATOR
 from palpate.reports.identification import Circumstances, page
 from palpate.results.columns import in_file, trace_columns
 from palpate.results.description import described
-from palpate.results.loading import RESULT, TRACES
+from palpate.results.loading import RESULT, TRACES, digest_of
 from palpate.results.toml import as_toml, how_made
 from palpate.stages import timed
 from palpate.writing import check_own, check_writable, make_folder, write_text
@@ -109,6 +109,7 @@ class Destination:
             inputs=self.inputs,
         )
         write_text(self.folder / OPTIONS, run, self.inputs)
+        whole["trace_digest"] = digest_of(self.folder / self.trace)
         text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
         write_text(self.folder / RESULT, text + "\n", self.inputs)
 

@@ -1,5 +1,6 @@
 """A result that was saved, read back."""
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -82,8 +83,8 @@ def load_result(path: str | Path) -> SavedResult:
     Raises
     ------
     RecordingError
-        There is no result, it is damaged, or another version of palpate wrote it in a way that this
-        one does not know.
+        There is no result, it is damaged, another run wrote the trace beside it, or another version
+        of palpate wrote it in a way that this one does not know.
     """
     named = Path(path)
     if named.suffix != ".json" and named.is_file():
@@ -98,7 +99,12 @@ def load_result(path: str | Path) -> SavedResult:
         if name not in TRACES:
             raise ValueError(f"no trace of palpate is called {name!r}")
         law = law_from(found["law"])
-        contact, trace = contact_and_trace(open_recording(file.parent / name), FORCE_LAWS[law.kind])
+        recording = open_recording(file.parent / name)
+        if whole.get("trace_digest", digest := digest_of(file.parent / name)) != digest:
+            raise RecordingError(
+                f"{file}: {name} beside it is another run's, or was changed; save the result again"
+            )
+        contact, trace = contact_and_trace(recording, FORCE_LAWS[law.kind])
         return SavedResult(
             folder=file.parent,
             method=found["method"],
@@ -119,6 +125,13 @@ def load_result(path: str | Path) -> SavedResult:
     except (AttributeError, LookupError, TypeError, ValueError) as error:
         reason = f"{type(error).__name__}: {error}"
         raise RecordingError(f"{file}: the result is damaged ({reason}); identify again") from None
+
+
+def digest_of(trace: Path) -> dict[str, Any]:
+    """Return what tells one trace from another: the length of the file and its SHA-256."""
+    with trace.open("rb") as file:
+        found = hashlib.file_digest(file, "sha256").hexdigest()
+        return {"bytes": file.tell(), "sha256": found}
 
 
 def _described(file: Path) -> dict[str, Any]:
