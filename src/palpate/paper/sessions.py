@@ -56,7 +56,7 @@ def identified(contact: Contact, estimator: ContactEstimator, **settings: object
     """
     paper = {"scale": SI} if isinstance(estimator, RecursiveLeastSquaresEstimator) else {}
     ours = {"gate": GATE, "outlier_rejection": False, **paper, **settings}
-    return identifying.identify(contact, estimator.replace(**ours))
+    return identifying.identify(contact, estimator.replace(**ours), trace="full")
 
 
 def truth_of(material: str) -> Floats:
