@@ -14,9 +14,10 @@ from benchmarks.motion import contact_samples
 from benchmarks.report import Limit, Row, Section
 from benchmarks.timing import Case, Clock, Effort, clock
 from palpate import Contact, ContactEstimator, SingleStageRLS, VariableProjection, identify
+from palpate.trace import Traced
 
 SHORT = 1000  # samples of a curve
-THINNED = 10  # samples from one estimate to the next
+ESTIMATES = 2000  # of a trace, as identify has it by default
 Arrays = tuple[NDArray[np.float64], ...]
 Rows = NDArray[np.int64] | None
 
@@ -29,17 +30,18 @@ def _replay(estimator: ContactEstimator, arrays: Arrays, at: Rows) -> float:
     return (perf_counter() - start) / len(arrays[0])
 
 
-def _identify(contact: Contact, *, full: bool) -> float:
+def _identify(contact: Contact, trace: Traced) -> float:
     """Seconds a sample, of a whole identification without its diagnosis."""
     start = perf_counter()
-    identify(contact, trace="full" if full else False)
+    identify(contact, trace=trace)
     return (perf_counter() - start) / len(contact)
 
 
 def _cases(arrays: Arrays) -> dict[str, Case]:
     short = tuple(channel[:SHORT].copy() for channel in arrays)
     count = len(arrays[0])
-    none, some = np.empty(0, dtype=np.int64), np.arange(0, count, THINNED)
+    none = np.empty(0, dtype=np.int64)
+    some = np.linspace(0, count - 1, min(count, ESTIMATES)).astype(np.int64)
     single, projection = SingleStageRLS(), VariableProjection()
     penetration, velocity, force = short
     time = 1e-3 * np.arange(SHORT)
@@ -49,12 +51,11 @@ def _cases(arrays: Arrays) -> dict[str, Case]:
         "full": lambda: _replay(projection, arrays, None),
         "thinned": lambda: _replay(projection, arrays, some),
         "none": lambda: _replay(projection, arrays, none),
-        "one by one": lambda: _replay(projection, arrays, np.arange(count)),
         "short single": lambda: _replay(single, short, None),
         "short full": lambda: _replay(projection, short, None),
         "short none": lambda: _replay(projection, short, none),
-        "identify full": lambda: _identify(contact, full=True),
-        "identify none": lambda: _identify(contact, full=False),
+        "identify full": lambda: _identify(contact, "full"),
+        "identify none": lambda: _identify(contact, False),
     }
 
 
@@ -72,11 +73,9 @@ def measure_traces(running: Clock, effort: Effort) -> Section:
 
     replay = "full trace of SingleStageRLS"
     rows = [
-        Row("full trace", ns["full"], "ns", None, "", Limit(330.0)),
-        row("full", "full trace", "single", replay, 5.0),
-        row("full", "full trace", "one by one", "estimates asked for one by one", 0.7),
-        row("thinned", f"an estimate every {THINNED} samples", "full", "full trace", 1.0),
-        row("none", "no estimates", "full", "full trace", 0.6),
+        row("thinned", f"{ESTIMATES} estimates", "single", replay, 3.5),
+        row("full", "full trace", "single", replay, None),
+        row("none", "no estimates", "thinned", f"{ESTIMATES} estimates", 1.1),
         row("short full", f"full trace of {SHORT} samples", "short single", replay, None),
         row("short none", f"{SHORT} samples, no estimates", "short single", replay, None),
         row(

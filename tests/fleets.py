@@ -83,7 +83,7 @@ def mixed_touches(samples=400, seed=11):
         made[name] = [motion[0].copy(), motion[1].copy(), force]
         return made[name]
 
-    for k in range(17):  # of more than a block of lanes
+    for k in range(17):
         law = HuntCrossley(*(np.array([4000.0, 100.0, 1.2]) * random.uniform(0.6, 1.6, 3)))
         touch(f"good {k}", inside if k % 2 else deep, law)
     touch("never touches", (deep[0] - 1.0, deep[1]))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fleets import LAW, STEP, contact, curves, write_recordings, write_zarr
+from fleets import LAW, STEP, contact, curves, mixed_touches, write_recordings, write_zarr
 
 import palpate
 from palpate import (
@@ -132,12 +132,43 @@ def test_arrays_take_the_recursion_where_the_whole_curve_fit_does_not_do():
     x, v, f = curves(2)
     options = {"penetration": x, "velocity": v, "force": f, "sample_time": STEP}
     for method, diagnosis, fit in (
-        (SingleStageRLS(), "none", "lanes"),
+        (SingleStageRLS(), "none", "recursion"),
         (None, "full", "recursion"),
     ):
         rows = identify_many(**options, method=method, diagnosis=diagnosis).to_pylist()
         assert {row["fit"] for row in rows} == {fit}
     assert {row["verdict"] for row in rows} <= {"trust", "with-care", "do-not-trust"}
+
+
+def test_rows_of_a_gated_recursion_are_those_of_identify():
+    x, v, force, names = mixed_touches()
+    rows = identify_many(
+        penetration=x, velocity=v, force=force, sample_time=STEP, method="single-stage"
+    ).to_pylist()
+    flags = {name: " ".join(row["flags"] or []) for name, row in zip(names, rows, strict=True)}
+    assert "negative damping" in flags["negative damping"]
+    assert "left out as an outlier" in flags["spiked"]
+    assert "only 25 samples" in flags["few samples"]
+    assert "less than 0.2 s" in flags["brief"]
+    assert "condition 10 violated" in flags["wrong sign of the velocity"]
+    assert "refused" in flags["no velocity"]
+    for k, row in enumerate(rows):
+        there = np.isfinite(x[k]) & np.isfinite(force[k])
+        if row["error"] is not None:
+            continue
+        touch = palpate.prepare(
+            time=STEP * np.flatnonzero(there),
+            penetration=x[k][there],
+            velocity=v[k][there],
+            force=force[k][there],
+        )
+        own = identify(touch, "single-stage")
+        assert [row[name] for name in own.law.names()] == own.law.parameters.tolist()
+        assert row["covariance"] == own.covariance.reshape(-1).tolist()
+        assert row["flags"] == list(own.flags)
+        assert row["taken"] == np.count_nonzero(own.trace.taken)
+    assert names[17] == "never touches"
+    assert "never touches" in rows[17]["error"]
 
 
 def test_places_come_with_their_rows():

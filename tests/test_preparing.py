@@ -256,6 +256,7 @@ def test_a_format_is_one_module_and_one_row(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "toy_format", module)
     row = palpate.recordings.Format("toy", (".toy",), "toy_format")
     monkeypatch.setattr(opening, "FORMATS", [*opening.FORMATS, row])
+    (tmp_path / "a.TOY").write_bytes(b"toy")
     assert numbers(prepare(tmp_path / "a.TOY")) == numbers(prepare(recorded()))
 
 

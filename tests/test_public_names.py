@@ -31,6 +31,23 @@ def test_what_is_not_there_is_an_attribute_error():
     assert not hasattr(palpate, "__wrapped__")
 
 
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import palpate.lanes",
+        "from palpate import lanes",
+        "from palpate.lanes import replay_lanes",
+        "import palpate; palpate.lanes.replay_lanes",
+    ],
+)
+def test_the_module_of_lanes_is_refused_in_a_line_that_names_what_replaces_it(code):
+    with pytest.raises(ImportError) as refused:
+        exec(code, {})
+    assert str(refused.value) == (
+        "palpate.lanes was removed: use palpate.identify_many or palpate.fit_curves"
+    )
+
+
 # What the package imports of others is there before, and is imported once; then a fork a module.
 FIRST = """
 import gc, importlib, os, sys, tempfile
@@ -81,7 +98,7 @@ def test_every_module_can_be_the_first_of_the_package_to_be_imported(tmp_path):
     names = [
         ".".join(path.relative_to(root.parent).with_suffix("").parts).removesuffix(".__init__")
         for path in sorted(root.rglob("*.py"))
-        if path.name != "__main__.py"
+        if path.name not in ("__main__.py", "lanes.py")
     ]
     assert len(names) > 200
     places = [str(tmp_path / name) for name in ("others", "compiled")]

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from palpate.preparation.gates_of_rows import percentile_of_rows
 from palpate.preparation.resolution import resolutions_of
 from palpate.preparation.spikes import largest_of, spiked, spikes_of_rows, step_of
 from palpate.preparation.suggestions import LARGEST, noise_of
@@ -33,18 +32,6 @@ def channels(size):
         "smooth": np.sin(np.arange(size) / 30.0),
         "in two heaps": np.where(normal > 0.0, normal, 1e9 + normal),
     }
-
-
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("part", [0.0, 0.5, 0.9, 0.99, 1.0])
-def test_percentiles_are_those_of_numpy(size, part):
-    rows = np.array(list(channels(size).values()))
-    used = np.random.default_rng(1).random(rows.shape) < 0.8
-    found = percentile_of_rows(rows, used, part)
-    with np.errstate(over="ignore", invalid="ignore"):
-        for row, own, each in zip(rows, used, found, strict=True):
-            expected = np.quantile(row[own], part) if own.any() else math.nan
-            np.testing.assert_array_equal(each, expected)
 
 
 @pytest.mark.parametrize("size", SIZES)

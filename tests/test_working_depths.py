@@ -105,8 +105,10 @@ def test_the_covariance_has_the_standard_errors_and_keeps_the_correlations(ball)
 
 
 def test_the_trace_has_the_clock_of_the_contact(ball):
-    assert np.array_equal(ball.trace.time, ball.contact.time)
-    assert np.array_equal(ball.trace[10:20].time, ball.contact.time[10:20])
+    assert np.array_equal(ball.trace.time, ball.contact.time[ball.trace.after])
+    full = palpate.identify(ball.contact, trace="full").trace
+    assert np.array_equal(full.time, ball.contact.time)
+    assert np.array_equal(full[10:20].time, ball.contact.time[10:20])
 
 
 @pytest.mark.parametrize("method", palpate.ESTIMATORS)

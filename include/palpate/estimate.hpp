@@ -78,7 +78,7 @@ struct Estimate {
   constexpr bool valid() const noexcept { return validity_margin > 0.0; }
 };
 
-// The part of an estimate that a trace writes down, and what its next prediction needs beside.
+// The part of an estimate that a trace writes down, and what a prediction needs beside.
 template <class Law>
 struct Snapshot {
   Law law;

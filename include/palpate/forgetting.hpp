@@ -5,10 +5,6 @@
 
 namespace palpate {
 
-namespace lanes {
-struct Access;
-}
-
 // λ = 1 − (1 − λ₀) e^(−α t), t since contact was made. α = 0 is a constant factor.
 class Forgetting {
  public:
@@ -37,8 +33,6 @@ class Forgetting {
   }
 
  private:
-  friend lanes::Access;
-
   double initial_departure() const noexcept { return 1.0 - settings_.initial_factor; }
 
   Settings settings_;

@@ -42,10 +42,6 @@ concept Method = std::is_trivially_copyable_v<M> &&
                    // is given. Settings that would be ignored are refused by `validate`.
                    { M::forgets } -> std::convertible_to<bool>;
                    { M::perturbs } -> std::convertible_to<bool>;
-                   // False where a-priori errors are measured against a solution of a few samples
-                   // ago, because a solution for each sample would cost too much: a trace then asks
-                   // force() for its predictions.
-                   { M::predicts_exactly } -> std::convertible_to<bool>;
 
                    // The gate that it works behind: the given one, unless it wants more samples.
                    { method.gate(gate, units) } -> std::same_as<ContactGate::Settings>;
@@ -80,6 +76,8 @@ concept Method = std::is_trivially_copyable_v<M> &&
                  };
 
 // A method may also offer `withdraw(count)`: at most eight of the latest samples were outliers
-// after all, and it is to forget them. Those that do not keep them, as they are few.
+// after all, and it is to forget them. Those that do not keep them, as they are few. And
+// `latest(units)`, where the present answer costs too much to be worked out at each sample: the one
+// of a few samples ago, without its errors, against which predict() measures.
 
 }  // namespace palpate

@@ -19,10 +19,6 @@
 
 namespace palpate {
 
-namespace lanes {
-struct Access;
-}
-
 template <Method M, class Detector = NoChangeDetector, class Rejection = NoOutlierRejection>
 struct EstimatorSettings {
   typename M::Settings method{};
@@ -69,6 +65,10 @@ class RecursiveEstimator {
   using Law = typename M::Law;
   using Settings = EstimatorSettings<M, Detector, Rejection>;
 
+  // Whether the present answer costs a solution, so that a-priori errors are measured against the
+  // latest one.
+  static constexpr bool solves = requires(const M& m, const Units& units) { m.latest(units); };
+
   explicit RecursiveEstimator(const Settings& settings = {}) noexcept
       : settings_(settings),
         units_(settings.scale),
@@ -95,12 +95,6 @@ class RecursiveEstimator {
     return outcome.status;
   }
 
-  // update(), where the method's answer by now is known already: it need not be worked out again.
-  template <class Known>
-  Status update_knowing(const Sample& sample, double dt, const Known& known) noexcept {
-    return step<false>(sample, dt, known).status;
-  }
-
   // Contact ends here, as where a recording breaks off or a tool is changed: what was learned is
   // held until contact is made again.
   void leave_contact() noexcept {
@@ -122,6 +116,15 @@ class RecursiveEstimator {
   }
 
   Law law() const noexcept { return method_.law(units_); }
+
+  // The law that a-priori errors are measured against.
+  Law latest_law() const noexcept {
+    if constexpr (solves) {
+      return method_.latest(units_).law;
+    } else {
+      return law();
+    }
+  }
 
   Estimate<Law::size> estimate() const noexcept {
     const Fit<Law> fit = method_.fit(units_);
@@ -151,15 +154,13 @@ class RecursiveEstimator {
   void reset() noexcept { *this = RecursiveEstimator(settings_); }
 
  private:
-  friend lanes::Access;
-
   struct Outcome {
     Status status;
     double predicted_force;  // N; NaN where none was asked for
   };
 
-  template <bool Predicted, class... Known>
-  Outcome step(const Sample& sample, double dt, const Known&... known) noexcept {
+  template <bool Predicted>
+  Outcome step(const Sample& sample, double dt) noexcept {
     constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
     const bool valid_step = dt > 0.0 && std::isfinite(dt);
     if (!detail::finite(sample)) {
@@ -177,14 +178,13 @@ class RecursiveEstimator {
           if (const std::size_t count = outliers_.withdrawn()) method_.withdraw(count);
         }
         pass(dt);
-        return {Status::rejected,
-                Predicted ? predict(sample.penetration, sample.velocity) : unknown};
+        return {Status::rejected, Predicted ? expected_force(sample) : unknown};
       }
     }
     if (valid_step && in_range) [[likely]] {
-      return take<Predicted>(sample, inner, dt, known...);
+      return take<Predicted>(sample, inner, dt);
     }
-    const double predicted = Predicted ? predict(sample.penetration, sample.velocity) : unknown;
+    const double predicted = Predicted ? expected_force(sample) : unknown;
     if (!valid_step) return {Status::invalid_step, predicted};
     if (touching) {
       pass(dt);
@@ -205,19 +205,17 @@ class RecursiveEstimator {
   }
 
   // What a sample is to a method, which may ask how long after the last one it came.
-  template <class... Known>
-  typename M::Row prepared(const Sample& inner, double dt, const Known&... known) noexcept {
+  typename M::Row prepared(const Sample& inner, double dt) noexcept {
     if constexpr (requires { method_.prepare(inner, dt); }) {
       return method_.prepare(inner, dt);
     } else {
-      return method_.prepare(inner, known...);
+      return method_.prepare(inner);
     }
   }
 
   // A sample in contact and in range. Nothing of the loop changes before the method has learned it.
-  template <bool Predicted, class... Known>
-  Outcome take(const Sample& sample, const Sample& inner, double dt,
-               const Known&... known) noexcept {
+  template <bool Predicted>
+  Outcome take(const Sample& sample, const Sample& inner, double dt) noexcept {
     Forgetting forgetting = forgetting_;
     if (gate_.phase() == ContactGate::Phase::contact) {
       forgetting.advance(dt);
@@ -225,17 +223,11 @@ class RecursiveEstimator {
       forgetting.rearm();
     }
 
-    // Predict. A trace's prediction comes first: prepare() may refresh what errors are measured by.
-    double predicted = std::numeric_limits<double>::quiet_NaN();
-    if constexpr (Predicted && !M::predicts_exactly) {
-      predicted = predict(sample.penetration, sample.velocity);
-    }
-    const typename M::Row row = prepared(inner, dt, known...);
-    double error = 0.0;
-    if ((Predicted && M::predicts_exactly) || Detector::active || settings_.perturbation.active()) {
-      const double expected = method_.predict(row) * units_.force;
-      if constexpr (Predicted && M::predicts_exactly) predicted = expected;
-      error = detail::saturate(sample.force - expected);
+    double predicted = std::numeric_limits<double>::quiet_NaN(), error = 0.0;
+    const typename M::Row row = prepared(inner, dt);
+    if (Predicted || Detector::active || settings_.perturbation.active()) {
+      predicted = method_.predict(row) * units_.force;
+      error = detail::saturate(sample.force - predicted);
     }
 
     // Choose λ and the perturbation: an abrupt change perturbs P and takes λ back to λ₀.
@@ -255,6 +247,15 @@ class RecursiveEstimator {
     }
     commit(sample, status, forgetting);
     return {status, predicted};
+  }
+
+  // What the force of a sample that is not taken is compared with.
+  double expected_force(const Sample& sample) const noexcept {
+    if constexpr (solves) {
+      return method_.latest(units_).force(sample.penetration, sample.velocity);
+    } else {
+      return predict(sample.penetration, sample.velocity);
+    }
   }
 
   void commit(const Sample& sample, Status status, const Forgetting& forgetting) noexcept {

@@ -13,7 +13,6 @@
 #include "estimate.hpp"
 #include "handle.hpp"
 #include "palpate/palpate.hpp"
-#include "replay_many.hpp"
 #include "state.hpp"
 #include "update_method.hpp"
 
@@ -92,12 +91,8 @@ void replay_arrays(Handle& handle, const InputArray& penetration, const InputArr
                    penetration.size(), time_steps && time_steps->size() == 1};
   const TraceColumns out{parameters.data(), standard_errors.data(), predicted_force.data(),
                          validity_margin.data(), status.data()};
-  if (samples) {
-    const TraceRows rows{samples->data(), samples->size()};
-    handle.replay_with([&](auto& estimator) { replay(estimator, in, out, rows); });
-  } else {
-    handle.replay_with([&](auto& estimator) { replay(estimator, in, out); });
-  }
+  const TraceRows rows = samples ? TraceRows{samples->data(), samples->size()} : TraceRows{};
+  handle.replay_with([&](auto& estimator) { replay(estimator, in, out, rows); });
 }
 
 // Binds a method of no arguments that answers from the estimator, or changes it.
@@ -132,7 +127,6 @@ nb::class_<Handle> bind_face(nb::module_& module, const char* name) {
            "End the contact, as where a recording breaks off: the estimate is held until contact "
            "is made again.")
       .def("_replay", &replay_arrays<Handle>)
-      .def("_replay_many", &replay_many<Handle>)
       .def("_state",
            [full_name](Handle& self) {
              self.wait_until_free();

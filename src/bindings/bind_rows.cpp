@@ -1,29 +1,20 @@
 // What the samples of contacts say before anything is fitted: rows of arrays, without the
 // interpreter's lock.
+#include <nanobind/stl/array.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <vector>
 
+#include "conversions.hpp"
+#include "each_row.hpp"
 #include "gate.hpp"
-#include "replay_many.hpp"
 #include "spikes.hpp"
 
 namespace palpate::bindings {
 namespace {
-
-using InputMask = nb::ndarray<const bool, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-
-// Calls work(row, spare) for each row, on so many threads; `spare` holds so many numbers.
-template <class Work>
-void each_row(std::size_t rows, std::size_t size, std::size_t threads, const Work& work) {
-  const nb::gil_scoped_release release;
-  in_parts(rows, std::max<std::size_t>(threads, 1), [&](std::size_t first, std::size_t last) {
-    std::vector<double> spare(size + 1);
-    for (std::size_t row = first; row < last; ++row) work(row, spare.data());
-  });
-}
 
 void check(bool agree) {
   if (!agree) throw nb::value_error("the arrays must have as many rows, and samples in them");
@@ -64,53 +55,17 @@ void mark_spikes(const InputRows& values, bool screened, const StatusArray& mark
   });
 }
 
-void percentiles(const InputRows& values, const InputMask& used, double part,
-                 const OutputArray& result) {
-  const std::size_t samples = values.shape(1);
-  check(used.size() == values.size() && result.size() == values.shape(0));
-  each_row(values.shape(0), samples, 1, [&](std::size_t row, double* spare) {
-    const bool* counts = used.data() + row * samples;
-    const auto holds = [&](std::size_t k) noexcept { return counts[k]; };
-    const double* own = values.data() + row * samples;
-    result.data()[row] = rows::percentile(rows::chosen(own, samples, spare, holds), part);
-  });
-}
-
-// Calls work(row, contact, velocity, touching, spare) for each row.
-template <class Work>
-void each_contact(const InputRows& penetration, const InputRows& velocity, const InputRows& force,
-                  const OutputArray& result, const Work& work) {
-  const std::size_t count = penetration.shape(0), samples = penetration.shape(1);
-  check(velocity.size() == penetration.size() && force.size() == penetration.size() &&
-        result.size() == 3 * count);
-  each_row(count, 2 * samples, 1, [&](std::size_t row, double* spare) {
-    const std::size_t start = row * samples;
-    const rows::Pressed contact{penetration.data() + start, force.data() + start, samples};
-    const double* speed = velocity.data() + start;
-    const auto touching = [&](std::size_t k) noexcept {
-      return contact.touches(k) & (std::abs(speed[k]) < rows::largest);
-    };
-    const std::array<double, 3> found = work(contact, speed, touching, spare);
-    std::copy(found.begin(), found.end(), result.data() + 3 * row);
-  });
-}
-
-void gates(const InputRows& penetration, const InputRows& velocity, const InputRows& force,
-           const OutputArray& result) {
-  each_contact(penetration, velocity, force, result,
-               [](const rows::Pressed& contact, const double*, const auto& touching,
-                  double* spare) -> std::array<double, 3> {
-                 const ContactGate::Settings gate = rows::gate_of(contact, touching, spare);
-                 return {gate.minimum_penetration, gate.make_force, gate.break_force};
-               });
-}
-
-void scales(const InputRows& penetration, const InputRows& velocity, const InputRows& force,
-            const OutputArray& result) {
-  each_contact(
-      penetration, velocity, force, result,
-      [](const rows::Pressed& contact, const double* speed, const auto& touching,
-         double*) -> std::array<double, 3> { return rows::units_of(contact, speed, touching); });
+std::array<double, 3> gate_of(const InputArray& penetration, const InputArray& velocity,
+                              const InputArray& force) {
+  const std::size_t count = penetration.size();
+  check(velocity.size() == count && force.size() == count);
+  const rows::Pressed contact{penetration.data(), force.data(), count};
+  const auto touching = [&, speed = velocity.data()](std::size_t k) noexcept {
+    return contact.touches(k) & (std::abs(speed[k]) < rows::largest);
+  };
+  std::vector<double> spare(2 * count);
+  const ContactGate::Settings gate = rows::gate_of(contact, touching, spare.data());
+  return {gate.minimum_penetration, gate.make_force, gate.break_force};
 }
 
 void working_depths(const InputRows& penetration, const InputRows& force,
@@ -145,15 +100,8 @@ void bind_rows(nb::module_& module) {
              nb::arg("threads"),
              "Marks the spikes of each row: where they are screened, only of rows in which one "
              "leaves its two neighbours as a spike does.");
-  module.def("percentiles", &percentiles, nb::arg("values"), nb::arg("used"), nb::arg("part"),
-             nb::arg("result"),
-             "Fills, as NumPy's, a percentile of those of each row that are used, the part in "
-             "[0, 1]; NaN of none.");
-  module.def("gates", &gates, nb::arg("penetration"), nb::arg("velocity"), nb::arg("force"),
-             nb::arg("result"),
-             "Fills, for contacts as rows, a gate of each: its three settings, SI.");
-  module.def("scales", &scales, nb::arg("penetration"), nb::arg("velocity"), nb::arg("force"),
-             nb::arg("result"), "Fills, for contacts as rows, units for the arithmetic of each.");
+  module.def("gate_of", &gate_of, nb::arg("penetration"), nb::arg("velocity"), nb::arg("force"),
+             "The three settings of a gate for a contact, SI.");
   module.def("working_depths", &working_depths, nb::arg("penetration"), nb::arg("force"),
              nb::arg("surfaces"), nb::arg("result"), nb::arg("threads"),
              "Fills, for contacts as rows, median and largest penetration beyond its surface where "

@@ -13,6 +13,7 @@ namespace palpate::bindings {
 namespace nb = nanobind;
 
 using InputArray = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using InputRows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using OutputArray = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
 using StatusArray = nb::ndarray<std::uint8_t, nb::c_contig, nb::device::cpu>;
 using RowArray = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
@@ -31,7 +32,6 @@ void bind_drift_tracking(nb::module_& module);
 void bind_curves(nb::module_& module);
 void bind_least_squares(nb::module_& module);
 void bind_online_preparation(nb::module_& module);
-void bind_lanes(nb::module_& module);
 void bind_rows(nb::module_& module);
 void bind_viscoelastic(nb::module_& module);
 

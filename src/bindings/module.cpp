@@ -14,6 +14,5 @@ NB_MODULE(_core, module) {
   palpate::bindings::bind_drift_tracking(module);
   palpate::bindings::bind_viscoelastic(module);
   palpate::bindings::bind_online_preparation(module);
-  palpate::bindings::bind_lanes(module);
   palpate::bindings::bind_rows(module);
 }

@@ -1,30 +1,27 @@
 // The kernels of whole curves for every instruction set that the build compiled.
 #pragma once
 
+#include <string_view>
+
 #include "palpate/curves/curve_blocks.hpp"
-#include "palpate/lanes/instruction_set.hpp"
 
-namespace palpate::lanes {
+namespace palpate::curves {
 
-extern const CurveKernels compiled_curves_baseline, compiled_curves_avx2, compiled_curves_avx512;
+extern const CurveKernels compiled_baseline, compiled_avx2, compiled_avx512;
 
-// Null where this build, or this processor, has none.
-inline const CurveKernels* curve_kernels_of(InstructionSet set) noexcept {
-  if (!has(set)) return nullptr;
-  switch (set) {
-    case InstructionSet::baseline:
-      return &compiled_curves_baseline;
-#if defined(PALPATE_COMPILED_AVX2)
-    case InstructionSet::avx2:
-      return &compiled_curves_avx2;
-#endif
+// Those of this name, or the quickest of none; null where this build, or this processor, has none.
+inline const CurveKernels* kernels_of(std::string_view name) noexcept {
+  const auto asked = [name](std::string_view set) { return name.empty() || name == set; };
 #if defined(PALPATE_COMPILED_AVX512)
-    case InstructionSet::avx512:
-      return &compiled_curves_avx512;
-#endif
-    default:
-      return nullptr;
+  if (asked("avx512") && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+      __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw")) {
+    return &compiled_avx512;
   }
+#endif
+#if defined(PALPATE_COMPILED_AVX2)
+  if (asked("avx2") && __builtin_cpu_supports("avx2")) return &compiled_avx2;
+#endif
+  return asked("baseline") ? &compiled_baseline : nullptr;
 }
 
-}  // namespace palpate::lanes
+}  // namespace palpate::curves

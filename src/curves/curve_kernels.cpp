@@ -3,11 +3,11 @@
 
 #include "compiled_curve_kernels.hpp"
 
-#define PALPATE_COMPILED_(set) compiled_curves_##set
+#define PALPATE_COMPILED_(set) compiled_##set
 #define PALPATE_COMPILED(set) PALPATE_COMPILED_(set)
 
-namespace palpate::lanes {
+namespace palpate::curves {
 
-const CurveKernels PALPATE_COMPILED(PALPATE_LANES_SET) = curve_kernels;
+const CurveKernels PALPATE_COMPILED(PALPATE_INSTRUCTION_SET) = kernels;
 
-}  // namespace palpate::lanes
+}  // namespace palpate::curves

@@ -1,7 +1,6 @@
 """Error bars, as wide as a correlated residual and an uncertain surface ask for."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate._core import Status, correlated_variances
 from palpate.contact import Contact
@@ -82,55 +81,30 @@ def widening(
         The law's parameters that were not identified; the factors of these are 1.
     """
     own = np.array([name not in fixed for name in law.names()])
-    factors = np.ones(len(own))
-    if len(force):
-        slopes = law.parameter_gradient(penetration, velocity)[None, :, own]
-        model = law.force(penetration, velocity)[None]
-        every = np.ones(model.shape, dtype=np.bool_)
-        [factors[own]] = widenings(slopes, model, force[None], every, logarithmic=logarithmic)
-    return factors
-
-
-def widenings(
-    slopes: Floats, model: Floats, force: Floats, used: NDArray[np.bool_], *, logarithmic: bool
-) -> Floats:
-    """As :func:`widening`, of many contacts of one length at once; shape (k, p).
-
-    Parameters
-    ----------
-    slopes : numpy.ndarray, shape (k, m, p)
-        Of the force by the parameters that were identified.
-    model, force : numpy.ndarray, shape (k, m)
-        By the law, and as measured, N.
-    used : numpy.ndarray of bool, shape (k, m)
-        The samples that the method took. What the others hold has to be finite, no more.
-    logarithmic : bool
-        As there.
-    """
+    factors, model = np.ones(len(own)), law.force(penetration, velocity)
+    slopes = law.parameter_gradient(penetration, velocity)[:, own]
     if logarithmic:
-        used = used & (model > 0.0) & (force > 0.0)
-    counts, size = used.sum(axis=1), slopes.shape[2]
-    residual = np.where(used, force - model, 0.0)
-    with np.errstate(all="ignore"):  # rows that come to nothing are left out below
-        weight = np.where(used, 1.0 / model**2, 0.0) if logarithmic else used.astype(np.float64)
-        weighted = weight[:, :, None] * slopes
-        information = np.swapaxes(slopes, 1, 2) @ weighted
-        units = np.sqrt(np.diagonal(information, axis1=1, axis2=2))  # of the parameters
-        freedom = counts - size
-        noise = np.sqrt((residual**2).sum(axis=1) / counts)
-        sound = (freedom >= 1) & (np.isfinite(units) & (units > 0.0)).all(axis=1)
-        sound &= (noise > 0.0) & (noise < np.inf)
-        information /= units[:, :, None] * units[:, None, :]
-        information[~sound] = np.eye(size)
-        inverse = np.linalg.pinv(information, hermitian=True)
-        variance = (weight * residual**2).sum(axis=1) / freedom
-        white = np.diagonal(inverse, axis1=1, axis2=2) * variance[:, None]
+        used = (model > 0.0) & (force > 0.0)
+        slopes, model, force = slopes[used], model[used], force[used]
+    freedom = len(force) - slopes.shape[1]
+    if freedom < 1:
+        return factors
+    residual = force - model
+    with np.errstate(all="ignore"):  # what comes to nothing widens nothing
+        weight = 1.0 / model**2 if logarithmic else np.ones_like(model)
+        weighted = weight[:, None] * slopes
+        information = slopes.T @ weighted
+        units = np.sqrt(np.diag(information))  # of the parameters
+        noise = np.sqrt(np.mean(residual**2))
+        if not ((np.isfinite(units) & (units > 0.0)).all() and 0.0 < noise < np.inf):
+            return factors
+        inverse = np.linalg.pinv(information / np.outer(units, units), hermitian=True)
+        white = np.diag(inverse) * (np.sum(weight * residual**2) / freedom)
         # Neither squares nor sums leave the range of a double in units of their own.
-        unit = weight.max(axis=1)
-        scores = weighted / (unit[:, None] * units)[:, None, :]
-        influence = inverse * unit[:, None, None]
-        found = np.ones_like(white)
-        correlated_variances(scores, residual / noise[:, None], used, influence, found)
-        factors = np.sqrt(np.maximum(found * noise[:, None] ** 2 / white, 1.0))
-    sound &= (white > 0.0).all(axis=1)
-    return np.where(sound[:, None] & np.isfinite(factors), factors, 1.0)
+        unit = weight.max()
+        found = np.empty_like(white)
+        correlated_variances(weighted / (unit * units), residual / noise, unit * inverse, found)
+        wide = np.sqrt(np.maximum(found * noise**2 / white, 1.0))
+    if (white > 0.0).all():
+        factors[own] = np.where(np.isfinite(wide), wide, 1.0)
+    return factors

@@ -16,55 +16,6 @@ from palpate.trace import Trace
 ADVICE_OF = [tuple(words for bit, words in ADVICE.items() if bits & bit) for bits in range(256)]
 
 
-def words_of(
-    advice: tuple[str, ...],
-    *,
-    samples: int,
-    taken: int,
-    parameters: int,
-    stiffness: float,
-    damping: float,
-    violated: float,
-    predicts: bool,
-    guarded: int,
-    left_out: int,
-) -> list[str]:
-    """Return flags of a contact of which no sample was refused.
-
-    Parameters
-    ----------
-    advice : tuple of str
-        Those of the estimate.
-    samples, taken, guarded, left_out : int
-        Samples of the estimate; those that were taken at first; those that the covariance guard
-        touched; and those left out as outliers.
-    parameters : int
-        Of the law.
-    stiffness, damping : float
-        Of the law; 0 where its sign says nothing.
-    violated : float
-        Fraction of the contact without condition 10; 0 or NaN where that does not matter.
-    predicts : bool
-        Whether there is contact enough for a prediction error.
-    """
-    flags = list(advice)
-    if samples < 10 * parameters:
-        flags.append(f"only {samples} samples in contact")
-    if stiffness < 0.0:
-        flags.append(NEGATIVE_STIFFNESS)
-    if damping < 0.0:
-        flags.append(NEGATIVE_DAMPING)
-    if violated > 0.0:
-        flags.append(f"condition 10 violated in {violated:.1%} of the contact")
-    if not predicts:
-        flags.append("less than 0.2 s of contact: no prediction error")
-    if guarded:
-        flags.append(f"covariance guard acted on {guarded} samples")
-    if left_out:
-        flags.append(count_of_outliers(left_out, left_out + taken))
-    return flags
-
-
 NEGATIVE_STIFFNESS = (
     "negative stiffness: by this law the force falls as the probe goes deeper; check the signs"
 )
@@ -75,18 +26,22 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
     """Return the flags of the last estimate, and those of the contact as a whole."""
     estimate = estimator.estimate()
     law = estimate.law
-    flags = words_of(
-        estimate.flags,
-        samples=estimate.samples,
-        taken=int(np.count_nonzero(trace.taken)),
-        parameters=len(law.symbols),
-        stiffness=law.stiffness if isinstance(law, HuntCrossley) else 0.0,
-        damping=law.as_dict().get("damping", 0.0),
-        violated=violated_fraction(trace) if estimator.needs_condition_10 else 0.0,
-        predicts=has_prediction_error(trace, contact.force, contact.time_steps),
-        guarded=estimate.guarded,
-        left_out=int(np.count_nonzero(trace.rejected)),
-    )
+    flags = list(estimate.flags)
+    if estimate.samples < 10 * len(law.symbols):
+        flags.append(f"only {estimate.samples} samples in contact")
+    if isinstance(law, HuntCrossley) and law.stiffness < 0.0:
+        flags.append(NEGATIVE_STIFFNESS)
+    if law.as_dict().get("damping", 0.0) < 0.0:
+        flags.append(NEGATIVE_DAMPING)
+    violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
+    if violated > 0.0:
+        flags.append(f"condition 10 violated in {violated:.1%} of the contact")
+    if not has_prediction_error(trace, contact.force, contact.time_steps):
+        flags.append("less than 0.2 s of contact: no prediction error")
+    if estimate.guarded:
+        flags.append(f"covariance guard acted on {estimate.guarded} samples")
+    if left_out := int(np.count_nonzero(trace.rejected)):
+        flags.append(count_of_outliers(left_out, left_out + int(np.count_nonzero(trace.taken))))
     if isinstance(law, GeneralisedHuntCrossley) and law.stiffness < 0.0 and not law.remembers:
         flags.append(NEGATIVE_STIFFNESS)
     if isinstance(estimator, ViscoelasticContact):

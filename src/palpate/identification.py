@@ -78,7 +78,8 @@ class Identification(Presented):
     estimator : ContactEstimator
         As it stood after the last sample; it can go on.
     trace : Trace
-        Every sample, on the contact's clock; thinned where :func:`palpate.identify` was asked so.
+        Every sample, on the contact's clock, with the estimates that :func:`palpate.identify` was
+        asked for.
     flags : tuple of str
         What a reader should know before trusting the numbers.
     data : Data, optional
@@ -95,8 +96,8 @@ class Identification(Presented):
         The settings that were left open, and chosen from the data.
     wanted : Wanted
         The impact and the tip that derived numbers are for, by :meth:`wanting`.
-    traced : "full", False or float
-        How much of a trace was asked for; of its stretches and places too.
+    traced : int, float, "full" or False
+        How much of a trace was requested; of its stretches and places too.
     """
 
     contact: Contact
@@ -110,7 +111,7 @@ class Identification(Presented):
     place: Place | None = field(default=None, repr=False)
     chosen: tuple[str, ...] = ()
     wanted: Wanted = field(default_factory=Wanted)
-    traced: Traced = "full"
+    traced: Traced = 2000
 
     @classmethod
     def of(
@@ -118,7 +119,7 @@ class Identification(Presented):
         data: Data,
         estimator: ContactEstimator | str | None = None,
         *,
-        trace: Traced = "full",
+        trace: Traced = 2000,
     ) -> "Identification":
         """Identify a contact that is prepared; :func:`palpate.identify` says the rest.
 
@@ -128,8 +129,8 @@ class Identification(Presented):
             The contact with the checks of its channels.
         estimator : ContactEstimator or str, optional
             Method and settings; variable projection unless given.
-        trace : "full", False or float
-            Whether the estimate is written down after every sample, never, or every so many s.
+        trace : int, float, "full" or False
+            Which estimates are written down.
         """
         contact, given, traced = data.contact, estimator_of(estimator), checked_trace(trace)
         chosen = choices(contact, given)
@@ -149,17 +150,6 @@ class Identification(Presented):
         if fresh.settings.get("surface") == "estimate":
             check_approach(contact, written, result.estimate.surface)
         return result
-
-    @cached_property
-    def full_trace(self) -> Trace:
-        """The estimate after every sample: :attr:`trace`, or where that is thinned one more replay.
-
-        Figures, and metrics that need it, ask for it; the replay is made when that is first done,
-        and comes to the same numbers.
-        """
-        if self.trace.full:
-            return self.trace
-        return replayed(self.contact, self.estimator.replace())
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -458,8 +448,7 @@ class Identification(Presented):
     @property
     def prediction_rmse_percent(self) -> float:
         """RMSE% of the a-priori force after 0.2 s of contact."""
-        trace = self.trace if self.trace.predicts_everywhere else self.full_trace
-        return prediction_rmse_percent(trace, self.contact.force, self.contact.time_steps)
+        return prediction_rmse_percent(self.trace, self.contact.force, self.contact.time_steps)
 
     @property
     def fit_rmse_percent(self) -> float:
@@ -494,7 +483,7 @@ class Identification(Presented):
         """Fraction of contact without condition 10; NaN for laws that it does not concern."""
         if not self.law.has_condition_10:
             return math.nan
-        return violated_fraction(self.trace if self.trace.predicts_everywhere else self.full_trace)
+        return violated_fraction(self.trace)
 
     @property
     def changes(self) -> Floats:

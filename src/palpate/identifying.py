@@ -20,7 +20,7 @@ def identify(
     estimator: ContactEstimator | str | None = None,
     *,
     law: str | None = None,
-    trace: Traced = "full",
+    trace: Traced = 2000,
 ) -> Identification:
     """Identify the contact model of a whole contact.
 
@@ -44,12 +44,12 @@ def identify(
         ``"half-space"``, or by its memory ``"flat"``, ``"single"``, ``"power-law"``, or by both,
         ``"half-space+single"``. :class:`ViscoelasticContact` says what they are, and
         :attr:`Identification.law_verdict` by what evidence one was chosen.
-    trace : "full", False or float
-        What :attr:`Identification.trace` holds of the estimates along the way: one after every
-        sample, none, or one every so many seconds, in [1e-9, 1e9]. An estimate of variable
-        projection costs several samples, so without them a long recording goes several times as
-        quickly. Which samples were taken, the result and its diagnosis are the same bits; what
-        needs every estimate, as a figure does, replays the contact when it is asked for.
+    trace : int, float, "full" or False
+        What :attr:`Identification.trace` holds of the estimates along the way. An int: at most so
+        many, after samples evenly spread up to the last one. A float: one every so many seconds, in
+        [1e-9, 1e9]; ``trace=2.0`` is 2 s, ``trace=2`` two estimates. ``"full"``: one after every
+        sample, which takes several times as long by variable projection. False: none. The result,
+        its diagnosis, its figures, and what a trace says of each sample are the same bits.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def compare(
     gate: ContactGate | None = None,
     outlier_rejection: Rejection = None,
     exponent: float | None = None,
-    trace: Traced = "full",
+    trace: Traced = 2000,
     watch: Callable[[Sequence[str]], Iterable[str]] = iter,
 ) -> dict[str, Identification]:
     """Identify a contact with every method.
@@ -112,7 +112,7 @@ def compare(
     exponent : float, optional
         Where the shape of the tip tells it, such as 1.5 for a sphere: kept by every method whose
         law has one. A method that cannot keep one so small or large is left out.
-    trace : "full", False or float
+    trace : int, float, "full" or False
         As for :func:`identify`.
     watch : callable
         Goes through the methods' names, such as with a progress bar.

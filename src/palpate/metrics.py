@@ -21,7 +21,7 @@ def rmse_percent(measured: "ArrayLike", predicted: "ArrayLike") -> float:
 def prediction_rmse_percent(trace: Trace, force: Floats, time_steps: Floats) -> float:
     """RMSE% of the a-priori force over the samples taken after the first 0.2 s of contact.
 
-    NaN where there was less contact than that, or a thinned trace does not know each prediction.
+    NaN where there was less contact than that.
     """
     late = _late(trace, time_steps)
     return rmse_percent(force[late], trace.predicted_force[late])
@@ -42,11 +42,6 @@ def _late(trace: Trace, time_steps: Floats) -> NDArray[np.bool_]:
 
 
 def violated_fraction(trace: Trace) -> float:
-    """Share of the samples taken at which condition 10 did not hold.
-
-    NaN without samples, or where a thinned trace does not know it of each.
-    """
+    """Share of the samples taken at which condition 10 did not hold; NaN without samples."""
     margin = trace.validity_margin[trace.taken]
-    if not margin.size or np.isnan(margin).any():
-        return float("nan")
-    return float(np.mean(~(margin > 0.0)))
+    return float(np.mean(~(margin > 0.0))) if margin.size else float("nan")

@@ -77,31 +77,29 @@ def with_surface_off(contact: Contact, estimator: ContactEstimator, deviation: f
 
 
 @timed("replay")
-def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced = "full") -> Trace:
+def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trace:
     """Replay a contact, a segment at a time; the estimator has then learned all of it.
 
-    The trace has the contact's clock, thinned where that is asked for: then by the segment.
+    The trace has the contact's clock, thinned as requested.
     """
     _LOGGER.debug("settings: %s", _in_words(estimator))
-    steps = contact.time_steps
-    traces, clocks = [], []
-    for part in contact.segments():
+    steps, segments = contact.time_steps, list(contact.segments())
+    after = thinned(trace, contact.time, segments)
+    traces = []
+    for part in segments:
         estimator.leave_contact()
         channels = contact.penetration[part], contact.velocity[part], contact.force[part]
-        time = contact.time[part]
-        at = thinned(trace, time)
-        if at is None:
-            traces.append(estimator.replay(*channels, steps[part]))
-        else:
-            traces.append(estimator.replay(*channels, steps[part], at=at))
-        clocks.append(time if at is None else time[at])
+        at = None
+        if after is not None:
+            first, last = np.searchsorted(after, (part.start, part.stop))
+            at = after[first:last] - part.start
+        traces.append(estimator.replay(*channels, steps[part], at=at))
     settle = getattr(estimator, "settle", None)
     if settle is not None:  # its answer would be of most of the samples only
         settle()
-    if len(traces) == 1:
-        return replace(traces[0], time=clocks[0])
-    whole = Trace.joined(traces, len(estimator.law_type.symbols))
-    return replace(whole, time=np.concatenate([contact.time[:0], *clocks]))
+    one = len(traces) == 1
+    whole = traces[0] if one else Trace.joined(traces, len(estimator.law_type.symbols))
+    return replace(whole, time=contact.time if after is None else contact.time[after])
 
 
 def _in_words(estimator: ContactEstimator) -> str:

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from palpate._core import Status
 from palpate.errors import InvalidParameterError
-from palpate.validation import Floats, number_in, shown
+from palpate.validation import Floats, number_in, shown, whole_in
 
-#: How much of a trace is asked for: the estimate after every sample, never, or every so many s.
-Traced: TypeAlias = Literal[False, "full"] | float
+#: How much of a trace is requested: the estimate after every sample, after at most so many of them
+#: (an int), every so many seconds (a float), or never.
+Traced: TypeAlias = Literal[False, "full"] | int | float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,7 +21,7 @@ class Trace:
     """Every sample of a replay: what was predicted, what was done with it, what was known after.
 
     A full trace has the estimate after each of k samples, a thinned one after m of them, down to
-    none; what was done with a sample is known of each.
+    none; all else is known of each sample, and the same whichever estimates are there.
 
     Attributes
     ----------
@@ -29,11 +30,11 @@ class Trace:
     standard_errors : numpy.ndarray, shape (m, p)
         Their standard errors.
     predicted_force : numpy.ndarray, shape (k,)
-        N, a priori: from the estimate before the sample. NaN where a sample is not finite, and in
-        a thinned trace by a method to which it costs an estimate of its own.
+        N, a priori: from the estimate before the sample; by variable projection, of which each
+        estimate costs several samples, from its latest search, at most 64 samples before. NaN where
+        a sample is not finite.
     validity_margin : numpy.ndarray, shape (k,)
-        Condition 10 as 1 − |v B/K| / 0.1, with the estimates in place of the truth. NaN between the
-        estimates of a thinned trace by such a method.
+        Condition 10 as 1 − |v B/K| / 0.1, with the same estimates in place of the truth.
     status : numpy.ndarray of uint8, shape (k,)
         A :class:`Status` each.
     time : numpy.ndarray, shape (m,)
@@ -138,11 +139,6 @@ class Trace:
         return spread
 
     @property
-    def predicts_everywhere(self) -> bool:
-        """Whether the a-priori force of every sample that was taken is known."""
-        return self.full or not np.isnan(self.predicted_force[self.taken]).any()
-
-    @property
     def validity(self) -> NDArray[np.bool_]:
         """Where condition 10, |v| < 0.1 K/B, holds; shape (k,)."""
         return self.validity_margin > 0.0
@@ -163,34 +159,44 @@ class Trace:
 
 
 def checked_trace(trace: Any) -> Traced:
-    """How much of a trace was asked for.
+    """Return how much of a trace is requested, once it is known to be sound.
 
     Raises
     ------
     InvalidParameterError
-        It is none of False, "full" and a time in [1e-9, 1e9] s.
+        It is none of False, "full", a number of rows and a time in [1e-9, 1e9] s.
     """
-    if trace is False:
-        return False
-    if isinstance(trace, str) and trace == "full":
-        return "full"
+    if trace is False or (isinstance(trace, str) and trace == "full"):
+        return trace  # type: ignore[return-value]  # a str that equals it
     if trace is True or isinstance(trace, str):
         raise InvalidParameterError(
-            f"trace must be 'full', False or a time between estimates, s, not {shown(trace)}"
+            "trace must be 'full', False, an int (at most so many estimates) or a float (seconds "
+            f"between estimates), not {shown(trace)}"
         )
+    if isinstance(trace, int | np.integer):
+        return whole_in("trace", int(trace), 1, 10**9)
     return number_in("trace", trace, 1e-9, 1e9)
 
 
-def thinned(trace: Traced, time: Floats) -> NDArray[np.int64] | None:
-    """After which samples of a segment a trace has the estimate; None: after each.
+def thinned(trace: Traced, time: Floats, segments: "Sequence[slice]") -> NDArray[np.int64] | None:
+    """Return after which samples of a contact a trace has the estimate; None: after each.
 
-    The first sample of each interval of ``trace`` seconds, and the last sample.
+    At most so many, evenly spread, of which the last sample is one; or of each segment the first
+    sample of each interval of seconds, and the last sample.
     """
     if trace == "full":
         return None
     if trace is False or not len(time):
         return np.empty(0, dtype=np.int64)
-    interval = np.floor((time - time[0]) / float(trace))
-    first = np.flatnonzero(np.diff(interval, prepend=-1.0) > 0.0)
-    after = np.union1d(first, [len(time) - 1]).astype(np.int64)
+    if isinstance(trace, int):
+        if len(time) <= trace:
+            return None
+        return np.linspace(len(time) - 1, 0, trace).round()[::-1].astype(np.int64)
+    first = [np.empty(0, dtype=np.int64)]
+    for part in segments:
+        interval = np.floor((time[part] - time[part.start]) / float(trace))
+        begins = np.diff(interval, prepend=-1.0) > 0.0
+        begins[-1] = True
+        first.append(part.start + np.flatnonzero(begins))
+    after = np.concatenate(first)
     return None if len(after) == len(time) else after

@@ -1,4 +1,4 @@
-// A gate and a scale for one contact, chosen from its samples.
+// A gate for one contact, chosen from its samples.
 #pragma once
 
 #include <algorithm>
@@ -99,24 +99,6 @@ inline std::array<double, 2> working_depths(const Pressed& in, double* spare) no
   if (firm.count == 0) return {NAN, NAN};
   const double deepest = detail::ends_of(firm)[1];
   return {percentile(firm, 0.5), deepest};
-}
-
-// Units for the arithmetic: the largest penetration, speed and force of those `touching`, within
-// 1e±30.
-template <class Touching>
-std::array<double, 3> units_of(const Pressed& in, const double* velocity,
-                               const Touching& touching) noexcept {
-  std::array<double, 3> units{};
-  for (std::size_t k = 0; k < in.count; ++k) {
-    const double counts = touching(k) ? 1.0 : 0.0;  // there is no branch to foresee
-    const std::array<double, 3> sizes{in.penetration[k], std::abs(velocity[k]), in.force[k]};
-    for (std::size_t i = 0; i < sizes.size(); ++i) {
-      const double size = sizes[i] * counts;  // NaN is no larger
-      units[i] = size > units[i] ? size : units[i];
-    }
-  }
-  for (double& unit : units) unit = unit > 0.0 ? std::clamp(unit, 1e-30, 1e30) : 1.0;
-  return units;
 }
 
 }  // namespace palpate::rows

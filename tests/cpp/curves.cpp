@@ -175,7 +175,7 @@ TEST("a condensed curve has J and its slope at its point, and J beside it to a t
   }
   all.pad();
   detail::CurveModel model{};
-  model.kernels = &lanes::curve_kernels;
+  model.kernels = &curves::kernels;
   model.lowest_surface = -0.2;
   model.highest_surface = 0.2;
   double squared = 0.0;

@@ -27,8 +27,8 @@ PREPARED = "time", "penetration", "velocity", "force"
 def replay_of(times, positions, forces, estimator=None, preparation=None):
     """What the same recursion gives offline: the prepared contact, and the trace of it.
 
-    By ``update`` and ``estimate``: a replay works estimates of variable projection out eight
-    abreast, to a hundredth of a standard error.
+    By ``update``, ``estimate`` and ``predict``: a replay predicts by an estimate of a few samples
+    before where each costs several samples.
     """
     contact = (preparation or OnlinePreparation()).replay(positions, forces, times)
     estimator = estimator or default_estimator()

@@ -4,7 +4,7 @@
 
 #include <cstddef>
 
-namespace palpate::lanes {
+namespace palpate::curves {
 
 // Samples lie in arrays that are padded to whole blocks, above the surface and without force.
 inline constexpr std::size_t curve_block = 64;
@@ -78,4 +78,4 @@ struct CurveKernels {
   void (*powers_and_slopes)(const CurveColumns&, const CurvePowers&, double* sums);
 };
 
-}  // namespace palpate::lanes
+}  // namespace palpate::curves

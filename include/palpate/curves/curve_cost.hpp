@@ -43,7 +43,7 @@ struct CurveData {
 // What is fitted, and within which bounds.
 struct CurveModel {
   ProjectionSettings settings;
-  const lanes::CurveKernels* kernels;
+  const curves::CurveKernels* kernels;
   double lowest_surface = 0.0;
   double highest_surface = 0.0;  // equal where the surface is known
   bool exponent_fixed = false;

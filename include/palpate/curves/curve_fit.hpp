@@ -29,7 +29,7 @@ namespace detail {
 class CurveFitter {
  public:
   CurveFitter(const CurveArrays& curve, const CurveSettings& settings, double* memory,
-              const lanes::CurveKernels& kernels) noexcept
+              const curves::CurveKernels& kernels) noexcept
       : curve_(curve),
         settings_(settings),
         memory_(memory, curve.count),
@@ -278,7 +278,7 @@ class CurveFitter {
     double touching = 0.0, depth = 0.0, depth_squared = 0.0;
     for (std::size_t i = 0; i < padded; ++i) {
       const double x = columns[0][i], all = columns[2][i];
-      const bool below = x > lanes::shallowest;
+      const bool below = x > curves::shallowest;
       const double held = below ? x : 0.0, log = below ? all : 0.0;
       columns[0][i] = held;
       columns[1][i] = held * firm_.w[i];
@@ -385,7 +385,7 @@ inline CurveSettings widened(CurveSettings settings, const CurveArrays& curve,
 // default range, it is looked for once more in a wider one.
 inline CurveFit fit_curve(const CurveArrays& curve, const CurveSettings& settings, double* memory,
                           std::uint8_t* roles = nullptr,
-                          const lanes::CurveKernels& kernels = lanes::curve_kernels) noexcept {
+                          const curves::CurveKernels& kernels = curves::kernels) noexcept {
   const CurveFit fit = detail::CurveFitter(curve, settings, memory, kernels)(roles);
   if (!(fit.flags & surface_at_edge) || settings.lowest_surface != settings.highest_surface) {
     return fit;

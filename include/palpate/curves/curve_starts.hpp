@@ -182,7 +182,7 @@ class CurveGrid {
   }
 
  private:
-  lanes::CurvePowers powers() noexcept { return {log_.data(), power_.data(), ratio_.data()}; }
+  curves::CurvePowers powers() noexcept { return {log_.data(), power_.data(), ratio_.data()}; }
 
   const CurveSamples& samples_;
   const CurveModel& model_;

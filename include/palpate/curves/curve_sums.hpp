@@ -14,7 +14,7 @@ namespace palpate::detail {
 using CurvePoint = Vector<5>;
 
 struct CurveSamples {
-  static constexpr std::size_t block = lanes::curve_block;
+  static constexpr std::size_t block = curves::curve_block;
 
   static constexpr std::size_t padded(std::size_t count) noexcept {
     return (count + block - 1) / block * block;
@@ -35,7 +35,7 @@ struct CurveSamples {
     }
   }
 
-  lanes::CurveColumns columns() const noexcept { return {x, w, f, log, residual, count}; }
+  curves::CurveColumns columns() const noexcept { return {x, w, f, log, residual, count}; }
 };
 
 struct CurveSums {
@@ -57,8 +57,8 @@ struct CurveSums {
 };
 
 inline CurveSums curve_sums(const CurveSamples& samples, const CurvePoint& at, bool surface,
-                            const lanes::CurveKernels& kernels) noexcept {
-  using namespace lanes;
+                            const curves::CurveKernels& kernels) noexcept {
+  using namespace curves;
   double s[unknown_sums] = {};
   const CurveLaw law{at[0], at[1], at[2], at[3], at[4]};
   (surface ? kernels.unknown_surface : kernels.known_surface)(samples.columns(), law, s);

@@ -50,7 +50,6 @@ class DoubleStageMethod {
   static constexpr Scale default_scale{};
   static constexpr bool forgets = true;
   static constexpr bool perturbs = true;
-  static constexpr bool predicts_exactly = true;
   static constexpr double largest_input = 1e100;  // as RegressionMethod's
 
   DoubleStageMethod(const Settings& settings, const Units& units) noexcept

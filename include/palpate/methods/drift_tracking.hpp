@@ -38,7 +38,6 @@ class DriftTrackingMethod {
   static constexpr Scale default_scale = Start::default_scale;
   static constexpr bool forgets = false;
   static constexpr bool perturbs = false;
-  static constexpr bool predicts_exactly = false;  // until it tracks
   static constexpr double largest_input = Start::largest_input;
 
   DriftTrackingMethod(const Settings& settings, const Units& units) noexcept
@@ -81,8 +80,12 @@ class DriftTrackingMethod {
   }
 
   double force(const Units& units, double x, double v) const noexcept {
-    if (!tracking_) return start_.force(units, x, v);
-    return law(units).force(x, v) + state_[3] * units.force;
+    return tracking_ ? latest(units).force(x, v) : start_.force(units, x, v);
+  }
+
+  Snapshot<Law> latest(const Units& units) const noexcept {
+    if (!tracking_) return start_.latest(units);
+    return {tracked_law(units), {}, state_[3] * units.force};
   }
 
   Fit<Law> fit(const Units& units) const noexcept {

@@ -16,10 +16,6 @@
 
 namespace palpate {
 
-namespace lanes {
-struct Access;
-}
-
 template <class Regression>
 struct RegressionSettings {
   typename Regression::Law initial = Regression::initial;
@@ -86,7 +82,6 @@ class RegressionMethod {
   static constexpr Scale default_scale{};
   static constexpr bool forgets = true;
   static constexpr bool perturbs = true;
-  static constexpr bool predicts_exactly = true;
   // Scaled inputs beyond this are refused: squares and products stay finite below it.
   static constexpr double largest_input = 1e100;
 
@@ -146,8 +141,6 @@ class RegressionMethod {
   }
 
  private:
-  friend lanes::Access;
-
   // The diagonal of fit().covariance.
   Vector<size> variances(const Law& law, const Units& units) const noexcept {
     Vector<size> result =

@@ -41,8 +41,6 @@ class VariableProjectionMethod {
   static constexpr Scale default_scale{.penetration = 10e-3, .velocity = 20e-3, .force = 1.0};
   static constexpr bool forgets = true;
   static constexpr bool perturbs = false;
-  // Errors are measured against a solution that is up to a 64th of the samples old.
-  static constexpr bool predicts_exactly = false;
   // With the limit on ξⁿ below, sums of what is squared here stay finite.
   static constexpr double largest_input = 1e8;
   // ξⁿ squared, times w², summed and multiplied by its like three times, stays finite below it.
@@ -63,12 +61,6 @@ class VariableProjectionMethod {
 
   Row prepare(const Sample& sample) noexcept {
     refresh();
-    return {sample, last_solution_.force(sample)};
-  }
-
-  // The same, where solution() is known for the samples up to now.
-  Row prepare(const Sample& sample, const detail::ProjectionSolution& known) noexcept {
-    refresh(kept_.kept() ? nullptr : &known);
     return {sample, last_solution_.force(sample)};
   }
 
@@ -122,8 +114,12 @@ class VariableProjectionMethod {
   Law law(const Units& units) const noexcept { return law(solve(), units); }
 
   double force(const Units& units, double x, double v) const noexcept {
-    const Solution now = solve();
-    return law(now, units).force(x - now.surface * units.penetration, v) + now.offset * units.force;
+    return without_errors(solve(), units).force(x, v);
+  }
+
+  // The solution that errors are measured against, up to a 64th of the samples old.
+  Snapshot<Law> latest(const Units& units) const noexcept {
+    return without_errors(last_solution_, units);
   }
 
   Fit<Law> fit(const Units& units) const noexcept {
@@ -137,34 +133,15 @@ class VariableProjectionMethod {
     return fit(now, now.root, units);
   }
 
-  Snapshot<Law> snapshot(const Units& units) const noexcept { return snapshot(solve(), units); }
-
-  // The answer that all of these are of, in scaled units.
-  detail::ProjectionSolution solution() const noexcept { return solve(); }
-
-  Snapshot<Law> snapshot(const detail::ProjectionSolution& now, const Units& units) const noexcept {
-    const Law law = this->law(now, units);
-    const Matrix<5> root = in_si(widened(now), law, units);
-    Snapshot<Law> snapshot{law, {}, now.offset * units.force, now.surface * units.penetration};
+  Snapshot<Law> snapshot(const Units& units) const noexcept {
+    const Solution now = solve();
+    Snapshot<Law> snapshot = without_errors(now, units);
+    const Matrix<5> root = in_si(widened(now), snapshot.law, units);
     for (std::size_t i = 0; i < order; ++i) {
       snapshot.variances[i] = detail::bounded_variance(detail::dot(root[i], root[i]));
     }
     return snapshot;
   }
-
-  // For whoever works answers out together: the samples, the answer that solving starts from,
-  // whether a search is due instead, whether an old exponent is kept, and W of the root R W.
-  const Solver& solver() const noexcept { return solver_; }
-  const detail::ProjectionSolution& last_solution() const noexcept { return last_solution_; }
-  bool due() const noexcept {
-    // After every 64th part of the samples, which moves an answer by an eighth of its standard
-    // error at most (1/√64), but at least every 64 samples, as its cost of ten updates is a sixth
-    // of theirs then.
-    return static_cast<double>(samples_since_solve_) >=
-           std::min(1.0 + solver_.weight() / 64.0, 64.0);
-  }
-  bool keeps_exponent() const noexcept { return kept_.kept(); }
-  const Matrix<5>& widening() const noexcept { return widening_; }
 
   // Of the force, in scaled units.
   double noise_variance() const noexcept { return solve().noise_variance; }
@@ -206,16 +183,23 @@ class VariableProjectionMethod {
     samples_since_solve_ = 1;
   }
 
+  // Whether the answer is to be searched for anew: after every 64th part of the samples, which
+  // moves it by an eighth of its standard error at most (1/√64), but at least every 64 samples, as
+  // its cost of ten updates is a sixth of theirs then.
+  bool due() const noexcept {
+    return static_cast<double>(samples_since_solve_) >=
+           std::min(1.0 + solver_.weight() / 64.0, 64.0);
+  }
+
   Solution solve() const noexcept {
     return due() ? solver_.solve() : solver_.solve_near(last_solution_);
   }
 
   // Renews the solution that errors are measured against, and solving starts from, where it is due.
-  // `known` is what a search would find, if that is known.
-  void refresh(const Solution* known = nullptr) noexcept {
+  void refresh() noexcept {
     if (!due()) return;
     samples_since_widening_ += samples_since_solve_;
-    last_solution_ = known ? *known : kept_.solve(solver_);
+    last_solution_ = kept_.solve(solver_);
     samples_since_solve_ = 0;
     // A tenth of the samples more moves an error bar by a twentieth.
     if (static_cast<double>(samples_since_widening_) > 0.1 * solver_.weight()) widen();
@@ -289,6 +273,10 @@ class VariableProjectionMethod {
   static Law law(const Solution& p, const Units& u) noexcept {
     const double unit = u.force * detail::bounded_exp(-p.n * u.log_penetration);
     return {detail::saturate(p.k * unit), detail::saturate(p.c * unit / u.velocity), p.n};
+  }
+
+  static Snapshot<Law> without_errors(const Solution& now, const Units& units) noexcept {
+    return {law(now, units), {}, now.offset * units.force, now.surface * units.penetration};
   }
 
   // The root of the covariance of (K, B, n, F₀, d) in SI, from that of (k, c, n, F₀, d) in scaled

@@ -39,7 +39,6 @@ class ViscoelasticMethod {
   static constexpr bool forgets = true;
   static constexpr bool perturbs = false;
   // The answer changes only when it is published.
-  static constexpr bool predicts_exactly = true;
   // ξ⁷ w² and two branches of ξ³ at a weight of 1e26 are far from overflowing.
   static constexpr double largest_input = 1e8;
   // ξ⁻¹ of what is nearly at the surface would outweigh the rest; 10 µm of 10 mm.

@@ -116,37 +116,6 @@ class ContactSolver {
 
   double weight() const noexcept { return sure_.weight() + light_.weight(); }
 
-  const Settings& settings() const noexcept { return settings_; }
-
-  // How often samples were taken out of a bank again: sums change by more than the latest sample.
-  std::uint32_t revisions() const noexcept { return revisions_; }
-
-  // Of the samples that an answer is of, with forces from its prior's mean on: Σ1, ΣF, ΣF². Where
-  // nothing is forgotten.
-  struct Totals {
-    double weight, force, square;
-  };
-  Totals totals(const ProjectionSolution& answer) const noexcept {
-    const PowerSums &sure = sure_.sums(), &light = light_.sums();
-    Totals t{sure.weight(), sure.force(), sure.force_squared()};
-    if (!answer.lost_above) {
-      t.weight += light.weight();
-      t.force += light.force();
-      t.square += light.force_squared();
-    }
-    const double zero = answer.prior_mean;
-    t.square += zero * (zero * t.weight - 2.0 * t.force);
-    t.force -= zero * t.weight;
-    return t;
-  }
-
-  // The sums that an answer is of, with forces that count from its prior's mean.
-  PowerSums chosen(const ProjectionSolution& answer) const noexcept {
-    PowerSums sums = firm();
-    if (!answer.lost_above) sums.include(light_.sums(), light_.factor());
-    sums.shift(answer.prior_mean);
-    return sums;
-  }
   double lowest_exponent() const noexcept { return sure_.sums().lowest(); }
   double highest_exponent() const noexcept { return sure_.sums().highest(); }
 
@@ -170,7 +139,6 @@ class ContactSolver {
     light_.clear();
     unusable_ = 0.0;
     recent_.clear();
-    ++revisions_;
   }
 
   // The global minimum, from the samples and with the prior of the offset that hold together. Not
@@ -265,6 +233,14 @@ class ContactSolver {
     return light_.weight() >= fewest_usable * (light_.weight() + unusable_);
   }
 
+  // The sums that an answer is of, with forces that count from its prior's mean.
+  PowerSums chosen(const ProjectionSolution& answer) const noexcept {
+    PowerSums sums = firm();
+    if (!answer.lost_above) sums.include(light_.sums(), light_.factor());
+    sums.shift(answer.prior_mean);
+    return sums;
+  }
+
   PowerSums firm() const noexcept {
     PowerSums sums = sure_.sums();
     if (sure_.factor() != 1.0) sums.forget(sure_.factor());
@@ -329,7 +305,6 @@ class ContactSolver {
   // Adds a sample to the bank of its role, or takes it out with a factor of −1.
   void put(const ContactSamples::Entry& entry, double factor) noexcept {
     const double weight = factor * entry.weight;
-    if (factor < 0.0) ++revisions_;
     if (entry.role == Role::sure) sure_.add_weighted(entry.sample, weight);
     if (entry.role == Role::light) light_.add_weighted(entry.sample, weight);
     if (entry.role == Role::unusable) unusable_ = std::max(unusable_ + weight, 0.0);
@@ -342,7 +317,6 @@ class ContactSolver {
   double kept_offset_ = 0.0;  // deviation by the answer before a restart; 0 before one
   ContactSamples recent_;
   FreeAir air_;
-  std::uint32_t revisions_ = 0;
   bool chooses_ = true;
 };
 

@@ -122,27 +122,18 @@ class PowerSums {
       }
       return local;
     }
-    const auto [first, t] = place(n);
+    // The first of the ten nodes around it, and how many steps it is behind that.
+    const double position = (n - lowest_) / step_, centred = std::floor(position) - 4.0;
+    const std::size_t first =
+        centred <= 0.0 ? 0 : std::min(static_cast<std::size_t>(centred), nodes - lagrange_points);
+    const double t = position - static_cast<double>(first);
     const LagrangeWeights weights = lagrange_weights(t);
     const double rate = growth_rate(first);
     if (rate == 0.0) return interpolated(first, weights, weights);
     return interpolated(first, rescaled(weights, t, rate), rescaled(weights, t, 2.0 * rate));
   }
 
-  // The first of the ten nodes around an exponent, and how many steps it is behind that.
-  struct Place {
-    std::size_t first;
-    double t;
-  };
-
-  Place place(double n) const noexcept {
-    const double position = (n - lowest_) / step_;
-    const double centred = std::floor(position) - 4.0;
-    const std::size_t first =
-        centred <= 0.0 ? 0 : std::min(static_cast<std::size_t>(centred), nodes - lagrange_points);
-    return {first, position - static_cast<double>(first)};
-  }
-
+ private:
   // From node to node Σ p² grows by e to twice this and Σ p by e to this. Where that is much, as
   // where the unit is many times the depth, a polynomial would follow it badly; 0 where it is not.
   double growth_rate(std::size_t first) const noexcept {
@@ -153,7 +144,6 @@ class PowerSums {
     return even || !known ? 0.0 : 0.5 * std::log(growth);
   }
 
- private:
   static constexpr double combine(const Vector<lagrange_points>& w, const double* sums) noexcept {
     return (w[0] * sums[0] + w[1] * sums[1]) + (w[2] * sums[2] + w[3] * sums[3]) +
            (w[4] * sums[4] + w[5] * sums[5]) + (w[6] * sums[6] + w[7] * sums[7]) +

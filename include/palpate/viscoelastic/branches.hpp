@@ -42,11 +42,6 @@ class Ladder {
     return step;
   }
 
-  Step step_over(double dt) const noexcept {
-    Ladder other = *this;
-    return other.over(dt);
-  }
-
  private:
   // 1 − e^(−dt/τ) of the longest by expm1; half the time doubles the
   // exponent, e ← e (2 − e) = e (1 + a), and squares what is left, a ← a².

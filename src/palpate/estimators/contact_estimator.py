@@ -114,7 +114,6 @@ class CompiledEstimator(ContactEstimator):
 
         def _estimate(self) -> _core.EstimateValue: ...
         def _replay(self, *arrays: Any) -> None: ...
-        def _replay_many(self, *arrays: Any) -> bool: ...
 
     def estimate(self) -> Estimate:
         """Return what is known now."""
@@ -140,8 +139,8 @@ class CompiledEstimator(ContactEstimator):
         dt : float or array_like, shape (k,), optional
             Time since the previous sample, s; ``sample_time`` unless given.
         at : array_like of int, shape (m,), optional
-            The samples after which the estimate is written down, rising from 0 on; after every one
-            unless given. The fewer, the quicker, where an estimate costs more than a sample.
+            The samples after which the estimate is written down, rising from 0 on (default: every
+            one). The fewer, the quicker, where an estimate costs more than a sample.
 
         Raises
         ------
@@ -198,11 +197,12 @@ class PythonEstimator(ContactEstimator):
             trace.predicted_force[k] = self.predict(depth, speed) if finite else np.nan
             trace.status[k] = self.update(depth, speed, push, step)
             row = places.get(k)
-            estimate = None
-            if row is not None or self.needs_condition_10:
-                estimate = self.estimate()
-            trace.validity_margin[k] = np.nan if estimate is None else estimate.validity_margin
-            if row is not None and estimate is not None:
+            if row is None and not self.law_type.has_condition_10:
+                trace.validity_margin[k] = 1.0
+                continue
+            estimate = self.estimate()
+            trace.validity_margin[k] = estimate.validity_margin
+            if row is not None:
                 trace.parameters[row] = estimate.parameters
                 trace.standard_errors[row] = estimate.standard_errors
         return trace

@@ -1,4 +1,4 @@
-"""Stiffness and damping at working depth as an estimator went along, with their error bars."""
+"""What an estimator knew as it went along, with its error bars."""
 
 from dataclasses import dataclass
 
@@ -16,12 +16,14 @@ _STOPS = 200
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """Stiffness and damping at one depth, and their standard errors, at some of the samples.
+    """The law, its stiffness and damping at one depth, and their errors, at some of the samples.
 
     Attributes
     ----------
     samples : numpy.ndarray of int, shape (k,)
         After which they were known.
+    parameters, errors : numpy.ndarray, shape (k, p)
+        Of the law, SI, and their standard errors.
     stiffness, stiffness_error : numpy.ndarray, shape (k,)
         ∂F/∂x, N/m, and its standard error; NaN before the first contact.
     damping, damping_error : numpy.ndarray, shape (k,)
@@ -29,6 +31,8 @@ class Course:
     """
 
     samples: NDArray[np.intp]
+    parameters: Floats
+    errors: Floats
     stiffness: Floats
     stiffness_error: Floats
     damping: Floats
@@ -49,7 +53,7 @@ def course_of(result: Identification, depth: float) -> Course:
     steps = contact.time_steps
     taken = np.flatnonzero(result.trace.taken)
     stops = np.unique(taken[np.linspace(0, taken.size - 1, _STOPS).astype(np.intp)])
-    rows = []
+    samples, rows, laws = [], [], []
     for part in contact.segments():
         estimator.leave_contact()
         edges = [*stops[(stops >= part.start) & (stops < part.stop)] + 1, part.stop]
@@ -59,10 +63,13 @@ def course_of(result: Identification, depth: float) -> Course:
             channels = contact.penetration, contact.velocity, contact.force, steps
             estimator.replay(*(channel[piece] for channel in channels), at=())
             if edge - 1 in stops:
-                rows.append([edge - 1, *_known(estimator.estimate(), depth)])
+                now = estimator.estimate()
+                samples.append(edge - 1)
+                rows.append(_known(now, depth))
+                laws.append([now.parameters, now.standard_errors])
             start = int(edge)
-    table = np.array(rows, dtype=np.float64).T
-    return Course(table[0].astype(np.intp), *table[1:])
+    parameters, errors = np.moveaxis(np.array(laws), 1, 0)
+    return Course(np.array(samples, dtype=np.intp), parameters, errors, *np.array(rows).T)
 
 
 def _known(estimate: Estimate, depth: float) -> list[float]:

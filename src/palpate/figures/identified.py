@@ -81,10 +81,13 @@ def _on_a_page(new_figure: "type[Figure]", result: Identification, look: Look) -
     for row, several in enumerate(rows):
         for i, parameter in enumerate(several):
             axes = cell(2 + row, i / len(several), (i + 1) / len(several))
-            draw_parameter(axes, result, parameter, look)
+            draw_parameter(axes, result, course, parameter, look)
     draw_residual(cell(len(heights) - 1, 0, 1 / 2), result, look)
-    check = draw_condition if result.estimator.needs_condition_10 else draw_error
-    check(cell(len(heights) - 1, 1 / 2, 1), result, look)
+    check = cell(len(heights) - 1, 1 / 2, 1)
+    if result.estimator.needs_condition_10:
+        draw_condition(check, result, course, look)
+    else:
+        draw_error(check, result, look)
     title = [verdict_of(result), fit_of(result), at_depth(result)]
     set_titles(figure, look.sheet, title, _caption(result), lines=1)
     return figure
@@ -111,7 +114,7 @@ def _in_a_column(new_figure: "type[Figure]", result: Identification, look: Look)
     draw_damping(panels[3], result, course, look)
     draw_residual(panels[4], result, look)
     if condition:
-        draw_condition(panels[5], result, look)
+        draw_condition(panels[5], result, course, look)
     stack(panels[2:])
     figure.align_ylabels(panels)
     title = [verdict_of(result), fit_of(result), force_at_depth(result), parameters_of(result)]

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from palpate.figures.course import Course
 from palpate.figures.look import Look
 from palpate.figures.scales import largest, scale_of
 from palpate.figures.sheet import head
@@ -31,7 +32,7 @@ def draw_force(axes: "Axes", result: Identification, look: Look) -> None:
     axes.plot(
         time[good], measured, color=theme.measured, linewidth=look.points(2.4), label="measured"
     )
-    inside = np.where(result.trace.taken, result.full_trace.predicted_force, np.nan)
+    inside = np.where(result.trace.taken, result.trace.predicted_force, np.nan)
     axes.plot(
         time[keep],
         unit.factor * broken(inside, contact, keep),
@@ -115,7 +116,7 @@ def _ends(values: Floats) -> tuple[float, ...]:
 def _error_reach(result: Identification) -> float:
     """How large a prediction error is but for the first of each start, N."""
     taken = result.trace.taken
-    error = np.abs(result.contact.force - result.full_trace.predicted_force)[taken]
+    error = np.abs(result.contact.force - result.trace.predicted_force)[taken]
     known = error[np.isfinite(error)]
     # The first error of each start is as large as the force; the scale shows what comes after.
     reach = 1.3 * float(np.percentile(known, 99.0)) if known.size else 0.0
@@ -131,7 +132,7 @@ def draw_error(axes: "Axes", result: Identification, look: Look) -> None:
     limit = _error_reach(result)
     unit = scale_of(limit, "N")
     with np.errstate(over="ignore", invalid="ignore"):  # of absurd samples
-        missed = contact.force - result.full_trace.predicted_force
+        missed = contact.force - result.trace.predicted_force
         error = np.where(result.trace.taken, missed, np.nan)
         values = unit.factor * np.clip(broken(error, contact, keep), -9.0 * limit, 9.0 * limit)
     axes.plot(time[keep], values, color=look.theme.lines[0], linewidth=look.points(0.8))
@@ -143,27 +144,27 @@ def draw_error(axes: "Axes", result: Identification, look: Look) -> None:
     head(axes, f"Prediction error (a priori){part}")
 
 
-def draw_condition(axes: "Axes", result: Identification, look: Look) -> None:
+def draw_condition(axes: "Axes", result: Identification, course: Course, look: Look) -> None:
     """The speed beside what condition 10 allows by the estimates of the moment."""
-    contact, trace = result.contact, result.full_trace
+    contact = result.contact
     time, label = clock(contact)
     keep = shown(contact)[::2]  # neither line is as quick as the noise
-    speed = np.where(trace.taken, np.abs(contact.velocity), np.nan)
-    stiffness, damping = trace.parameters[:, 0], np.abs(trace.parameters[:, 1])
-    limit = 0.1 * np.divide(
-        np.abs(stiffness), damping, out=np.full_like(damping, np.nan), where=damping > 0.0
+    speed = np.where(result.trace.taken, np.abs(contact.velocity), np.nan)
+    stiffness, damping = np.abs(course.parameters[:, :2].T)
+    limit = np.full(len(contact), np.nan)
+    limit[course.samples] = 0.1 * np.divide(
+        stiffness, damping, out=np.full_like(damping, np.nan), where=damping > 0.0
     )
-    limit = np.where(trace.taken, limit, np.nan)
     fastest = largest(speed)
     settled = float(np.nanmedian(limit)) if np.isfinite(limit).any() else fastest
     top = 1.15 * max(fastest, min(settled, 5.0 * fastest), 1e-300)
     unit = scale_of(top, "m/s")
-    for values, colour, words in (
-        (speed, look.theme.measured, "|v|"),
-        (limit, look.theme.lines[1], "0.1 K/B (estimated)"),
+    for values, at, colour, words in (
+        (speed, keep, look.theme.measured, "|v|"),
+        (limit, course.samples, look.theme.lines[1], "0.1 K/B (estimated)"),
     ):
-        shown_values = unit.factor * broken(np.minimum(values, 10.0 * top), contact, keep)
-        axes.plot(time[keep], shown_values, color=colour, label=words)
+        shown_values = unit.factor * broken(np.minimum(values, 10.0 * top), contact, at)
+        axes.plot(time[at], shown_values, color=colour, label=words)
     axes.set_ylim(0.0, unit.factor * top)
     axes.set(xlabel=label, ylabel=unit.label("speed"))
     head(axes, f"Condition 10, |v| < 0.1 K/B: broken in {result.violated_fraction:.1%} of contact")

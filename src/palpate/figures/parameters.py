@@ -11,7 +11,7 @@ from palpate.figures.course import Course
 from palpate.figures.look import Look
 from palpate.figures.scales import Scale, largest, scale_as_written, scale_of
 from palpate.figures.sheet import head
-from palpate.figures.thinning import MOST_GAPS, clock, few
+from palpate.figures.thinning import MOST_GAPS, clock
 from palpate.figures.words import JOINED, kept_together
 from palpate.identification import Identification
 from palpate.results.parameters import Row
@@ -20,8 +20,6 @@ from palpate.validation import Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Points of a line that is drawn with a band, which makes three.
-_POINTS = 250
 # A panel shows at least this part of a value: what is known better has ticks too long to read.
 _LEAST_SPAN = 1e-5
 # A bar of what findings would move is seen whole up to so many times what else is in its panel.
@@ -53,14 +51,15 @@ class Final:
         return cls(quantity.value, error, float(np.hypot(error, quantity.systematic)))
 
 
-def draw_parameter(axes: "Axes", result: Identification, row: Row, look: Look) -> None:
+def draw_parameter(
+    axes: "Axes", result: Identification, course: Course, row: Row, look: Look
+) -> None:
     """One parameter over time, with a band of two standard errors, and the result."""
-    index, trace = row.index, result.full_trace
-    index_of = few(np.flatnonzero(trace.taken), _POINTS)
+    index = row.index
     error = float(result.standard_errors[index])
     final = Final(float(result.law.parameters[index]), error, error)
-    values, errors = trace.parameters[index_of, index], trace.standard_errors[index_of, index]
-    _draw_line(axes, result, index_of, (values, errors), final, row.unit, row.symbol, look)
+    known = course.parameters[:, index], course.errors[:, index]
+    _draw_line(axes, result, course.samples, known, final, row.unit, row.symbol, look)
     words = row.with_unit.replace(" ", JOINED)
     head(axes, f"{row.name.replace('_', ' ').capitalize()} {row.symbol}: {words}")
 

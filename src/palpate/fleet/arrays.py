@@ -1,4 +1,4 @@
-"""Contacts of equal length as arrays: through the whole-curve fit or the recursion in lanes."""
+"""Contacts of equal length as arrays: through the whole-curve fit, or the recursion one by one."""
 
 import json
 import math
@@ -18,7 +18,6 @@ from palpate.flags import ADVICE_OF, NEGATIVE_DAMPING, NEGATIVE_STIFFNESS
 from palpate.fleet.at_depth import AT_DEPTH, LawsAtDepth, working_depths
 from palpate.fleet.columns import empty_columns, table_of
 from palpate.fleet.curves import Curves
-from palpate.fleet.in_lanes import columns_in_lanes, goes_through_lanes
 from palpate.fleet.outliers import fitted
 from palpate.fleet.rows import failure, in_words, row_of
 from palpate.fleet.settings import Settings
@@ -99,8 +98,7 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
 def identify_curves(curves: Curves, settings: Settings, *, threads: int = 1) -> "pa.Table":
     """Identify each of the curves: a table with a row for each, in their order.
 
-    By the whole-curve fit where the settings allow that, else by the recursion: in lanes what
-    these take, one by one the rest.
+    By the whole-curve fit where the settings allow that, else one by one by the recursion.
 
     Parameters
     ----------
@@ -109,37 +107,15 @@ def identify_curves(curves: Curves, settings: Settings, *, threads: int = 1) -> 
     settings : Settings
         How they are identified.
     threads : int
-        That share the rows.
+        That share the rows of the whole-curve fit.
     """
     if fits_whole_curves(settings):
         return _together(curves, settings, threads)
-    return _by_recursion(curves, settings, threads)
-
-
-def _by_recursion(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
-    """Through lanes what these can say all of; the others one by one."""
     columns = _named(curves, settings)
-    left = np.ones(len(curves), dtype=np.bool_)
-    if goes_through_lanes(settings):
-        found, rows = columns_in_lanes(curves, settings, threads)
-        left[rows] = False
-        for name, values in found.items():
-            _put(columns[name], rows, values)
-        if settings.diagnosis == "input":
-            for k in rows.tolist():
-                columns["findings"][k] = _findings(curves, k, settings, math.nan)
-    for k in np.flatnonzero(left).tolist():
+    for k in range(len(curves)):
         for name, value in _row(curves, k, settings).items():
             columns[name][k] = value
     return table_of(columns, settings)
-
-
-def _put(column: Any, rows: NDArray[np.int64], values: Any) -> None:
-    if isinstance(column, np.ndarray):
-        column[rows] = values
-        return
-    for k, value in zip(rows.tolist(), values, strict=True):
-        column[k] = value
 
 
 def _row(curves: Curves, row: int, settings: Settings) -> dict[str, Any]:

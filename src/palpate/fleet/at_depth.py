@@ -6,7 +6,6 @@ import numpy as np
 
 from palpate import _core
 from palpate.curves import CurveFits
-from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 
 Numbers = tuple[Floats, Floats]
@@ -78,48 +77,3 @@ def _error(gradient: list[Floats], fits: CurveFits) -> Floats:
     variance = np.einsum("ki,kij,kj->k", g, fits.covariance, g)
     found: Floats = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
     return found
-
-
-def numbers_at_depth(
-    law: type[ForceLaw], parameters: Floats, covariance: Floats, depth: Floats
-) -> dict[str, Floats]:
-    """Force, stiffness and damping at a depth, with errors by the delta method: √(gᵀ C g).
-
-    Parameters
-    ----------
-    law : type
-        The force law.
-    parameters, covariance : numpy.ndarray, shape (k, p) and (k, p, p)
-        Of the laws, SI.
-    depth : numpy.ndarray, shape (k,)
-        Of each, m.
-
-    Returns
-    -------
-    dict
-        Columns by name, shape (k,).
-    """
-    size = parameters.shape[1]
-    with np.errstate(all="ignore"):
-        errors = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
-        # By differences over a hundredth of an error, in which a law is as good as linear.
-        steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
-        values = _three(law, parameters, depth)
-        gradients = np.empty((size, *values.shape))
-        for k in range(size):
-            change = np.zeros_like(parameters)
-            change[:, k] = steps[:, k]
-            high, low = (_three(law, parameters + by, depth) for by in (change, -change))
-            gradients[k] = (high - low) / (2.0 * steps[:, k])
-        variances = np.einsum("iqk,kij,jqk->qk", gradients, covariance, gradients)
-        found = np.where(variances >= 0.0, np.sqrt(np.maximum(variances, 0.0)), np.nan)
-    columns = {}
-    for name, value, error in zip(AT_DEPTH, values, found, strict=True):
-        columns[f"{name}_at_depth"], columns[f"{name}_at_depth_standard_error"] = value, error
-    return columns
-
-
-def _three(law: type[ForceLaw], parameters: Floats, depth: Floats) -> Floats:
-    """Force, stiffness and damping, shape (3, k)."""
-    force = law.forces(parameters, depth[:, None], np.zeros((len(depth), 1)))
-    return np.stack([force[:, 0], *law.many_at(parameters, depth)])

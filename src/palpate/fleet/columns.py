@@ -45,7 +45,7 @@ def columns_of(settings: Settings) -> list[Column]:
         Column("part", WHOLE, "", "which place of a probe that travels, from 0; null of one place"),
         *(Column(axis, NUMBER, "m", f"where on the material, along {axis}") for axis in "xyz"),
         Column("method", TEXT, "", "the estimator"),
-        Column("fit", TEXT, "", "recursion, lanes, or whole-curve; null of a failure"),
+        Column("fit", TEXT, "", "recursion or whole-curve; null of a failure"),
         *_law(settings),
         Column("covariance", NUMBERS, "", "of the law's parameters, a row after another, SI"),
         Column("offset", NUMBER, "N", "force out of contact; NaN where it is not estimated"),

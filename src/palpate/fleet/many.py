@@ -41,9 +41,8 @@ def identify_many(
     """Identify many contacts: a table with a row for each.
 
     Contacts of equal length are best given as arrays: the default method then fits all of them at
-    once, by the whole-curve fit of :func:`palpate.curves.fit_curves`, hundreds of times as quick;
-    recursions that a gate feeds, such as ``"single-stage"``, go through vector lanes, as
-    :func:`palpate.lanes.replay_lanes` has them, where the clock is even.
+    once, by the whole-curve fit of :func:`palpate.curves.fit_curves`, hundreds of times as quick.
+    Other methods go through their recursion, a contact at a time.
 
     Parameters
     ----------
@@ -70,7 +69,7 @@ def identify_many(
     source : str
         Where arrays are from, for their rows.
     threads : int, optional
-        That share arrays; as many as there are cores unless given.
+        That share the whole-curve fit of arrays (default: as many as there are cores).
 
     Returns
     -------

@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Finding
-from palpate.fleet.at_depth import AT_DEPTH, numbers_at_depth
+from palpate.fleet.at_depth import AT_DEPTH
 from palpate.fleet.settings import Settings
 from palpate.force_laws import ForceLaw
 from palpate.identification import Identification
@@ -86,8 +86,32 @@ def in_words(finding: Finding) -> str:
 
 def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:
     """Force, stiffness and damping at a depth, with errors by the delta method: √(gᵀ C g)."""
-    columns = numbers_at_depth(type(law), law.parameters[None], covariance[None], np.array([depth]))
-    return {"depth": depth, **{name: float(value[0]) for name, value in columns.items()}}
+    with np.errstate(all="ignore"):
+        errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        # By differences over a hundredth of an error, in which a law is as good as linear.
+        steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
+        high, low = (
+            np.stack(
+                [_three(type(law), law.parameters + by, depth) for by in sign * np.diag(steps)]
+            )
+            for sign in (1.0, -1.0)
+        )
+        slopes = (high - low) / (2.0 * steps[:, None])
+        variances = np.einsum("iq,ij,jq->q", slopes, covariance, slopes)
+        found = np.where(variances >= 0.0, np.sqrt(np.maximum(variances, 0.0)), np.nan)
+    row: Row = {"depth": depth}
+    values = _three(type(law), law.parameters, depth).tolist()
+    for name, value, error in zip(AT_DEPTH, values, found.tolist(), strict=True):
+        row |= {f"{name}_at_depth": value, f"{name}_at_depth_standard_error": error}
+    return row
+
+
+def _three(kind: type[ForceLaw], parameters: Floats, depth: float) -> Floats:
+    """Force, stiffness and damping; NaN of parameters that are not finite, which make no law."""
+    if not np.isfinite(parameters).all():
+        return np.full(3, np.nan)
+    law = kind.from_parameters(parameters)
+    return np.array([law.force(depth, 0.0), law.stiffness_at(depth), law.damping_at(depth)])
 
 
 def place_in_notes(notes: "dict[str, str]") -> Row:

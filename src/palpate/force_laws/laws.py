@@ -143,31 +143,6 @@ class ForceLaw:
             found[:, k] = law.stiffness_at(float(depths[k])), law.damping_at(float(depths[k]))
         return found[0], found[1]
 
-    @classmethod
-    def forces(cls, parameters: Floats, penetration: Floats, velocity: Floats) -> Floats:
-        """:meth:`force` of many laws, N, shape (k, m).
-
-        Parameters
-        ----------
-        parameters : numpy.ndarray, shape (k, p)
-            A law a row.
-        penetration, velocity : numpy.ndarray, shape (k, m)
-            m and m/s.
-        """
-        found = np.full(penetration.shape, np.nan)
-        for k in np.flatnonzero(np.isfinite(parameters).all(axis=1)).tolist():
-            found[k] = cls.from_parameters(parameters[k]).force(penetration[k], velocity[k])
-        return found
-
-    @classmethod
-    def gradients(cls, parameters: Floats, penetration: Floats, velocity: Floats) -> Floats:
-        """:meth:`parameter_gradient` of many laws, as :meth:`forces`; shape (k, m, p)."""
-        found = np.full((*penetration.shape, parameters.shape[1]), np.nan)
-        for k in np.flatnonzero(np.isfinite(parameters).all(axis=1)).tolist():
-            law = cls.from_parameters(parameters[k])
-            found[k] = law.parameter_gradient(penetration[k], velocity[k])
-        return found
-
 
 Law = TypeVar("Law", bound=type[ForceLaw])
 
@@ -265,23 +240,6 @@ class CompiledLaw(ForceLaw):
             return force.item()
 
         return felt
-
-    @classmethod
-    def forces(cls, parameters: Floats, penetration: Floats, velocity: Floats) -> Floats:
-        """:meth:`force` of many laws, N, shape (k, m)."""
-        force = np.empty(penetration.shape)
-        if force.size:
-            given = (np.ascontiguousarray(each) for each in (parameters, penetration, velocity))
-            cls._compiled(*(each.reshape(-1) for each in given), force.reshape(-1))
-        return force
-
-    @classmethod
-    def gradients(cls, parameters: Floats, penetration: Floats, velocity: Floats) -> Floats:
-        """:meth:`parameter_gradient` of many laws; shape (k, m, p)."""
-        laws = object.__new__(cls)  # of columns, which go with rows of samples as numbers do
-        for name, column in zip(cls.names(), parameters.T, strict=True):
-            object.__setattr__(laws, name, column[:, None])
-        return laws.parameter_gradient(penetration, velocity)
 
 
 @register

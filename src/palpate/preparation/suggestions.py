@@ -1,11 +1,11 @@
 """A gate and a scale chosen from the data, where the user chooses none."""
 
 import dataclasses
-from collections.abc import Callable
+
+import numpy as np
 
 from palpate import _core
 from palpate.contact import Contact
-from palpate.preparation.gates_of_rows import gates_of_rows, scales_of_rows
 from palpate.settings import ContactGate, Scale
 from palpate.validation import Floats, number_in
 
@@ -41,7 +41,10 @@ def choose_gate(
 
 def suggest_scale(contact: Contact) -> Scale:
     """Units for the arithmetic: the largest penetration, speed and force of the contact."""
-    return Scale(*_of_one(scales_of_rows, contact))
+    x, speed, force = contact.penetration, np.abs(contact.velocity), contact.force
+    touching = (x > 0.0) & (force > 0.0) & (x < LARGEST) & (speed < LARGEST) & (force < LARGEST)
+    largest = [np.max(each[touching], initial=0.0) for each in (x, speed, force)]
+    return Scale(*(float(np.clip(each, 1e-30, 1e30)) if each > 0.0 else 1.0 for each in largest))
 
 
 def suggest_gate(contact: Contact) -> ContactGate:
@@ -52,14 +55,7 @@ def suggest_gate(contact: Contact) -> ContactGate:
     decides instead, where it separates them: contact is then what is deeper than where the force
     falls short of its threshold.
     """
-    return ContactGate(*_of_one(gates_of_rows, contact))
-
-
-def _of_one(chosen: Callable[[Floats, Floats, Floats], Floats], contact: Contact) -> list[float]:
-    numbers: list[float] = chosen(
-        contact.penetration[None], contact.velocity[None], contact.force[None]
-    )[0].tolist()
-    return numbers
+    return ContactGate(*_core.gate_of(contact.penetration, contact.velocity, contact.force))
 
 
 def noise_of(values: Floats) -> float:

@@ -129,7 +129,7 @@ def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
     }
     try:
         contact = contact_of(samples, float(status.get("sample_time", 1e-3)))
-        diagnosis = identify(contact, _estimator(status)).diagnosis
+        diagnosis = identify(contact, _estimator(status), trace=False).diagnosis
     except PalpateError as error:  # the probe touched nothing
         return {**page, "verdict": None, "reason": str(error), "remedy": None, "said": str(error)}
     return {
