@@ -98,7 +98,7 @@ def test_negative_damping_is_not_clipped_but_said():
     result = identify(contact_of(exciting(law, seconds=4.0, noise=0.01)))
     found = result.restitution()
     assert found.coefficient.value > 1.0
-    assert "the law makes energy" in "; ".join(found.remarks)
+    assert "the law makes energy" in found.remarks[0]
     assert all(math.isnan(e) for e in found.approximations.values())
     drawn = result.restitution(2.0)
     assert math.isnan(drawn.coefficient.value)

@@ -99,7 +99,7 @@ def restitution_of(
         Quantity(e, slope * b.standard_error, slope * b.systematic),
         b,
         MappingProxyType({each.name: each.restitution(b.value, v0) for each in APPROXIMATIONS}),
-        (*([] if trusted else [UNTRUSTED]), *_remarks(b, v0, fastest_approach)),
+        (*_remarks(b, v0, fastest_approach), *([] if trusted else [UNTRUSTED])),
     )
 
 
