@@ -20,7 +20,7 @@ struct CurveSettings {
   double offset_deviation = 0.0;   // as ProjectionSettings has it
   double surface_deviation = 0.0;  // the same
   bool find_surface = false;
-  double lowest_surface = 0.0;  // both 0: a fifth of the unit of penetration each way,
+  double lowest_surface = 0.0;   // both 0: a fifth of the unit of penetration each way,
   double highest_surface = 0.0;  // and once more in a wider range where that is too narrow
   Scale scale{0.0, 0.0, 0.0};
 };
