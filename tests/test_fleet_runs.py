@@ -80,9 +80,9 @@ def finished(results, most=None):
 def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(run, tmp_path):
     folder = tmp_path / "all"
     write_recordings(folder, 2)
-    (folder / "touch-001.csv").rename(os.fsencode(folder) + b"/touch-\xff\xe9.csv")
+    (folder / "touch-001.csv").rename(folder / os.fsdecode(b"touch-\xff\xe9.csv"))
     write_zarr(folder / "array.zarr", 2)
-    (folder / "array.zarr").rename(os.fsencode(folder) + b"/array\xff.zarr")
+    (folder / "array.zarr").rename(folder / os.fsdecode(b"array\xff.zarr"))
     (folder / "literal\\xff.csv").write_bytes((folder / "touch-000.csv").read_bytes())
     for words in ("5 contacts in", "5 of 5 contacts reused"):
         status, out, err = run("fleet", folder, "-o", tmp_path / "results", "--workers", 1)

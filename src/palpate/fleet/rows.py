@@ -88,15 +88,13 @@ def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:
     """Force, stiffness and damping at a depth, with errors by the delta method: √(gᵀ C g)."""
     with np.errstate(all="ignore"):
         errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        # By differences over a hundredth of an error, in which a law is as good as linear.
-        steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
-        high, low = (
-            np.stack(
-                [_three(type(law), law.parameters + by, depth) for by in sign * np.diag(steps)]
-            )
-            for sign in (1.0, -1.0)
-        )
-        slopes = (high - low) / (2.0 * steps[:, None])
+        slopes = np.zeros((errors.size, 3))
+        # By differences over a hundredth of an error, in which a law is as good as linear. One
+        # without an error is not the law's own: a spectrum that is not there has no neighbours.
+        for k in np.flatnonzero((errors > 0.0) & np.isfinite(errors)).tolist():
+            by = 0.01 * errors[k] * (np.arange(errors.size) == k)
+            high, low = (_three(type(law), law.parameters + s * by, depth) for s in (1.0, -1.0))
+            slopes[k] = (high - low) / (0.02 * errors[k])
         variances = np.einsum("iq,ij,jq->q", slopes, covariance, slopes)
         found = np.where(variances >= 0.0, np.sqrt(np.maximum(variances, 0.0)), np.nan)
     row: Row = {"depth": depth}
