@@ -4,6 +4,8 @@ import itertools
 import math
 import os
 import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -177,6 +179,12 @@ class Hanging:
         self.path.write_text(str(os.getpid()))
         while True:
             time.sleep(10.0)
+
+
+def in_a_process(code, **options):
+    """Run Python's code beside the tests, which finds what they find."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen([sys.executable, "-c", code], env=environment, text=True, **options)
 
 
 class Failing:

@@ -9,6 +9,7 @@ import time
 from typing import Any
 
 import pytest
+from scripted import in_a_process
 
 from palpate.live.arrivals import Arrival
 from palpate.live.sources.opening import SourceOptions, open_source
@@ -219,15 +220,7 @@ def query(options: dict[str, Any]) -> str:
 def sent_by_another_process(wire: str, count: int, pause: float) -> subprocess.Popen:
     """A robot in a process of its own, at a pace; it prints its address, and begins when asked."""
     code = f"import wire_robots; wire_robots.serve({wire!r}, {count}, {pause})"
-    here = os.path.dirname(__file__)  # noqa: PTH120
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([here, *sys.path])}
-    return subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=environment,
-        text=True,
-    )
+    return in_a_process(code, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
 
 def serve(wire: str, count: int, pause: float) -> None:
