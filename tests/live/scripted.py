@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 from cases import MATERIALS, THREE_SINES
@@ -179,6 +180,11 @@ class Hanging:
         self.path.write_text(str(os.getpid()))
         while True:
             time.sleep(10.0)
+
+
+def resident():
+    """What this process takes, bytes."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def in_a_process(code, **options):

@@ -2,12 +2,12 @@
 
 import contextlib
 import random
-import resource
 import socket
 import struct
 import time
 
 import pytest
+from scripted import resident
 from wire_robots import (
     POSE,
     ROBOTS,
@@ -178,17 +178,12 @@ def test_a_packet_that_is_too_long_is_counted_and_those_after_it_are_heard(optio
 @pytest.mark.slow
 def test_ten_thousand_malformed_packets_leave_the_memory_flat(robot, source):
     sample = fuzz(robot, source, 20_000)
-    before = _resident()
+    before = resident()
     for _ in range(4):
         sample = fuzz(robot, source, 10_000, sample)
     # The allocator takes some MB, most of it at first, until it takes no more after 70 000 packets;
     # kept packets would be 6 MB.
-    assert _resident() - before < 4 << 20
-
-
-def _resident() -> int:
-    with open("/proc/self/statm") as file:  # noqa: PTH123
-        return int(file.read().split()[1]) * resource.getpagesize()
+    assert resident() - before < 4 << 20
 
 
 def test_a_source_can_be_opened_again_after_it_was_closed(wire, robot):
