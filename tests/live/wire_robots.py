@@ -6,7 +6,6 @@ import struct
 import subprocess
 import sys
 import time
-from typing import Any
 
 import pytest
 from scripted import in_a_process
@@ -17,7 +16,6 @@ from palpate.live.sources.opening import SourceOptions, open_source
 POSE, WRENCH = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
 START = 1_700_000_000_000_000_000  # ns
 VECTORS = SourceOptions(vectors=True)
-WIRES = ("zmq", "dds", "zenoh")
 
 
 def free_port() -> int:
@@ -59,8 +57,8 @@ class ZeroMQRobot:
     def again(self) -> "ZeroMQRobot":
         return ZeroMQRobot(self.address)
 
-    def source(self, **options: Any):
-        source = open_source(self.address + query(options), VECTORS)
+    def source(self, wanted: SourceOptions = VECTORS):
+        source = open_source(self.address, wanted)
         source.open()
         # What it sends before it knows its subscribers it drops.
         while self.socket.recv()[:1] != b"\x01":
@@ -109,9 +107,6 @@ class RosRobot:
     def junk(self, data: bytes) -> None:
         self.put(0, data, 0)
 
-    def put(self, index: int, data: bytes, k: int) -> None:
-        raise NotImplementedError
-
     def again(self) -> "RosRobot":
         return type(self)()
 
@@ -119,9 +114,7 @@ class RosRobot:
 class DDSRobot(RosRobot):
     """Writers of Cyclone DDS, in a domain of their own on this machine only."""
 
-    types = (POSE, WRENCH)
-
-    def __init__(self, types: tuple[str, str] | None = None) -> None:
+    def __init__(self, types: tuple[str, str] = (POSE, WRENCH)) -> None:
         super().__init__()
         pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install 'palpate[live]'")
         from cyclonedds.core import Policy, Qos
@@ -134,14 +127,13 @@ class DDSRobot(RosRobot):
         member = participant(self.domain, None)
         reliable = Qos(Policy.Reliability.Reliable(10**9), Policy.History.KeepLast(20_000))
         self.writers = []
-        for name, kind in zip(("pose", "wrench"), types or self.types, strict=True):
+        for name, kind in zip(("pose", "wrench"), types, strict=True):
             made = raw_type(kind)
             topic = Topic(member, f"rt/{name}", made)
             self.writers.append((DataWriter(member, topic, qos=reliable), made))
 
-    def source(self, **options: Any):
-        address = f"dds:/pose,/wrench{query({'domain': self.domain, **options})}"
-        source = open_source(address, VECTORS)
+    def source(self, wanted: SourceOptions = VECTORS):
+        source = open_source(f"dds:/pose,/wrench?domain={self.domain}", wanted)
         source.open()
         return source
 
@@ -191,9 +183,8 @@ class ZenohRobot(RosRobot):
         package, _, name = kind.split("/")
         return f"{package}::msg::dds_::{name}_"
 
-    def source(self, **options: Any):
-        options = {"connect": self.endpoint, **options}
-        source = open_source(f"zenoh:/pose,/wrench{query(options)}", VECTORS)
+    def source(self, wanted: SourceOptions = VECTORS):
+        source = open_source(f"zenoh:/pose,/wrench?connect={self.endpoint}", wanted)
         source.open()
         until = time.monotonic() + 5.0
         while not all(each.matching_status.matching for each in self.publishers):
@@ -211,10 +202,6 @@ class ZenohRobot(RosRobot):
 
 
 ROBOTS = {"zmq": ZeroMQRobot, "dds": DDSRobot, "zenoh": ZenohRobot}
-
-
-def query(options: dict[str, Any]) -> str:
-    return "?" + "&".join(f"{name}={value}" for name, value in options.items()) if options else ""
 
 
 def sent_by_another_process(wire: str, count: int, pause: float) -> subprocess.Popen:
