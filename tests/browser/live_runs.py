@@ -6,6 +6,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import count
 
+from palpate.live import run
+from palpate.live.page import Page
 from palpate.live.sources.replay import Replay
 from palpate.live.sources.source import EndOfSourceError
 
@@ -19,16 +21,9 @@ class Endless(Replay):
         super().__init__(contact)
         self.ended = threading.Event()
         self.asked = []
-        step = contact.sample_time
-        rows = list(
-            zip(
-                contact.time.tolist(),
-                contact.penetration.tolist(),
-                contact.force.tolist(),
-                strict=True,
-            )
-        )
-        span = rows[-1][0] - rows[0][0] + step
+        columns = contact.time, contact.penetration, contact.force
+        rows = list(zip(*(column.tolist() for column in columns), strict=True))
+        span = rows[-1][0] - rows[0][0] + contact.sample_time
         self._rows = (
             (t + k * span, x, f * (1.6 if k % 2 else 1.0)) for k in count() for t, x, f in rows
         )
@@ -41,6 +36,21 @@ class Endless(Replay):
     def ask(self, options):
         self.asked.append(options)
         return f"the source was asked for {options}"
+
+
+@contextmanager
+def running(contact, *sinks, estimator=None):
+    """A run with its page: its source, and the page."""
+    source, page = Endless(contact), Page(port=0)
+    thread = threading.Thread(target=run, args=(source, estimator, [*sinks, page]))
+    thread.start()
+    try:
+        yield source, page
+    finally:
+        source.ended.set()
+        thread.join(30.0)
+        page.close()
+        assert not thread.is_alive()
 
 
 @dataclass
@@ -67,9 +77,6 @@ class Wire:
                 end.shutdown(socket.SHUT_RDWR)
             end.close()
         self._ends.clear()
-
-    def join(self):
-        self.whole = True
 
     def _accept(self):
         while True:
