@@ -10,19 +10,16 @@ import pytest
 import palpate
 
 
-def python(code: str) -> None:
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
 def test_a_name_is_there_when_it_is_asked_for_and_not_before():
-    python("""
+    code = """
 import sys, palpate
 assert "numpy" not in sys.modules
 assert "identify" in dir(palpate)
 assert palpate.settings.Scale is palpate.Scale
 from palpate import *
 assert identify is palpate.identifying.identify
-""")
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_what_is_not_there_is_an_attribute_error():
