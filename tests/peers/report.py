@@ -52,9 +52,7 @@ def _shown(name: str, simulator: ReferenceSimulator) -> list[str]:
     return [motion, f"{contact.force.max():.1f} N", f"{beside(contact, simulator.law):.0e}"]
 
 
-def _estimators(
-    law: HuntCrossley | KelvinVoigt,
-) -> list[tuple[str, ContactEstimator, int | None]]:
+def _estimators(law: HuntCrossley | KelvinVoigt) -> list[tuple[str, ContactEstimator, int | None]]:
     """In words, as it is built, and the seed of the force's noise if there is any."""
     if isinstance(law, KelvinVoigt):
         return [
