@@ -186,12 +186,6 @@ def test_a_source_can_be_opened_again_after_it_was_closed(wire, robot):
         source.close()
 
 
-def test_an_unknown_option_is_one_clear_line(wire):
-    with pytest.raises(PalpateError, match=f"^{wire}: no option 'speed'; there are .*") as caught:
-        open_source(f"{wire}:/pose,/wrench?speed=3")
-    assert "\n" not in str(caught.value)
-
-
 def listened(robot, wanted=VECTORS) -> None:
     with contextlib.closing(robot.source(wanted)) as source:
         robot.send(1)
