@@ -1,9 +1,9 @@
 """A live run that goes on until a test ends it, and a wire that a test can cut."""
 
 import socket
+import socketserver
 import threading
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from itertools import count
 
 from palpate.live import run
@@ -53,59 +53,45 @@ def running(contact, *sinks, estimator=None):
         assert not thread.is_alive()
 
 
-@dataclass
-class Wire:
+def _passed_on(source, sink):
+    with suppress(OSError):
+        while piece := source.recv(1 << 16):
+            sink.sendall(piece)
+    _cut(source, sink)
+
+
+def _cut(*ends):
+    for end in ends:
+        with suppress(OSError):
+            end.shutdown(socket.SHUT_RDWR)
+
+
+class Wire(socketserver.ThreadingTCPServer):
     """Passes bytes between a browser and a server, until it is cut."""
 
-    port: int
-    listening: socket.socket = field(init=False)
-    whole: bool = True
-    _ends: list = field(default_factory=list)
+    daemon_threads = True
 
-    def __post_init__(self):
-        self.listening = socket.create_server(("127.0.0.1", 0))
-        threading.Thread(target=self._accept, daemon=True).start()
+    def __init__(self, port):
+        super().__init__(("127.0.0.1", 0), None)
+        self.whole, self._port, self._ends = True, port, []
+        threading.Thread(target=self.serve_forever, daemon=True).start()
 
     @property
     def url(self):
-        return f"http://127.0.0.1:{self.listening.getsockname()[1]}/"
+        return f"http://127.0.0.1:{self.server_address[1]}/"
+
+    def finish_request(self, near, _):
+        if self.whole:
+            with socket.create_connection(("127.0.0.1", self._port)) as far:
+                self._ends += [near, far]
+                threading.Thread(target=_passed_on, args=(far, near), daemon=True).start()
+                _passed_on(near, far)
 
     def cut(self):
         self.whole = False
-        for end in self._ends:
-            with suppress(OSError):
-                end.shutdown(socket.SHUT_RDWR)
-            end.close()
-        self._ends.clear()
+        _cut(*self._ends)
 
-    def _accept(self):
-        while True:
-            try:
-                near, _ = self.listening.accept()
-            except OSError:
-                return
-            if not self.whole:
-                near.close()
-                continue
-            far = socket.create_connection(("127.0.0.1", self.port))
-            self._ends += [near, far]
-            for a, b in ((near, far), (far, near)):
-                threading.Thread(target=self._pass, args=(a, b), daemon=True).start()
-
-    def _pass(self, source, sink):
-        with suppress(OSError):
-            while piece := source.recv(1 << 16):
-                sink.sendall(piece)
-        for end in (source, sink):
-            with suppress(OSError):
-                end.shutdown(socket.SHUT_RDWR)
-
-
-@contextmanager
-def wire_to(port):
-    made = Wire(port)
-    try:
-        yield made
-    finally:
-        made.cut()
-        made.listening.close()
+    def __exit__(self, *_):
+        self.cut()
+        self.shutdown()
+        self.server_close()

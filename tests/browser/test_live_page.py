@@ -12,7 +12,7 @@ from palpate.digits import rounded, with_error
 pytest.importorskip("uvicorn", reason="the extra live is not installed")
 pytest.importorskip("mcap", reason="the extra live is not installed")
 
-from live_runs import running, wire_to
+from live_runs import Wire, running
 
 from palpate.live.running import default_estimator
 from palpate.live.sinks.figures import percent
@@ -143,7 +143,7 @@ def test_a_page_without_a_recorder_does_not_offer_one_and_stays_when_the_run_is_
 
 def test_a_dropped_connection_heals(live, opened):
     port = int(live[1].rstrip("/").rpartition(":")[2])
-    with wire_to(port) as wire, opened(wire.url, lossy=True) as page:
+    with Wire(port) as wire, opened(wire.url, lossy=True) as page:
         wait(page, "palpate.store.length > 500")
         wire.cut()
         page.wait_for_selector("#link.broken:has-text('trying again')")
