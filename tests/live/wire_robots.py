@@ -8,6 +8,7 @@ import sys
 import time
 
 import pytest
+from message_files import Maker
 from scripted import in_a_process
 
 from palpate.live.arrivals import Arrival
@@ -81,22 +82,14 @@ class RosRobot:
     """Two topics of ROS, made by rosbags."""
 
     def __init__(self) -> None:
-        from rosbags.typesys import Stores, get_typestore
-
-        self.store = get_typestore(Stores.LATEST)
+        self.maker = Maker()
+        self.store = self.maker.store
 
     def message(self, kind: str, k: int, stamp: int) -> bytes:
-        types = self.store.types
-        when = types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9))
-        header = types["std_msgs/msg/Header"](when, "base")
-        vector = types["geometry_msgs/msg/Vector3"]
         if kind == POSE:
-            point = types["geometry_msgs/msg/Point"](*position(k))
-            turned = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-            whole = types[POSE](header, types["geometry_msgs/msg/Pose"](point, turned))
+            whole = self.maker.pose(stamp, [*position(k), 0.0, 0.0, 0.0, 1.0])
         else:
-            wrench = types["geometry_msgs/msg/Wrench"](vector(*force(k)), vector(0.0, 0.0, 0.0))
-            whole = types[WRENCH](header, wrench)
+            whole = self.maker.wrench(stamp, [*force(k), 0.0, 0.0, 0.0])
         return bytes(self.store.serialize_cdr(whole, kind))
 
     def send(self, k: int, stamp: int | None = None) -> None:
