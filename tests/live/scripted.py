@@ -9,8 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
-from cases import MATERIALS, THREE_SINES
+from cases import MATERIALS, exciting
 
 from palpate import OnlinePreparation
 from palpate.live.arrivals import Arrival, Counts
@@ -64,13 +63,15 @@ class Scripted:
         self.closed = True
 
 
-def measured(seconds=2.0, *, seed=0, noise=0.05):
-    """The ball under three sines: times, positions and forces as lists."""
-    time_ = np.arange(round(seconds / T)) * T
-    x, v = THREE_SINES.at(time_)
-    random = np.random.default_rng(seed)
-    force = MATERIALS["ball"].force(x, v) + noise * random.standard_normal(time_.size)
-    return time_.tolist(), x.tolist(), force.tolist()
+def pressed(seconds=2.0):
+    """The ball under three sines, with 0.05 N of noise."""
+    return exciting(MATERIALS["ball"], seconds=seconds, noise=0.05)
+
+
+def measured(seconds=2.0):
+    """The same as lists: times, positions and forces."""
+    signals = pressed(seconds)
+    return signals.time.tolist(), signals.penetration.tolist(), signals.force.tolist()
 
 
 def arrivals(times, positions, forces, *, there=None):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from cases import MATERIALS
-from scripted import arrivals, looped, measured
+from scripted import arrivals, looped, measured, pressed
 
 import palpate
 from palpate.live import run
@@ -93,10 +93,7 @@ class Reading:
 
 @pytest.mark.slow
 def test_it_says_its_verdict_while_the_loop_runs(tmp_path):
-    times, positions, forces = measured(3.5)
-    contact = palpate.Contact(
-        times, penetration=positions, velocity=[0.0] * len(times), force=forces
-    )
+    contact = palpate.Contact(**vars(pressed(3.5)))
     said = tmp_path / "said"
     status = run(Replay(contact), None, [Diagnosing(every=1.0), Reading(said)])
     assert said.read_text().startswith("trust")

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from scripted import Scripted, Silence, T, arrivals, column, looped, measured
+from scripted import Scripted, Silence, T, arrivals, column, looped, measured, pressed
 
 import palpate
 from palpate import ESTIMATORS, OnlinePreparation, Status
@@ -20,15 +20,14 @@ from palpate.live.states import State
 from palpate.remarks import Remark
 from palpate.trace import Trace
 
-TIMES, POSITIONS, FORCES = measured(2.0)
+TIMES, POSITIONS, FORCES = measured()
 SCRIPT = arrivals(TIMES, POSITIONS, FORCES)
 PREPARED = "time", "penetration", "velocity", "force"
 
 
 def touch(**more):
     """The same as a recording."""
-    still = [0.0] * len(TIMES)
-    return palpate.Contact(TIMES, penetration=POSITIONS, velocity=still, force=FORCES, **more)
+    return palpate.Contact(**vars(pressed()), **more)
 
 
 def replay_of(times, positions, forces, estimator=None):

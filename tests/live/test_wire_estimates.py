@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scripted import arrivals, looped, measured
+from scripted import arrivals, looped, measured, pressed
 from wire_robots import ROBOTS, free_port
 
 import palpate
@@ -217,10 +217,7 @@ class Later(Replay):
     ],
 )  # fmt: skip
 def test_every_estimate_is_published_with_names_and_units(kind) -> None:
-    moment, penetration, force = map(np.array, measured(0.4))
-    velocity = np.gradient(penetration, moment)
-    touch = palpate.Contact(moment, penetration=penetration, velocity=velocity, force=force)
-    source = Later(touch)
+    source = Later(touch := palpate.Contact(**vars(pressed(0.4))))
     with closing(kind()) as listener:
         source.listener = listener
         status = run(source, sinks=[open_publisher(listener.address)])
