@@ -16,6 +16,7 @@ from palpate.reports.identification import Circumstances, page
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 HERE = Circumstances("today", "palpate identify <file>", 'method = "x"\n', ("a&b.csv",))
 VOID = {"meta", "br", "img", "source"}
+REFERRING = {"href", "src", "xlink:href"}
 
 
 class Reading(html.parser.HTMLParser):
@@ -32,11 +33,8 @@ class Reading(html.parser.HTMLParser):
     def handle_starttag(self, tag, attributes):
         if tag not in VOID:
             self.open.append(tag)
-        for name, value in attributes:
-            if name == "id":
-                self.names.append(value)
-            if name in ("href", "src", "xlink:href"):
-                self.references.add(value)
+        self.names += [value for name, value in attributes if name == "id"]
+        self.references |= {value for name, value in attributes if name in REFERRING}
 
     def handle_startendtag(self, tag, attributes):
         self.handle_starttag(tag, attributes)
