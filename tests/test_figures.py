@@ -103,12 +103,12 @@ def test_the_command_line_writes_an_svg(run, tmp_path, subcommand):
 @pytest.mark.usefixtures("unlaid")
 def test_the_command_line_writes_a_png_on_a_light_or_dark_background(run, tmp_path, monkeypatch):
     path, corners = tmp_path / "out.png", []
-    for extra in ((), ("--dark", "--json")):
-        options = ("--figure", path, "--width", "88mm", *extra)
+    for wide, dots, extra in ((88, 300.0, ()), (60, 30.0, ("--dark", "--json"))):
+        options = ("--figure", path, "--width", f"{wide}mm", *extra)
         _, out, _ = run("identify", recording(tmp_path), *options)
         picture = matplotlib.image.imread(path)
         height, width, _ = picture.shape
-        assert width == int(88.0 / 25.4 * (30.0 if extra else 300.0))  # dots an inch
+        assert width == int(wide / 25.4 * dots)  # an inch
         assert height > width
         corners.append(picture[0, 0, :3].mean())
         monkeypatch.setitem(matplotlib.rcParams, "savefig.dpi", 30)
