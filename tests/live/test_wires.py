@@ -147,7 +147,7 @@ def test_what_is_no_sample_is_counted_and_the_next_one_is_taken(robot, source):
 
 
 @pytest.mark.parametrize("options", ["", "?socket=pull", "?socket=pull&bind=yes"])
-def test_a_packet_that_is_too_long_is_counted_and_those_after_it_are_heard(options):
+def test_a_packet_too_long_or_of_many_frames_is_counted_and_those_after_it_are_heard(options):
     zmq = pytest.importorskip("zmq", reason="no pyzmq: pip install 'palpate[live]'")
     address = f"tcp://127.0.0.1:{free_port()}"
     with zmq.Context() as context, context.socket(zmq.PUSH if options else zmq.XPUB) as robot:
@@ -160,10 +160,13 @@ def test_a_packet_that_is_too_long_is_counted_and_those_after_it_are_heard(optio
             for k in range(60):
                 if k in (20, 40):
                     robot.send(bytes(100_000 if k == 20 else 30_000_000))
-                robot.send(packed(k, 1e-3 * k, 1e-3, 0.5))
+                if k == 50:
+                    robot.send_multipart([b"topic", b"and", packed(k, 1e-3 * k, 1e-3, 0.5)])
+                topic = [b"topic"] if k > 50 else []
+                robot.send_multipart([*topic, packed(k, 1e-3 * k, 1e-3, 0.5)])
             assert len(collect(source, 60, patience=10.0)) == 60
-            assert (source.counts.malformed, source.counts.lost) == (2, 0)
-            assert source.counts.last_fault == "a packet of 30000000 bytes"
+            assert (source.counts.malformed, source.counts.lost) == (3, 0)
+            assert source.counts.last_fault == "a message of 3 frames, not 1 or 2"
 
 
 @pytest.mark.slow
