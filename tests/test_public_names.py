@@ -1,6 +1,10 @@
-"""``import palpate`` offers its names without importing NumPy before one is asked for."""
+"""``import palpate`` offers its names when one is asked for, and each says what it is."""
 
+import dataclasses
+import enum
+import inspect
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,21 +12,21 @@ from pathlib import Path
 import pytest
 
 import palpate
-
-
-def python(code: str) -> None:
-    subprocess.run([sys.executable, "-c", code], check=True)
+from palpate import figures, metrics
+from palpate.preparation import preparing, suggestions, velocity
+from palpate.recordings import columns, opening, recording
 
 
 def test_a_name_is_there_when_it_is_asked_for_and_not_before():
-    python("""
+    code = """
 import sys, palpate
 assert "numpy" not in sys.modules
 assert "identify" in dir(palpate)
 assert palpate.settings.Scale is palpate.Scale
 from palpate import *
 assert identify is palpate.identifying.identify
-""")
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_what_is_not_there_is_an_attribute_error():
@@ -105,3 +109,95 @@ def test_every_module_can_be_the_first_of_the_package_to_be_imported(tmp_path):
     command = [sys.executable, "-c", FIRST, " ".join(names), *places]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+# --- every public name says what it is, and names each of its parameters
+
+# The registries are data: a comment says what they are.
+NAMES = [name for name in palpate.__all__ if name not in ("ESTIMATORS", "FORCE_LAWS")]
+OWN = [getattr(palpate, name) for name in NAMES]
+CLASSES = [thing for thing in OWN if inspect.isclass(thing)]
+FUNCTIONS = [thing for thing in OWN if not inspect.isclass(thing)]
+FUNCTIONS += [figures.draw, figures.draw_comparison, velocity.velocity_of]
+MODULES = [palpate, figures, metrics, preparing, suggestions, velocity, columns, opening, recording]
+
+
+def members(kind: type) -> dict[str, object]:
+    """Public methods and properties that the project wrote, inherited ones too."""
+    found = {}
+    for ancestor in kind.__mro__:
+        if not ancestor.__module__.startswith("palpate"):
+            continue
+        for name, value in vars(ancestor).items():
+            described = callable(value) or isinstance(value, property | classmethod)
+            if not name.startswith("_") and described and not inspect.isclass(value):
+                found.setdefault(name, value)
+    return found
+
+
+MEMBERS = {
+    f"{kind.__name__}.{name}": value
+    for kind in CLASSES
+    for name, value in members(kind).items()
+    if not issubclass(kind, enum.Enum)
+}
+
+
+SIGNATURE = re.compile(r"^\w*\(self.*\) -> .*$", re.MULTILINE)  # the binding library's own
+
+
+def described(thing) -> bool:
+    return bool(SIGNATURE.sub("", inspect.getdoc(thing) or "").strip())
+
+
+def test_what_is_public_has_a_docstring():
+    assert len(MEMBERS) > 200
+    things = (
+        dict(zip(NAMES, OWN, strict=True)) | MEMBERS | {each.__name__: each for each in MODULES}
+    )
+    assert [name for name, thing in things.items() if not described(thing)] == []
+    # A dataclass without one is given its signature.
+    assert [name for name in NAMES if things[name].__doc__.startswith(f"{name}(")] == []
+    assert [status for status in palpate.Status if not status.__doc__.endswith(".")] == []
+
+
+def test_a_functions_docstring_names_its_parameters():
+    for function in FUNCTIONS:
+        words = inspect.getdoc(function)
+        assert "Parameters\n-----" in words, function
+        assert [n for n in inspect.signature(function).parameters if n not in words] == [], function
+
+
+CONSTRUCTED = [
+    kind
+    for kind in CLASSES
+    if not issubclass(kind, enum.Enum | Exception | tuple) and kind is not palpate.Estimate
+]
+
+
+# Faces without settings of their own.
+FACES = (palpate.ContactEstimator, palpate.PythonEstimator, palpate.ForceLaw, palpate.Tip)
+
+
+@pytest.mark.parametrize("kind", CONSTRUCTED, ids=lambda k: k.__name__)
+def test_a_classs_docstring_names_what_it_is_made_from(kind):
+    words = inspect.getdoc(kind)
+    shared = palpate.RecursiveLeastSquaresEstimator
+    if issubclass(kind, shared) and kind is not shared:
+        assert ":class:`RecursiveLeastSquaresEstimator`" in words  # which describes the settings
+    elif kind not in FACES:
+        names = list(inspect.signature(kind.__init__).parameters)[1:]
+        assert [name for name in names if name not in words] == []
+    if dataclasses.is_dataclass(kind):
+        assert [each.name for each in dataclasses.fields(kind) if each.name not in words] == []
+
+
+@pytest.mark.parametrize("law", ["KelvinVoigt", "ExtendedKelvinVoigt", "HuntCrossley"])
+def test_a_force_law_gives_its_equation_and_its_number(law):
+    words = getattr(palpate, law).__doc__
+    assert "F = K" in words
+    assert "(eq. " in words
+
+
+def test_no_name_is_offered_twice():
+    assert len(set(palpate.__all__)) == len(palpate.__all__)

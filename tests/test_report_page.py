@@ -16,6 +16,7 @@ from palpate.reports.identification import Circumstances, page
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 HERE = Circumstances("today", "palpate identify <file>", 'method = "x"\n', ("a&b.csv",))
 VOID = {"meta", "br", "img", "source"}
+REFERRING = {"href", "src", "xlink:href"}
 
 
 class Reading(html.parser.HTMLParser):
@@ -32,11 +33,8 @@ class Reading(html.parser.HTMLParser):
     def handle_starttag(self, tag, attributes):
         if tag not in VOID:
             self.open.append(tag)
-        for name, value in attributes:
-            if name == "id":
-                self.names.append(value)
-            if name in ("href", "src", "xlink:href"):
-                self.references.add(value)
+        self.names += [value for name, value in attributes if name == "id"]
+        self.references |= {value for name, value in attributes if name in REFERRING}
 
     def handle_startendtag(self, tag, attributes):
         self.handle_starttag(tag, attributes)
@@ -58,12 +56,8 @@ def ball():
 @pytest.fixture(scope="module")
 def report(ball):
     """Of a recording whose words could be taken for markup."""
-    contact = ball.contact
-    named = replace(
-        contact,
-        source="<script>alert(1)</script> & $x_1$.csv",
-        provenance={**contact.provenance, "<b>": "<i>not italic</i>"},
-    )
+    odd = {**ball.contact.provenance, "<b>": "<i>not italic</i>"}
+    named = replace(ball.contact, source="<script>alert(1)</script> & $x_1$.csv", provenance=odd)
     return page(replace(ball, contact=named), HERE, {"variable-projection": ball})
 
 
@@ -85,11 +79,14 @@ def test_the_page_is_a_megabyte_at_most(report):
 
 def test_the_verdict_stands_first_and_the_numbers_before_the_figure(report):
     words = Reading(report).words
-    places = [
-        words.index(each)
-        for each in ("trust", "2000.7 ± 0.5 N/m", "Correlations", "residual", "palpate identify")
-    ]
+    order = ("trust", "2000.7 ± 0.5 N/m", "Correlations", "residual", "palpate identify")
+    places = [words.index(each) for each in order]
     assert places == sorted(places)
+    # Truth of the file stands beside the estimate with its distance.
+    assert "truth, by the file" in words
+    assert re.search(r"[+-]\d\.\d s\.e\.", words)
+    # Words of a recording are no markup.
+    assert "<i>not italic" in words
 
 
 def test_the_colours_of_drawings_follow_the_page(report):
@@ -98,25 +95,11 @@ def test_the_colours_of_drawings_follow_the_page(report):
     assert not re.search(r"#[0-9a-f]{6}\b", body, re.IGNORECASE)
 
 
-def test_truth_of_the_file_stands_beside_the_estimate_with_its_distance(report):
-    assert "truth, by the file" in report
-    assert re.search(r"[+-]\d\.\d s\.e\.", report)
-
-
-def test_words_of_a_recording_are_no_markup(report):
-    assert "&lt;i&gt;not italic" in report
-    assert "<i>not" not in report
-
-
-def test_each_stretch_between_changes_is_a_row():
+def test_each_stretch_between_changes_is_a_row_and_the_fit_is_said_of_their_own_laws():
     result = palpate.identify(changed(0.3)).by_stretch()
     words = "".join(sections.parts(result))
     assert words.count("<tr>") == 1 + 2
     assert "change detector" in words
-
-
-def test_the_fit_of_the_parts_is_not_said_of_the_law_of_the_whole():
-    result = palpate.identify(changed(0.3)).by_stretch()
     assert "The stretches' own laws fit" in html.unescape("".join(sections.numbers(result)))
     assert "the stretches' own laws fit" in result.summary()
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from http.client import HTTPConnection
 from multiprocessing import Pipe
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from websockets.sync.client import connect
@@ -58,12 +59,10 @@ class Served:
         """What the server says of itself from now on."""
         self.own.read()
         before, until = self.own.version, time.monotonic() + 5.0
-        while time.monotonic() < until:
-            found = self.own.read()
-            if found and self.own.version > before:
-                return found
+        while not (found := self.own.read()) or self.own.version == before:
+            assert time.monotonic() < until, "the server says nothing any more"
             time.sleep(0.02)
-        raise AssertionError("the server says nothing any more")
+        return found
 
     def counted(self, name, count, *, seconds=10.0):
         """Wait until so many are counted."""
@@ -113,24 +112,36 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
             each.close()
 
 
+class Head(NamedTuple):
+    """What a frame says of itself."""
+
+    every: int
+    first: int
+    dropped: int
+    void: int
+
+
 def frame_of(message):
-    """Header, times and channels of a frame."""
-    every, count, first, dropped, void = HEADER.unpack_from(message)
+    """Head, times and channels of a frame."""
+    every, count, *rest = HEADER.unpack_from(message)
     times = np.frombuffer(message, "<f8", count, HEADER.size)
     values = np.frombuffer(message, "<f4", offset=HEADER.size + 8 * count)
     values = values.reshape(len(CHANNELS), count)
-    return (every, first, dropped, void), times, dict(zip(CHANNELS, values, strict=True))
+    return Head(every, *rest), times, dict(zip(CHANNELS, values, strict=True))
 
 
-def messages(socket, *, until, seconds=10.0):
-    """Messages of a socket until one fulfils a condition, which is the last."""
+def received(socket, kind=bytes | dict, true=lambda message: True, seconds=10.0):
+    """The next message of a kind of which something is true: words, or a frame taken apart."""
     end = time.monotonic() + seconds
     while True:
         message = socket.recv(timeout=max(end - time.monotonic(), 0.01))
-        message = message if isinstance(message, bytes) else json.loads(message)
-        yield message
-        if until(message):
-            return
+        message = json.loads(message) if isinstance(message, str) else message
+        if isinstance(message, kind) and true(message):
+            return message
+
+
+def frame(socket, true=lambda head: True):
+    return frame_of(received(socket, bytes, lambda message: true(frame_of(message)[0])))
 
 
 def raw_frame(opcode, payload=b"", *, fin=True, masked=True, length=None):

@@ -2,14 +2,20 @@
 
 import itertools
 import math
+import os
+import signal
+import subprocess
+import sys
 import time
+from pathlib import Path
 
-import numpy as np
-from cases import MATERIALS, THREE_SINES
+from cases import MATERIALS, exciting
 
+from palpate import OnlinePreparation
 from palpate.live.arrivals import Arrival, Counts
 from palpate.live.loop import Loop
 from palpate.live.ring import COLUMNS, Reader, Writer
+from palpate.live.running import default_estimator
 from palpate.live.sinks.watching import Watching
 from palpate.live.sources.source import EndOfSourceError
 
@@ -57,29 +63,25 @@ class Scripted:
         self.closed = True
 
 
-def measured(seconds=2.0, *, seed=0, noise=0.05):
-    """The ball under three sines: times, positions and forces as lists."""
-    time_ = np.arange(round(seconds / T)) * T
-    x, v = THREE_SINES.at(time_)
-    random = np.random.default_rng(seed)
-    force = MATERIALS["ball"].force(x, v) + noise * random.standard_normal(time_.size)
-    return time_.tolist(), x.tolist(), force.tolist()
+def pressed(seconds=2.0):
+    """The ball under three sines, with 0.05 N of noise."""
+    return exciting(MATERIALS["ball"], seconds=seconds, noise=0.05)
+
+
+def measured(seconds=2.0):
+    """The same as lists: times, positions and forces."""
+    signals = pressed(seconds)
+    return signals.time.tolist(), signals.penetration.tolist(), signals.force.tolist()
 
 
 def arrivals(times, positions, forces, *, there=None):
     """Each there at its time, by the machine's clock too."""
-    there = times if there is None else there
-    rows = zip(times, positions, forces, there, strict=True)
+    rows = zip(times, positions, forces, times if there is None else there, strict=True)
     return [Arrival(*row) for row in rows]
 
 
-def looped(script, preparation, estimator, commands=(), *, source=None):
-    """The loop and the rows that it wrote; a command is taken after so many samples.
-
-    Parameters
-    ----------
-    commands : sequence of (int, Command)
-    """
+def looped(script, preparation=None, estimator=None, commands=(), *, source=None):
+    """The loop and the rows that it wrote; ``commands`` are taken after so many samples each."""
     ring = Writer(1 << 15)
     reader = Reader(ring.address)
     source = source or Scripted(script)
@@ -91,7 +93,8 @@ def looped(script, preparation, estimator, commands=(), *, source=None):
         return None
 
     try:
-        loop = Loop(source, preparation, estimator, ring)
+        estimator = estimator or default_estimator()
+        loop = Loop(source, preparation or OnlinePreparation(), estimator, ring)
         loop.commands = asked
         loop.run()
         return loop, reader.take().rows.copy()
@@ -123,9 +126,8 @@ class Endless:
             raise EndOfSourceError
         due = self._began + k * T
         time.sleep(max(due - time.monotonic(), 0.0))
-        return Arrival(
-            k * T, 1e-2 + 1e-3 * math.sin(0.03 * k), 20.0 + 2.0 * math.sin(0.03 * k), due
-        )
+        swing = math.sin(0.03 * k)
+        return Arrival(k * T, 1e-2 + 1e-3 * swing, 20.0 + 2.0 * swing, due)
 
     def ask(self, options):
         return ""
@@ -175,13 +177,21 @@ class Hanging:
         self.path = path
 
     def run(self, session, commands):
-        import os
-        import signal
-
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         self.path.write_text(str(os.getpid()))
         while True:
             time.sleep(10.0)
+
+
+def resident():
+    """What this process takes, bytes."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def in_a_process(code, **options):
+    """Run Python's code beside the tests, which finds what they find."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen([sys.executable, "-c", code], env=environment, text=True, **options)
 
 
 class Failing:

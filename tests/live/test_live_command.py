@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +21,15 @@ from palpate.live.sinks.figures import percent, seconds
 BARE = ("--no-page", "--no-diagnosis")
 
 
-def live(*arguments, timeout=60):
-    return subprocess.run(
-        [sys.executable, "-m", "palpate", "live", *map(str, arguments)],
-        capture_output=True, text=True, timeout=timeout, check=False,
-    )  # fmt: skip
+def started(*arguments, **options):
+    """``palpate live`` of its own, without page and diagnosis."""
+    command = [sys.executable, "-m", "palpate", "live", *map(str, arguments), *BARE]
+    return subprocess.Popen(command, **options)
+
+
+def piped(*arguments):
+    pipe = subprocess.PIPE
+    return started(*arguments, stdout=pipe, stderr=pipe, text=True)
 
 
 @pytest.fixture
@@ -39,32 +44,29 @@ def recording(tmp_path):
 @pytest.mark.parametrize(
     "arguments, words",
     [
-        (["nowhere.csv"], "SOURCE must be a recording's path, or one of lab:ball"),
-        (["lab:jelly"], "material must be one of ball"),
-        (["lab:ball,waltz"], "motion must be one of"),
-        (["lab:ball", "--method", "magic"], "magic"),
-        (["lab:ball", "--exponent", "90"], "exponent"),
+        ("nowhere.csv", "SOURCE must be a recording's path, or one of lab:ball"),
+        ("lab:jelly", "material must be one of ball"),
+        ("lab:ball,waltz", "motion must be one of"),
+        ("lab:ball --method magic", "magic"),
+        ("lab:ball --exponent 90", "exponent"),
+        ("lab:ball --exponent 1.5 --method kelvin-voigt", "the law of kelvin-voigt has none"),
         (
-            ["lab:ball", "--exponent", "1.5", "--method", "kelvin-voigt"],
-            "the law of kelvin-voigt has none",
-        ),
-        (
-            ["lab:ball", "--law", "auto", "--method", "single-stage"],
+            "lab:ball --law auto --method single-stage",
             "law auto and method single-stage do not go together",
         ),
-        (["lab:ball", "--law", "magic"], "law must be one of hunt-crossley, auto, any"),
-        (["lab:ball", "--direction", "down"], "--direction must be three numbers"),
-        (["lab:ball", "--tare", "soon"], "--tare must be a number"),
-        (["lab:ball", "--rate", "0"], "--rate must be in"),
-        (["lab:ball", "--rate", "20"], "--rate must be from 100 to 10000 samples a second, not 20"),
-        (["lab:ball", "--speed", "2"], "--speed has no effect: lab:ball is no recording"),
-        (["lab:ball", "--publish", "fax:1"], "--publish must be one of"),
-        (["lab:ball", "--seconds", "-1"], "--seconds must be in"),
-        (["lab:ball", "--record", "no/such/folder/a.mcap"], "no/such/folder"),
+        ("lab:ball --law magic", "law must be one of hunt-crossley, auto, any"),
+        ("lab:ball --direction down", "--direction must be three numbers"),
+        ("lab:ball --tare soon", "--tare must be a number"),
+        ("lab:ball --rate 0", "--rate must be in"),
+        ("lab:ball --rate 20", "--rate must be from 100 to 10000 samples a second, not 20"),
+        ("lab:ball --speed 2", "--speed has no effect: lab:ball is no recording"),
+        ("lab:ball --publish fax:1", "--publish must be one of"),
+        ("lab:ball --seconds -1", "--seconds must be in"),
+        ("lab:ball --record no/such/folder/a.mcap", "no/such/folder"),
     ],
 )
 def test_what_cannot_be_done_is_one_line(arguments, words, run):
-    status, out, error = run("live", *arguments, *BARE)
+    status, out, error = run("live", *arguments.split(), *BARE)
     assert status == 2
     assert out == ""
     assert words in error
@@ -73,21 +75,23 @@ def test_what_cannot_be_done_is_one_line(arguments, words, run):
 
 def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
     copy = tmp_path / "copy.mcap"
-    done = live(recording, "--record", copy, *BARE)
-    assert (done.returncode, done.stderr) == (0, "")
-    lines = done.stdout.splitlines()
+    process = piped(recording, "--record", copy, "--speed", 10)
+    out, error = process.communicate(timeout=60)
+    assert (process.returncode, error) == (0, "")
+    lines = out.splitlines()
     assert any(each.startswith(f"{recording}: 2000 samples, 19") for each in lines)
     assert any(each.startswith("update, estimate") for each in lines)
-    assert "0 lost before the loop" in done.stdout
-    assert re.search(r"contact · (20\d\d|199\d).* N/m, .* N·s/m at .* mm", done.stdout)
-    assert f"recorded 2000 rows to {copy}" in done.stdout
+    assert "0 lost before the loop" in out
+    assert re.search(r"contact · (20\d\d|199\d).* N/m, .* N·s/m at .* mm", out)
+    assert f"recorded 2000 rows to {copy}" in out
 
 
 @pytest.mark.slow
 def test_a_known_exponent_is_kept(recording, tmp_path):
     copy = tmp_path / "copy.mcap"
-    done = live(recording, "--record", copy, "--exponent", "1.5", "--speed", 20, *BARE)
-    assert (done.returncode, done.stderr) == (0, "")
+    process = piped(recording, "--record", copy, "--exponent", "1.5", "--speed", 20)
+    error = process.communicate(timeout=60)[1]
+    assert (process.returncode, error) == (0, "")
     exponents = palpate.open_recording(copy).numbers("/estimate.parameters[2]")
     assert set(exponents[1000:]) == {1.5}
 
@@ -108,10 +112,7 @@ def test_an_output_that_takes_nothing_ends_nothing_in_tears(recording, tmp_path,
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="no children are listed there")
 def test_a_recorder_that_is_killed_ends_in_an_error(recording, tmp_path):
     copy = tmp_path / "copy.mcap"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "palpate", "live", recording, "--record", copy, *BARE],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    process = piped(recording, "--record", copy)
     until = time.monotonic() + 60.0
     while not (copy.exists() and copy.stat().st_size) and time.monotonic() < until:
         time.sleep(0.01)
@@ -129,20 +130,12 @@ def test_a_recorder_that_is_killed_ends_in_an_error(recording, tmp_path):
 @pytest.mark.slow
 def test_on_a_terminal_there_is_one_line_written_anew(recording):
     ours, theirs = pty.openpty()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "palpate", "live", recording, *BARE],
-        stdin=theirs, stdout=theirs, stderr=theirs,
-    )  # fmt: skip
+    process = started(recording, stdin=theirs, stdout=theirs, stderr=theirs)
     os.close(theirs)
     shown = b""
-    while True:
-        try:
-            piece = os.read(ours, 4096)
-        except OSError:  # Linux, when the other end is closed
-            break
-        if not piece:
-            break
-        shown += piece
+    with suppress(OSError):  # Linux, when the other end is closed
+        while piece := os.read(ours, 4096):
+            shown += piece
     assert process.wait() == 0
     os.close(ours)
     text = shown.decode()
@@ -153,10 +146,7 @@ def test_on_a_terminal_there_is_one_line_written_anew(recording):
 
 @pytest.mark.slow
 def test_a_reader_that_goes_away_ends_nothing_in_tears(recording):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "palpate", "live", recording, *BARE],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    process = piped(recording)
     process.stdout.readline()
     process.stdout.close()
     assert process.stderr.read() == ""
@@ -175,8 +165,24 @@ def test_times_and_fractions_are_written_for_a_person():
 
 
 def test_the_summary_says_what_each_sink_dropped():
-    lines = list(
-        summary({"source": "robot"}, {"page": {"dropped": 3}, "recorder": {"said": "done"}})
-    )
+    said = {"page": {"dropped": 3}, "recorder": {"said": "done"}}
+    lines = list(summary({"source": "robot"}, said))
     assert "rows dropped: 3 by the page, 0 by the recorder" in lines
     assert lines[-1] == "done"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="of Linux: it reads /proc")
+def test_nothing_is_lost_with_page_recording_and_diagnosis(monkeypatch):
+    """The benchmark of the loop, for some seconds: what does not depend on other work."""
+    pytest.importorskip("mujoco")
+    pytest.importorskip("uvicorn")
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+    from benchmarks.live import measure
+
+    rows = {row.name.strip(): row.value for row in measure(0.2, realtime=False, method=None).rows}
+    assert rows["lost before the estimator"] == 0
+    assert rows["refused"] == 0
+    assert rows["samples taken"] > 10_000
+    for process in ("loop", "page", "recorder", "lab", "diagnosis", "browser"):
+        assert rows[process] > 0.0

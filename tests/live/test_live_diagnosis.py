@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 from cases import MATERIALS
-from scripted import arrivals, looped, measured
+from scripted import arrivals, looped, measured, pressed
 
 import palpate
-from palpate import OnlinePreparation
 from palpate.live import run
 from palpate.live.ring import COLUMNS
-from palpate.live.running import default_estimator
 from palpate.live.sinks.diagnosis import Diagnosing, contact_of, diagnosed, outdated, recent
 from palpate.live.sinks.watching import Watching
 from palpate.live.sources.replay import Replay
@@ -22,8 +20,7 @@ STATUS = {"method": "variable-projection", "sample_time": 1e-3}
 @pytest.fixture(scope="module")
 def samples():
     """What the loop wrote of four seconds on the ball."""
-    times, positions, forces = measured(4.0)
-    _, rows = looped(arrivals(times, positions, forces), OnlinePreparation(), default_estimator())
+    _, rows = looped(arrivals(*measured(4.0)))
     return rows[:, SAMPLE]
 
 
@@ -51,10 +48,8 @@ def test_it_is_of_the_last_seconds_of_one_clock(samples):
 
 def test_it_is_of_what_is_touched_since_the_loop_noticed_a_change(samples):
     times, positions, forces = measured(4.0)
-    softer = [0.3 * force for force in forces]
-    x, f = [*positions, *positions], [*forces, *softer]
-    script = arrivals([*times, *(4.0 + time for time in times)], x, f)
-    _, rows = looped(script, OnlinePreparation(), default_estimator())
+    softer = arrivals([4.0 + time for time in times], positions, [0.3 * f for f in forces])
+    _, rows = looped([*arrivals(times, positions, forces), *softer])
     page = diagnosed(recent(rows[:, SAMPLE], 20.0, LATE), STATUS)
     assert page["window"][0] == pytest.approx(4.0, abs=0.5)
     assert page["verdict"]["overall"] == "trust"
@@ -64,10 +59,8 @@ def test_a_gap_begins_another_segment_and_no_contact_is_said(samples):
     known = recent(samples, 20.0, LATE)
     contact = contact_of(np.concatenate([known[:1000], known[1500:]]), 1e-3)
     assert len(list(contact.segments())) == 2
-    free = known.copy()
-    free[:, 1] = -1e-3
-    free[:, 3] = 0.0
-    page = diagnosed(free, STATUS)
+    known[:, 1], known[:, 3] = -1e-3, 0.0  # free
+    page = diagnosed(known, STATUS)
     assert page["verdict"] is None
     assert page["reason"]
 
@@ -100,10 +93,7 @@ class Reading:
 
 @pytest.mark.slow
 def test_it_says_its_verdict_while_the_loop_runs(tmp_path):
-    times, positions, forces = measured(3.5)
-    contact = palpate.Contact(
-        times, penetration=positions, velocity=[0.0] * len(times), force=forces
-    )
+    contact = palpate.Contact(**vars(pressed(3.5)))
     said = tmp_path / "said"
     status = run(Replay(contact), None, [Diagnosing(every=1.0), Reading(said)])
     assert said.read_text().startswith("trust")

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from palpate import InvalidParameterError, OnlinePreparation, lab
+from palpate import HuntCrossley, InvalidParameterError, OnlinePreparation, lab
 from palpate.live import run
 from palpate.live.sinks.opening import open_publisher
 from palpate.live.sources import SOURCES, SourceOptions, open_source
@@ -45,9 +45,7 @@ def test_a_bench_that_goes_on_is_the_batch_run_to_the_last_bit(block):
 def test_whatever_is_asked_the_probe_goes_on_without_a_jump(ask):
     bench = ongoing()
     before = advanced(bench, 4.0)
-    {"change": bench.change, "place": bench.place, "move": bench.move}[ask](
-        lab.TAPPING if ask == "move" else lab.SPONGE
-    )
+    getattr(bench, ask)(lab.TAPPING if ask == "move" else lab.SPONGE)
     after = advanced(bench, 6.0)
     depth = np.concatenate([before, after])[:, 1]
     speed = np.diff(depth) / STEP
@@ -64,10 +62,8 @@ def test_a_change_is_felt_at_once_and_another_material_only_when_the_probe_has_l
     advanced(bench, 4.0)
     bench.change(lab.SPONGE)
     now = advanced(bench, 1.0)
-    law = lab.SPONGE.law
-    x = now[:, 1]
-    v = np.gradient(x, STEP)
-    np.testing.assert_allclose(now[5:-5, 2], law.force(x, v)[5:-5], rtol=2e-3)
+    expected = lab.SPONGE.law.force(now[:, 1], np.gradient(now[:, 1], STEP))
+    np.testing.assert_allclose(now[5:-5, 2], expected[5:-5], rtol=2e-3)
     bench.place(lab.BALL)
     leaving = advanced(bench, 0.4)
     assert bench.material is lab.SPONGE
@@ -92,8 +88,6 @@ def test_of_many_wishes_in_a_transition_the_last_one_is_granted():
 
 def test_a_simulation_that_breaks_down_begins_again_on_the_first_material():
     pytest.importorskip("mujoco")
-    from palpate import HuntCrossley
-
     bench = ongoing(lab.TwinPantograph())
     advanced(bench, 3.0)
     bench.change(lab.Homogeneous(HuntCrossley(1e9, 1e9, 1.0), "a rock"))
@@ -133,6 +127,15 @@ def test_the_laboratory_runs_in_real_time_and_does_what_it_is_asked():
     source.close()
 
 
+def test_its_process_ends_with_the_loop():
+    source = Laboratory("ball", probe="ideal")
+    source.open()
+    pid = source._process.pid
+    source.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
 @pytest.mark.slow
 def test_what_the_loop_does_not_take_in_time_is_lost_and_counted():
     source = Laboratory("ball", probe="ideal", sample_time=1e-4)
@@ -155,8 +158,7 @@ def test_without_mujoco_an_ideal_probe_is_taken_and_said(monkeypatch):
 @pytest.mark.slow
 def test_the_laboratory_on_the_loop_gives_the_truth():
     source = open_source("lab:ball,two-sines", SourceOptions(seed=3))
-    preparation = OnlinePreparation(tare_time=1.6)
-    status = run(source, None, preparation=preparation, seconds=4.0)
+    status = run(source, None, preparation=OnlinePreparation(tare_time=1.6), seconds=4.0)
     assert status["offers"]["motion"] == list(lab.TRAJECTORIES)
     assert status["chosen"]["motion"] == "two-sines"
     assert status["counts"]["lost"] == 0
@@ -177,13 +179,3 @@ def test_ros_1_is_refused_in_one_line_that_says_what_to_use(opened):
     with pytest.raises(InvalidParameterError, match=r"no longer speaks ROS 1 live: .*dds:") as told:
         opened("ros1:/pose,/wrench")
     assert "\n" not in str(told.value)
-
-
-@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="of Linux")
-def test_its_process_ends_with_the_loop():
-    source = Laboratory("ball", probe="ideal")
-    source.open()
-    pid = source._process.pid
-    source.close()
-    with pytest.raises(ProcessLookupError):
-        os.kill(pid, 0)

@@ -55,19 +55,17 @@ def read(loop):
     return verdict_on(json.loads(json.dumps(loop.status())))
 
 
-def watched(script, law="auto", at=(), commands=()):
-    """Run a loop; return it, and what its board said after so many samples and at the end."""
+def watched(script, law="auto", at=(), commands=None, **known):
+    """Run a loop; return it, and its verdicts after so many samples each and at the end."""
     kind, settings = estimator_by_law(law)
-    ring, said, waiting = Writer(1 << 13), {}, sorted(commands, key=lambda each: each[0])
-    preparation = OnlinePreparation(sample_time=T)
-    loop = Loop(Scripted(script), preparation, default_estimator(kind, **settings), ring)
+    ring, said, commands = Writer(1 << 13), {}, dict(commands or {})
+    estimator = default_estimator(kind, **settings, **known)
+    loop = Loop(Scripted(script), OnlinePreparation(sample_time=T), estimator, ring)
 
     def asked():
         if loop.counts.taken in at:
-            said.setdefault(loop.counts.taken, {"verdict": read(loop)})
-        if waiting and loop.counts.taken >= waiting[0][0]:
-            return waiting.pop(0)[1]
-        return None
+            said.setdefault(loop.counts.taken, read(loop))
+        return commands.pop(loop.counts.taken, None)
 
     try:
         loop.commands = asked
@@ -95,7 +93,7 @@ def test_the_loop_finds_each_everyday_law_and_its_numbers(name):
     assert [loop.estimator.law_type.symbols[k] for k in shown] == ["K", "n", "B", "M"]
 
 
-def test_numbers_are_those_of_the_estimator_itself():
+def test_numbers_are_those_of_the_estimator_itself_and_every_field_is_a_word_or_in_si():
     loop, _, verdict = watched(arrivals(*pressed(ONE_TIME)), law="any")
     own, numbers = loop.estimator.dynamic_stiffness(), numbers_of(verdict)
     assert numbers["stiffness"] == (own.stiffness, own.stiffness_error)
@@ -104,14 +102,13 @@ def test_numbers_are_those_of_the_estimator_itself():
     assert "one relaxation time" in verdict["law"]
     assert numbers["relaxation_time"][0] == pytest.approx(0.1, rel=0.05)
     assert len(verdict["offered"]) == 11
-
-
-def test_every_field_is_a_word_or_a_number_in_si():
-    _, _, verdict = watched(arrivals(*pressed(ONE_TIME)), law="any")
     fields = fields_of(verdict)
     assert {type(each) for each in fields.values()} == {str, float}
     assert {name for name in NUMBERS if math.isfinite(fields[name])} == set(NUMBERS)
     assert all(fields[f"{name}_standard_error"] > 0.0 for name in NUMBERS)
+
+
+def test_before_the_first_sample_there_is_no_law_and_no_number():
     _, _, before = watched([])
     fields = fields_of(before)
     assert fields["law"] == ""
@@ -141,7 +138,7 @@ def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict
     turns = [law for _, law in verdict["turns"]]
     assert None in turns
     assert turns[-1] == "half-space"
-    given_up = [page["verdict"] for page in said.values() if not page["verdict"]["known"]]
+    given_up = [page for page in said.values() if not page["known"]]
     assert given_up
     for page in given_up:  # what stands meanwhile is said to be of before
         assert certainty(page) == "before"
@@ -161,14 +158,10 @@ def test_neither_silence_nor_a_long_time_out_of_contact_changes_the_verdict():
     times, x, force = pressed(MEMORY, 2.0)
     air = [times[-1] + T * k for k in range(1, 3001)]
     noise = (0.01 * np.random.default_rng(5).standard_normal(len(air))).tolist()
-    script = [
-        *arrivals(times, x, force),
-        Silence(5.0),
-        *arrivals(air, [-1e-3] * len(air), noise),
-    ]
-    loop, said, verdict = watched(script, at=(len(times),))
+    free = arrivals(air, [-1e-3] * len(air), noise)
+    loop, said, verdict = watched([*arrivals(times, x, force), Silence(5.0), *free], at=(2000,))
     assert loop.counts.silences == 1
-    touched = said[len(times)]["verdict"]
+    touched = said[2000]
     # The last samples of the contact are learned half a window later.
     assert verdict["samples"] == pytest.approx(touched["samples"], abs=20)
     assert verdict["since"] == touched["since"]
@@ -180,33 +173,29 @@ def test_a_touch_that_begins_in_contact_is_flagged_until_it_is_known_without_it(
     # The position is not at rest before, so that what is remembered is not what it is taken for.
     times, x, force = pressed(MEMORY, 3.0, begins=0.3)
     _, said, verdict = watched(arrivals(times, x, force), at=range(200, 2400, 10))
-    flagged = [any("nobody saw" in f for f in p["verdict"]["flags"]) for p in said.values()]
-    laws = [page["verdict"]["law"] for page in said.values()]
+    flagged = [any("nobody saw" in flag for flag in page["flags"]) for page in said.values()]
     assert flagged[0]
     assert not flagged[-1]
-    last = max(k for k, each in enumerate(flagged) if each)
-    assert all(flagged[: last + 1])
+    assert flagged == sorted(flagged, reverse=True)
     # What was found without memory stands unmarked at no time.
-    assert not any("spectrum" in law for law in laws[: last + 1])
-    assert all("spectrum" in law for law in laws[last + 1 :])
+    assert flagged == ["spectrum" not in page["law"] for page in said.values()]
     assert "flat spectrum" in verdict["law"]
 
 
 def test_a_reset_forgets_the_verdict_and_another_method_has_none():
-    times, x, force = pressed(MEMORY, 3.0)
-    commands = [(1500, Command("reset")), (2500, Command("estimator", {"method": "single-stage"}))]
-    loop, said, verdict = watched(arrivals(times, x, force), at=(1499, 1510), commands=commands)
-    assert said[1499]["verdict"]["known"]
-    assert certainty(said[1510]["verdict"]) == "none"
-    assert said[1510]["verdict"]["turns"] == []
+    commands = {1500: Command("reset"), 2500: Command("estimator", {"method": "single-stage"})}
+    script = arrivals(*pressed(MEMORY, 3.0))
+    loop, said, verdict = watched(script, at=(1499, 1510), commands=commands)
+    assert said[1499]["known"]
+    assert certainty(said[1510]) == "none"
+    assert said[1510]["turns"] == []
     assert verdict is None
     assert loop.status()["law"]["shown"] == [0, 1, 2]
 
 
 def test_laws_on_offer_can_be_chosen_while_it_runs():
-    times, x, force = pressed(ONE_TIME, 3.0)
-    commands = [(1000, Command("estimator", {"method": "viscoelastic", "memory": "any"}))]
-    loop, _, verdict = watched(arrivals(times, x, force), commands=commands)
+    commands = {1000: Command("estimator", {"method": "viscoelastic", "memory": "any"})}
+    loop, _, verdict = watched(arrivals(*pressed(ONE_TIME, 3.0)), commands=commands)
     assert "one relaxation time" in verdict["law"]
     assert loop.status()["settings"]["memory"] == "any"
     assert loop.estimator.settings["change_detector"] is not None
@@ -216,21 +205,14 @@ def test_a_verdict_that_flickers_is_said_to():
     # Without a damper both laws with a flat spectrum are the same, and take turns.
     law = GeneralisedHuntCrossley(2e4, 1.5, 0.0, 1.5, 2e4, SingleRelaxation(0.05))
     _, said, _ = watched(arrivals(*pressed(law, 3.0)), at=range(400, 3000, 20))
-    flags = {flag.split(":")[0] for page in said.values() for flag in page["verdict"]["flags"]}
+    flags = {flag.split(":")[0] for page in said.values() for flag in page["flags"]}
     assert "the verdict is not settled" in flags
     assert "B is 0" in flags
 
 
 def test_a_known_exponent_is_given_and_no_estimate():
-    kind, settings = estimator_by_law("auto")
-    estimator = default_estimator(kind, **settings, exponent=1.5)
-    ring = Writer(1 << 12)
-    loop = Loop(
-        Scripted(arrivals(*pressed(MEMORY))), OnlinePreparation(sample_time=T), estimator, ring
-    )
-    loop.run()
-    ring.close()
-    page, verdict = loop.status(), read(loop)
+    loop, _, verdict = watched(arrivals(*pressed(MEMORY)), exponent=1.5)
+    page, estimator = loop.status(), loop.estimator
     assert verdict["fixed"] == ["exponent"]
     size = len(estimator.law_type.symbols)
     values = [0.0] * 10 + verdict["parameters"] + estimator.estimate().standard_errors.tolist()
@@ -242,8 +224,7 @@ def test_a_known_exponent_is_given_and_no_estimate():
     assert "damping_exponent" not in said
     assert said["verdict_law"] == verdict["law"]
     assert isinstance(said["verdict_stiffness"], float)
-    since = 1000.0 + verdict["since"]
-    assert said["verdict_since"] == pytest.approx(since)  # by the robot's clock
+    assert said["verdict_since"] == pytest.approx(1000.0 + verdict["since"])  # the robot's clock
     assert described(page)["law"] == verdict["law"]
 
 

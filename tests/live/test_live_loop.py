@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from scripted import Scripted, Silence, T, arrivals, column, looped, measured
+from scripted import Scripted, Silence, T, arrivals, column, looped, measured, pressed
 
 import palpate
 from palpate import ESTIMATORS, OnlinePreparation, Status
@@ -20,17 +20,23 @@ from palpate.live.states import State
 from palpate.remarks import Remark
 from palpate.trace import Trace
 
-TIMES, POSITIONS, FORCES = measured(2.0)
+TIMES, POSITIONS, FORCES = measured()
+SCRIPT = arrivals(TIMES, POSITIONS, FORCES)
 PREPARED = "time", "penetration", "velocity", "force"
 
 
-def replay_of(times, positions, forces, estimator=None, preparation=None):
+def touch(**more):
+    """The same as a recording."""
+    return palpate.Contact(**vars(pressed()), **more)
+
+
+def replay_of(times, positions, forces, estimator=None):
     """What the same recursion gives offline: the prepared contact, and the trace of it.
 
     By ``update``, ``estimate`` and ``predict``: a replay predicts by an estimate of a few samples
     before where each costs several samples.
     """
-    contact = (preparation or OnlinePreparation()).replay(positions, forces, times)
+    contact = OnlinePreparation().replay(positions, forces, times)
     estimator = estimator or default_estimator()
     trace = Trace.empty(len(contact), len(estimator.law_type.symbols))
     columns = contact.penetration, contact.velocity, contact.force, contact.time_steps
@@ -66,13 +72,9 @@ def same(rows, contact, trace, *, predicted=True):
 
 @pytest.mark.parametrize("method", ESTIMATORS)
 def test_the_loop_over_a_recording_is_the_replay_to_the_last_bit(method):
-    contact = palpate.Contact(
-        TIMES, penetration=POSITIONS, velocity=[0.0] * len(TIMES), force=FORCES
-    )
-    estimator = ESTIMATORS[method]()
-    source = Replay(contact, speed=math.inf)
+    estimator, source = ESTIMATORS[method](), Replay(touch(), speed=math.inf)
     source.open()
-    loop, rows = looped((), OnlinePreparation(), estimator.copy(), source=source)
+    loop, rows = looped((), estimator=estimator.copy(), source=source)
     # That of drift tracking is solved every other sample, from which its replay predicts.
     replay = replay_of(TIMES, POSITIONS, FORCES, estimator.copy())
     same(rows, *replay, predicted=method != "drift-tracking")
@@ -81,25 +83,13 @@ def test_the_loop_over_a_recording_is_the_replay_to_the_last_bit(method):
     assert "N/m" in at_depth(loop.status(), rows[-1], 8e-3)  # in the terminal's line
 
 
-def changed(k, **values):
-    """The clean script with something else at sample k."""
-    script = arrivals(TIMES, POSITIONS, FORCES)
-    script[k] = script[k]._replace(**values)
-    return script
-
-
-def without(*gone):
-    keep = [k for k in range(len(TIMES)) if k not in gone]
-    return tuple([each[k] for k in keep] for each in (TIMES, POSITIONS, FORCES))
-
-
 @pytest.mark.parametrize(
     "values",
     [{"position": math.nan}, {"force": math.inf}, {"position": 1e300}],
     ids=["NaN", "infinite", "absurd"],
 )
 def test_what_is_no_number_is_refused_said_and_forgotten(values):
-    loop, rows = looped(changed(900, **values), OnlinePreparation(), default_estimator())
+    loop, rows = looped([*SCRIPT[:900], SCRIPT[900]._replace(**values), *SCRIPT[901:]])
     states = column(rows, "state")
     assert states[899] == State.CONTACT
     assert states[900] == State.INVALID
@@ -110,38 +100,51 @@ def test_what_is_no_number_is_refused_said_and_forgotten(values):
     assert any("no numbers" in words for words in loop.said)
     assert loop.status()["fault"] == ""  # it is over
     # But for that sample, whose window has a hole, all is as if it had never come.
-    same(rows, *replay_of(*without(900)))
+    gone = ([*each[:900], *each[901:]] for each in (TIMES, POSITIONS, FORCES))
+    same(rows, *replay_of(*gone))
 
 
-def test_a_repeated_sample_changes_nothing_and_is_counted():
-    script = arrivals(TIMES, POSITIONS, FORCES)
-    script[901:901] = [script[900]] * 3
-    loop, rows = looped(script, OnlinePreparation(), default_estimator())
-    assert loop.status()["counts"]["repeated"] == 3 == loop.counts.refused
-    assert (column(rows, "state")[901:904] == State.INVALID).all()
-    same(rows, *replay_of(TIMES, POSITIONS, FORCES))
+STALLED = [each._replace(there=1.5) for each in SCRIPT[1000:1500]]
 
 
-def test_a_sample_that_comes_after_a_later_one_changes_nothing_and_is_counted():
-    script = arrivals(TIMES, POSITIONS, FORCES)
-    script[905:905] = [script[900]]
-    loop, rows = looped(script, OnlinePreparation(), default_estimator())
-    assert loop.status()["counts"]["disordered"] == 1
+@pytest.mark.parametrize(
+    "script, counted, invalid",
+    [
+        (
+            [*SCRIPT[:901], *[SCRIPT[900]] * 3, *SCRIPT[901:]],
+            {"repeated": 3, "refused": 3},
+            slice(901, 904),
+        ),
+        ([*SCRIPT[:905], SCRIPT[900], *SCRIPT[905:]], {"disordered": 1}, slice(905, 906)),
+        (
+            [*SCRIPT[:1000], Silence(0.5), *STALLED, *SCRIPT[1500:]],
+            {"silences": 1, "refused": 0},
+            slice(0),
+        ),
+    ],
+    ids=["repeated", "after a later one", "a stall of the wire that loses nothing"],
+)
+def test_a_sample_too_many_or_too_late_changes_nothing_and_is_counted(script, counted, invalid):
+    loop, rows = looped(script)
+    counts = loop.status()["counts"]
+    assert {name: counts[name] for name in counted} == counted
+    assert (column(rows, "state")[invalid] == State.INVALID).all()
     same(rows, *replay_of(TIMES, POSITIONS, FORCES))
 
 
 @pytest.mark.parametrize("jump", [-5.0, 40.0, -1.79e9], ids=["back", "ahead", "epoch to boot"])
 def test_a_clock_that_is_set_is_seen_and_a_new_window_begins(jump):
     later = [time + jump * (k >= 1000) for k, time in enumerate(TIMES)]
-    script = arrivals(later, POSITIONS, FORCES, there=TIMES)
-    loop, rows = looped(script, OnlinePreparation(), default_estimator())
+    loop, rows = looped(arrivals(later, POSITIONS, FORCES, there=TIMES))
     states = column(rows, "state")
     assert states[999] == State.CONTACT
     assert states[1000] == State.INVALID
     assert states[-1] == State.CONTACT
     assert loop.status()["counts"]["jumps"] == 1
     assert any("clock went" in words for words in loop.said)
-    contact, trace = _in_two_parts(1000)
+    # As two recordings, of which the second begins where the clock was set.
+    apart = [time + 1000.0 * (k >= 1000) for k, time in enumerate(TIMES)]
+    contact, trace = replay_of(apart, POSITIONS, FORCES)
     given = rows[np.isfinite(column(rows, "time"))]
     # A clock near 1.8e9 s has a resolution of 0.24 µs: of a step, and so of a velocity, 2.4e-4.
     for name in PREPARED[1:]:
@@ -151,78 +154,43 @@ def test_a_clock_that_is_set_is_seen_and_a_new_window_begins(jump):
     np.testing.assert_allclose(found, trace.parameters[-1], rtol=1e-3)
 
 
-def _in_two_parts(k):
-    """The recording as two of which the second begins where the clock was set."""
-    apart = [time + 1000.0 * (i >= k) for i, time in enumerate(TIMES)]
-    return replay_of(apart, POSITIONS, FORCES)
-
-
 def test_a_silent_source_is_lost_and_found_again():
-    script = arrivals(TIMES, POSITIONS, FORCES)
-    late = [each._replace(time=each.time + 30.0, there=each.there + 30.0) for each in script[1000:]]
-    loop, rows = looped(
-        [*script[:1000], Silence(30.0), *late], OnlinePreparation(), default_estimator()
-    )
-    assert loop.counts.silences == 1
+    times = [*TIMES[:1000], *(time + 30.0 for time in TIMES[1000:])]
+    script = arrivals(times, POSITIONS, FORCES)
+    loop, rows = looped([*script[:1000], Silence(30.0), *script[1000:], Silence(5.0)])
+    assert loop.counts.silences == 2
     assert loop.status()["counts"]["gaps"] == 1
     assert any("no sample comes" in words for words in loop.said)
     states = column(rows, "state")
     # Until the new window is whole nothing is known of the contact.
     assert states[1000] == State.LOST
     assert states[1030] == State.CONTACT
-    times = [*TIMES[:1000], *(time + 30.0 for time in TIMES[1000:])]
     same(rows, *replay_of(times, POSITIONS, FORCES))
+    # During the second silence the estimate is held.
+    assert loop.state is State.LOST
+    assert loop.estimator.estimate().law.stiffness == column(rows, "parameter_0")[-1]
 
 
 def test_of_a_slow_source_a_person_is_heard_long_before_it_is_lost():
-    source = Scripted([*arrivals(TIMES, POSITIONS, FORCES)[:2], Silence(30.0)])
+    source = Scripted([*SCRIPT[:2], Silence(30.0)])
     source.sample_time, asked = 2.0, []
     take = source.take
     source.take = lambda timeout: (asked.append(timeout), take(timeout))[1]
-    loop, _ = looped((), OnlinePreparation(sample_time=2.0), default_estimator(), source=source)
+    loop, _ = looped((), OnlinePreparation(sample_time=2.0), source=source)
     assert max(asked) <= 1.0
     assert loop.counts.silences == 0  # 20 sample times are 40 s
 
 
 def test_a_source_that_ends_of_a_sudden_says_why():
-    source = Scripted([])
-    source.take = lambda _: raise_(EndOfSourceError("the cable is out"))
-    loop, _ = looped((), OnlinePreparation(), default_estimator(), source=source)
-    assert "the cable is out" in loop.said[-1]
+    def torn():
+        yield SCRIPT[0]
+        raise EndOfSourceError("the cable is out")
 
-
-def raise_(error):
-    raise error
-
-
-def test_during_a_silence_the_state_is_lost_and_the_estimate_held():
-    loop, rows = looped(
-        [*arrivals(TIMES, POSITIONS, FORCES), Silence(5.0)],
-        OnlinePreparation(),
-        default_estimator(),
-    )
-    assert loop.state is State.LOST
-    assert loop.estimator.estimate().law.stiffness == column(rows, "parameter_0")[-1]
-
-
-def test_a_stall_of_the_wire_that_loses_nothing_changes_nothing():
-    script = arrivals(TIMES, POSITIONS, FORCES)
-    stalled = [each._replace(there=1.5) for each in script[1000:1500]]
-    loop, rows = looped(
-        [*script[:1000], Silence(0.5), *stalled, *script[1500:]],
-        OnlinePreparation(),
-        default_estimator(),
-    )
-    assert loop.counts.silences == 1
-    assert loop.counts.refused == 0
-    same(rows, *replay_of(TIMES, POSITIONS, FORCES))
+    assert "the cable is out" in looped(torn())[0].said[-1]
 
 
 def test_samples_that_come_too_seldom_for_the_window_are_said_to():
-    times = [10.0 * time for time in TIMES]
-    loop, rows = looped(
-        arrivals(times, POSITIONS, FORCES), OnlinePreparation(), default_estimator()
-    )
+    loop, rows = looped(arrivals([10.0 * time for time in TIMES], POSITIONS, FORCES))
     assert np.isnan(column(rows, "time")).all()
     assert loop.state is State.INVALID
     assert "--rate" in loop.status()["fault"]
@@ -230,17 +198,14 @@ def test_samples_that_come_too_seldom_for_the_window_are_said_to():
 
 
 def test_the_same_fault_in_each_sample_is_said_once_a_second():
-    script = [each._replace(force=math.nan) for each in arrivals(TIMES, POSITIONS, FORCES)]
-    loop, _ = looped(script, OnlinePreparation(), default_estimator())
+    loop, _ = looped([each._replace(force=math.nan) for each in SCRIPT])
     assert loop.counts.refused == len(TIMES)
     assert sum("no numbers" in words for words in loop.said) == 2
 
 
-def test_hold_and_resume_and_reset():
-    commands = [(600, Command("hold")), (1200, Command("resume")), (1500, Command("reset"))]
-    loop, rows = looped(
-        arrivals(TIMES, POSITIONS, FORCES), OnlinePreparation(), default_estimator(), commands
-    )
+def test_hold_and_resume_and_reset_after_which_nothing_is_known_until_something_is_learned():
+    wishes = {600: "hold", 1200: "resume", 1400: "hold", 1500: "reset"}
+    loop, rows = looped(SCRIPT, commands=[(k, Command(wish)) for k, wish in wishes.items()])
     stiffness, states = column(rows, "parameter_0"), column(rows, "state")
     assert (stiffness[600:1200] == stiffness[599]).all()
     assert stiffness[1210] != stiffness[599]
@@ -249,27 +214,18 @@ def test_hold_and_resume_and_reset():
     assert (column(rows, "method")[[1499, 1500]] == [0.0, 1.0]).all()
     assert loop.status()["generation"] == 1
     # While it is held nothing is updated: the times of that are not those of updates.
-    assert loop.cycle.count == np.isfinite(column(rows, "time")).sum() - 600
-
-
-def test_after_a_reset_nothing_is_known_until_something_is_learned():
-    commands = [(600, Command("hold")), (700, Command("reset"))]
-    script = arrivals(TIMES, POSITIONS, FORCES)[:800]
-    loop, rows = looped(script, OnlinePreparation(), default_estimator(), commands)
-    assert np.isfinite(column(rows, "parameter_0")[690:700]).all()
-    assert np.isnan(column(rows, "parameter_0")[700:]).all()
+    assert loop.cycle.count == np.isfinite(column(rows, "time")).sum() - 600 - 600
+    assert np.isfinite(stiffness[1490:1500]).all()
+    assert np.isnan(stiffness[1500:]).all()
     assert at_depth(loop.status(), rows[-1], 8e-3) == "nothing known yet"
-    assert at_depth(loop.status(), rows[699], 8e-3) == "another estimator begins"
+    assert at_depth(loop.status(), rows[1499], 8e-3) == "another estimator begins"
 
 
 def test_a_tare_is_taken_and_taken_off():
-    biased = [force + 3.0 for force in FORCES]
     free = arrivals(TIMES[:600], [-1e-3] * 600, [3.0] * 600)
-    touching = arrivals(TIMES[600:], POSITIONS[600:], biased[600:])
-    commands = [(50, Command("tare", {"seconds": 0.5}))]
-    loop, rows = looped([*free, *touching], OnlinePreparation(), default_estimator(), commands)
-    states = column(rows, "state")
-    assert (states[60:540] == State.TARING).all()
+    touching = [each._replace(force=each.force + 3.0) for each in SCRIPT[600:]]
+    loop, rows = looped([*free, *touching], commands=[(50, Command("tare", {"seconds": 0.5}))])
+    assert (column(rows, "state")[60:540] == State.TARING).all()
     assert loop.status()["tare"] == pytest.approx(3.0, rel=1e-12)
     assert column(rows, "force")[-1] == pytest.approx(FORCES[-10], abs=1e-9)
 
@@ -283,109 +239,72 @@ def test_another_estimator_and_what_there_is_not():
         (900, Command("tare", {"seconds": -1.0})),
         (1000, Command("stop")),
     ]
-    loop, rows = looped(
-        arrivals(TIMES, POSITIONS, FORCES),
-        OnlinePreparation(),
-        default_estimator().replace(exponent=1.5),
-        commands,
-    )
-    status = loop.status()
+    known = default_estimator().replace(exponent=1.5)
+    loop, rows = looped(SCRIPT, estimator=known, commands=commands)
+    status, said = loop.status(), " ".join(loop.said)
     assert status["method"] == "single-stage"
     assert loop.estimator.settings["exponent"] == 1.5  # the tip is the same
     assert len(rows) == 1000
     assert status["record"] == {"wish": 1, "on": True, "path": None, "since": 800}
-    said = " ".join(loop.said)
-    assert "asked for {'material': 'ball'}" in said
-    assert "magic" in said
-    assert "seconds must be in" in said
+    for words in ("asked for {'material': 'ball'}", "magic", "seconds must be in"):
+        assert words in said
 
 
 def test_vectors_are_taken_along_the_direction_and_kept_as_they_came():
-    down = [Arrival(t, (0.4, 0.0, -x), (0.1, 0.2, f), t) for t, x, f in
-            zip(TIMES, POSITIONS, FORCES, strict=True)]  # fmt: skip
-    preparation = OnlinePreparation(direction=[0, 0, -2], flip=["force"])
-    _, rows = looped(down, preparation, default_estimator())
+    down = [Arrival(t, (0.4, 0.0, -x), (0.1, 0.2, f), t) for t, x, f, _ in SCRIPT]
+    _, rows = looped(down, OnlinePreparation(direction=[0, 0, -2], flip=["force"]))
     np.testing.assert_array_equal(column(rows, "position"), POSITIONS)
     np.testing.assert_array_equal(column(rows, "raw_force"), [-force for force in FORCES])
     np.testing.assert_array_equal(column(rows, "input_force_y"), 0.2)
     assert column(rows, "parameter_0")[-1] == pytest.approx(2000.0, rel=0.05)
 
 
-@pytest.mark.parametrize("vectors", [False, True])
-def test_a_direction_of_numbers_or_vectors_without_one_is_a_clear_line(vectors):
-    one = (
-        Arrival(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
-        if vectors
-        else Arrival(0.0, 0.0, 0.0, 0.0)
-    )
-    preparation = OnlinePreparation(direction=None if vectors else [0, 0, -1])
+@pytest.mark.parametrize("value, direction", [((0.0, 0.0, 0.0), None), (0.0, [0, 0, -1])])
+def test_a_direction_of_numbers_or_vectors_without_one_is_a_clear_line(value, direction):
     with pytest.raises(palpate.InvalidParameterError, match="--direction"):
-        looped([one], preparation, default_estimator())
+        looped([Arrival(0.0, value, value, 0.0)], OnlinePreparation(direction=direction))
 
 
 def test_a_source_that_counts_too_is_added_up():
-    script = arrivals(TIMES, POSITIONS, FORCES)
-    source = Scripted([script[0], script[0], *script[1:20]])
+    source = Scripted([SCRIPT[0], *SCRIPT[:20]])
     source.counts.repeated, source.counts.lost = 4, 7
-    loop, _ = looped((), OnlinePreparation(sample_time=T), default_estimator(), source=source)
+    loop, _ = looped((), OnlinePreparation(sample_time=T), source=source)
     counts = loop.status()["counts"]
-    assert counts["repeated"] == 5
-    assert counts["lost"] == 7
-    assert counts["taken"] == 21
+    assert [counts[name] for name in ("repeated", "lost", "taken")] == [5, 7, 21]
     assert loop.preparation.status is Status.UPDATED
 
 
-class Wide(palpate.HuntCrossley):
-    symbols = tuple("abcdefghi")
-
-
-class WideEstimator(palpate.VariableProjection):
-    law_type = Wide
-
-
 def test_a_law_for_which_there_is_no_room_is_a_clear_line():
+    class Wide(palpate.HuntCrossley):
+        symbols = tuple("abcdefghi")
+
+    class WideEstimator(palpate.VariableProjection):
+        law_type = Wide
+
     with pytest.raises(palpate.InvalidParameterError, match="more than 8 parameters"):
-        looped([], OnlinePreparation(), WideEstimator())
+        looped([], estimator=WideEstimator())
 
 
-def test_a_recording_says_what_it_knows_with_hindsight():
-    contact = palpate.Contact(
-        TIMES, penetration=POSITIONS, velocity=[0.0] * len(TIMES), force=FORCES, tare_deviation=0.01
-    )
-    source = Replay(contact)
-    assert ["tare of the recording" in words for words in source.news()] == [True]
-    assert source.news() == []
-
-
-def test_a_recording_says_what_its_preparation_said():
-    contact = palpate.Contact(
-        TIMES,
-        penetration=POSITIONS,
-        velocity=[0.0] * len(TIMES),
-        force=FORCES,
-        remarks=[
-            Remark("file", "it ends before its end", "record it again"),
-            Remark("surface", "its place is an assumption"),
-        ],
-    )
-    assert Replay(contact).news() == [
+def test_a_recording_says_once_what_its_preparation_said_and_what_it_knows_with_hindsight():
+    ends = Remark("file", "it ends before its end", "record it again")
+    place = Remark("surface", "its place is an assumption")
+    source = Replay(touch(tare_deviation=0.01, remarks=[ends, place]))
+    assert source.news() == [
+        "tare of the recording are those of all of it, as palpate identify finds them",
         "file: it ends before its end (record it again)",
         "surface: its place is an assumption",
     ]
+    assert source.news() == []
 
 
 def test_the_loop_makes_no_cycles_so_that_it_needs_no_collector():
-    script = arrivals(TIMES, POSITIONS, FORCES)
-    script[100] = script[100]._replace(force=math.nan)
-    script[300:300] = [script[299]]
-    loop, _ = looped(script[:500], OnlinePreparation(), default_estimator())
-    rest = iter(script[500:])
-    ring = Writer()
-    loop.ring = ring
+    bad = SCRIPT[100]._replace(force=math.nan)
+    loop, _ = looped([*SCRIPT[:100], bad, *SCRIPT[101:300], SCRIPT[299], *SCRIPT[300:500]])
+    loop.ring = ring = Writer()
     gc.collect()
     gc.disable()
     try:
-        for arrival in rest:
+        for arrival in SCRIPT[500:]:
             loop.step(arrival)
             loop.status()
         assert gc.collect() == 0

@@ -2,7 +2,7 @@
 
 import multiprocessing
 import time
-from pathlib import Path
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -14,40 +14,49 @@ from palpate.live.statistics import Histogram
 SPAWN = multiprocessing.get_context("spawn")
 
 
-def write_rows(address, seconds, gate):
-    """Rows whose numbers are all of one value, as quickly as it goes."""
-    writer = Writer(made=address)
+def writing(kind, address, seconds, gate):
+    """Rows or pages whose numbers are all of one value, as quickly as it goes."""
+    made = Writer(made=address) if kind == "ring" else Board(address)
     gate.send("there")
     until, k = time.monotonic() + seconds, 0
     while time.monotonic() < until:
-        for _ in range(50):
-            writer.write(*[float(k)] * WIDTH)
-            k += 1
+        if kind == "ring":
+            made.write(*[float(k)] * WIDTH)
+        else:
+            made.write({"k": k, "words": "x" * (k % 3000), "again": k})
+        k += 1
     gate.send(k)
-    writer.close()
+    made.close()
+
+
+@contextmanager
+def another_process(kind, address, seconds):
+    """One that writes; its end says how many it has written."""
+    gate, theirs = SPAWN.Pipe()
+    process = SPAWN.Process(target=writing, args=(kind, address, seconds, theirs))
+    process.start()
+    assert gate.recv() == "there"
+    yield gate
+    process.join()
 
 
 def test_a_reader_that_races_the_writer_sees_whole_rows_and_counts_the_rest():
     ring = Writer(256)  # so small that it goes round all the time
     reader = Reader(ring.address)
-    gate, theirs = SPAWN.Pipe()
-    process = SPAWN.Process(target=write_rows, args=(ring.address, 0.7, theirs))
-    process.start()
-    assert gate.recv() == "there"
     seen, dropped, last = 0, 0, -1.0
-    while not gate.poll():
-        rows, lost = reader.take()
-        assert (rows == rows[:, :1]).all()  # none is half another's
-        values = rows[:, 0]
-        if len(values):
-            assert (np.diff(values) == 1.0).all()
-            assert values[0] == last + 1 + lost
-            last = values[-1]
-        else:
-            last += lost
-        seen, dropped = seen + len(rows), dropped + lost
-    written = gate.recv()
-    process.join()
+    with another_process("ring", ring.address, 0.7) as gate:
+        while not gate.poll():
+            rows, lost = reader.take()
+            assert (rows == rows[:, :1]).all()  # none is half another's
+            values = rows[:, 0]
+            if len(values):
+                assert (np.diff(values) == 1.0).all()
+                assert values[0] == last + 1 + lost
+                last = values[-1]
+            else:
+                last += lost
+            seen, dropped = seen + len(rows), dropped + lost
+        written = gate.recv()
     rows, lost = reader.take()
     assert seen + len(rows) + dropped + lost == written
     assert seen > 256
@@ -56,41 +65,38 @@ def test_a_reader_that_races_the_writer_sees_whole_rows_and_counts_the_rest():
     ring.close()
 
 
-def test_a_reader_that_falls_behind_gets_the_newest_and_knows_how_many_it_lost():
-    ring = Writer(8)
-    reader, late = Reader(ring.address), Reader(ring.address)
-    for k in range(20):
+@pytest.fixture
+def ring():
+    made = Writer(8)
+    yield made
+    made.close()
+
+
+def written(ring, *numbers):
+    for k in numbers:
         ring.write(*[float(k)] * WIDTH)
-        reader.take()
+
+
+def test_a_reader_that_falls_behind_gets_the_newest_and_knows_how_many_it_lost(ring):
+    written(ring, *range(5))
+    early, late = Reader(ring.address), Reader(ring.address)
+    assert early.take().rows[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    written(ring, *range(5, 20))
     # The oldest row of a full ring may be written over while it is read, so it is not given.
     rows, dropped = late.take()
     assert rows[:, 0].tolist() == [13.0, 14.0, 15.0, 16.0, 17.0, 18.0, 19.0]
     assert dropped == 13
     assert late.take().rows.size == 0
-    for each in (reader, late, ring):
-        each.close()
-
-
-def test_a_reader_that_begins_late_gets_the_first_row_or_counts_it():
-    ring = Writer(8)
-    for k in range(5):
-        ring.write(*[float(k)] * WIDTH)
-    early = Reader(ring.address)
-    assert early.take().rows[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
-    for k in range(5, 20):
-        ring.write(*[float(k)] * WIDTH)
-    late = Reader(ring.address)
-    rows, dropped = late.take()
+    begun_late = Reader(ring.address)
+    rows, dropped = begun_late.take()
     assert (len(rows), dropped) == (7, 13)
-    for each in (early, late, ring):
+    for each in (early, late, begun_late):
         each.close()
 
 
-def test_a_reader_goes_back_as_far_as_half_the_ring():
-    ring = Writer(8)
+def test_a_reader_goes_back_as_far_as_half_the_ring(ring):
     reader = Reader(ring.address)
-    for k in range(6):
-        ring.write(*[float(k)] * WIDTH)
+    written(ring, *range(6))
     reader.take()
     reader.go_back(4)
     assert reader.take().rows[:, 0].tolist() == [4.0, 5.0]
@@ -101,37 +107,20 @@ def test_a_reader_goes_back_as_far_as_half_the_ring():
     reader.go_back(99)
     assert len(reader.take().rows) == 0
     reader.close()
-    ring.close()
-
-
-def write_pages(name, seconds, gate):
-    board = Board(name)
-    gate.send("there")
-    until, k = time.monotonic() + seconds, 0
-    while time.monotonic() < until:
-        board.write({"k": k, "words": "x" * (k % 3000), "again": k})
-        k += 1
-    gate.send(k)
-    board.close()
 
 
 @pytest.mark.slow
 def test_a_page_that_is_read_while_it_is_written_is_whole():
     board = Board()
-    gate, theirs = SPAWN.Pipe()
-    process = SPAWN.Process(target=write_pages, args=(board.name, 0.5, theirs))
-    process.start()
-    assert gate.recv() == "there"
     newest, different = -1, 0
-    while not gate.poll():
-        page = board.read()
-        if page:
-            assert page["k"] == page["again"] >= newest
-            assert len(page["words"]) == page["k"] % 3000
-            different += page["k"] > newest
-            newest = page["k"]
-    assert board.read()["k"] == gate.recv() - 1
-    process.join()
+    with another_process("board", board.name, 0.5) as gate:
+        while not gate.poll():
+            if page := board.read():
+                assert page["k"] == page["again"] >= newest
+                assert len(page["words"]) == page["k"] % 3000
+                different += page["k"] > newest
+                newest = page["k"]
+        assert board.read()["k"] == gate.recv() - 1
     assert different > 5
     board.close()
 
@@ -168,13 +157,3 @@ def test_a_histogram_takes_any_time_there_is():
     assert histogram.percentile(100.0) <= 1e5
     assert histogram.over == 2
     assert np.isnan(Histogram(1.0).percentile(50.0))
-
-
-@pytest.mark.skipif(not Path("/dev/shm").exists(), reason="shared memory has no folder here")
-def test_shared_memory_is_given_back():
-    ring, board = Writer(64), Board()
-    names = [ring.address.name, board.name]
-    assert all((Path("/dev/shm") / name.lstrip("/")).exists() for name in names)
-    ring.close()
-    board.close()
-    assert not any((Path("/dev/shm") / name.lstrip("/")).exists() for name in names)

@@ -12,19 +12,18 @@ import pytest
 from cases import MATERIALS
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from scripted import Scripted, T, arrivals, column, looped, measured
+from scripted import Scripted, T, arrivals, column, in_a_process, looped, measured
 
 import palpate
 from palpate import OnlinePreparation
 from palpate.live import run
 from palpate.live.commands import Command
 from palpate.live.ring import COLUMNS
-from palpate.live.running import default_estimator
 from palpate.live.sinks.recorder import Recorder, Recording
 from palpate.writing import opened_new
 
-HERE = Path(__file__).parent
 TIMES, POSITIONS, FORCES = measured(1.5)
+LATER = [1.0 + time for time in TIMES]
 
 
 class Commanding:
@@ -42,24 +41,17 @@ class Commanding:
             connection.send(command)
 
 
-class Paced(Scripted):
-    """In real time, as the recorder is."""
-
-    def open(self):
-        super().open()
-        self._began = time.monotonic()
-
-    def take(self, timeout):
-        arrival = super().take(timeout)
-        due = self._began + arrival.time - self.first
-        time.sleep(max(due - time.monotonic(), 0.0))
-        return arrival._replace(there=due)
-
-
 def paced(times, positions, forces):
-    source = Paced(arrivals(times, positions, forces))
-    source.first = times[0]
-    return source
+    """A source in real time, as the recorder is."""
+
+    def come():
+        began = time.monotonic()
+        for arrival in arrivals(times, positions, forces):
+            due = began + arrival.time - times[0]
+            time.sleep(max(due - time.monotonic(), 0.0))
+            yield arrival._replace(there=due)
+
+    return Scripted(come())
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +60,7 @@ def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     path = folder / "touch.mcap"
     path.write_bytes(b"somebody's")
-    source = paced([1.0 + time for time in TIMES], POSITIONS, FORCES)
+    source = paced(LATER, POSITIONS, FORCES)
     run(source, None, [Recorder(path)], preparation=OnlinePreparation())
     assert path.read_bytes() == b"somebody's"
     return folder / "touch-2.mcap"
@@ -87,7 +79,7 @@ def test_what_came_is_read_back_as_it_came(recorded):
     np.testing.assert_array_equal(recording.numbers("/input.position"), POSITIONS)
     np.testing.assert_array_equal(recording.numbers("/input.force"), FORCES)
     stamps = recording.channels["/input.stamp"]
-    np.testing.assert_array_equal(stamps, [round(1e9 * (1.0 + time)) for time in TIMES])
+    np.testing.assert_array_equal(stamps, [round(1e9 * time) for time in LATER])
 
 
 def test_a_recording_is_identified_without_a_word_about_its_channels(recorded):
@@ -96,8 +88,7 @@ def test_a_recording_is_identified_without_a_word_about_its_channels(recorded):
 
 
 def test_what_was_found_is_that_of_the_loop_to_the_last_bit(recorded):
-    times = [1.0 + time for time in TIMES]
-    _, rows = looped(arrivals(times, POSITIONS, FORCES), OnlinePreparation(), default_estimator())
+    _, rows = looped(arrivals(LATER, POSITIONS, FORCES))
     rows = rows[np.isfinite(column(rows, "time"))]
     recording = palpate.open_recording(recorded)
     pairs = {
@@ -123,10 +114,8 @@ def test_others_read_it_too(recorded):
 
 
 def test_vectors_are_recorded_as_they_came(tmp_path):
-    times = TIMES[:400]
-    rows = [(t, (0.4, 0.1, -x), (0.0, 1.0, f)) for t, x, f in
-            zip(times, POSITIONS, FORCES, strict=False)]  # fmt: skip
-    source = paced(times, [row[1] for row in rows], [row[2] for row in rows])
+    positions = [(0.4, 0.1, -x) for x in POSITIONS[:400]]
+    source = paced(TIMES[:400], positions, [(0.0, 1.0, f) for f in FORCES[:400]])
     path = tmp_path / "space.mcap"
     preparation = OnlinePreparation(direction=[0, 0, -1], flip=["force"])
     run(source, None, [Recorder(path)], preparation=preparation)
@@ -135,14 +124,12 @@ def test_vectors_are_recorded_as_they_came(tmp_path):
     assert "flip=['force']" in recording.notes["palpate.preparation"]
     assert "direction=[0, 0, -1]" in recording.notes["palpate.preparation"]
     found = np.column_stack([recording.numbers(f"/input.position.{axis}") for axis in "xyz"])
-    np.testing.assert_array_equal(found, [row[1] for row in rows])
+    np.testing.assert_array_equal(found, positions)
 
 
 def test_what_changes_meanwhile_stands_in_the_recording(tmp_path):
     commands = [(300, Command("estimator", {"method": "kelvin-voigt"}))]
-    loop, rows = looped(
-        arrivals(TIMES, POSITIONS, FORCES), OnlinePreparation(), default_estimator(), commands
-    )
+    loop, rows = looped(arrivals(TIMES, POSITIONS, FORCES), commands=commands)
     end = {**loop.status(), "preparation": "tare_time=0.5", "tare": 0.5, "generation": 300}
     begin = {**end, "method": "variable-projection", "tare": None}
     file, path = opened_new(tmp_path / "a.mcap")
@@ -167,7 +154,6 @@ def test_a_person_starts_and_stops_recordings(tmp_path):
         (1.9, Command("record", {"path": str(tmp_path / "none" / "second.mcap")})),
     ]
     source = paced([*TIMES, *(1.5 + time for time in TIMES)], POSITIONS * 2, FORCES * 2)
-    source.sample_time = T
     run(source, None, [Recorder(folder=tmp_path), Commanding(commands)], seconds=2.8)
     files = sorted(path.name for path in tmp_path.iterdir())
     assert files[0] == "first.mcap"
@@ -181,7 +167,7 @@ def test_a_person_starts_and_stops_recordings(tmp_path):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no disk that is always full")
 def test_a_disk_that_is_full_ends_the_recording_in_words():
-    _, rows = looped(arrivals(TIMES, POSITIONS, FORCES), OnlinePreparation(), default_estimator())
+    _, rows = looped(arrivals(TIMES, POSITIONS, FORCES))
     full = Path("/dev/full")
     recording = Recording(full, full.open("wb"))  # which closes it
     words = recording.write(rows.tolist(), {}, 0)
@@ -190,8 +176,6 @@ def test_a_disk_that_is_full_ends_the_recording_in_words():
 
 
 SESSION = """
-import sys
-sys.path[:0] = [{here!r}, {tests!r}]
 import mmap
 from pathlib import Path
 from scripted import Endless
@@ -211,8 +195,7 @@ class Counted(Endless):
         self.come[0] += 1
         return arrival
 
-if __name__ == "__main__":
-    run(Counted(), None, [Recorder(Path({path!r}))])
+run(Counted(), None, [Recorder(Path({path!r}))])
 """
 
 
@@ -230,10 +213,9 @@ def killed(folder, seconds):
     """
     processes = []
     for k, wait in enumerate(seconds):
-        script, path = folder / f"{k}.py", folder / f"{k}.mcap"
-        script.write_text(SESSION.format(here=str(HERE), tests=str(HERE.parent), path=str(path)))
+        path = folder / f"{k}.mcap"
         # Its tracker says on standard error what it gives back.
-        process = subprocess.Popen([sys.executable, script], stderr=subprocess.DEVNULL)
+        process = in_a_process(SESSION.format(path=str(path)), stderr=subprocess.DEVNULL)
         processes.append((process, path, wait))
     lost = []
     for process, path, wait in processes:

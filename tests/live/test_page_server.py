@@ -1,24 +1,29 @@
 """The page's server: what it sends, what it refuses, and what it withstands."""
 
 import json
-import os
 import socket
+import threading
 import time
 from contextlib import ExitStack, suppress
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 pytest.importorskip("uvicorn", reason="the extra live is not installed")
 
-from page_server import frame_of, messages, raw_frame, served
+from page_server import EXAMPLES, frame, frame_of, raw_frame, received, served
+from scripted import resident
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
 
+import palpate
 from palpate.errors import InvalidParameterError
+from palpate.live import run
 from palpate.live.commands import Command
 from palpate.live.page import Page, protocol, requests, server, watch
 from palpate.live.page.sink import token_for
+from palpate.live.sources.replay import Replay
+from palpate.live.sources.source import EndOfSourceError
 
 TOKEN = "a-token-of-twenty-letters"
 
@@ -30,40 +35,28 @@ def page():
         yield made
 
 
-def resident():
-    """What this process takes, bytes."""
-    words = Path("/proc/self/statm").read_text().split()
-    return int(words[1]) * os.sysconf("SC_PAGE_SIZE")
-
-
 # --- what it sends
 
 
 def test_a_browser_gets_the_last_seconds_and_then_what_is_new(page):
     with page.socket() as client:
-        hello, *_, first = messages(client, until=lambda each: isinstance(each, bytes))
+        hello = received(client)
         assert hello["kind"] == "hello"
         assert "variable-projection" in hello["methods"]
-        (every, number, dropped, void), times, values = frame_of(first)
-        assert (every, number, dropped, void) == (1, 0, 0, 1)
+        head, times, _ = frame(client)
+        assert head == (1, 0, 0, 1)
         assert np.all(np.diff(times) >= 0.0)
-        list(messages(client, until=lambda each: isinstance(each, bytes)))  # the rest of it
+        frame(client)  # the rest of it
         total = page.writer.count
         page.write(50)
-        *_, new = messages(
-            client, until=lambda each: isinstance(each, bytes) and frame_of(each)[0][1] >= total
-        )
-        (_, number, dropped, void), times, values = frame_of(new)
-        assert (number, dropped, void) == (total, 0, 0)
+        head, _, values = frame(client, lambda head: head.first >= total)
+        assert head == (1, total, 0, 0)
         assert values["force"] == pytest.approx(page.rows[6], rel=1e-6)
 
 
 def test_stiffness_at_depth_comes_with_the_error_that_the_estimate_has(page):
     with page.socket() as client:
-        *_, words = messages(
-            client,
-            until=lambda each: isinstance(each, dict) and each.get("now", {}).get("stiffness"),
-        )
+        words = received(client, dict, lambda each: each.get("now", {}).get("stiffness"))
     depth = words["depth"]["value"]
     estimate = page.loop.estimator.estimate()
     assert words["now"]["stiffness"] == pytest.approx(estimate.stiffness_at(depth), rel=1e-6)
@@ -74,43 +67,64 @@ def test_stiffness_at_depth_comes_with_the_error_that_the_estimate_has(page):
 def test_a_chosen_depth_is_the_one_of_all_that_is_shown(page):
     with page.socket() as client:
         client.send(json.dumps({"ask": "depth", "value": 0.004}))
-        void = []
-        for message in messages(
-            client,
-            until=lambda each: isinstance(each, dict) and each.get("depth", {}).get("chosen"),
-        ):
-            void += [frame_of(message)[0][3]] if isinstance(message, bytes) else []
-        *_, again = messages(client, until=lambda each: isinstance(each, bytes))
-        _, _, values = frame_of(again)
-        assert frame_of(again)[0][3] == 1  # all of it anew
-        law = page.loop.estimator.estimate().law
-        assert np.nanmax(values["stiffness"]) > 0.0
-        last = values["parameter_0"][-1], values["parameter_2"][-1]
-        assert values["stiffness"][-1] == pytest.approx(
-            last[0] * last[1] * 0.004 ** (last[1] - 1), rel=1e-5
-        )
-        assert law.kind == "hunt-crossley"
+        received(client, dict, lambda each: each.get("depth", {}).get("chosen"))
+        head, _, values = frame(client)
+        assert head.void  # all of it anew
+        stiffness, exponent = values["parameter_0"][-1], values["parameter_2"][-1]
+        expected = stiffness * exponent * 0.004 ** (exponent - 1)
+        assert values["stiffness"][-1] == pytest.approx(expected, rel=1e-5)
         client.send(json.dumps({"ask": "depth", "value": None}))
-        list(
-            messages(
-                client,
-                until=lambda each: (
-                    isinstance(each, dict) and each.get("depth", {}).get("chosen") is False
-                ),
-            )
-        )
+        received(client, dict, lambda each: each.get("depth", {}).get("chosen") is False)
 
 
 def test_a_browser_that_asks_for_fewer_samples_gets_every_fourth(page):
     with page.socket() as client:
-        list(messages(client, until=lambda each: isinstance(each, bytes)))
+        frame(client)
         client.send(json.dumps({"ask": "every", "value": 4}))
-        *_, thin = messages(
-            client, until=lambda each: isinstance(each, bytes) and frame_of(each)[0][0] == 4
-        )
-        (_, number, _, void), times, _ = frame_of(thin)
-        assert (number % 4, void) == (0, 1)
+        head, times, _ = frame(client, lambda head: head.every == 4)
+        assert (head.first % 4, head.void) == (0, 1)
         assert np.median(np.diff(times)) == pytest.approx(4e-3)
+
+
+class Until(Replay):
+    """A recording at its own pace, until a test ends it."""
+
+    ended = False
+
+    def take(self, timeout):
+        if self.ended:
+            raise EndOfSourceError
+        return super().take(timeout)
+
+
+def test_a_page_is_there_while_the_loop_runs_and_every_row_comes_to_it_once():
+    page, said = Page(port=0), []
+    source = Until(palpate.prepare(EXAMPLES / "ball.csv"))
+    running = threading.Thread(target=lambda: said.append(run(source, sinks=[page])))
+    running.start()
+    origin, rows, asked = f"http://127.0.0.1:{page.port}", 0, False
+    with connect(f"ws://127.0.0.1:{page.port}/socket", origin=origin, max_size=None) as client:
+        message = {}
+        while isinstance(message, bytes) or not message.get("ended"):
+            message = received(client, seconds=30)
+            if isinstance(message, bytes):
+                head, times, _ = frame_of(message)
+                assert head.dropped == 0
+                assert head.void or head.first == rows
+                rows = head.first + len(times)
+                if not asked:
+                    client.send(json.dumps({"ask": "hold"}))
+                    asked = True
+            elif message.get("loop", {}).get("held"):
+                source.ended = True
+    running.join(20.0)
+    assert rows == said[0]["counts"]["taken"]
+    assert message["loop"]["stopped"]
+    assert message["loop"]["held"]
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", page.port), timeout=5)
+    with pytest.raises(InvalidParameterError, match="served already"):
+        run(source, sinks=[page])
 
 
 # --- who may come in
@@ -139,11 +153,8 @@ def test_a_name_that_is_not_this_machines_is_refused(page, host):
     answer, words = page.get(Host=host)
     assert answer.status in (400, 403)
     assert "palpate" not in words
-
-
-@pytest.mark.parametrize("host", ["localhost:1", "127.0.0.1", "[::1]:8765"])
-def test_an_address_and_the_names_of_this_machine_are_let_in(page, host):
-    assert page.get(Host=host)[0].status == 200
+    for own in ("localhost:1", "127.0.0.1", "[::1]:8765"):
+        assert page.get(Host=own)[0].status == 200
 
 
 @pytest.mark.parametrize(
@@ -163,10 +174,8 @@ def test_with_a_token_nothing_is_shown_without_it():
             page.socket()
         answer, _ = page.get(page.page.url.removeprefix(page.origin))
         assert (answer.status, answer.headers["location"]) == (303, "/")
-        cookie = answer.headers["set-cookie"]
-        assert "HttpOnly" in cookie
-        assert "SameSite=strict" in cookie
-        remembered = cookie.partition(";")[0]
+        remembered, *guarded = answer.headers["set-cookie"].split("; ")
+        assert {"HttpOnly", "SameSite=strict"} <= set(guarded)
         assert page.get(Cookie=remembered)[0].status == 200
         with page.socket(additional_headers={"Cookie": remembered}) as client:
             assert client.recv(timeout=10)
@@ -175,8 +184,7 @@ def test_with_a_token_nothing_is_shown_without_it():
 
 
 def test_beyond_the_loopback_a_token_is_demanded():
-    assert token_for("127.0.0.1", None) is None
-    assert token_for("::1", None) is None
+    assert token_for("127.0.0.1", None) is token_for("::1", None) is None
     tokens = {token_for(address, None) for address in ("0.0.0.0", "::", "192.0.2.1")}
     assert len(tokens) == 3
     assert all(len(token) >= 24 for token in tokens)
@@ -203,24 +211,21 @@ def test_a_port_in_use_is_known_before_anything_starts(page):
 
 
 @pytest.mark.parametrize(
-    "request_, command",
+    "name, options",
     [
-        ({"ask": "hold"}, Command("hold")),
-        ({"ask": "resume"}, Command("resume")),
-        ({"ask": "reset"}, Command("reset")),
-        ({"ask": "tare", "seconds": 2}, Command("tare", {"seconds": 2.0})),
-        ({"ask": "record", "on": True}, Command("record", {"on": True})),
-        (
-            {"ask": "estimator", "method": "kelvin-voigt", "forgetting_factor": 0.99},
-            Command("estimator", {"method": "kelvin-voigt", "forgetting_factor": 0.99}),
-        ),
+        ("hold", {}),
+        ("resume", {}),
+        ("reset", {}),
+        ("tare", {"seconds": 2}),
+        ("record", {"on": True}),
+        ("estimator", {"method": "kelvin-voigt", "forgetting_factor": 0.99}),
     ],
 )
-def test_what_a_person_asks_arrives_at_the_loop(page, request_, command):
+def test_what_a_person_asks_arrives_at_the_loop(page, name, options):
     with page.socket() as client:
-        client.send(json.dumps(request_))
+        client.send(json.dumps({"ask": name, **options}))
         assert page.commands.poll(10)
-        assert page.commands.recv() == command
+        assert page.commands.recv() == Command(name, options)
 
 
 @pytest.mark.parametrize(
@@ -251,10 +256,7 @@ def test_what_a_person_asks_arrives_at_the_loop(page, request_, command):
 def test_what_cannot_be_done_is_refused_in_words(page, text, words):
     with page.socket() as client:
         client.send(text)
-        *_, said = messages(
-            client, until=lambda each: isinstance(each, dict) and each["kind"] == "refused"
-        )
-    assert words in said["words"]
+        assert words in received(client, dict, lambda each: each["kind"] == "refused")["words"]
     assert not page.commands.poll(0)
 
 
@@ -274,16 +276,10 @@ def test_the_loop_is_asked_for_no_more_than_a_person_would():
 def test_a_loop_that_writes_nothing_more_is_said_and_its_return_too(monkeypatch):
     monkeypatch.setattr(watch, "ALIVE", 0.6)  # s
     with served(seconds=0.1) as page, page.socket() as client:
-        silent = messages(client, until=lambda each: isinstance(each, dict) and "alive" in each)
-        assert list(silent)[-1]["alive"]
-        *_, last = messages(client, until=lambda each: is_of(each, alive=False))
-        assert last["loop"]["state"]
+        assert received(client, dict, lambda each: "alive" in each)["alive"]
+        assert received(client, dict, lambda each: each.get("alive") is False)["loop"]["state"]
         page.write(1)
-        assert list(messages(client, until=lambda each: is_of(each, alive=True)))
-
-
-def is_of(message, *, alive):
-    return isinstance(message, dict) and message.get("alive") is alive
+        received(client, dict, lambda each: each.get("alive"))
 
 
 @pytest.mark.slow
@@ -292,9 +288,7 @@ def test_a_loop_that_does_not_answer_holds_up_no_page(monkeypatch):
     with served(seconds=0.1) as page, page.socket() as client:
         for _ in range(4000):  # nobody reads them, and the system has room for some hundred kB
             client.send('{"ask": "reset"}')
-        words = "the loop does not answer"
-        refused = messages(client, until=lambda each: words in str(each), seconds=20)
-        assert words in list(refused)[-1]["words"]
+        received(client, dict, lambda each: "the loop does not answer" in str(each), seconds=20)
         assert page.get()[0].status == 200
 
 
@@ -326,12 +320,16 @@ def test_malformed_messages_are_counted_and_take_no_memory(count):
         # Ten thousand are 6 MB; what the test's own threads take of a sudden is below 4.
         assert resident() - before < 4e6
         page.write(10)
-        list(messages(client, until=lambda each: isinstance(each, bytes) and len(each) > 24))
+        received(client, bytes, lambda each: len(each) > 24)
+
+
+def connected(page):
+    return socket.create_connection(("127.0.0.1", page.page.port), timeout=10)
 
 
 def handshaken(page):
     """A bare connection after the handshake."""
-    made = socket.create_connection(("127.0.0.1", page.page.port), timeout=10)
+    made = connected(page)
     made.sendall(
         f"GET /socket HTTP/1.1\r\nHost: 127.0.0.1:{page.page.port}\r\nOrigin: {page.origin}\r\n"
         "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
@@ -339,13 +337,6 @@ def handshaken(page):
     )
     assert b"101" in made.recv(64)
     return made
-
-
-def wait_for_the_end(connection):
-    """Read until the other end closes it."""
-    with connection, suppress(ConnectionError):
-        while connection.recv(1 << 16):
-            pass
 
 
 MALFORMED = {
@@ -363,14 +354,14 @@ NO_REQUESTS = [b"\x00\xff\r\n\r\n", b"GET / HTTP/9\r\n\r\n", b"A" * 100_000]
 
 def test_malformed_frames_and_requests_end_their_connections_and_are_counted(page):
     before = page.counts()["malformed"]
-    for frame in MALFORMED.values():
-        connection = handshaken(page)
-        connection.sendall(frame)
-        wait_for_the_end(connection)
-    for words in NO_REQUESTS:
-        connection = socket.create_connection(("127.0.0.1", page.page.port), timeout=10)
+    sent = [(handshaken, each) for each in MALFORMED.values()]
+    sent += [(connected, each) for each in NO_REQUESTS]
+    for begun, words in sent:
+        connection = begun(page)
         connection.sendall(words)
-        wait_for_the_end(connection)
+        with connection, suppress(ConnectionError):
+            while connection.recv(1 << 16):  # until the other end closes it
+                pass
     expected = before + len(MALFORMED) + len(NO_REQUESTS)
     assert page.counted("malformed", expected) == expected
     assert page.get()[0].status == 200
@@ -380,14 +371,13 @@ def test_connections_that_ask_for_nothing_take_no_room_from_those_that_do(monkey
     monkeypatch.setattr(protocol, "PATIENCE", 0.5)
     with served(seconds=0.1) as page, ExitStack() as idle, page.socket() as client:
         for k in range(100):
-            made = socket.create_connection(("127.0.0.1", page.page.port), timeout=10)
-            idle.enter_context(made)
+            made = idle.enter_context(connected(page))
             if k % 2:
                 with suppress(ConnectionError):
                     made.sendall(b"GET / HTTP/1.1\r\nHost: 127")  # and never the rest
         assert page.counted("turned_away", 100) == 100
         assert page.get()[0].status == 200
-        list(messages(client, until=lambda each: isinstance(each, dict)))  # it is not idle
+        received(client, dict)  # it is not idle
 
 
 @pytest.mark.slow
@@ -410,13 +400,12 @@ def test_a_browser_that_takes_nothing_holds_up_nobody_and_is_closed(monkeypatch)
         stuck = handshaken(page)  # it never reads
         before = resident()
         with page.socket() as client:
-            list(messages(client, until=lambda each: isinstance(each, bytes)))
+            frame(client)
             seen, until = 0, time.monotonic() + 30.0
             while not page.own.read().get("stalled") and time.monotonic() < until:
                 page.write(1000)  # as fast as it goes: the buffers of the system are some MB
                 total = page.writer.count
-                *_, last = messages(client, until=lambda each: isinstance(each, bytes))
-                seen = max(seen, frame_of(last)[0][1])
+                seen = max(seen, frame(client)[0].first)
             assert seen > total // 2
         counts = page.counts()
         assert counts["stalled"] == 1

@@ -6,9 +6,10 @@ import struct
 import subprocess
 import sys
 import time
-from typing import Any
 
 import pytest
+from message_files import Maker
+from scripted import in_a_process
 
 from palpate.live.arrivals import Arrival
 from palpate.live.sources.opening import SourceOptions, open_source
@@ -16,7 +17,6 @@ from palpate.live.sources.opening import SourceOptions, open_source
 POSE, WRENCH = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
 START = 1_700_000_000_000_000_000  # ns
 VECTORS = SourceOptions(vectors=True)
-WIRES = ("zmq", "dds", "zenoh")
 
 
 def free_port() -> int:
@@ -58,8 +58,8 @@ class ZeroMQRobot:
     def again(self) -> "ZeroMQRobot":
         return ZeroMQRobot(self.address)
 
-    def source(self, **options: Any):
-        source = open_source(self.address + query(options), VECTORS)
+    def source(self, wanted: SourceOptions = VECTORS):
+        source = open_source(self.address, wanted)
         source.open()
         # What it sends before it knows its subscribers it drops.
         while self.socket.recv()[:1] != b"\x01":
@@ -82,22 +82,14 @@ class RosRobot:
     """Two topics of ROS, made by rosbags."""
 
     def __init__(self) -> None:
-        from rosbags.typesys import Stores, get_typestore
-
-        self.store = get_typestore(Stores.LATEST)
+        self.maker = Maker()
+        self.store = self.maker.store
 
     def message(self, kind: str, k: int, stamp: int) -> bytes:
-        types = self.store.types
-        when = types["builtin_interfaces/msg/Time"](*divmod(stamp, 10**9))
-        header = types["std_msgs/msg/Header"](when, "base")
-        vector = types["geometry_msgs/msg/Vector3"]
         if kind == POSE:
-            point = types["geometry_msgs/msg/Point"](*position(k))
-            turned = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-            whole = types[POSE](header, types["geometry_msgs/msg/Pose"](point, turned))
+            whole = self.maker.pose(stamp, [*position(k), 0.0, 0.0, 0.0, 1.0])
         else:
-            wrench = types["geometry_msgs/msg/Wrench"](vector(*force(k)), vector(0.0, 0.0, 0.0))
-            whole = types[WRENCH](header, wrench)
+            whole = self.maker.wrench(stamp, [*force(k), 0.0, 0.0, 0.0])
         return bytes(self.store.serialize_cdr(whole, kind))
 
     def send(self, k: int, stamp: int | None = None) -> None:
@@ -108,9 +100,6 @@ class RosRobot:
     def junk(self, data: bytes) -> None:
         self.put(0, data, 0)
 
-    def put(self, index: int, data: bytes, k: int) -> None:
-        raise NotImplementedError
-
     def again(self) -> "RosRobot":
         return type(self)()
 
@@ -118,9 +107,7 @@ class RosRobot:
 class DDSRobot(RosRobot):
     """Writers of Cyclone DDS, in a domain of their own on this machine only."""
 
-    types = (POSE, WRENCH)
-
-    def __init__(self, types: tuple[str, str] | None = None) -> None:
+    def __init__(self, types: tuple[str, str] = (POSE, WRENCH)) -> None:
         super().__init__()
         pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install 'palpate[live]'")
         from cyclonedds.core import Policy, Qos
@@ -133,14 +120,13 @@ class DDSRobot(RosRobot):
         member = participant(self.domain, None)
         reliable = Qos(Policy.Reliability.Reliable(10**9), Policy.History.KeepLast(20_000))
         self.writers = []
-        for name, kind in zip(("pose", "wrench"), types or self.types, strict=True):
+        for name, kind in zip(("pose", "wrench"), types, strict=True):
             made = raw_type(kind)
             topic = Topic(member, f"rt/{name}", made)
             self.writers.append((DataWriter(member, topic, qos=reliable), made))
 
-    def source(self, **options: Any):
-        address = f"dds:/pose,/wrench{query({'domain': self.domain, **options})}"
-        source = open_source(address, VECTORS)
+    def source(self, wanted: SourceOptions = VECTORS):
+        source = open_source(f"dds:/pose,/wrench?domain={self.domain}", wanted)
         source.open()
         return source
 
@@ -190,9 +176,8 @@ class ZenohRobot(RosRobot):
         package, _, name = kind.split("/")
         return f"{package}::msg::dds_::{name}_"
 
-    def source(self, **options: Any):
-        options = {"connect": self.endpoint, **options}
-        source = open_source(f"zenoh:/pose,/wrench{query(options)}", VECTORS)
+    def source(self, wanted: SourceOptions = VECTORS):
+        source = open_source(f"zenoh:/pose,/wrench?connect={self.endpoint}", wanted)
         source.open()
         until = time.monotonic() + 5.0
         while not all(each.matching_status.matching for each in self.publishers):
@@ -212,22 +197,10 @@ class ZenohRobot(RosRobot):
 ROBOTS = {"zmq": ZeroMQRobot, "dds": DDSRobot, "zenoh": ZenohRobot}
 
 
-def query(options: dict[str, Any]) -> str:
-    return "?" + "&".join(f"{name}={value}" for name, value in options.items()) if options else ""
-
-
 def sent_by_another_process(wire: str, count: int, pause: float) -> subprocess.Popen:
     """A robot in a process of its own, at a pace; it prints its address, and begins when asked."""
     code = f"import wire_robots; wire_robots.serve({wire!r}, {count}, {pause})"
-    here = os.path.dirname(__file__)  # noqa: PTH120
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([here, *sys.path])}
-    return subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=environment,
-        text=True,
-    )
+    return in_a_process(code, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
 
 def serve(wire: str, count: int, pause: float) -> None:

@@ -7,7 +7,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from palpate import Contact, HuntCrossley, KelvinVoigt
+from palpate import Contact, ForceLaw, HuntCrossley, KelvinVoigt
 from peers import drake_probe, opensim_probe
 from peers.carriage import Probe, probed
 from peers.drake_probe import DrakeProbe
@@ -49,3 +49,11 @@ def sensed(contact: Contact, seed: int) -> Contact:
     """The same through a force sensor with white noise."""
     noise = np.random.default_rng(seed).normal(0.0, NOISE, len(contact))
     return dataclasses.replace(contact, force=contact.force + noise)
+
+
+def beside(contact: Contact, law: ForceLaw) -> float:
+    """How far a law's force is from the engine's in contact at most, of the largest."""
+    touching = contact.force > 0.0
+    assert touching.sum() > 5000
+    error = law.force(contact.penetration, contact.velocity) - contact.force
+    return float(np.abs(error)[touching].max() / contact.force.max())

@@ -22,10 +22,10 @@ from palpate import (
     identify,
 )
 from peers.reference_simulators import (
-    HUNT_CROSSLEY,
-    KELVIN_VOIGT,
     NOISE,
+    REFERENCE_SIMULATORS,
     ReferenceSimulator,
+    beside,
     sensed,
     shown_by,
 )
@@ -34,10 +34,10 @@ from peers.reference_simulators import (
 def main() -> None:
     print("| simulator | set | motion in contact | largest force | force beside its law |")
     print("|---|---|---|--:|--:|")
-    for name, simulator in {**HUNT_CROSSLEY, **KELVIN_VOIGT}.items():
+    for name, simulator in REFERENCE_SIMULATORS.items():
         print(_row(name, _numbers(simulator.law), *_shown(name, simulator)))
     print("\n| simulator | estimator | returned | error of each |\n|---|---|---|---|")
-    for name, simulator in {**HUNT_CROSSLEY, **KELVIN_VOIGT}.items():
+    for name, simulator in REFERENCE_SIMULATORS.items():
         for words, estimator, seed in _estimators(simulator.law):
             print(_row(name, words, *_returned(name, estimator, seed)))
     packages = ", ".join(f"{p} {version(p)}" for p in ("drake", "opensim", "palpate", "numpy"))
@@ -48,15 +48,11 @@ def _shown(name: str, simulator: ReferenceSimulator) -> list[str]:
     contact = shown_by(name)
     touching = contact.force > 0.0
     speed, depth = np.abs(contact.velocity[touching]), contact.penetration[touching]
-    beside = simulator.law.force(depth, contact.velocity[touching]) - contact.force[touching]
-    largest = contact.force.max()
     motion = f"to {1e3 * depth.max():.1f} mm, {1e3 * speed.max():.0f} mm/s"
-    return [motion, f"{largest:.1f} N", f"{np.abs(beside).max() / largest:.0e}"]
+    return [motion, f"{contact.force.max():.1f} N", f"{beside(contact, simulator.law):.0e}"]
 
 
-def _estimators(
-    law: HuntCrossley | KelvinVoigt,
-) -> list[tuple[str, ContactEstimator, int | None]]:
+def _estimators(law: HuntCrossley | KelvinVoigt) -> list[tuple[str, ContactEstimator, int | None]]:
     """In words, as it is built, and the seed of the force's noise if there is any."""
     if isinstance(law, KelvinVoigt):
         return [
@@ -76,7 +72,7 @@ def _estimators(
 
 
 def _returned(name: str, estimator: ContactEstimator, seed: int | None) -> tuple[str, str]:
-    law = {**HUNT_CROSSLEY, **KELVIN_VOIGT}[name].law
+    law = REFERENCE_SIMULATORS[name].law
     contact = shown_by(name) if seed is None else sensed(shown_by(name), seed)
     found = identify(contact, estimator).law
     if len(found.symbols) != len(law.symbols):
