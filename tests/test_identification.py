@@ -7,7 +7,7 @@ import numpy as np
 import pandas
 import polars
 import pytest
-from cases import MATERIALS, Signals, bits, exciting, tapping
+from cases import MATERIALS, Signals, bits, contact_of, exciting, tapping
 from recordings import recording
 
 import palpate
@@ -28,25 +28,18 @@ from palpate import (
 from palpate.metrics import rmse_percent
 from palpate.preparation.suggestions import suggest_gate, suggest_scale
 
-
-def contact_of(signals: Signals, **more) -> Contact:
-    return Contact(**vars(signals), **more)
-
-
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1))
-
-
-def test_identify_is_variable_projection_unless_told():
-    assert identify(CONTACT).method == "variable-projection"
 
 
 def test_identify_chooses_the_gate_and_the_scale_it_is_not_given(kind):
     result = identify(CONTACT, kind())
     assert result.gate == suggest_gate(CONTACT)
     assert result.scale == suggest_scale(CONTACT)
+    assert bits(identify(CONTACT, kind.method).trace) == bits(result.trace)
+    assert identify(CONTACT).method == "variable-projection"  # unless it is told
 
 
-def test_identify_keeps_the_settings_it_is_given(kind):
+def test_identify_keeps_the_settings_it_is_given_and_leaves_the_estimator_as_it_is(kind):
     gate, scale = ContactGate(5e-4, 0.5), Scale(1e-3, 1e-2, 1.0)
     given = kind(
         outlier_rejection=OutlierRejection(20.0),
@@ -55,19 +48,16 @@ def test_identify_keeps_the_settings_it_is_given(kind):
         forgetting=ConstantForgetting(1.0),
         sample_time=2e-3,
     )
-    result = identify(CONTACT, given)
-    assert result.estimator.settings == given.settings
-    assert (result.gate, result.scale) == (gate, scale)
-
-
-def test_identify_leaves_the_given_estimator_as_it_is(kind):
-    given = kind()
     given.update(0.01, 0.0, 5.0)
     before = given._state()
     first, second = identify(CONTACT, given), identify(CONTACT, given)
+    assert first.estimator.settings == given.settings
+    assert (first.gate, first.scale) == (gate, scale)
     assert given._state() == before
-    assert given.settings["gate"] is None
     assert bits(first.trace) == bits(second.trace)  # it starts afresh
+    result = identify(CONTACT, plain := kind())
+    assert result.gate is not None
+    assert plain.settings["gate"] is None
 
 
 def test_identify_runs_the_estimators_own_recursion(kind):
@@ -132,9 +122,6 @@ def test_compare_gives_every_method_and_the_regressions_the_same_samples():
         if not result.estimator.chooses_samples:
             assert np.array_equal(result.trace.taken, results["single-stage"].trace.taken)
         assert bits(result.trace) == bits(identify(CONTACT, ESTIMATORS[method]()).trace)
-
-
-def test_compare_takes_a_gate():
     gate = ContactGate(1e-3, 2.0)
     assert all(result.gate == gate for result in compare(CONTACT, gate=gate).values())
 
@@ -155,38 +142,36 @@ def test_a_result_is_plain_numbers_and_words(kind):
         assert plain["violated_fraction"] is None
 
 
-def flags_of(signals: Signals, kind=SingleStageRLS, **settings) -> str:
-    return "; ".join(identify(contact_of(signals), kind(**settings)).flags)
+def flags_of(signals: Signals) -> str:
+    return "; ".join(identify(contact_of(signals), SingleStageRLS()).flags)
 
 
 BALL = exciting(HuntCrossley(2000.0, 500.0, 1.0), seconds=1.0, noise=0.02, seed=4)
 
 
-def test_an_ordinary_contact_has_no_flags():
-    assert flags_of(BALL, palpate.KelvinVoigtRLS) == ""
+STILL = Signals(np.arange(5000) * 1e-3, np.full(5000, 0.01), np.zeros(5000), np.full(5000, 9.0))
+FLAGGED = {
+    "few samples": (BALL[:20], SingleStageRLS, {}, ("only 20 samples in contact", "than 0.2 s of")),
+    "negative damping": (
+        exciting(palpate.KelvinVoigt(1500.0, -8.0)),
+        palpate.KelvinVoigtRLS, {}, ("negative damping",)
+    ),
+    "condition 10": (  # the limit is 10 mm/s of 50
+        exciting(HuntCrossley(2000.0, 20000.0, 1.0), noise=0.02, seed=5),
+        SingleStageRLS, {}, ("condition 10 violated in", "%"),
+    ),
+    "guard": (
+        STILL,
+        SingleStageRLS, {"forgetting": ConstantForgetting(0.9)}, ("covariance guard acted on",)
+    ),
+}  # fmt: skip
 
 
-def test_a_contact_of_few_samples_is_flagged():
-    flags = flags_of(BALL[:20])
-    assert "only 20 samples in contact" in flags
-    assert "less than 0.2 s of contact: no prediction error" in flags
-
-
-def test_negative_damping_is_flagged():
-    law = palpate.KelvinVoigt(1500.0, -8.0)
-    assert "negative damping" in flags_of(exciting(law), palpate.KelvinVoigtRLS)
-
-
-def test_a_violated_condition_ten_is_flagged_with_its_share():
-    law = HuntCrossley(2000.0, 20000.0, 1.0)  # the limit is 10 mm/s of 50
-    assert "condition 10 violated in" in flags_of(exciting(law, noise=0.02, seed=5))
-    assert "%" in flags_of(exciting(law, noise=0.02, seed=5))
-
-
-def test_the_guards_work_is_flagged():
-    still = Signals(np.arange(5000) * 1e-3, np.full(5000, 0.01), np.zeros(5000), np.full(5000, 9.0))
-    flags = flags_of(still, forgetting=ConstantForgetting(0.9))
-    assert "covariance guard acted on" in flags
+@pytest.mark.parametrize("signals, kind, settings, words", FLAGGED.values(), ids=FLAGGED)
+def test_what_casts_doubt_on_a_contact_is_flagged(signals, kind, settings, words):
+    flags = "; ".join(identify(contact_of(signals), kind(**settings)).flags)
+    assert all(each in flags for each in words)
+    assert identify(contact_of(BALL), palpate.KelvinVoigtRLS()).flags == ()
 
 
 def test_refused_samples_are_flagged_with_their_number():
@@ -206,12 +191,9 @@ def test_a_probe_that_never_touches_is_an_error_that_names_the_gate_and_the_larg
     assert f"{BALL.penetration.max():.3g} m and {BALL.force.max():.3g} N" in words
 
 
-def test_no_samples_are_an_error():
+def test_no_samples_and_channels_of_which_nothing_is_known_are_errors():
     with pytest.raises(RecordingError, match="there are no samples"):
         identify(contact_of(BALL[:0]))
-
-
-def test_channels_of_which_nothing_is_known_are_an_error():
     unknown = np.full(10, math.nan)
     contact = Contact(np.arange(10.0), penetration=unknown, velocity=unknown, force=unknown)
     with pytest.raises(RecordingError, match="the largest are no m and no N"):
@@ -257,10 +239,6 @@ def test_identify_and_compare_take_what_is_not_yet_a_contact(frame, tmp_path):
         assert bits(identify(source).trace) == expected["variable-projection"]
         results = compare(source, gate=None)
         assert {name: bits(result.trace) for name, result in results.items()} == expected
-
-
-def test_an_estimator_may_be_given_by_its_name(kind):
-    assert bits(identify(CONTACT, kind.method).trace) == bits(identify(CONTACT, kind()).trace)
 
 
 def test_what_is_no_recording_and_what_is_no_estimator_are_refused_by_name():

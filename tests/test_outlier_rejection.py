@@ -4,13 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from probing import BALL, PVC, Floats, Motion, fed, switched, three_sines, white
+from probing import BALL, PVC, Floats, Motion, contact_of, fed, switched, three_sines, white
 from scipy.signal import savgol_filter
 
 from palpate import (
     ESTIMATORS,
     ChangeDetector,
-    Contact,
     ContactGate,
     HuntCrossley,
     InvalidParameterError,
@@ -36,25 +35,20 @@ def probed(law: HuntCrossley = BALL, seed: int = 1) -> tuple[Motion, Floats]:
     return motion, law.force(motion.x, motion.v) + white(len(motion), seed)
 
 
-def contact_of(motion: Motion, force: Floats) -> Contact:
-    time = 1e-3 * np.arange(len(motion))
-    return Contact(time, penetration=motion.x, velocity=motion.v, force=force)
-
-
-@pytest.mark.parametrize("spike", [50.0, -50.0])
-def test_a_spike_of_the_force_is_left_out_alone(spike: float) -> None:
-    motion, force = probed()
-    hit = np.array([40, 1000, 2500, 2501, 4000, 4001, 4002])
-    force[hit] += spike
-    assert rejected(WITH, motion.x, motion.v, force).tolist() == hit.tolist()
-
-
-def test_a_spike_of_the_velocity_is_left_out_alone() -> None:
+@pytest.mark.parametrize(
+    "hit, force_by, speed_by",
+    [
+        ([40, 1000, 2500, 2501, 4000, 4001, 4002], 50.0, 0.0),
+        ([40, 1000, 2500, 2501, 4000, 4001, 4002], -50.0, 0.0),
+        ([60, 1000, 2500, 4000], 0.0, [1.0, -1.0, 1.0, -1.0]),
+    ],
+)
+def test_a_spike_of_force_or_velocity_is_left_out_alone(hit, force_by, speed_by) -> None:
     motion, force = probed()
     v = motion.v.copy()
-    hit = np.array([60, 1000, 2500, 4000])
-    v[hit] += [1.0, -1.0, 1.0, -1.0]
-    assert rejected(WITH, motion.x, v, force).tolist() == hit.tolist()
+    force[hit] += force_by
+    v[hit] += speed_by
+    assert rejected(WITH, motion.x, v, force).tolist() == hit
 
 
 @pytest.mark.parametrize("lost", [0.0, -5e-3])
@@ -154,11 +148,9 @@ def test_uneven_time_steps_and_gaps_make_no_outliers() -> None:
 
 def test_after_leaving_contact_the_next_sample_follows_nothing() -> None:
     motion, force = probed()
-    estimator = WITH.replace()
-    estimator.replay(motion.x, motion.v, force)
+    estimator = fed(WITH.replace(), motion, force)
     estimator.leave_contact()
-    status = estimator.update(2e-3, 0.0, float(BALL.force(2e-3, 0.0)))
-    assert status == Status.UPDATED
+    assert estimator.update(2e-3, 0.0, float(BALL.force(2e-3, 0.0))) == Status.UPDATED
 
 
 @pytest.mark.parametrize(
@@ -194,41 +186,33 @@ def test_any_estimator_leaves_the_same_samples_out() -> None:
         assert result.as_dict()["rejected_samples"] == 3
 
 
-def test_identify_turns_it_on_and_false_turns_it_off() -> None:
+def test_identify_turns_it_on_and_false_turns_it_off_and_few_are_a_note_and_many_are_not() -> None:
     motion, force = probed()
-    force[1000] += 50.0
-    contact = contact_of(motion, force)
-    assert identify(contact).estimate.rejected == 1
-    assert identify(contact).estimator.settings["outlier_rejection"] == OutlierRejection()
+    assert fed(VariableProjection(), motion, force).estimate().rejected == 0
+    severities = []
+    for every, count in ((6000, 1), (1000, 6), (20, 295)):
+        spiked = force.copy()
+        spiked[100::every] += 50.0
+        contact = contact_of(motion, spiked)
+        result = identify(contact)
+        assert result.estimator.settings["outlier_rejection"] == OutlierRejection()
+        assert result.estimate.rejected == count
+        (finding,) = [each for each in result.diagnosis.findings if each.check == "outliers"]
+        severities.append(finding.severity)
+    assert severities == ["note", "note", "with-care"]
     off = VariableProjection(outlier_rejection=False)
     assert identify(contact, off).estimate.rejected == 0
     assert all(r.estimate.rejected == 0 for r in compare(contact, outlier_rejection=False).values())
-    assert fed(VariableProjection(), motion, force).estimate().rejected == 0
-
-
-def test_few_outliers_are_a_note_and_many_call_for_care() -> None:
-    motion, force = probed()
-    severities = []
-    for every in (1000, 20):
-        spiked = force.copy()
-        spiked[100::every] += 50.0
-        found = identify(contact_of(motion, spiked)).diagnosis.findings
-        (finding,) = [each for each in found if each.check == "outliers"]
-        severities.append(finding.severity)
-    assert severities == ["note", "with-care"]
 
 
 @pytest.mark.parametrize("kind", ESTIMATORS.values(), ids=list(ESTIMATORS))
-@pytest.mark.parametrize("nonsense", [True, 10.0, "on", ChangeDetector()])
-def test_what_is_no_rejection_is_refused_by_name(kind: type, nonsense: object) -> None:
-    with pytest.raises(InvalidParameterError, match="outlier_rejection"):
-        kind(outlier_rejection=nonsense)
-
-
-@pytest.mark.parametrize("threshold", [2.9, np.nan, np.inf, "ten"])
-def test_a_threshold_that_noise_exceeds_is_refused(threshold: object) -> None:
-    with pytest.raises(InvalidParameterError, match="threshold"):
-        OutlierRejection(threshold=threshold)  # type: ignore[arg-type]
+def test_what_is_no_rejection_is_refused_by_name(kind: type) -> None:
+    for nonsense in (True, 10.0, "on", ChangeDetector()):
+        with pytest.raises(InvalidParameterError, match="outlier_rejection"):
+            kind(outlier_rejection=nonsense)
+    for threshold in (2.9, np.nan, np.inf, "ten"):  # noise exceeds the first
+        with pytest.raises(InvalidParameterError, match="threshold"):
+            OutlierRejection(threshold=threshold)
 
 
 @pytest.mark.slow

@@ -209,6 +209,7 @@ def test_a_wrong_setting_is_named_with_its_value_and_range(wrong: dict, message:
         ({"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
         ({"adaptation": 1.5}, r"adaptation must be in \[0, 1\], not 1.5"),
         ({"warm_up": 1}, r"warm_up must be in \[10, 1e\+06\], not 1"),
+        ({"transition": 101}, r"transition must be in \[0, 100\], not 101"),
     ],
 )
 def test_a_wrong_detector_is_named_with_its_value_and_range(wrong: dict, message: str) -> None:
