@@ -21,16 +21,10 @@ def bound_of(law, motion, duration, noise=0.05, step=1e-3, **unknown):
     return bound.standard_errors[:3] / law.parameters
 
 
-# The motion
-
-
-def test_velocity_is_the_derivative_of_penetration():
+def test_the_papers_motion_has_the_papers_top_speed():
     time, step = np.linspace(0.0, 3.0, 50), 1e-6
     ahead, behind = PAPER_MOTION.at(time + step)[0], PAPER_MOTION.at(time - step)[0]
     assert PAPER_MOTION.at(time)[1] == pytest.approx((ahead - behind) / (2.0 * step), abs=1e-8)
-
-
-def test_the_papers_motion_has_the_papers_top_speed():
     _, x, v = PAPER_MOTION.sampled(20.0, 1e-3)
     assert np.abs(v).max() == pytest.approx(50.8e-3)
     assert PAPER_MOTION.top_speed == pytest.approx(50.8e-3)
@@ -53,9 +47,6 @@ def test_the_papers_motion_has_the_papers_top_speed():
 def test_a_motion_refuses_nonsense(arguments, message):
     with pytest.raises(InvalidParameterError, match=message):
         Motion(*arguments)
-
-
-# What it would identify
 
 
 @pytest.mark.parametrize("surface", [False, True])
@@ -82,21 +73,17 @@ def test_a_target_is_met_at_its_time_and_not_a_sample_before(law):
 
 
 def test_long_times_follow_the_samples_too():
-    result = design(SPONGE, noise=0.05, surface=True)
-    time = result.planned.times[1, 0]
+    time = design(SPONGE, noise=0.05, surface=True).planned.times[1, 0]
     assert 50.0 < time < 100.0
     reached = bound_of(SPONGE, PAPER_MOTION, time, offset=True, surface=True)
     # Counting one sample in several shifts the sums by less than a sample's part of a period.
     assert reached[0] == pytest.approx(0.01, rel=1e-3)
 
 
-def test_what_takes_longer_than_the_horizon_takes_for_ever():
+def test_what_takes_longer_than_the_horizon_takes_for_ever_and_a_held_probe_says_so():
     outlook = design(BALL, Motion(0.01, (1e-5,), (1.0,)), noise=1.0).planned
     assert np.isinf(outlook.times).all()
     assert bound_of(BALL, outlook.motion, 1000.0, noise=1.0, offset=True).min() > 0.05
-
-
-def test_a_held_probe_tells_nothing_and_says_so():
     for held in (Motion(0.01), Motion(0.01, (0.0,), (3.0,))):
         result = design(BALL, held, noise=0.05)
         assert np.isinf(result.planned.relative_errors).all()
@@ -116,18 +103,14 @@ def test_free_samples_do_not_count_and_the_lift_is_told():
     assert outlook.relative_errors[-1] == pytest.approx(expected, rel=1e-6)
 
 
-def test_speed_limit_and_its_violations_are_those_of_equation_10():
-    result = design(SPONGE, noise=0.05)
-    assert result.speed_limit == pytest.approx(0.01)
-    _, _, v = PAPER_MOTION.sampled(20.0, 1e-3)
-    assert result.planned.violated_fraction == np.mean(np.abs(v) >= 0.01)
-    assert result.planned.peak_speed == pytest.approx(50.8e-3)
-    assert design(BALL, noise=0.05).planned.violated_fraction == 0.0
-
-
-def test_peak_force_is_the_largest_force():
+def test_speed_limit_its_violations_and_the_peak_force_are_those_of_the_motion():
     _, x, v = PAPER_MOTION.sampled(20.0, 1e-3)
-    assert design(BALL, noise=0.05).planned.peak_force == BALL.force(x, v).max()
+    sponge, ball = design(SPONGE, noise=0.05), design(BALL, noise=0.05).planned
+    assert sponge.speed_limit == pytest.approx(0.01)  # equation 10
+    assert sponge.planned.violated_fraction == np.mean(np.abs(v) >= 0.01)
+    assert sponge.planned.peak_speed == pytest.approx(50.8e-3)
+    assert ball.violated_fraction == 0.0
+    assert ball.peak_force == BALL.force(x, v).max()
 
 
 def test_a_motion_that_outruns_the_law_or_the_velocity_filter_is_flagged():
@@ -138,15 +121,12 @@ def test_a_motion_that_outruns_the_law_or_the_velocity_filter_is_flagged():
     assert "2.0% off the speed" in quick.planned.notes[0]
 
 
-def test_rounding_adds_a_twelfth_of_the_squared_step():
+def test_rounding_adds_a_twelfth_of_the_squared_step_and_noise_of_half_a_step_blurs_it():
     assert effective_noise(0.05, 0.0) == 0.05
-    assert effective_noise(0.05, 0.125) == pytest.approx(math.sqrt(0.05**2 + 0.125**2 / 12.0))
-    rounded = design(BALL, noise=0.05, resolution=0.125)
-    noisy = design(BALL, noise=effective_noise(0.05, 0.125))
+    noise = effective_noise(0.05, 0.125)
+    assert noise == pytest.approx(math.sqrt(0.05**2 + 0.125**2 / 12.0))
+    rounded, noisy = design(BALL, noise=0.05, resolution=0.125), design(BALL, noise=noise)
     assert rounded.planned.relative_errors == pytest.approx(noisy.planned.relative_errors)
-
-
-def test_noise_of_half_a_step_blurs_it():
     assert mean_rounding_error(0.05, 0.0).size == 0
     assert mean_rounding_error(1.0, 1.0).size == 0
     outlook = design(BALL, noise=0.0625, resolution=0.125).planned
@@ -178,35 +158,25 @@ def test_steps_that_a_motion_repeats_are_in_the_expected_errors(law):
         assert "the motion repeats them" in outlook.notes[0]
 
 
-# Units
-
-
-def test_scaling_force_scales_nothing():
-    factor = 1e-6
+def test_scaling_force_scales_nothing_time_only_times_and_length_leaves_the_exponent_alone():
+    factor, one = 1e-6, design(BALL, noise=0.05, durations=(0.5, 5.0))
     small = HuntCrossley(2000.0 * factor, 2000.0 * factor, 1.0)
-    one, other = design(BALL, noise=0.05), design(small, noise=0.05 * factor)
+    other = design(small, noise=0.05 * factor, durations=(0.5, 5.0))
     assert other.planned.relative_errors == pytest.approx(one.planned.relative_errors, rel=1e-9)
     assert np.array_equal(other.planned.times, one.planned.times)
     assert other.better.motion == one.better.motion
-
-
-def test_scaling_time_scales_times():
     slow = Motion(0.01, PAPER_MOTION.amplitudes, tuple(w / 10 for w in PAPER_MOTION.frequencies))
     law = HuntCrossley(2000.0, 20000.0, 1.0)
-    one = design(BALL, noise=0.05, durations=(0.5, 5.0))
     other = design(law, slow, noise=0.05, sample_time=1e-2, durations=(5.0, 50.0))
     assert other.planned.relative_errors == pytest.approx(one.planned.relative_errors, rel=1e-6)
     assert other.planned.times == pytest.approx(10.0 * one.planned.times, rel=1e-9)
-
-
-def test_scaling_length_leaves_the_exponent_alone():
     factor, law = 1e-3, HuntCrossley(1e5, 2e5, 1.7)
     small = Motion(1e-5, tuple(factor * a for a in PAPER_MOTION.amplitudes), (4.0, 11.0, 15.0))
     scaled = HuntCrossley(1e5 * factor**-1.7, 2e5 * factor**-2.7, 1.7)
-    one, other = design(law, noise=0.05), design(scaled, small, noise=0.05)
     # K is a force at 1 m, so its relative error does depend on the unit of length.
-    errors = [d.planned.relative_errors[:, 2] for d in (one, other)]
-    assert errors[1] == pytest.approx(errors[0], rel=1e-6)
+    one, other = design(law, noise=0.05), design(scaled, small, noise=0.05)
+    exponents = [each.planned.relative_errors[:, 2] for each in (one, other)]
+    assert exponents[1] == pytest.approx(exponents[0], rel=1e-6)
 
 
 @pytest.mark.parametrize(

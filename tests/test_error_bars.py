@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from probing import MATERIALS, NOISE, PVC, Motion, coloured, fed, sines, three_sines
+from probing import MATERIALS, NOISE, PVC, Motion, coloured, contact_of, fed, sines, three_sines
 from scipy.stats import binom
 
 from palpate import (
     ConstantForgetting,
-    Contact,
     ContactGate,
     HuntCrossley,
     KelvinVoigt,
@@ -22,34 +21,26 @@ LEAST = 0.85
 INDENTATION = sines(1.0, Planned(5e-3, (5e-3,), (2.0 * np.pi,)))
 
 
-def covered(law: HuntCrossley, motion: Motion, memory: float, seeds: int, **settings) -> np.ndarray:
-    """How often the intervals of K, B and n hold the truth."""
+@pytest.mark.parametrize(
+    "law, motion, memory, seeds",
+    [
+        *((PVC, INDENTATION, memory, 100) for memory in (0.9, 0.98)),
+        *(
+            pytest.param(law, motion, memory, 200, marks=pytest.mark.slow)
+            for law in MATERIALS.values()
+            for motion in (INDENTATION, three_sines(10.0))
+            for memory in (0.0, 0.9, 0.98)
+        ),
+    ],
+)
+def test_correlated_noise_is_covered(law, motion: Motion, memory: float, seeds: int) -> None:
     deep = ContactGate(minimum_penetration=(10.0 * NOISE / law.stiffness) ** (1.0 / law.exponent))
-    hits = np.zeros(3)
+    hits = np.zeros(3)  # of the intervals of K, B and n
     for seed in range(seeds):
-        estimator = VariableProjection(gate=deep, **settings)
         force = law.force(motion.x, motion.v) + coloured(len(motion), seed, memory=memory)
-        estimator.replay(motion.x, motion.v, force)
-        estimate = estimator.estimate()
+        estimate = fed(VariableProjection(gate=deep), motion, force).estimate()
         hits += np.abs(estimate.parameters - law.parameters) < 1.96 * estimate.standard_errors
-    return hits
-
-
-@pytest.mark.parametrize("memory", [0.9, 0.98])
-def test_a_second_of_correlated_noise_is_covered(memory: float) -> None:
-    hits = covered(PVC, INDENTATION, memory, 100)
-    assert (hits >= binom.ppf(1e-3, 100, LEAST)).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("memory", [0.0, 0.9, 0.98])
-@pytest.mark.parametrize("motion", [INDENTATION, three_sines(10.0)], ids=["1 s", "10 s"])
-@pytest.mark.parametrize("name", MATERIALS)
-def test_correlated_noise_is_covered_whatever_the_material(
-    name: str, motion: Motion, memory: float
-) -> None:
-    hits = covered(MATERIALS[name], motion, memory, 200)
-    assert (hits >= binom.ppf(1e-3, 200, LEAST)).all()
+    assert (hits >= binom.ppf(1e-3, seeds, LEAST)).all()
 
 
 def test_bars_under_forgetting_are_those_of_the_memory() -> None:
@@ -80,9 +71,7 @@ def test_identification_widens_the_bars_of_the_papers_methods(
     own, held = np.zeros(len(law.parameters)), np.zeros(len(law.parameters))
     for seed in range(seeds):
         force = law.force(motion.x, motion.v) + coloured(len(motion), seed, memory=0.9)
-        found = identify(
-            Contact(motion.time, penetration=motion.x, velocity=motion.v, force=force), method
-        )
+        found = identify(contact_of(motion, force), method)
         error = np.abs(found.estimate.parameters - law.parameters)
         own += error < 1.96 * found.estimate.standard_errors
         held += error < 1.96 * found.standard_errors
@@ -94,5 +83,5 @@ def test_identification_widens_the_bars_of_the_papers_methods(
 def test_identification_leaves_the_bars_of_variable_projection_as_they_are() -> None:
     motion = three_sines(1.0)
     force = PVC.force(motion.x, motion.v) + coloured(len(motion), 1)
-    found = identify(Contact(motion.time, penetration=motion.x, velocity=motion.v, force=force))
+    found = identify(contact_of(motion, force))
     assert np.array_equal(found.standard_errors, found.estimate.standard_errors)

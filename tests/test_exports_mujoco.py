@@ -19,9 +19,7 @@ from palpate import GeneralisedHuntCrossley, InvalidParameterError
 from palpate.exports import Asked, Motion, engine_called, export
 from palpate.exports.errors import drop_to, force_error
 from palpate.exports.mujoco.engine import _too_narrow
-from palpate.exports.mujoco.robot import _pressed
 from palpate.exports.mujoco.rows import Row, Rows
-from palpate.exports.mujoco.texts import Place
 from palpate.force_laws import engines
 
 mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
@@ -499,14 +497,6 @@ def test_a_models_own_time_step_and_mass_are_those_that_count(model):
     assert 'timestep="0.07"' in made.files["scene.xml"]
     with pytest.raises(InvalidParameterError, match="give time_step or model"):
         export(KELVIN_VOIGT, "mujoco", model=path, geom="tip", time_step=1e-3)
-
-
-def test_a_slide_weighs_to_a_contact_what_its_body_weighs(model):
-    # So that the numbers of a mass alone hold for a free body and for the scene's slide.
-    for joint in ("<freejoint/>", '<joint type="slide" axis="0 0 1"/>'):
-        path = model(BOX.replace("<freejoint/>", joint))
-        found = _pressed(path, "foot", (Row(1.0, 0.0, (1e-4, 1e-4, 1.0, 0.5, 2.0)),), Place())
-        assert found.model.body_invweight0[1, 0] == pytest.approx(0.5)
 
 
 def test_a_law_without_damping_is_one_row_and_a_shallow_one_says_so():

@@ -60,18 +60,6 @@ def test_identify_keeps_the_settings_it_is_given_and_leaves_the_estimator_as_it_
     assert plain.settings["gate"] is None
 
 
-def test_identify_runs_the_estimators_own_recursion(kind):
-    result = identify(CONTACT, kind())
-    looped = kind(gate=result.gate, scale=result.scale)
-    steps = CONTACT.time_steps
-    for k in range(len(CONTACT)):
-        looped.update(
-            CONTACT.penetration[k], CONTACT.velocity[k], CONTACT.force[k], float(steps[k])
-        )
-    assert np.array_equal(looped.estimate().parameters, result.law.parameters)
-    assert len(result.trace) == len(CONTACT)
-
-
 def test_a_segments_border_ends_contact(kind):
     signals = exciting(MATERIALS["ball"], noise=0.05, seed=2)
     gate, scale = ContactGate(1e-3, 1.0), Scale(15e-3, 50e-3, 30.0)

@@ -22,7 +22,7 @@ IDEAL = lab.IdealProbe()
 IN_CLASS = ("ball", "sponge", "pvc", "inclusion")
 
 
-def standardised(name: str, seed: int, seconds: float = 10.0) -> np.ndarray:
+def standardised(name: str, seed: int, seconds: float) -> np.ndarray:
     """Errors of K, B and n in standard errors of the identification."""
     material = lab.MATERIALS[name]
     contact = lab.Bench(material, lab.THREE_SINES).run(seed, seconds=seconds).contact
@@ -46,16 +46,12 @@ def test_the_force_is_rounded_noisy_and_free_of_its_bias():
     np.testing.assert_allclose(steps / 0.125, np.round(steps / 0.125), atol=1e-9)
 
 
-def test_without_a_pause_the_bias_stays_and_the_recording_says_so():
+def test_without_a_pause_the_bias_stays_and_the_penetration_may_be_rounded():
     trajectory = lab.Probing(pause=0.0)
-    run = lab.Bench(lab.BALL, trajectory, IDEAL, lab.Sensors(force_bias=5.0)).run(seed=1)
+    sensors = lab.Sensors(force_bias=5.0, penetration_resolution=20e-6)
+    run = lab.Bench(lab.BALL, trajectory, IDEAL, sensors).run(seed=1)
     assert abs((run.contact.force - run.truth.force).mean()) > 0.1
     assert "bias is still in" in run.contact.provenance["tare"]
-
-
-def test_the_penetration_of_an_ideal_probe_can_be_rounded():
-    sensors = lab.Sensors(penetration_resolution=20e-6)
-    run = lab.Bench(lab.BALL, lab.THREE_SINES, IDEAL, sensors).run(seconds=4.0)
     steps = run.contact.penetration / 20e-6
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
 
@@ -84,10 +80,15 @@ def test_a_file_gives_back_the_contact_and_its_truth(tmp_path):
     assert "removed" in read.provenance["tare"]
 
 
+@pytest.mark.parametrize("seeds", [1, pytest.param(20, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", IN_CLASS)
-def test_identify_recovers_a_material_within_its_error_bars(name):
+def test_identify_recovers_a_material_within_its_error_bars(name, seeds):
     pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
-    assert np.abs(standardised(name, 0, seconds=5.0)).max() < 3.0
+    seconds = 5.0 if seeds == 1 else 10.0
+    errors = [standardised(name, seed, seconds) for seed in range(seeds)]
+    inside = sum(np.abs(error).max() < 3.0 for error in errors)
+    # Three parameters, each within 3 σ in 99.7 %: 19 or 20 of 20 in 99.7 % of such tests.
+    assert inside >= max(seeds - 1, 1)
 
 
 def test_identify_says_that_a_relaxing_sponge_fits_no_law_of_its():
@@ -95,16 +96,6 @@ def test_identify_says_that_a_relaxing_sponge_fits_no_law_of_its():
     sponge = lab.Bench(lab.SPONGE, lab.THREE_SINES, IDEAL).run().contact
     relaxing = palpate.identify(contact).fit_rmse_percent
     assert relaxing > 2.0 * palpate.identify(sponge).fit_rmse_percent
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", IN_CLASS)
-def test_over_twenty_seeds_three_standard_errors_hold_in_the_expected_share(name):
-    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
-    errors = [standardised(name, seed) for seed in range(20)]
-    inside = sum(np.abs(error).max() < 3.0 for error in errors)
-    # Three parameters, each within 3 σ in 99.7 %: 19 or 20 of 20 in 99.7 % of such tests.
-    assert inside >= 19
 
 
 @pytest.mark.slow

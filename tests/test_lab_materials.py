@@ -21,6 +21,8 @@ def test_a_step_at_a_time_a_material_feels_as_along_the_whole_motion(name):
     steps = [touch(*sample) for sample in zip(TIME, HERE, DEPTH, SPEED, strict=True)]
     # A spectrum is summed in another order: some roundings.
     np.testing.assert_allclose(along, steps, rtol=1e-12, atol=1e-12)
+    # It says its truth in plain numbers.
+    assert json.loads(json.dumps(material.describe())) == material.describe()
 
 
 # What remembers lags behind a probe that leaves.
@@ -30,18 +32,6 @@ def test_a_material_pushes_where_it_is_touched_and_nowhere_else(name):
     inside = DEPTH > 6e-3
     assert (force[inside] > 0.0).all()
     assert (force[~inside] == 0.0).all()
-
-
-@pytest.mark.parametrize("name", lab.MATERIALS)
-def test_a_material_says_its_truth_in_plain_numbers(name):
-    words = json.loads(json.dumps(lab.MATERIALS[name].describe()))
-    assert words == lab.MATERIALS[name].describe()
-
-
-def test_a_homogeneous_material_is_its_law():
-    law = KelvinVoigt(1500.0, 8.0)
-    felt = lab.Homogeneous(law).force(TIME, HERE, DEPTH, SPEED)
-    np.testing.assert_array_equal(felt, law.force(DEPTH, SPEED))
 
 
 def test_a_held_relaxing_material_relaxes_to_its_law_with_its_time_constant():
@@ -80,6 +70,10 @@ def test_the_place_decides_between_zones_and_the_time_between_episodes():
     np.testing.assert_array_equal(episodes, np.where(TIME < 1.5, soft, hard))
 
 
+HC = HuntCrossley(1.0, 1.0, 1.0)
+TWO, THREE = (lab.BALL, lab.PVC), (lab.BALL, lab.PVC, lab.PVC)
+
+
 @pytest.mark.parametrize(
     "make, words",
     [
@@ -88,17 +82,11 @@ def test_the_place_decides_between_zones_and_the_time_between_episodes():
         (lambda: lab.Homogeneous(HuntCrossley(1.0, -1.0, 1.0)), "damping must be in"),
         (lambda: lab.Homogeneous(HuntCrossley(1.0, 1.0, -2.0)), "exponent must be in"),
         (lambda: lab.Relaxing(KelvinVoigt(1.0, 1.0), 1.0, 1.0), "law must be a HuntCrossley"),
-        (lambda: lab.Relaxing(HuntCrossley(1.0, 1.0, 1.0), -1.0, 1.0), "branch_stiffness must be"),
-        (lambda: lab.Relaxing(HuntCrossley(1.0, 1.0, 1.0), 1.0, 0.0), "relaxation_time must be"),
-        (lambda: lab.SpaceVaryingMaterial((lab.BALL, lab.PVC), ()), "borders must be one fewer"),
-        (
-            lambda: lab.SpaceVaryingMaterial((lab.BALL, lab.PVC, lab.PVC), (1.0, 0.0)),
-            "borders must increase",
-        ),
-        (
-            lambda: lab.TimeVaryingMaterial((lab.BALL, 3), (1.0,)),
-            "materials must be a Material, not 3",
-        ),
+        (lambda: lab.Relaxing(HC, -1.0, 1.0), "branch_stiffness must be"),
+        (lambda: lab.Relaxing(HC, 1.0, 0.0), "relaxation_time must be"),
+        (lambda: lab.SpaceVaryingMaterial(TWO, ()), "borders must be one fewer"),
+        (lambda: lab.SpaceVaryingMaterial(THREE, (1.0, 0.0)), "borders must increase"),
+        (lambda: lab.TimeVaryingMaterial((lab.BALL, 3), (1.0,)), "must be a Material, not 3"),
     ],
 )
 def test_nonsense_is_refused_by_name(make, words):

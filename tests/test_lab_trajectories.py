@@ -97,26 +97,24 @@ def test_a_motion_of_ones_own_goes_through_its_samples_and_rests_before_and_afte
 def test_a_motion_is_read_from_a_file_with_its_pause(tmp_path):
     time = np.arange(0.0, 5.0, 0.01)
     depth = np.where(time < 2.0, -1e-3, -1e-3 + 5e-3 * np.sin(time - 2.0) ** 2)
-    file = tmp_path / "motion.csv"
-    rows = "".join(f"{t!r},{x!r}\n" for t, x in zip(time.tolist(), depth.tolist(), strict=True))
-    file.write_text("time_s,penetration_m\n" + rows)
-    followed = lab.SplineTrajectory.read(file)
+    columns, header = np.column_stack([time, depth]), "time_s,penetration_m"
+    np.savetxt(tmp_path / "motion.csv", columns, "%.17g", ",", header=header, comments="")
+    followed = lab.SplineTrajectory.read(tmp_path / "motion.csv")
     assert followed.pause == pytest.approx(2.0, abs=0.011)
     np.testing.assert_allclose(followed.at(time).penetration, depth, atol=1e-15)
 
 
-def test_a_motion_without_its_column_is_refused_by_file_and_column(tmp_path):
-    file = tmp_path / "motion.csv"
-    file.write_text("time_s,depth\n0,1\n")
-    with pytest.raises(RecordingError, match=r"motion\.csv: no column 'penetration_m'"):
-        lab.SplineTrajectory.read(file)
-
-
-def test_a_motion_too_short_is_refused_by_its_file(tmp_path):
-    file = tmp_path / "short.csv"
-    file.write_text("time_s,penetration_m\n0,0\n1,0.001\n")
-    with pytest.raises(RecordingError, match=r"short\.csv: .* at least four finite samples"):
-        lab.SplineTrajectory.read(file)
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("time_s,depth\n0,1\n", r"motion\.csv: no column 'penetration_m'"),
+        ("time_s,penetration_m\n0,0\n1,0.001\n", r"motion\.csv: .* at least four finite samples"),
+    ],
+)
+def test_a_file_that_holds_no_motion_is_refused_by_its_name(tmp_path, text, words):
+    (tmp_path / "motion.csv").write_text(text)
+    with pytest.raises(RecordingError, match=words):
+        lab.SplineTrajectory.read(tmp_path / "motion.csv")
 
 
 @pytest.mark.parametrize(

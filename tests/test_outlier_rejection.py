@@ -14,7 +14,6 @@ from palpate import (
     HuntCrossley,
     InvalidParameterError,
     OutlierRejection,
-    SingleStageRLS,
     Status,
     VariableProjection,
     compare,
@@ -228,14 +227,3 @@ def test_the_command_line_turns_it_off_and_says_what_was_left_out(run, tmp_path)
             counts = {result["rejected_samples"] for result in json.loads(out)["results"]}
             assert counts == {expected}
     assert "1 sample was left out as an outlier" in run("identify", path)[1]
-
-
-def test_a_saved_state_goes_on_where_it_was() -> None:
-    motion, force = probed()
-    force[[500, 3001]] += 50.0
-    one = SingleStageRLS(outlier_rejection=OutlierRejection())
-    one.replay(motion.x[:3000], motion.v[:3000], force[:3000])
-    other = one.copy()
-    for estimator in (one, other):
-        estimator.replay(motion.x[3000:], motion.v[3000:], force[3000:])
-        assert estimator.estimate().rejected == 2

@@ -105,29 +105,14 @@ def fuzz(estimator: ContactEstimator, data: list[tuple[float, ...]]) -> None:
         check_sound(estimator)
 
 
-# Whoever looks for what is rare raises these: a wrong guard is found within the first twenty.
-@settings(max_examples=80, deadline=None)
-@given(estimator=projections, data=samples)
-def test_any_floats_under_any_settings_leave_variable_projection_sound(
-    estimator: VariableProjection, data: list[tuple[float, ...]]
-) -> None:
-    fuzz(estimator, data)
-
-
-@settings(max_examples=40, deadline=None)
-@given(estimator=searches, data=samples)
-def test_any_floats_under_any_settings_leave_the_surface_search_sound(
-    estimator: VariableProjection, data: list[tuple[float, ...]]
-) -> None:
-    fuzz(estimator, data)
-
-
-@settings(max_examples=50, deadline=None)
-@given(estimator=drifting, data=samples)
-def test_any_floats_under_any_settings_leave_drift_tracking_sound(
-    estimator: DriftTracking, data: list[tuple[float, ...]]
-) -> None:
-    fuzz(estimator, data)
+# Whoever looks for what is rare raises this: a wrong guard is found within the first twenty.
+@pytest.mark.parametrize(
+    "estimators", [projections, searches, drifting], ids=["projection", "search", "drift"]
+)
+@settings(max_examples=60, deadline=None)
+@given(drawn=st.data())
+def test_any_floats_under_any_settings_leave_an_estimator_sound(estimators, drawn) -> None:
+    fuzz(drawn.draw(estimators), drawn.draw(samples))
 
 
 def tracking() -> DriftTracking:
@@ -163,55 +148,94 @@ def test_before_the_first_sample_everything_is_sound_and_flagged() -> None:
 
 
 @pytest.mark.parametrize("sample", [(9e7, 0.0, 1.0), (10e-3, 1e9, 1.0), (10e-3, 0.0, 1e9)])
-def test_what_is_too_large_for_the_arithmetic_is_refused_as_out_of_range(
-    sample: tuple[float, ...],
-) -> None:
+def test_what_is_too_large_for_the_arithmetic_is_refused_as_out_of_range(sample) -> None:
     estimator = VariableProjection(exponent_range=(5.0, 10.0))
     before = estimator._state()
     assert estimator.update(*sample) == Status.OUT_OF_RANGE
     assert estimator._state() == before
 
 
-@pytest.mark.parametrize(
-    "wrong, message",
-    [
-        ({"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
-        ({"noise": -0.05}, r"noise must be in \(0, 1e\+30\], not -0.05"),
-        ({"noise": math.nan}, "noise must be finite, not nan"),
-        ({"noise": "quiet"}, "noise must be a number, not 'quiet'"),
-        ({"offset": None}, "offset must be a bool, not None"),
-        ({"offset_deviation": 0.0}, r"offset_deviation must be in \(0, 1e\+30\], not 0.0"),
-        ({"exponent_range": (2.0, 1.0)}, r"exponent_range .* \(2.0, 1.0\): it holds nothing"),
-        ({"exponent_range": (1.5, 1.5)}, r"exponent_range .* \(1.5, 1.5\): it holds nothing"),
-        ({"exponent_range": (1.0, 1.1)}, r"exponent_range must be 0.2 to 5 wide, not \(1.0, 1.1\)"),
-        ({"exponent_range": (0.5, 6.0)}, r"exponent_range must be 0.2 to 5 wide, not \(0.5, 6.0\)"),
-        ({"exponent_range": (0.0, 2.0)}, r"exponent_range must be in \[0.1, 10\], not 0.0"),
-        ({"exponent_range": (8.0, 12.0)}, r"exponent_range must be in \[0.1, 10\], not 12.0"),
-        ({"exponent_range": 1.5}, r"exponent_range must be \(lowest, highest\) .*, not 1.5"),
-        ({"exponent_range": (1, 2, 3)}, r"exponent_range must be \(lowest, highest\) .* \(1, 2, 3"),
-        ({"forgetting": 0.99}, "forgetting must be a ConstantForgetting or .*, not 0.99"),
-        ({"change_detector": True}, "change_detector must be a ChangeDetector or .*, not True"),
-        ({"gate": 0.5}, "gate must be a ContactGate or NoneType, not 0.5"),
-        ({"scale": 1.0}, "scale must be a Scale or NoneType, not 1.0"),
-        ({"sample_time": 0.0}, r"sample_time must be in \(0, 1e\+06\], not 0.0"),
-    ],
-)
-def test_a_wrong_setting_is_named_with_its_value_and_range(wrong: dict, message: str) -> None:
-    with pytest.raises(InvalidParameterError, match=message):
-        VariableProjection(**wrong)
+PROJECTION, DETECTOR, DRIFT = VariableProjection, ChangeDetector, DriftTracking
 
 
 @pytest.mark.parametrize(
-    "wrong, message",
+    "kind, wrong, message",
     [
-        ({"drift": 0.5}, r"drift must be in \[1, 24\], not 0.5"),
-        ({"threshold": 0.0}, r"threshold must be in \(0, 1e\+12\], not 0.0"),
-        ({"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
-        ({"adaptation": 1.5}, r"adaptation must be in \[0, 1\], not 1.5"),
-        ({"warm_up": 1}, r"warm_up must be in \[10, 1e\+06\], not 1"),
-        ({"transition": 101}, r"transition must be in \[0, 100\], not 101"),
+        (PROJECTION, {"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
+        (PROJECTION, {"noise": -0.05}, r"noise must be in \(0, 1e\+30\], not -0.05"),
+        (PROJECTION, {"noise": math.nan}, "noise must be finite, not nan"),
+        (PROJECTION, {"noise": "quiet"}, "noise must be a number, not 'quiet'"),
+        (PROJECTION, {"offset": None}, "offset must be a bool, not None"),
+        (
+            PROJECTION,
+            {"offset_deviation": 0.0},
+            r"offset_deviation must be in \(0, 1e\+30\], not 0.0",
+        ),
+        (
+            PROJECTION,
+            {"exponent_range": (2.0, 1.0)},
+            r"exponent_range .* \(2.0, 1.0\): it holds nothing",
+        ),
+        (
+            PROJECTION,
+            {"exponent_range": (1.5, 1.5)},
+            r"exponent_range .* \(1.5, 1.5\): it holds nothing",
+        ),
+        (
+            PROJECTION,
+            {"exponent_range": (1.0, 1.1)},
+            r"exponent_range must be 0.2 to 5 wide, not \(1.0, 1.1\)",
+        ),
+        (
+            PROJECTION,
+            {"exponent_range": (0.5, 6.0)},
+            r"exponent_range must be 0.2 to 5 wide, not \(0.5, 6.0\)",
+        ),
+        (
+            PROJECTION,
+            {"exponent_range": (0.0, 2.0)},
+            r"exponent_range must be in \[0.1, 10\], not 0.0",
+        ),
+        (
+            PROJECTION,
+            {"exponent_range": (8.0, 12.0)},
+            r"exponent_range must be in \[0.1, 10\], not 12.0",
+        ),
+        (
+            PROJECTION,
+            {"exponent_range": 1.5},
+            r"exponent_range must be \(lowest, highest\) .*, not 1.5",
+        ),
+        (
+            PROJECTION,
+            {"exponent_range": (1, 2, 3)},
+            r"exponent_range must be \(lowest, highest\) .* \(1, 2, 3",
+        ),
+        (
+            PROJECTION,
+            {"forgetting": 0.99},
+            "forgetting must be a ConstantForgetting or .*, not 0.99",
+        ),
+        (
+            PROJECTION,
+            {"change_detector": True},
+            "change_detector must be a ChangeDetector or .*, not True",
+        ),
+        (PROJECTION, {"gate": 0.5}, "gate must be a ContactGate or NoneType, not 0.5"),
+        (PROJECTION, {"scale": 1.0}, "scale must be a Scale or NoneType, not 1.0"),
+        (PROJECTION, {"sample_time": 0.0}, r"sample_time must be in \(0, 1e\+06\], not 0.0"),
+        (DETECTOR, {"drift": 0.5}, r"drift must be in \[1, 24\], not 0.5"),
+        (DETECTOR, {"threshold": 0.0}, r"threshold must be in \(0, 1e\+12\], not 0.0"),
+        (DETECTOR, {"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
+        (DETECTOR, {"adaptation": 1.5}, r"adaptation must be in \[0, 1\], not 1.5"),
+        (DETECTOR, {"warm_up": 1}, r"warm_up must be in \[10, 1e\+06\], not 1"),
+        (DETECTOR, {"transition": 101}, r"transition must be in \[0, 100\], not 101"),
+        (DRIFT, {"stiffness_drift": -1.0}, r"stiffness_drift must be in \[0, 100\], not -1"),
+        (DRIFT, {"dissipation_drift": math.nan}, "dissipation_drift must be finite, not nan"),
+        (DRIFT, {"exponent_drift": 1e3}, r"exponent_drift must be in \[0, 100\], not 1000"),
+        (DRIFT, {"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
     ],
 )
-def test_a_wrong_detector_is_named_with_its_value_and_range(wrong: dict, message: str) -> None:
+def test_a_wrong_setting_is_named_with_its_value_and_range(kind, wrong, message) -> None:
     with pytest.raises(InvalidParameterError, match=message):
-        ChangeDetector(**wrong)
+        kind(**wrong)

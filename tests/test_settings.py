@@ -60,20 +60,9 @@ def test_a_value_out_of_range_is_refused_by_name_value_and_range(make, arguments
     assert words.endswith(f"not {arguments[name]!r}")
 
 
-NUMBERS = [
-    (ContactGate, "minimum_penetration"),
-    (ContactGate, "make_force"),
-    (ContactGate, "break_force"),
-    (ConstantForgetting, "factor"),
-    (FadingForgetting, "initial_factor"),
-    (FadingForgetting, "rate"),
-    (SelfPerturbation, "gain"),
-    (SelfPerturbation, "sensitivity"),
-    (Scale, "penetration"),
-    (Scale, "velocity"),
-    (Scale, "force"),
-    (KelvinVoigtRLS, "sample_time"),
-]
+NUMBERS = dict.fromkeys(
+    (make, name) for make, _, name, _ in OUT_OF_RANGE if name != "initial_covariance"
+)
 
 
 @pytest.mark.parametrize("make, name", NUMBERS)

@@ -1,8 +1,10 @@
 """Touches are found and numbered."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from probing import BALL, NOISE, tapping
+from probing import BALL, contact_of, felt, tapping
 
 from palpate import Contact
 from palpate.preparation.touches import touches_of
@@ -10,9 +12,7 @@ from palpate.preparation.touches import touches_of
 
 def tapped(seconds: float, seed: int = 0) -> Contact:
     motion = tapping(seconds)
-    noise = NOISE * np.random.default_rng(seed).standard_normal(len(motion))
-    force = BALL.force(motion.x, motion.v) + noise
-    return Contact(motion.time, penetration=motion.x, velocity=motion.v, force=force)
+    return contact_of(motion, felt(BALL, motion, seed))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -28,18 +28,11 @@ def test_every_stroke_is_one_touch(seed):
         assert touch.peak_penetration == contact.penetration[during].max()
 
 
-def test_a_bounce_of_less_than_50_ms_is_no_touch_of_its_own():
+def test_a_bounce_of_less_than_50_ms_is_no_touch_of_its_own_and_free_air_has_none():
     contact = tapped(3.0)
     force = contact.force.copy()
     middle = int(np.argmax(force))
     force[middle : middle + 30] = 0.0
-    lost = Contact(
-        contact.time, penetration=contact.penetration, velocity=contact.velocity, force=force
-    )
-    assert len(touches_of(lost)) == len(touches_of(contact))
-
-
-def test_free_air_has_no_touch():
-    time = 1e-3 * np.arange(500)
-    zero = np.zeros(500)
-    assert touches_of(Contact(time, penetration=zero - 1e-3, velocity=zero, force=zero)) == []
+    assert len(touches_of(replace(contact, force=force))) == len(touches_of(contact))
+    free = replace(contact, penetration=np.full(len(contact), -1e-3), force=0.0 * force)
+    assert touches_of(free) == []

@@ -8,7 +8,7 @@ from cases import KINDS, MATERIALS, Signals, exciting
 from twin import Twin
 
 import palpate
-from palpate import ConstantForgetting, ContactGate, FadingForgetting, SelfPerturbation, Status
+from palpate import ConstantForgetting, ContactGate, SelfPerturbation, Status
 
 # In these units every entry of φ is near 1, so P₀ = 10 I costs about P₀|φ|² = 10–100 roundings and
 # the start-up a few hundred more: 1e-10 leaves them a factor of ten. The default P₀, which costs
@@ -18,10 +18,11 @@ COVARIANCE = 10.0
 TOLERANCE = 1e-10
 GATE = ContactGate(minimum_penetration=3e-4, make_force=0.2, break_force=0.1)
 PERTURBATIONS = {"unperturbed": None, "self-perturbed": SelfPerturbation()}
-FORGETTING = {
-    "fading": FadingForgetting(),
-    "constant": ConstantForgetting(0.995),
-    "none": ConstantForgetting(1.0),
+SETTINGS = {
+    "fading": {},
+    "self-perturbed": {"perturbation": SelfPerturbation()},
+    "constant": {"forgetting": ConstantForgetting(0.995)},
+    "none": {"forgetting": ConstantForgetting(1.0)},
 }
 
 
@@ -55,9 +56,19 @@ def estimator_of(kind, **settings):
     return kind(**{"scale": SCALE, "initial_covariance": COVARIANCE, "gate": GATE, **settings})
 
 
-@pytest.mark.parametrize("perturbation", PERTURBATIONS.values(), ids=PERTURBATIONS)
-def test_an_estimator_agrees_with_its_twin(kind, noisy, perturbation):
-    agree(estimator_of(kind, perturbation=perturbation), noisy[:600])
+@pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
+def test_an_estimator_agrees_with_its_twin_and_so_does_the_covariance(kind, noisy, settings):
+    """The covariance is that of the weighted data by the delta method."""
+    estimator = estimator_of(kind, **settings)
+    twin = agree(estimator, noisy[:600])
+    if "perturbation" in settings:
+        return
+    expected, estimate = twin.covariance(), estimator.estimate()
+    deviation = np.sqrt(np.diag(expected))
+    unit = np.outer(deviation, deviation)
+    # The twin's Jacobian is a central difference, good to about 1e-9.
+    np.testing.assert_allclose(estimate.covariance / unit, expected / unit, atol=1e-8)
+    np.testing.assert_allclose(estimate.standard_errors, deviation, rtol=1e-8)
 
 
 @pytest.mark.parametrize("perturbation", PERTURBATIONS.values(), ids=PERTURBATIONS)
@@ -93,19 +104,3 @@ def test_an_estimator_as_it_comes_agrees_with_its_twin(name):
     # Cancellation in P − L gᵀ costs P₀|φ|² roundings, here up to 1e10 × 0.0027: 7e-9.
     error = np.abs(trace.predicted_force - predicted)
     assert error.max() <= 1e-8 * np.max(signals.force)
-
-
-@pytest.mark.parametrize("forgetting", FORGETTING.values(), ids=FORGETTING)
-def test_it_agrees_however_it_forgets_and_so_does_the_covariance(kind, noisy, forgetting):
-    """The covariance is that of the weighted data by the delta method."""
-    estimator = estimator_of(kind, forgetting=forgetting)
-    twin = agree(estimator, noisy[:600])
-    expected = twin.covariance()
-    deviation = np.sqrt(np.diag(expected))
-    # The twin's Jacobian is a central difference, good to about 1e-9.
-    np.testing.assert_allclose(
-        estimator.estimate().covariance / np.outer(deviation, deviation),
-        expected / np.outer(deviation, deviation),
-        atol=1e-8,
-    )
-    np.testing.assert_allclose(estimator.estimate().standard_errors, deviation, rtol=1e-8)
