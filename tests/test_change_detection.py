@@ -27,7 +27,6 @@ from palpate import (
     ChangeDetector,
     ContactEstimator,
     ExtendedKelvinVoigtRLS,
-    FadingForgetting,
     HuntCrossley,
     KelvinVoigt,
     KelvinVoigtRLS,
@@ -291,19 +290,3 @@ def test_a_speed_that_a_filter_smears_over_the_change_does_not_spoil_the_new_est
     # 3 s after the change; without the second beginning the smeared samples still weigh.
     assert (off[15] < 0.02).all()
     assert off[0].max() > 2.0 * off[15].max()
-
-
-@pytest.mark.parametrize("kind", [VariableProjection, KelvinVoigtRLS], ids=lambda k: k.__name__)
-def test_time_steps_that_are_given_are_the_sample_time_across_a_restart(kind) -> None:
-    """A restart relearns its samples with their own steps, not with the nominal one."""
-    motion = three_sines(5.0)
-    force = switched(PVC, INCLUSION, motion, 2500) + white(len(motion), 3)
-    fading = FadingForgetting(0.98, 2.0)
-    nominal = kind(forgetting=fading, change_detector=ChangeDetector(), sample_time=0.01)
-    given = kind(forgetting=fading, change_detector=ChangeDetector())
-    for estimator, step in ((nominal, None), (given, 0.01)):
-        estimator.replay(motion.x, motion.v, force, step)
-        assert estimator.estimate().restarts >= 1
-    # The factor is e^(−α dt) either way, worked out once or at each sample.
-    expected = nominal.estimate().parameters
-    np.testing.assert_allclose(given.estimate().parameters, expected, rtol=1e-9)

@@ -42,9 +42,6 @@ def clean():
     return identify(faults.clean())
 
 
-# The rebound
-
-
 def test_the_rebound_is_that_of_the_law_at_the_fastest_approach_unless_another_is_asked_for(clean):
     found = clean.restitution()
     taken = clean.contact.velocity[clean.trace.taken]
@@ -90,16 +87,14 @@ def test_what_the_findings_move_the_damping_by_is_in_the_rebounds_systematic_par
     assert abs(e.value - exact) < 2.0 * e.systematic
 
 
-def test_damping_that_is_not_distinguishable_from_none_is_said():
+def test_damping_that_is_negative_or_not_distinguishable_from_none_is_said():
     law = HuntCrossley(9000.0, 9.0, 1.4)
-    found = identify(contact_of(exciting(law, seconds=1.0, noise=0.5, seed=1))).restitution()
+    found = identify(contact_of(exciting(law, noise=0.5, seed=1))).restitution()
     bound = math.hypot(found.coefficient.standard_error, found.coefficient.systematic)
     assert found.coefficient.value + 2.0 * bound > 1.0
     words = "; ".join(found.remarks)
     assert "not distinguishable from 0" in words or "damping is negative" in words
-
-
-def test_negative_damping_is_not_clipped_but_said():
+    # It is not clipped.
     law = HuntCrossley(9000.0, -9000.0, 1.4)
     result = identify(contact_of(exciting(law, seconds=4.0, noise=0.01)))
     found = result.restitution()
@@ -112,22 +107,16 @@ def test_negative_damping_is_not_clipped_but_said():
     assert "the law makes energy" in "; ".join(result.energy.remarks)
 
 
-def test_what_the_diagnosis_does_not_trust_is_said():
+def test_what_the_diagnosis_does_not_trust_and_a_rebound_that_goes_with_the_mass_are_said():
     result = identify(faults.changed(1.0))
     assert result.diagnosis.verdict.damping == "do-not-trust"
     assert "the diagnosis does not trust the damping" in result.restitution().remarks
     remarks = result.elastic_modulus(palpate.Sphere(0.2)).remarks
     assert "the diagnosis does not trust the stiffness" in remarks
-
-
-def test_a_law_whose_rebound_depends_on_the_mass_has_none():
     found = identify(faults.clean(), "kelvin-voigt").restitution()
     assert math.isnan(found.coefficient.value)
     [words] = found.remarks
     assert "by the kelvin-voigt law it depends on the body's mass" in words
-
-
-# Energy
 
 
 def test_the_loss_of_a_linear_damper_in_a_cycle_is_the_ellipse_of_its_force():
@@ -196,9 +185,8 @@ def test_a_loss_that_is_not_the_dampers_is_said():
 def test_a_probe_that_only_goes_in_closes_no_loop():
     time = 1e-3 * np.arange(1500)
     found = identify(moved(time, 4e-3 * (time / 1.5) ** 2)).energy
-    assert found.kind == "none"
+    assert (found.kind, found.remarks) == ("none", ("no touch is whole, and no cycle closes",))
     assert math.isnan(found.measured.value)
-    assert found.remarks == ("no touch is whole, and no cycle closes",)
 
 
 def test_work_goes_on_where_the_time_does_from_one_segment_to_the_next():
@@ -278,9 +266,6 @@ def test_a_rest_adds_nothing_to_the_work_that_went_in():
     assert result.energy.put_in == pytest.approx(path.work(still.force)[2000], rel=0.01)
 
 
-# Passivity
-
-
 def test_a_hunt_crossley_law_pulls_beyond_one_over_its_dissipation():
     result = identify(sine(HuntCrossley(9000.0, 4e5, 1.4), noise=0.01))
     found = result.passivity
@@ -305,9 +290,7 @@ def test_a_kelvin_voigt_law_pulls_at_light_touch_where_the_material_does_not():
     assert 0.0 < found.deepest < deepest
     assert found.measured_there > -0.01
     assert found.measured_fraction < 0.001
-
-
-def test_a_recorded_force_that_pulls_is_counted():
+    # A recorded force that pulls is counted.
     contact = sine(LAW, noise=0.01)
     lower = replace(contact, force=contact.force - 7.0)
     assert identify(contact, "kelvin-voigt").passivity.measured_fraction == 0.0
@@ -317,15 +300,15 @@ def test_a_recorded_force_that_pulls_is_counted():
     assert found.measured_fraction > 0.05
 
 
-# All together
-
-
-def test_the_numbers_are_in_the_json_object_and_can_be_written(clean):
-    whole = json.loads(json.dumps(clean.as_dict(), allow_nan=False))
-    assert whole["restitution"] == clean.restitution().as_dict()
-    assert whole["energy"] == clean.energy.as_dict()
-    assert whole["passivity"] == clean.passivity.as_dict()
-    assert "elastic_modulus" not in whole
+def test_the_numbers_of_every_method_are_in_the_json_object_and_can_be_written():
+    for name, result in palpate.compare(faults.clean()).items():
+        whole = json.loads(json.dumps(result.as_dict(), allow_nan=False))
+        assert whole["restitution"] == result.restitution().as_dict(), name
+        assert whole["energy"] == result.energy.as_dict()
+        assert whole["passivity"] == result.passivity.as_dict()
+        assert "elastic_modulus" not in whole
+        assert math.isfinite(result.energy.predicted.value), name
+        assert 0.0 <= result.passivity.fraction <= 1.0, name
 
 
 def test_the_page_shows_the_keys_that_there_are():
@@ -337,9 +320,3 @@ def test_the_page_shows_the_keys_that_there_are():
     keys = [*numbers, *(key for part in numbers.values() for key in part)]
     keys += ["Flores", "kind", "half_angle", "of_tip"]
     assert sorted(re.findall(r'"(\w+)":', shown)) == sorted(keys)
-
-
-def test_every_method_has_them():
-    for name, result in palpate.compare(faults.clean()).items():
-        assert math.isfinite(result.energy.predicted.value), name
-        assert 0.0 <= result.passivity.fraction <= 1.0, name

@@ -10,7 +10,14 @@ import pytest
 from cases import MATERIALS
 
 import palpate
-from palpate import GeneralisedHuntCrossley, HuntCrossley, InvalidParameterError, SingleRelaxation
+from palpate import (
+    FlatSpectrum,
+    GeneralisedHuntCrossley,
+    HuntCrossley,
+    InvalidParameterError,
+    PowerLawRelaxation,
+    SingleRelaxation,
+)
 
 KV, EKV, HC = MATERIALS["linear"], MATERIALS["quadratic"], MATERIALS["pvc"]
 LAWS = {
@@ -18,6 +25,10 @@ LAWS = {
     "extended-kelvin-voigt": EKV,
     "hunt-crossley": HC,
     "remembering": GeneralisedHuntCrossley(9e3, 1.5, 40.0, 0.5, 4e3, SingleRelaxation(0.1)),
+    "flat": GeneralisedHuntCrossley(9e3, 1.5, 40.0, 0.5, 4e3, FlatSpectrum(1e-3, 4.0)),
+    "power law": GeneralisedHuntCrossley(
+        9e3, 1.5, 40.0, 0.5, 4e3, PowerLawRelaxation(0.3, 1e-3, 4.0)
+    ),
 }
 
 
@@ -179,6 +190,7 @@ def test_a_law_is_a_frozen_value(law):
         copy.deepcopy(law),
         pickle.loads(pickle.dumps(law)),
         eval(repr(law), vars(palpate.force_laws)),
+        palpate.force_laws.law_from({"kind": law.kind, **law.as_dict()}),
     ):
         assert again == law
         assert type(again) is type(law)
@@ -188,6 +200,7 @@ def test_a_law_is_a_frozen_value(law):
     assert list(law.as_dict().values()) == law.parameters.tolist()
     assert len(law.symbols) == len(law.units) == law.parameters.size
     assert list(law.as_dict()) == law.names()
+    assert palpate.FORCE_LAWS[law.kind] is type(law)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, "stiff", None, 1j, [1.0, 2.0]])

@@ -1,13 +1,10 @@
 """Laws with a damping exponent of their own, and with memory, by what they should do."""
 
-import copy
 import math
-import pickle
 
 import numpy as np
 import pytest
 
-import palpate
 from palpate import (
     FlatSpectrum,
     GeneralisedHuntCrossley,
@@ -17,8 +14,6 @@ from palpate import (
     PowerLawRelaxation,
     SingleRelaxation,
 )
-from palpate.force_laws import law_from
-from palpate.lab.materials import Homogeneous
 
 RELAXATIONS = {
     "flat": FlatSpectrum(1e-3, 4.0),
@@ -153,12 +148,6 @@ def test_the_flat_spectrum_is_fungs():
     np.testing.assert_allclose(law.dynamic_stiffness(1e-3, omega), storage + 1j * loss, rtol=2e-3)
 
 
-def test_without_memory_the_dynamic_stiffness_is_that_of_the_gradients():
-    law = GeneralisedHuntCrossley(2000.0, 1.3, 500.0, 0.3)
-    expected = law.stiffness_at(5e-3) + 10j * law.damping_at(5e-3)
-    assert law.dynamic_stiffness(5e-3, 10.0) == pytest.approx(expected, rel=1e-14)
-
-
 def test_slow_and_fast_oscillations_feel_the_relaxed_and_the_instantaneous_material(relaxation):
     law = law_with(relaxation)
     slow, fast = law.dynamic_stiffness(5e-3, [1e-9, 1e9])
@@ -166,13 +155,15 @@ def test_slow_and_fast_oscillations_feel_the_relaxed_and_the_instantaneous_mater
     assert slow.real == pytest.approx(law.relaxed().stiffness_at(5e-3), rel=1e-6)
     assert fast.real == pytest.approx(law.instantaneous().stiffness_at(5e-3), rel=1e-6)
     assert fast.imag == pytest.approx(1e9 * law.damping_at(5e-3), rel=1e-6)
+    # Without memory it is that of the gradients.
+    plain = GeneralisedHuntCrossley(2000.0, 1.3, 500.0, 0.3)
+    expected = plain.stiffness_at(5e-3) + 10j * plain.damping_at(5e-3)
+    assert plain.dynamic_stiffness(5e-3, 10.0) == pytest.approx(expected, rel=1e-14)
 
 
-@pytest.mark.parametrize("damper", ["hunt-crossley", "half-space"])
-def test_whatever_is_done_to_a_rested_material_it_gives_back_less_than_it_took(relaxation, damper):
-    exponent = 1.5
-    p = exponent if damper == "hunt-crossley" else exponent - 1.0
-    law = GeneralisedHuntCrossley(1e4, exponent, 30.0, p, 5e3, relaxation)
+@pytest.mark.parametrize("damping_exponent", [1.5, 0.5])
+def test_a_rested_material_gives_back_less_than_it_took(relaxation, damping_exponent):
+    law = GeneralisedHuntCrossley(1e4, 1.5, 30.0, damping_exponent, 5e3, relaxation)
     rng = np.random.default_rng(5)
     knots, dt = np.linspace(0.0, 1.0, 12), 1e-4
     time = np.arange(0.0, 1.0, dt)
@@ -182,18 +173,15 @@ def test_whatever_is_done_to_a_rested_material_it_gives_back_less_than_it_took(r
         places[[0, -1]] = -1e-3
         x = np.interp(time, knots, places)
         v = np.diff(x, prepend=x[0]) / dt
-        force = law.force_along(x, v, dt)
-        spent = np.cumsum(force * v) * dt
-        taken = np.sum(np.maximum(force * v, 0.0)) * dt
+        power = law.force_along(x, v, dt) * v * dt
+        spent, taken = np.cumsum(power), np.sum(np.maximum(power, 0.0))
         # The sum takes the force at the end of each step: to first order in the step.
         assert spent.min() > -1e-3 * taken
         assert spent[-1] > 1e-2 * taken
-
-
-def test_without_a_damper_and_memory_all_is_given_back():
-    law = GeneralisedHuntCrossley(1e4, 1.5, 0.0, 0.0)
+    # Without a damper and memory all is given back.
+    spring = GeneralisedHuntCrossley(1e4, 1.5, 0.0, 0.0)
     x = 4e-3 * (1.0 - np.cos(np.linspace(0.0, 2.0 * math.pi, 2001)))
-    force = law.force(x, np.zeros_like(x))
+    force = spring.force(x, np.zeros_like(x))
     assert np.diff(x) @ (force[1:] + force[:-1]) == pytest.approx(0.0, abs=1e-12)
 
 
@@ -212,27 +200,6 @@ def two_times_in_the_wrong_order():
     numbers = law_with(RELAXATIONS["flat"]).parameters
     numbers[6:] = numbers[:5:-1]
     return GeneralisedHuntCrossley.from_parameters(numbers)
-
-
-def test_it_goes_through_numbers_copies_and_files(relaxation):
-    law = law_with(relaxation)
-    assert law.from_parameters(law.parameters) == law
-    assert law_from({"kind": law.kind, **law.as_dict()}) == law
-    assert pickle.loads(pickle.dumps(law)) == law == copy.deepcopy(law)
-    assert len(law.names()) == len(law.units) == len(law.symbols) == law.parameters.size
-    assert palpate.FORCE_LAWS[law.kind] is GeneralisedHuntCrossley
-
-
-def test_a_material_of_the_lab_remembers(relaxation):
-    law = law_with(relaxation)
-    material = Homogeneous(law)
-    time = np.linspace(0.0, 1.0, 101)
-    x, v = 5e-3 * np.sin(6.0 * time), 30e-3 * np.cos(6.0 * time)
-    along = material.force(time, np.zeros(101), x, v)
-    touch = material.touch()
-    one_by_one = [touch(t, 0.0, depth, speed) for t, depth, speed in zip(time, x, v, strict=True)]
-    np.testing.assert_allclose(along, one_by_one, rtol=1e-12, atol=1e-12)
-    assert not np.allclose(along, law.force(x, v))
 
 
 @pytest.mark.parametrize(

@@ -162,13 +162,20 @@ def test_what_casts_doubt_on_a_contact_is_flagged(signals, kind, settings, words
     assert identify(contact_of(BALL), palpate.KelvinVoigtRLS()).flags == ()
 
 
-def test_refused_samples_are_flagged_with_their_number():
-    force = BALL.force.copy()
+def test_refused_samples_are_flagged_with_their_number_and_the_channel_that_they_came_from():
+    force, depth = BALL.force.copy(), BALL.penetration.copy()
     force[[100, 200, 300]] = math.nan
     flags = flags_of(dataclasses.replace(BALL, force=force))
     assert "3 samples refused: not finite: force is NaN or infinite in 3 of 1000" in flags
     force[[100, 200, 300]] = 1e300
     assert "3 samples refused: out of range" in flags_of(dataclasses.replace(BALL, force=force))
+    depth[[100, 200]] = math.nan
+    table = {"time_s": BALL.time, "penetration_m": depth, "force_N": BALL.force}
+    flags = "; ".join(identify(palpate.Recording(table)).flags)
+    # The velocity is worked out from the depth: that it is not known either goes without saying.
+    words = "penetration (column 'penetration_m') is NaN or infinite in 2 of 1000"
+    assert f"2 samples refused: not finite: {words}" in flags
+    assert "velocity" not in flags
 
 
 def test_a_probe_that_never_touches_is_an_error_that_names_the_gate_and_the_largest():
@@ -204,17 +211,6 @@ def test_a_contact_without_any_velocity_says_so_and_where_it_came_from():
     assert 0 < np.isfinite(known).sum() < len(known)
     with pytest.raises(RecordingError, match="no sample of the contact has a velocity"):
         identify(dataclasses.replace(contact, velocity=known), "kelvin-voigt")
-
-
-def test_a_channel_that_is_not_finite_is_named_once_with_where_it_came_from():
-    depth = BALL.penetration.copy()
-    depth[[100, 200]] = math.nan
-    table = {"time_s": BALL.time, "penetration_m": depth, "force_N": BALL.force}
-    flags = "; ".join(identify(palpate.Recording(table)).flags)
-    # The velocity is worked out from the depth: that it is not known either goes without saying.
-    words = "penetration (column 'penetration_m') is NaN or infinite in 2 of 1000"
-    assert f"2 samples refused: not finite: {words}" in flags
-    assert "velocity" not in flags
 
 
 @pytest.mark.parametrize("frame", [pandas.DataFrame, polars.DataFrame])

@@ -41,8 +41,7 @@ def places_of(keeper, *names):
 
 
 def test_every_method_whose_law_has_an_exponent_can_keep_it():
-    with_exponent = {n for n, kind in ESTIMATORS.items() if "exponent" in kind.law_type.names()}
-    assert set(KEEPERS) == with_exponent
+    assert set(KEEPERS) == {n for n, k in ESTIMATORS.items() if "exponent" in k.law_type.names()}
 
 
 def least_squares(contact, exponent, *, offset, logarithm=False):
@@ -146,7 +145,7 @@ def test_it_stays_through_changes_outliers_and_forgetting(keeper):
     assert now.law.stiffness == pytest.approx(90e3, rel=0.05)
 
 
-def test_a_wrong_exponent_is_a_finding_and_not_a_silent_lie():
+def test_a_wrong_exponent_is_a_finding_and_a_modulus_says_that_the_shape_was_not_checked():
     contact = contact_of(noise=0.02)
     result = identify(contact, palpate.VariableProjection(exponent=2.0), trace=False)
     finding = result.diagnosis.findings[0]
@@ -155,6 +154,9 @@ def test_a_wrong_exponent_is_a_finding_and_not_a_silent_lie():
     assert "exponent that was given" in finding.sentence
     there = identify(contact, palpate.VariableProjection(exponent=1.5), trace=False)
     assert there.diagnosis.verdict.stiffness == "trust"
+    modulus = there.elastic_modulus(palpate.Sphere(radius=0.1))
+    assert modulus.refused is None
+    assert any("the exponent was given" in remark for remark in modulus.remarks)
 
 
 def test_a_change_of_the_material_is_found_with_it():
@@ -211,10 +213,3 @@ def test_what_is_no_exponent_or_drifts_is_refused_by_name(keeper, value):
         keeper(exponent=value)
     with pytest.raises(InvalidParameterError, match=r"^exponent_drift must be 0 "):
         palpate.DriftTracking(exponent=1.5, exponent_drift=0.01)
-
-
-def test_the_modulus_of_a_tip_says_that_its_shape_was_not_checked():
-    result = identify(contact_of(), palpate.VariableProjection(exponent=1.5), trace=False)
-    modulus = result.elastic_modulus(palpate.Sphere(radius=0.1))
-    assert modulus.refused is None
-    assert any("the exponent was given" in remark for remark in modulus.remarks)

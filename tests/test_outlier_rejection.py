@@ -65,21 +65,6 @@ def test_a_lost_position_ends_no_contact(lost: float) -> None:
 
 
 @pytest.mark.parametrize("law", [BALL, PVC])
-def test_what_is_left_out_is_as_if_it_had_never_been(law: HuntCrossley) -> None:
-    motion, force = probed(law)
-    hit = np.arange(100, len(motion), 97)
-    spiked = force.copy()
-    spiked[hit] += 50.0
-    found = fed(WITH.replace(), motion, spiked).estimate()
-    kept = np.delete(np.arange(len(motion)), hit)
-    expected = VariableProjection()
-    expected.replay(motion.x[kept], motion.v[kept], force[kept])
-    assert found.rejected == hit.size
-    assert np.array_equal(found.parameters, expected.estimate().parameters)
-    assert np.array_equal(found.covariance, expected.estimate().covariance)
-
-
-@pytest.mark.parametrize("law", [BALL, PVC])
 @pytest.mark.parametrize("part", [0.95, 0.8])
 def test_the_end_of_the_sensors_range_is_found(law: HuntCrossley, part: float) -> None:
     motion, force = probed(law)

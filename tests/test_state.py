@@ -14,25 +14,6 @@ from palpate import ChangeDetector, InvalidParameterError
 SIGNALS = tapping(MATERIALS["pvc"], noise=0.02, seed=11)
 
 
-@pytest.mark.parametrize("name", palpate.ESTIMATORS)
-def test_replay_predicts_and_errs_as_an_estimator_does(name):
-    looped, replayed = palpate.ESTIMATORS[name](), palpate.ESTIMATORS[name]()
-    trace = replayed.replay(*SIGNALS[:400].arrays)
-    for k, row in enumerate(SIGNALS[:400].rows):
-        expected = looped.predict(*row[:2])
-        looped.update(*row)
-        # The trace's errors and predictions are the same formulas in another order: some roundings,
-        # times up to 20 for the logarithms in e^(ln K + n ln x). Variable projection predicts by
-        # its latest search, which a few samples move by less than the noise once a law is known.
-        errors = looped.estimate().standard_errors
-        assert trace.standard_errors[k] == pytest.approx(errors, rel=1e-13)
-        if name not in ("variable-projection", "drift-tracking"):
-            assert trace.predicted_force[k] == pytest.approx(expected, rel=1e-12, abs=1e-15)
-        elif k >= 50:
-            assert trace.predicted_force[k] == pytest.approx(expected, abs=0.02)
-    assert looped._state() == replayed._state()
-
-
 def test_neither_settings_nor_a_copy_change_an_estimator(kind):
     estimator = kind()
     estimator.settings["sample_time"] = 7.0
