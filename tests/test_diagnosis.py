@@ -119,7 +119,7 @@ def test_each_sign_has_its_own_remedy():
 
 
 def test_a_delay_is_measured_and_moves_the_damping():
-    [finding] = [f for f in palpate.diagnose(faults.late(5e-3)).findings if f.check == "delay"]
+    [finding] = [f for f in palpate.diagnose(CAUSES["delay"]).findings if f.check == "delay"]
     late = float(finding.remedy.split()[1].removesuffix("ms,"))
     assert late == pytest.approx(5.0, abs=0.5)
     assert finding.moves_damping_percent > 10.0
@@ -151,7 +151,7 @@ def test_noise_of_the_velocity_is_said_to_lower_the_damping_by_as_much_as_it_doe
 def test_coarse_steps_and_held_values_are_found_before_what_they_look_like():
     assert grave(faults.rounded(2e-4))[0] == "coarse steps"
     assert grave(faults.rounded(2e-5)) == []
-    found = grave(faults.force_held(8))
+    found = grave(faults.held(8))
     assert "held channel" in found
     assert "stuck force" not in found
 
@@ -236,25 +236,10 @@ def test_a_motion_that_says_nothing_and_a_short_contact_are_not_trusted():
     assert grave(faults.clean().window(2.0, 2.02)) == ["excitation"]
 
 
-def test_another_working_depth_changes_the_numbers_and_not_the_law():
-    result = palpate.identify(faults.clean())
-    there = result.at_depth(5e-3).diagnosis.working_depth
-    assert there.depth == 5e-3
-    assert there.stiffness.value == result.law.stiffness_at(5e-3)
-    with pytest.raises(palpate.InvalidParameterError, match="depth"):
-        result.at_depth(-1.0)
-
-
 def test_the_data_are_checked_once_for_all_methods_and_diagnosed_once():
     results = palpate.compare(faults.clean()).values()
     assert len({id(result.data) for result in results}) == 1
     assert all(result.diagnosis is result.diagnosis for result in results)
-
-
-def test_what_cannot_be_identified_says_what_was_found():
-    contact = faults.scaled(force=-1.0)
-    with pytest.raises(palpate.RecordingError, match="--flip-force"):
-        palpate.identify(dataclasses.replace(contact, force=contact.force - 1.0))
 
 
 def test_error_bars_grow_with_the_residuals_correlation():

@@ -130,16 +130,6 @@ def test_any_floats_leave_a_filter_that_tracks_sound(data: list[tuple[float, ...
     fuzz(TRACKING.copy(), data)
 
 
-@settings(max_examples=50, deadline=None)
-@given(sample=st.tuples(magnitudes, magnitudes, magnitudes), count=st.integers(2, 400))
-def test_one_sample_for_ever_is_flagged_and_sound(sample: tuple[float, ...], count: int) -> None:
-    estimator = VariableProjection()
-    for _ in range(count):
-        estimator.update(*sample)
-    check_sound(estimator)
-    assert estimator.estimate().flags
-
-
 def test_before_the_first_sample_everything_is_sound_and_flagged() -> None:
     for estimator in (VariableProjection(), VariableProjection(noise=1e30), DriftTracking()):
         check_sound(estimator)
@@ -168,18 +158,13 @@ PROJECTION, DETECTOR, DRIFT = VariableProjection, ChangeDetector, DriftTracking
         (PROJECTION, "offset", None, "a bool, not None"),
         (PROJECTION, "offset_deviation", 0.0, r"in \(0, 1e\+30\], not 0.0"),
         (PROJECTION, "exponent_range", (2.0, 1.0), r".* \(2.0, 1.0\): it holds nothing"),
-        (PROJECTION, "exponent_range", (1.5, 1.5), r".* \(1.5, 1.5\): it holds nothing"),
         (PROJECTION, "exponent_range", (1.0, 1.1), r"0.2 to 5 wide, not \(1.0, 1.1\)"),
         (PROJECTION, "exponent_range", (0.5, 6.0), r"0.2 to 5 wide, not \(0.5, 6.0\)"),
         (PROJECTION, "exponent_range", (0.0, 2.0), r"in \[0.1, 10\], not 0.0"),
         (PROJECTION, "exponent_range", (8.0, 12.0), r"in \[0.1, 10\], not 12.0"),
         (PROJECTION, "exponent_range", 1.5, r"\(lowest, highest\) .*, not 1.5"),
         (PROJECTION, "exponent_range", (1, 2, 3), r"\(lowest, highest\) .* \(1, 2, 3"),
-        (PROJECTION, "forgetting", 0.99, "a ConstantForgetting or .*, not 0.99"),
         (PROJECTION, "change_detector", True, "a ChangeDetector or .*, not True"),
-        (PROJECTION, "gate", 0.5, "a ContactGate or NoneType, not 0.5"),
-        (PROJECTION, "scale", 1.0, "a Scale or NoneType, not 1.0"),
-        (PROJECTION, "sample_time", 0.0, r"in \(0, 1e\+06\], not 0.0"),
         (DETECTOR, "drift", 0.5, r"in \[1, 24\], not 0.5"),
         (DETECTOR, "threshold", 0.0, r"in \(0, 1e\+12\], not 0.0"),
         (DETECTOR, "noise", 0.0, r"in \(0, 1e\+30\], not 0.0"),
