@@ -65,9 +65,7 @@ def recording(change: str, seed: int, seconds: float = 6.0) -> tuple[Motion, Flo
 @pytest.mark.parametrize("detector", [ChangeDetector(), ChangeDetector(noise=NOISE)])
 @pytest.mark.parametrize("kind", [VariableProjection, SingleStageRLS])
 @pytest.mark.parametrize("change", CHANGES)
-def test_a_change_is_noticed_within_milliseconds_and_once(
-    change: str, kind: type[ContactEstimator], detector: ChangeDetector
-) -> None:
+def test_a_change_is_noticed_within_milliseconds_and_once(change, kind, detector):
     for seed in range(10):
         motion, force = recording(change, seed)
         estimator = kind(change_detector=detector)

@@ -118,9 +118,9 @@ def test_a_file_says_what_it_holds_above_its_header(run, tmp_path):
 def test_without_a_better_motion_the_planned_one_is_written_and_that_is_said(run, tmp_path):
     best = design(BALL, noise=0.05).chosen[1].motion
     path = tmp_path / "same.csv"
-    sines = ["--depth", best.depth, "--amplitudes", *best.amplitudes]
-    sines += ["--frequencies", *best.frequencies]
-    status, out, _ = run("design", *GUESS, *sines, "-o", path, "--seconds", "1")
+    sines = ["--amplitudes", *best.amplitudes, "--frequencies", *best.frequencies]
+    words = ["design", *GUESS, "--depth", best.depth, *sines, "-o", path, "--seconds", "1"]
+    status, out, _ = run(*words)
     assert status == 0
     assert "no better motion" in out
     assert f"motion, the planned one: {path}" in out
@@ -176,10 +176,7 @@ def test_a_figure_of_a_design_shows_motions_and_precision_of_both():
         assert {"planned", "better"} <= set(lines)
         # A quick look counts one sample in several: 1 % at most.
         assert lines["better"].get_ydata()[-1] == pytest.approx(100.0 * expected[-1], rel=0.01)
-
-
-def test_a_figure_says_what_a_held_probe_does_not_tell():
-    figure = figures.draw_design(design(BALL, Motion(5e-3), noise=0.1))
-    for axes in figure.axes[2:]:
+    held = figures.draw_design(design(BALL, Motion(5e-3), noise=0.1))
+    for axes in held.axes[2:]:
         [words] = [text.get_text() for text in axes.get_legend().get_texts()]
         assert words == "planned: not identifiable"

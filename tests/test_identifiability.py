@@ -76,9 +76,7 @@ def test_what_a_motion_does_not_tell_is_flagged(name: str) -> None:
 
 
 @pytest.mark.parametrize("exponent, edge", [(0.2, 0.3), (4.0, 3.6)])
-def test_an_exponent_beyond_the_range_is_held_at_its_edge_and_flagged(
-    exponent: float, edge: float
-) -> None:
+def test_an_exponent_beyond_the_range_is_held_at_its_edge_and_flagged(exponent, edge):
     stiffness = 20.0 / 10e-3**exponent
     motion = three_sines(2.0)
     law = HuntCrossley(stiffness, stiffness, exponent)
@@ -171,9 +169,7 @@ def test_microrheology_is_flagged_or_not_trusted(name: str) -> None:
 @pytest.mark.parametrize("samples", [30, 1000, 100_000])
 @pytest.mark.parametrize("depth", [0.1e-3, 5e-3, 10e-3, 17e-3])
 @pytest.mark.parametrize("speed", [0.0, 5e-3])
-def test_one_reading_repeated_is_flagged_however_clean(
-    depth: float, speed: float, samples: int
-) -> None:
+def test_one_reading_repeated_is_flagged_however_clean(depth, speed, samples):
     # As a held, quantised sensor shows: the fit is exact, but nothing is known.
     motion = Motion(np.full(samples, depth), np.full(samples, speed))
     for offset in (False, True):
@@ -232,9 +228,7 @@ def test_bars_under_forgetting_are_those_of_the_memory() -> None:
         ("single-stage", HuntCrossley(2000.0, 20.0, 1.0)),
     ],
 )
-def test_identification_widens_the_bars_of_the_papers_methods(
-    method: str, law: HuntCrossley | KelvinVoigt
-) -> None:
+def test_identification_widens_the_bars_of_the_papers_methods(method, law):
     motion, seeds = three_sines(5.0), 100
     own, held = np.zeros(len(law.parameters)), np.zeros(len(law.parameters))
     for seed in range(seeds):
