@@ -26,7 +26,6 @@ from probing import (
 from scipy.stats import binom
 
 from palpate import (
-    ConstantForgetting,
     ContactGate,
     Estimate,
     HuntCrossley,
@@ -205,19 +204,6 @@ def test_correlated_noise_is_covered(law, motion: Motion, memory: float, seeds: 
         estimate = fed(VariableProjection(gate=deep), motion, force).estimate()
         hits += np.abs(estimate.parameters - law.parameters) < 1.96 * estimate.standard_errors
     assert (hits >= binom.ppf(1e-3, seeds, LEAST)).all()
-
-
-def test_bars_under_forgetting_are_those_of_the_memory() -> None:
-    """The latest thousand of ten thousand samples is remembered."""
-    motion = three_sines(10.0)
-    force = PVC.force(motion.x, motion.v) + coloured(len(motion), 3, memory=0.9)
-    whole = fed(VariableProjection(), motion, force).estimate()
-    forgetting = VariableProjection(forgetting=ConstantForgetting(0.999))
-    recent = fed(forgetting, motion, force).estimate()
-    ratio = recent.standard_errors / whole.standard_errors
-    # √(10000/1000) = 3.2, times how unlike the latest second is to ten.
-    assert (ratio > 2.0).all()
-    assert (ratio < 20.0).all()
 
 
 @pytest.mark.parametrize(

@@ -110,20 +110,6 @@ def test_the_rig_can_be_photographed_pressing():
     assert pixels.std() > 10.0  # not one colour
 
 
-@pytest.mark.parametrize(
-    "settings, words",
-    [
-        ({"counts_per_turn": -1.0}, "counts_per_turn must be in"),
-        ({"proportional_gain": 0.0}, "proportional_gain must be in"),
-        ({"time_step": 1.0}, "time_step must be in"),
-        ({"torque_limit": 0.0}, "torque_limit must be in"),
-    ],
-)
-def test_nonsense_is_refused_by_name(settings, words):
-    with pytest.raises(InvalidParameterError, match=words):
-        lab.TwinPantograph(**settings)
-
-
 def test_a_clock_too_slow_for_position_control_is_refused():
     bench = lab.Bench(lab.BALL, lab.THREE_SINES, sensors=lab.Sensors(sample_time=0.1))
     with pytest.raises(InvalidParameterError, match="sample_time must be at most"):

@@ -19,6 +19,7 @@ from palpate import (
     Scale,
     Status,
     VariableProjection,
+    ViscoelasticContact,
 )
 
 REFUSALS = (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE)
@@ -146,6 +147,7 @@ def test_what_is_too_large_for_the_arithmetic_is_refused_as_out_of_range(sample)
 
 
 PROJECTION, DETECTOR, DRIFT = VariableProjection, ChangeDetector, DriftTracking
+MEMORY = ViscoelasticContact
 
 
 @pytest.mark.parametrize(
@@ -175,6 +177,11 @@ PROJECTION, DETECTOR, DRIFT = VariableProjection, ChangeDetector, DriftTracking
         (DRIFT, "dissipation_drift", math.nan, "finite, not nan"),
         (DRIFT, "exponent_drift", 1e3, r"in \[0, 100\], not 1000"),
         (DRIFT, "noise", 0.0, r"in \(0, 1e\+30\], not 0.0"),
+        (MEMORY, "damping", "maxwell", "one of"),
+        (MEMORY, "memory", 3, "one of"),
+        (MEMORY, "exponent", 0.2, "in"),
+        (MEMORY, "offset_deviation", 0.0, "in"),
+        (MEMORY, "sample_time", 0.0, "in"),
     ],
 )
 def test_a_wrong_setting_is_named_with_its_value_and_range(kind, name, value, words) -> None:
