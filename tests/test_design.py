@@ -32,23 +32,6 @@ def test_the_papers_motion_has_the_papers_top_speed():
     assert x.max() <= PAPER_MOTION.peak_penetration
 
 
-@pytest.mark.parametrize(
-    "arguments, message",
-    [
-        ((0.0,), r"depth must be in \(0, 10\], not 0"),
-        ((math.nan,), "depth must be finite, not nan"),
-        ((0.01, (1e-3,), ()), "as many, not 1 and 0"),
-        ((0.01, (1e-3, -1e-3), (1.0, 2.0)), r"amplitudes\[1\] must be in \[0, 10\], not -0.001"),
-        ((0.01, (1e-3,), (0.0,)), r"frequencies\[0\] must be in \(0, 100000\], not 0.0"),
-        ((0.01, 1e-3, (1.0,)), "amplitudes must be a sequence of numbers, not 0.001"),
-        ((0.01, ("deep",), (1.0,)), r"amplitudes\[0\] must be a number, not 'deep'"),
-    ],
-)
-def test_a_motion_refuses_nonsense(arguments, message):
-    with pytest.raises(InvalidParameterError, match=message):
-        Motion(*arguments)
-
-
 @pytest.mark.parametrize("surface", [False, True])
 @pytest.mark.parametrize("offset", [False, True])
 @pytest.mark.parametrize("law", MATERIALS, ids=repr)
@@ -180,8 +163,15 @@ def test_scaling_force_scales_nothing_time_only_times_and_length_leaves_the_expo
 
 
 @pytest.mark.parametrize(
-    "changes, message",
+    "arguments, message",
     [
+        ((0.0,), r"depth must be in \(0, 10\], not 0"),
+        ((math.nan,), "depth must be finite, not nan"),
+        ((0.01, (1e-3,), ()), "as many, not 1 and 0"),
+        ((0.01, (1e-3, -1e-3), (1.0, 2.0)), r"amplitudes\[1\] must be in \[0, 10\], not -0.001"),
+        ((0.01, (1e-3,), (0.0,)), r"frequencies\[0\] must be in \(0, 100000\], not 0.0"),
+        ((0.01, 1e-3, (1.0,)), "amplitudes must be a sequence of numbers, not 0.001"),
+        ((0.01, ("deep",), (1.0,)), r"amplitudes\[0\] must be a number, not 'deep'"),
         ({"law": KelvinVoigt(1.0, 1.0)}, "law must be a HuntCrossley"),
         ({"law": HuntCrossley(0.0, 1.0, 1.0)}, r"stiffness must be in \(0, 1e\+20\], not 0.0"),
         ({"law": HuntCrossley(1.0, 0.0, 1.0)}, r"damping must be in \(0, 1e\+20\], not 0.0"),
@@ -198,7 +188,11 @@ def test_scaling_force_scales_nothing_time_only_times_and_length_leaves_the_expo
         ({"max_speed": math.inf}, "max_speed must be finite, not inf"),
     ],
 )
-def test_wrong_arguments_are_named(changes, message):
-    arguments = {"law": BALL, "motion": PAPER_MOTION, "noise": 0.05, **changes}
+def test_wrong_arguments_of_a_motion_and_a_design_are_named(arguments, message):
+    def make():
+        if isinstance(arguments, tuple):
+            return Motion(*arguments)
+        return design(**{"law": BALL, "motion": PAPER_MOTION, "noise": 0.05, **arguments})
+
     with pytest.raises(InvalidParameterError, match=message):
-        design(**arguments)
+        make()

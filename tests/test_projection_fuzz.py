@@ -15,11 +15,9 @@ from palpate import (
     ContactGate,
     DriftTracking,
     FadingForgetting,
-    InvalidParameterError,
     Scale,
     Status,
     VariableProjection,
-    ViscoelasticContact,
 )
 
 REFUSALS = (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE)
@@ -144,46 +142,3 @@ def test_what_is_too_large_for_the_arithmetic_is_refused_as_out_of_range(sample)
     before = estimator._state()
     assert estimator.update(*sample) == Status.OUT_OF_RANGE
     assert estimator._state() == before
-
-
-PROJECTION, DETECTOR, DRIFT = VariableProjection, ChangeDetector, DriftTracking
-MEMORY = ViscoelasticContact
-
-
-@pytest.mark.parametrize(
-    "kind, name, value, words",
-    [
-        (PROJECTION, "noise", 0.0, r"in \(0, 1e\+30\], not 0.0"),
-        (PROJECTION, "noise", -0.05, r"in \(0, 1e\+30\], not -0.05"),
-        (PROJECTION, "noise", math.nan, "finite, not nan"),
-        (PROJECTION, "noise", "quiet", "a number, not 'quiet'"),
-        (PROJECTION, "offset", None, "a bool, not None"),
-        (PROJECTION, "offset_deviation", 0.0, r"in \(0, 1e\+30\], not 0.0"),
-        (PROJECTION, "exponent_range", (2.0, 1.0), r".* \(2.0, 1.0\): it holds nothing"),
-        (PROJECTION, "exponent_range", (1.0, 1.1), r"0.2 to 5 wide, not \(1.0, 1.1\)"),
-        (PROJECTION, "exponent_range", (0.5, 6.0), r"0.2 to 5 wide, not \(0.5, 6.0\)"),
-        (PROJECTION, "exponent_range", (0.0, 2.0), r"in \[0.1, 10\], not 0.0"),
-        (PROJECTION, "exponent_range", (8.0, 12.0), r"in \[0.1, 10\], not 12.0"),
-        (PROJECTION, "exponent_range", 1.5, r"\(lowest, highest\) .*, not 1.5"),
-        (PROJECTION, "exponent_range", (1, 2, 3), r"\(lowest, highest\) .* \(1, 2, 3"),
-        (PROJECTION, "change_detector", True, "a ChangeDetector or .*, not True"),
-        (DETECTOR, "drift", 0.5, r"in \[1, 24\], not 0.5"),
-        (DETECTOR, "threshold", 0.0, r"in \(0, 1e\+12\], not 0.0"),
-        (DETECTOR, "noise", 0.0, r"in \(0, 1e\+30\], not 0.0"),
-        (DETECTOR, "adaptation", 1.5, r"in \[0, 1\], not 1.5"),
-        (DETECTOR, "warm_up", 1, r"in \[10, 1e\+06\], not 1"),
-        (DETECTOR, "transition", 101, r"in \[0, 100\], not 101"),
-        (DRIFT, "stiffness_drift", -1.0, r"in \[0, 100\], not -1"),
-        (DRIFT, "dissipation_drift", math.nan, "finite, not nan"),
-        (DRIFT, "exponent_drift", 1e3, r"in \[0, 100\], not 1000"),
-        (DRIFT, "noise", 0.0, r"in \(0, 1e\+30\], not 0.0"),
-        (MEMORY, "damping", "maxwell", "one of"),
-        (MEMORY, "memory", 3, "one of"),
-        (MEMORY, "exponent", 0.2, "in"),
-        (MEMORY, "offset_deviation", 0.0, "in"),
-        (MEMORY, "sample_time", 0.0, "in"),
-    ],
-)
-def test_a_wrong_setting_is_named_with_its_value_and_range(kind, name, value, words) -> None:
-    with pytest.raises(InvalidParameterError, match=f"^{name} must be {words}"):
-        kind(**{name: value})

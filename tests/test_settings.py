@@ -72,21 +72,53 @@ def test_a_setting_that_is_not_a_finite_number_is_refused_by_name(make, name, ba
     assert repr(bad) in str(caught.value)
 
 
-OF_ANOTHER_KIND = [
-    ("initial", 5.0, "KelvinVoigt"),
-    ("initial", HuntCrossley(1.0, 1.0, 1.0), "KelvinVoigt"),
-    ("forgetting", 0.99, "ConstantForgetting or FadingForgetting"),
-    ("perturbation", 0.05, "SelfPerturbation"),
-    ("gate", 0.1, "ContactGate"),
-    ("scale", (1.0, 1.0, 1.0), "Scale"),
-]
+LINEAR, PROJECTION, DRIFT = KelvinVoigtRLS, palpate.VariableProjection, palpate.DriftTracking
+DETECTOR, MEMORY = palpate.ChangeDetector, palpate.ViscoelasticContact
 
 
-@pytest.mark.parametrize("name, bad, wanted", OF_ANOTHER_KIND)
-def test_a_setting_of_another_kind_is_refused_by_name(name, bad, wanted):
-    with pytest.raises(InvalidParameterError, match=f"^{name} must be a {wanted}") as caught:
-        KelvinVoigtRLS(**{name: bad})
-    assert repr(bad) in str(caught.value)
+@pytest.mark.parametrize(
+    "kind, name, value, words",
+    [
+        (LINEAR, "initial", 5.0, "a KelvinVoigt, not 5.0"),
+        (LINEAR, "initial", HuntCrossley(1.0, 1.0, 1.0), "a KelvinVoigt, not HuntCrossley"),
+        (LINEAR, "forgetting", 0.99, "a ConstantForgetting or FadingForgetting.*, not 0.99"),
+        (LINEAR, "perturbation", 0.05, "a SelfPerturbation.*, not 0.05"),
+        (LINEAR, "gate", 0.1, "a ContactGate.*, not 0.1"),
+        (LINEAR, "scale", (1.0, 1.0, 1.0), r"a Scale.*, not \(1.0, 1.0, 1.0\)"),
+        (PROJECTION, "noise", 0.0, r"in \(0, 1e\+30\], not 0.0"),
+        (PROJECTION, "noise", -0.05, r"in \(0, 1e\+30\], not -0.05"),
+        (PROJECTION, "noise", math.nan, "finite, not nan"),
+        (PROJECTION, "noise", "quiet", "a number, not 'quiet'"),
+        (PROJECTION, "offset", None, "a bool, not None"),
+        (PROJECTION, "offset_deviation", 0.0, r"in \(0, 1e\+30\], not 0.0"),
+        (PROJECTION, "exponent_range", (2.0, 1.0), r".* \(2.0, 1.0\): it holds nothing"),
+        (PROJECTION, "exponent_range", (1.0, 1.1), r"0.2 to 5 wide, not \(1.0, 1.1\)"),
+        (PROJECTION, "exponent_range", (0.5, 6.0), r"0.2 to 5 wide, not \(0.5, 6.0\)"),
+        (PROJECTION, "exponent_range", (0.0, 2.0), r"in \[0.1, 10\], not 0.0"),
+        (PROJECTION, "exponent_range", (8.0, 12.0), r"in \[0.1, 10\], not 12.0"),
+        (PROJECTION, "exponent_range", 1.5, r"\(lowest, highest\) .*, not 1.5"),
+        (PROJECTION, "exponent_range", (1, 2, 3), r"\(lowest, highest\) .* \(1, 2, 3"),
+        (PROJECTION, "change_detector", True, "a ChangeDetector or .*, not True"),
+        (DETECTOR, "drift", 0.5, r"in \[1, 24\], not 0.5"),
+        (DETECTOR, "threshold", 0.0, r"in \(0, 1e\+12\], not 0.0"),
+        (DETECTOR, "noise", 0.0, r"in \(0, 1e\+30\], not 0.0"),
+        (DETECTOR, "adaptation", 1.5, r"in \[0, 1\], not 1.5"),
+        (DETECTOR, "warm_up", 1, r"in \[10, 1e\+06\], not 1"),
+        (DETECTOR, "transition", 101, r"in \[0, 100\], not 101"),
+        (DRIFT, "stiffness_drift", -1.0, r"in \[0, 100\], not -1"),
+        (DRIFT, "dissipation_drift", math.nan, "finite, not nan"),
+        (DRIFT, "exponent_drift", 1e3, r"in \[0, 100\], not 1000"),
+        (DRIFT, "noise", 0.0, r"in \(0, 1e\+30\], not 0.0"),
+        (MEMORY, "damping", "maxwell", "one of"),
+        (MEMORY, "memory", 3, "one of"),
+        (MEMORY, "exponent", 0.2, "in"),
+        (MEMORY, "offset_deviation", 0.0, "in"),
+        (MEMORY, "sample_time", 0.0, "in"),
+    ],
+)
+def test_a_wrong_setting_is_named_with_its_value_and_range(kind, name, value, words) -> None:
+    with pytest.raises(InvalidParameterError, match=f"^{name} must be {words}"):
+        kind(**{name: value})
 
 
 BAD_COVARIANCES = {
