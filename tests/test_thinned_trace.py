@@ -30,7 +30,7 @@ def same(one, other) -> bool:
     return np.array_equal(one, other, equal_nan=True)
 
 
-@pytest.mark.parametrize("trace", [False, 0.1, 30])
+@pytest.mark.parametrize("trace", [False, 30])
 def test_the_result_the_flags_and_the_diagnosis_are_those_of_a_full_trace(method, full, trace):
     thinned = identify(CONTACT, method(), trace=trace)
     assert knowledge(thinned.estimator) == knowledge(full.estimator)
