@@ -182,14 +182,7 @@ def test_a_loss_that_is_not_the_dampers_is_said():
     assert energy.remarks == (f"the law accounts for {accounted:.0%} of what was lost",)
 
 
-def test_a_probe_that_only_goes_in_closes_no_loop():
-    time = 1e-3 * np.arange(1500)
-    found = identify(moved(time, 4e-3 * (time / 1.5) ** 2)).energy
-    assert (found.kind, found.remarks) == ("none", ("no touch is whole, and no cycle closes",))
-    assert math.isnan(found.measured.value)
-
-
-def test_work_goes_on_where_the_time_does_from_one_segment_to_the_next():
+def test_work_goes_on_where_the_time_does_and_a_probe_that_only_goes_in_closes_no_loop():
     """A force curve: approach and retract are segments, and one touch."""
     time = 1e-3 * np.arange(2000)
     whole = moved(time, 5e-3 * np.sin(math.pi * (time - 0.2) / 1.6))
@@ -198,7 +191,11 @@ def test_work_goes_on_where_the_time_does_from_one_segment_to_the_next():
     assert found.kind == expected.kind == "touch"
     assert found.measured.value == pytest.approx(expected.measured.value, rel=1e-12)
     later = np.where(time > 1.0, time + 60.0, time)  # what happened between is not known
-    assert identify(replace(split, time=later)).energy.kind == "none"
+    inwards = moved(time, 4e-3 * (time / 2.0) ** 2)
+    for contact in (replace(split, time=later), inwards):
+        found = identify(contact).energy
+        assert (found.kind, found.remarks) == ("none", ("no touch is whole, and no cycle closes",))
+        assert math.isnan(found.measured.value)
 
 
 @pytest.mark.parametrize("delay", [2e-3, 10e-3, -5e-3, None])

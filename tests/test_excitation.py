@@ -47,13 +47,6 @@ def test_the_surface_counts_by_the_derivative_of_the_force_by_its_place(law):
     assert information[-1, :-1] == pytest.approx(expected, rel=1e-6)
 
 
-def test_samples_out_of_contact_tell_nothing_of_the_law():
-    x, v = np.array([-1e-3, 0.0, 1e-3]), np.array([0.1, 0.1, 0.1])
-    rows = sensitivity(SOFT, x, v)
-    assert not rows[:2].any()
-    assert rows[2].all()
-
-
 @pytest.mark.parametrize("offset", [False, True])
 @pytest.mark.parametrize("law", LAWS, ids=repr)
 def test_the_bound_goes_with_the_noise_and_the_square_root_of_whole_periods(law, offset):
@@ -79,10 +72,13 @@ def test_not_knowing_more_never_lowers_a_bound(law):
 
 
 @pytest.mark.parametrize("law", LAWS[2:], ids=repr)
-def test_a_held_probe_tells_nothing(law):
+def test_a_held_probe_and_samples_out_of_contact_tell_nothing(law):
     bound = cramer_rao_bound(law, np.full(1000, 0.01), np.zeros(1000), 0.05)
     assert np.isinf(bound.standard_errors).all()
     assert bound["exponent"] == np.inf
+    rows = sensitivity(law, np.array([-1e-3, 0.0, 1e-3]), np.full(3, 0.1))
+    assert not rows[:2].any()
+    assert rows[2].all()
 
 
 def test_least_squares_meets_the_bound():

@@ -211,11 +211,6 @@ def test_a_setting_is_a_frozen_value(value):
     assert value != type(value)()
 
 
-def test_a_gate_breaks_at_four_fifths_of_its_make_force_unless_told():
-    assert ContactGate(make_force=5.0).break_force == 4.0
-    assert ContactGate(make_force=5.0, break_force=0.0).break_force == 0.0
-
-
 def test_what_an_estimator_starts_with_is_the_papers(kind):
     settings = kind().settings
     assert settings["forgetting"] == FadingForgetting(0.99, 5.0)
@@ -223,3 +218,6 @@ def test_what_an_estimator_starts_with_is_the_papers(kind):
     assert settings["sample_time"] == 1e-3
     assert settings["initial"].parameters[0] == 0.1  # Kc₀ (methods, section 4)
     assert SelfPerturbation() == SelfPerturbation(gain=0.05, sensitivity=2.5)
+    # A gate breaks at four fifths of its make force, unless it is told.
+    assert ContactGate(make_force=5.0).break_force == 4.0
+    assert ContactGate(make_force=5.0, break_force=0.0).break_force == 0.0

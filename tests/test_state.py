@@ -37,14 +37,9 @@ def test_update_takes_its_arguments_by_name_too(name):
 @pytest.mark.parametrize(
     "args, kwargs",
     [
-        ((), {}),
-        ((0.01, 0.01), {}),
-        ((0.01, 0.01, 1.0, 1e-3, 5.0), {}),
-        ((0.01, 0.01, 1.0), {"force": 1.0}),
-        ((0.01, 0.01, 1.0), {"depth": 1.0}),
-        (("deep", 0.01, 1.0), {}),
-        ((None, 0.01, 1.0), {}),
-        ((0.01, 0.01, 1j), {}),
+        *((args, {}) for args in ((), (0.01, 0.01), (0.01, 0.01, 1.0, 1e-3, 5.0))),
+        *((args, {}) for args in (("deep", 0.01, 1.0), (None, 0.01, 1.0), (0.01, 0.01, 1j))),
+        *(((0.01, 0.01, 1.0), {name: 1.0}) for name in ("force", "depth")),
     ],
 )
 def test_update_of_no_sample_at_all_is_a_type_error(kind, args, kwargs):

@@ -132,8 +132,8 @@ def test_each_law_that_can_be_asked_for_has_an_estimator(law):
     assert estimator_by_law(law, kind.method)[1] == settings
     if "+" in law:
         damper, memory = law.split("+")
-        assert made.settings["memory"] == memory
-        assert made.settings["damping"] == {"spring": "none"}.get(damper, damper)
+        expected = {"spring": "none"}.get(damper, damper), memory
+        assert (made.settings["damping"], made.settings["memory"]) == expected
 
 
 def test_a_law_is_found_by_its_usual_method_unless_another_is_named():
