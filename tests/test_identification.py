@@ -184,15 +184,14 @@ def test_a_probe_that_never_touches_is_an_error_that_names_the_gate_and_the_larg
     words = str(caught.value)
     assert "above 0.5 m and force above 7 N" in words
     assert f"{BALL.penetration.max():.3g} m and {BALL.force.max():.3g} N" in words
-
-
-def test_no_samples_and_channels_of_which_nothing_is_known_are_errors():
-    with pytest.raises(RecordingError, match="there are no samples"):
-        identify(contact_of(BALL[:0]))
     unknown = np.full(10, math.nan)
-    contact = Contact(np.arange(10.0), penetration=unknown, velocity=unknown, force=unknown)
-    with pytest.raises(RecordingError, match="the largest are no m and no N"):
-        identify(contact)
+    nothing = Contact(np.arange(10.0), penetration=unknown, velocity=unknown, force=unknown)
+    for contact, words in (
+        (contact_of(BALL[:0]), "there are no samples"),
+        (nothing, "the largest are no m and no N"),
+    ):
+        with pytest.raises(RecordingError, match=words):
+            identify(contact)
 
 
 def test_a_contact_without_any_velocity_says_so_and_where_it_came_from():
