@@ -115,6 +115,8 @@ def test_a_flag_says_so_until_it_tracks_and_until_then_it_is_variable_projection
                 )
         elif started is None:
             started = k
+    with pytest.raises(TypeError, match="initial"):  # nor can it be started cold
+        DriftTracking(initial=BALL)
     # Not while held, and soon after the motion that identifies the exponent begins.
     assert started is not None
     assert 1000 <= started <= 1500

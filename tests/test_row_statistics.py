@@ -55,7 +55,8 @@ def test_samples_that_are_not_there_count_for_nothing():
     assert step_of(with_holes) == step_of(values)
     assert resolutions_of(with_holes[None]).tolist() == resolutions_of(values[None]).tolist()
     nothing = np.full(9, math.nan)
-    assert (noise_of(nothing), step_of(nothing), largest_of(nothing)) == (0.0, 0.0, 0.0)
+    for none in (nothing, nothing[:0]):
+        assert (noise_of(none), step_of(none), largest_of(none)) == (0.0, 0.0, 0.0)
     assert np.isnan(resolutions_of(np.array([nothing, np.ones(9)]))).all()
     for samples in (0, 1, 4):
         rows = np.ones((3, samples))
