@@ -117,8 +117,9 @@ def test_what_are_no_samples_is_refused_in_a_line(method, at):
         method().replay(*SIGNALS.arrays, at=at)
 
 
-def test_figures_frames_and_stretches_are_there_without_a_trace(method, full):
-    whole, result = full, identify(CONTACT, method(), trace=False)
+@pytest.mark.parametrize("kind", ["variable-projection", "kelvin-voigt", "viscoelastic"])
+def test_figures_frames_and_stretches_are_there_without_a_trace(kind):
+    whole, result = (identify(CONTACT, kind, trace=trace) for trace in ("full", False))
     lines = [
         [same(a.get_xydata(), b.get_xydata()) for a, b in zip(x.lines, y.lines, strict=True)]
         for x, y in zip(draw(result).axes, draw(whole).axes, strict=True)
