@@ -19,6 +19,7 @@ from palpate import (
     PowerLawRelaxation,
     SingleRelaxation,
 )
+from palpate.force_laws import engines, literature
 
 KV, EKV, HC = MATERIALS["linear"], MATERIALS["quadratic"], MATERIALS["pvc"]
 LAWS = {
@@ -419,6 +420,20 @@ def two_times_in_the_wrong_order():
         (lambda: law_with(SingleRelaxation(1.0)).force_along([1e-3], [0.0], 0.0), "time_steps"),
         (lambda: law_with(SingleRelaxation(1.0)).dynamic_stiffness(-1.0, 1.0), "depth must be"),
         (lambda: law_with(SingleRelaxation(1.0)).dynamic_stiffness(1.0, -1.0), "frequency must"),
+        (lambda: engines.drake_point(stiffness=0.0, dissipation=1.0), "stiffness must be in"),
+        (lambda: engines.drake_sap(stiffness=1.0, relaxation_time=-1.0), "relaxation_time must"),
+        (lambda: literature.flores(stiffness=3e4, exponent=1.5, restitution=0.0, speed=0.5),
+         "restitution must be in"),
+        (lambda: literature.half_space(stiffness=1.0, exponent=0.5, retardation_time=0.0),
+         "exponent must be in"),
+        (lambda: literature.fung(
+            instantaneous=1.0, exponent=1.0, c=0.1, shortest=2.0, longest=1.0), "longest must be"),
+        # The positive format: a time constant and a ratio, which go with the time step.
+        (lambda: engines.mujoco(
+            solref=(0.02, 1.0), solimp=(0.9, 0.9, 0.001, 0.5, 2.0), inverse_mass=1.0), "solref"),
+        (lambda: engines.mujoco(
+            solref=(-1e3, -1.0), solimp=(0.9, 0.95, 0.001, 0.5, 2.0), inverse_mass=1.0),
+         "solimp must have one impedance"),
     ],
 )  # fmt: skip
 def test_nonsense_is_refused_in_words(make, words):
