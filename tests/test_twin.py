@@ -28,7 +28,7 @@ SETTINGS = {
 
 def stepping(law, seed: int = 3) -> Signals:
     """The material turns 1.5 times as stiff half-way."""
-    signals = exciting(law, seconds=0.6, noise=0.05, seed=seed)
+    signals = exciting(law, seconds=0.4, noise=0.05, seed=seed)
     factor = np.where(np.arange(len(signals)) < len(signals) // 2, 1.0, 1.5)
     return dataclasses.replace(signals, force=factor * signals.force)
 
@@ -60,7 +60,7 @@ def estimator_of(kind, **settings):
 def test_an_estimator_agrees_with_its_twin_and_so_does_the_covariance(kind, noisy, settings):
     """The covariance is that of the weighted data by the delta method."""
     estimator = estimator_of(kind, **settings)
-    twin = agree(estimator, noisy[:600])
+    twin = agree(estimator, noisy[:400])
     if "perturbation" in settings:
         return
     expected, estimate = twin.covariance(), estimator.estimate()
