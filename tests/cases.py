@@ -96,6 +96,10 @@ def tapping(law: Law, *, seconds: float = 2.0, noise: float = 0.0, seed: int = 0
     return exciting(law, seconds=seconds, noise=noise, seed=seed, motion=shallow)
 
 
+def contact_of(signals: Signals, **more) -> palpate.Contact:
+    return palpate.Contact(**vars(signals), **more)
+
+
 def knowledge(estimator) -> tuple:
     """Everything an estimator says that it knows, to be compared bit for bit."""
     estimate = estimator.estimate()

@@ -26,6 +26,11 @@ def fitted(engine, law, **further):
     return engine_called(engine).fit(asked(law, **further))
 
 
+def apart_percent(motion, law, other):
+    """Error of the force of a law, by another, along a motion."""
+    return force_error(motion.force_by(law), motion.force_by(other), motion.judged)
+
+
 def predicted_percent(fragment, law=None):
     """Error of the force predicted, along the motion that it was made for."""
     motion = fragment.asked.motion

@@ -135,6 +135,7 @@ def coarse(part: float) -> palpate.Contact:
 
 
 def held(beat: int) -> palpate.Contact:
+    """A force that comes at a lower rate, and is held."""
     time, x, v = motion()
     force = noisy(pushed(x, v))
     return contact(time, x, np.repeat(force[::beat], beat)[: force.size])
@@ -174,10 +175,3 @@ def rounded(step: float) -> palpate.Contact:
     time, x, v = motion()
     force = noisy(pushed(x, v))
     return palpate.prepare(time=time, penetration=step * np.round(x / step), force=force)
-
-
-def force_held(beat: int) -> palpate.Contact:
-    """A force that comes at a lower rate, and is held."""
-    time, x, v = motion()
-    force = noisy(pushed(x, v))
-    return contact(time, x, force[np.arange(force.size) // beat * beat])

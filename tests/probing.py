@@ -6,7 +6,7 @@ import numpy as np
 from cases import THREE_SINES, Floats
 from scipy.optimize import least_squares
 
-from palpate import ContactEstimator, HuntCrossley, design, lab
+from palpate import Contact, ContactEstimator, HuntCrossley, design, lab
 
 SAMPLE_TIME = lab.Sensors().sample_time
 NOISE = lab.Sensors().force_noise  # N
@@ -84,6 +84,10 @@ def coloured(samples: int, seed: int, deviation: float = NOISE, memory: float = 
 def felt(law: HuntCrossley, motion: Motion, seed: int, offset: float = 0.0) -> Floats:
     """Force [N] that a sensor with white noise shows."""
     return law.force(motion.x, motion.v) + offset + white(len(motion), seed)
+
+
+def contact_of(motion: Motion, force: Floats, **more) -> Contact:
+    return Contact(motion.time, penetration=motion.x, velocity=motion.v, force=force, **more)
 
 
 def relaxing(motion: Motion) -> Floats:

@@ -1,13 +1,14 @@
-"""What a planned motion would identify, against the bound of its samples."""
+"""What a planned motion would identify, against the bound of its samples, and that bound itself."""
 
 import math
 
 import numpy as np
 import pytest
+from scipy.optimize import approx_fprime, least_squares
 
-from palpate import HuntCrossley, InvalidParameterError, KelvinVoigt, lab
+from palpate import ExtendedKelvinVoigt, HuntCrossley, InvalidParameterError, KelvinVoigt, lab
 from palpate.design import PAPER_MOTION, Motion, design, effective_noise
-from palpate.design.excitation import cramer_rao_bound, jacobian
+from palpate.design.excitation import cramer_rao_bound, fisher_information, jacobian, sensitivity
 from palpate.design.rounding import mean_rounding_error
 
 BALL, SPONGE, PHANTOM = lab.BALL.law, lab.SPONGE.law, lab.PVC.law
@@ -21,41 +22,15 @@ def bound_of(law, motion, duration, noise=0.05, step=1e-3, **unknown):
     return bound.standard_errors[:3] / law.parameters
 
 
-# The motion
-
-
-def test_velocity_is_the_derivative_of_penetration():
+def test_the_papers_motion_has_the_papers_top_speed():
     time, step = np.linspace(0.0, 3.0, 50), 1e-6
     ahead, behind = PAPER_MOTION.at(time + step)[0], PAPER_MOTION.at(time - step)[0]
     assert PAPER_MOTION.at(time)[1] == pytest.approx((ahead - behind) / (2.0 * step), abs=1e-8)
-
-
-def test_the_papers_motion_has_the_papers_top_speed():
     _, x, v = PAPER_MOTION.sampled(20.0, 1e-3)
     assert np.abs(v).max() == pytest.approx(50.8e-3)
     assert PAPER_MOTION.top_speed == pytest.approx(50.8e-3)
     assert PAPER_MOTION.least_penetration <= x.min()
     assert x.max() <= PAPER_MOTION.peak_penetration
-
-
-@pytest.mark.parametrize(
-    "arguments, message",
-    [
-        ((0.0,), r"depth must be in \(0, 10\], not 0"),
-        ((math.nan,), "depth must be finite, not nan"),
-        ((0.01, (1e-3,), ()), "as many, not 1 and 0"),
-        ((0.01, (1e-3, -1e-3), (1.0, 2.0)), r"amplitudes\[1\] must be in \[0, 10\], not -0.001"),
-        ((0.01, (1e-3,), (0.0,)), r"frequencies\[0\] must be in \(0, 100000\], not 0.0"),
-        ((0.01, 1e-3, (1.0,)), "amplitudes must be a sequence of numbers, not 0.001"),
-        ((0.01, ("deep",), (1.0,)), r"amplitudes\[0\] must be a number, not 'deep'"),
-    ],
-)
-def test_a_motion_refuses_nonsense(arguments, message):
-    with pytest.raises(InvalidParameterError, match=message):
-        Motion(*arguments)
-
-
-# What it would identify
 
 
 @pytest.mark.parametrize("surface", [False, True])
@@ -82,21 +57,17 @@ def test_a_target_is_met_at_its_time_and_not_a_sample_before(law):
 
 
 def test_long_times_follow_the_samples_too():
-    result = design(SPONGE, noise=0.05, surface=True)
-    time = result.planned.times[1, 0]
+    time = design(SPONGE, noise=0.05, surface=True).planned.times[1, 0]
     assert 50.0 < time < 100.0
     reached = bound_of(SPONGE, PAPER_MOTION, time, offset=True, surface=True)
     # Counting one sample in several shifts the sums by less than a sample's part of a period.
     assert reached[0] == pytest.approx(0.01, rel=1e-3)
 
 
-def test_what_takes_longer_than_the_horizon_takes_for_ever():
+def test_what_takes_longer_than_the_horizon_takes_for_ever_and_a_held_probe_says_so():
     outlook = design(BALL, Motion(0.01, (1e-5,), (1.0,)), noise=1.0).planned
     assert np.isinf(outlook.times).all()
     assert bound_of(BALL, outlook.motion, 1000.0, noise=1.0, offset=True).min() > 0.05
-
-
-def test_a_held_probe_tells_nothing_and_says_so():
     for held in (Motion(0.01), Motion(0.01, (0.0,), (3.0,))):
         result = design(BALL, held, noise=0.05)
         assert np.isinf(result.planned.relative_errors).all()
@@ -116,18 +87,14 @@ def test_free_samples_do_not_count_and_the_lift_is_told():
     assert outlook.relative_errors[-1] == pytest.approx(expected, rel=1e-6)
 
 
-def test_speed_limit_and_its_violations_are_those_of_equation_10():
-    result = design(SPONGE, noise=0.05)
-    assert result.speed_limit == pytest.approx(0.01)
-    _, _, v = PAPER_MOTION.sampled(20.0, 1e-3)
-    assert result.planned.violated_fraction == np.mean(np.abs(v) >= 0.01)
-    assert result.planned.peak_speed == pytest.approx(50.8e-3)
-    assert design(BALL, noise=0.05).planned.violated_fraction == 0.0
-
-
-def test_peak_force_is_the_largest_force():
+def test_speed_limit_its_violations_and_the_peak_force_are_those_of_the_motion():
     _, x, v = PAPER_MOTION.sampled(20.0, 1e-3)
-    assert design(BALL, noise=0.05).planned.peak_force == BALL.force(x, v).max()
+    sponge, ball = design(SPONGE, noise=0.05), design(BALL, noise=0.05).planned
+    assert sponge.speed_limit == pytest.approx(0.01)  # equation 10
+    assert sponge.planned.violated_fraction == np.mean(np.abs(v) >= 0.01)
+    assert sponge.planned.peak_speed == pytest.approx(50.8e-3)
+    assert ball.violated_fraction == 0.0
+    assert ball.peak_force == BALL.force(x, v).max()
 
 
 def test_a_motion_that_outruns_the_law_or_the_velocity_filter_is_flagged():
@@ -138,15 +105,12 @@ def test_a_motion_that_outruns_the_law_or_the_velocity_filter_is_flagged():
     assert "2.0% off the speed" in quick.planned.notes[0]
 
 
-def test_rounding_adds_a_twelfth_of_the_squared_step():
+def test_rounding_adds_a_twelfth_of_the_squared_step_and_noise_of_half_a_step_blurs_it():
     assert effective_noise(0.05, 0.0) == 0.05
-    assert effective_noise(0.05, 0.125) == pytest.approx(math.sqrt(0.05**2 + 0.125**2 / 12.0))
-    rounded = design(BALL, noise=0.05, resolution=0.125)
-    noisy = design(BALL, noise=effective_noise(0.05, 0.125))
+    noise = effective_noise(0.05, 0.125)
+    assert noise == pytest.approx(math.sqrt(0.05**2 + 0.125**2 / 12.0))
+    rounded, noisy = design(BALL, noise=0.05, resolution=0.125), design(BALL, noise=noise)
     assert rounded.planned.relative_errors == pytest.approx(noisy.planned.relative_errors)
-
-
-def test_noise_of_half_a_step_blurs_it():
     assert mean_rounding_error(0.05, 0.0).size == 0
     assert mean_rounding_error(1.0, 1.0).size == 0
     outlook = design(BALL, noise=0.0625, resolution=0.125).planned
@@ -178,40 +142,43 @@ def test_steps_that_a_motion_repeats_are_in_the_expected_errors(law):
         assert "the motion repeats them" in outlook.notes[0]
 
 
-# Units
-
-
-def test_scaling_force_scales_nothing():
-    factor = 1e-6
+def test_scaling_force_scales_nothing_time_only_times_and_length_leaves_the_exponent_alone():
+    factor, one = 1e-6, design(BALL, noise=0.05, durations=(0.5, 5.0))
     small = HuntCrossley(2000.0 * factor, 2000.0 * factor, 1.0)
-    one, other = design(BALL, noise=0.05), design(small, noise=0.05 * factor)
+    other = design(small, noise=0.05 * factor, durations=(0.5, 5.0))
     assert other.planned.relative_errors == pytest.approx(one.planned.relative_errors, rel=1e-9)
     assert np.array_equal(other.planned.times, one.planned.times)
     assert other.better.motion == one.better.motion
-
-
-def test_scaling_time_scales_times():
     slow = Motion(0.01, PAPER_MOTION.amplitudes, tuple(w / 10 for w in PAPER_MOTION.frequencies))
     law = HuntCrossley(2000.0, 20000.0, 1.0)
-    one = design(BALL, noise=0.05, durations=(0.5, 5.0))
     other = design(law, slow, noise=0.05, sample_time=1e-2, durations=(5.0, 50.0))
     assert other.planned.relative_errors == pytest.approx(one.planned.relative_errors, rel=1e-6)
     assert other.planned.times == pytest.approx(10.0 * one.planned.times, rel=1e-9)
-
-
-def test_scaling_length_leaves_the_exponent_alone():
     factor, law = 1e-3, HuntCrossley(1e5, 2e5, 1.7)
     small = Motion(1e-5, tuple(factor * a for a in PAPER_MOTION.amplitudes), (4.0, 11.0, 15.0))
     scaled = HuntCrossley(1e5 * factor**-1.7, 2e5 * factor**-2.7, 1.7)
-    one, other = design(law, noise=0.05), design(scaled, small, noise=0.05)
     # K is a force at 1 m, so its relative error does depend on the unit of length.
-    errors = [d.planned.relative_errors[:, 2] for d in (one, other)]
-    assert errors[1] == pytest.approx(errors[0], rel=1e-6)
+    one, other = design(law, noise=0.05), design(scaled, small, noise=0.05)
+    exponents = [each.planned.relative_errors[:, 2] for each in (one, other)]
+    assert exponents[1] == pytest.approx(exponents[0], rel=1e-6)
 
 
 @pytest.mark.parametrize(
-    "changes, message",
+    "arguments, message",
     [
+        ((0.0,), r"depth must be in \(0, 10\], not 0"),
+        ((math.nan,), "depth must be finite, not nan"),
+        ((0.01, (1e-3,), ()), "as many, not 1 and 0"),
+        ((0.01, (1e-3, -1e-3), (1.0, 2.0)), r"amplitudes\[1\] must be in \[0, 10\], not -0.001"),
+        ((0.01, (1e-3,), (0.0,)), r"frequencies\[0\] must be in \(0, 100000\], not 0.0"),
+        ((0.01, 1e-3, (1.0,)), "amplitudes must be a sequence of numbers, not 0.001"),
+        ((0.01, ("deep",), (1.0,)), r"amplitudes\[0\] must be a number, not 'deep'"),
+        (lambda x, v: fisher_information(SOFT, x, v, 0.0), "noise .* not 0"),
+        (lambda x, v: sensitivity(SOFT, x * [1, 1, 1, np.nan], v), "penetration .* at sample 3"),
+        (lambda x, v: cramer_rao_bound(SOFT, x, np.inf * x, 0.1), "velocity .*not inf at sample 0"),
+        (lambda x, v: sensitivity(SOFT, x, v[1:]), "same length"),
+        (lambda x, v: cramer_rao_bound(SOFT, x, v, 0.1)["offset"], "name must be one of stiffness"),
+        (lambda x, v: sensitivity("ball", x, v), "law must be a ForceLaw"),
         ({"law": KelvinVoigt(1.0, 1.0)}, "law must be a HuntCrossley"),
         ({"law": HuntCrossley(0.0, 1.0, 1.0)}, r"stiffness must be in \(0, 1e\+20\], not 0.0"),
         ({"law": HuntCrossley(1.0, 0.0, 1.0)}, r"damping must be in \(0, 1e\+20\], not 0.0"),
@@ -228,7 +195,107 @@ def test_scaling_length_leaves_the_exponent_alone():
         ({"max_speed": math.inf}, "max_speed must be finite, not inf"),
     ],
 )
-def test_wrong_arguments_are_named(changes, message):
-    arguments = {"law": BALL, "motion": PAPER_MOTION, "noise": 0.05, **changes}
+def test_wrong_arguments_of_motions_designs_and_bounds_are_named(arguments, message):
+    def make():
+        if callable(arguments):
+            return arguments(np.full(4, 0.01), np.full(4, 0.02))
+        if isinstance(arguments, tuple):
+            return Motion(*arguments)
+        return design(**{"law": BALL, "motion": PAPER_MOTION, "noise": 0.05, **arguments})
+
     with pytest.raises(InvalidParameterError, match=message):
-        design(**arguments)
+        make()
+
+
+LAWS = [
+    KelvinVoigt(900.0, 12.0),
+    ExtendedKelvinVoigt(500.0, 4e4, 9.0),
+    lab.BALL.law,
+    lab.PVC.law,
+    HuntCrossley(300.0, 3000.0, 1.3),
+]
+SOFT = HuntCrossley(300.0, 900.0, 1.3)
+PERIOD = 2.0 * np.pi  # of sines of 4, 11 and 15 rad/s
+
+
+def paper_motion(duration=5.0, step=1e-2):
+    return PAPER_MOTION.sampled(duration, step)[1:]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=repr)
+def test_a_sensitivity_is_the_derivative_of_the_force(law):
+    x, v = paper_motion()
+
+    def force(parameters):
+        return type(law)(*parameters).force(x, v)
+
+    numerical = approx_fprime(law.parameters, force, 1.5e-8 * law.parameters)
+    error = np.abs(sensitivity(law, x, v) - numerical).max(axis=0)
+    # Forward differences err by about the square root of the floats' epsilon.
+    assert np.all(error < 1e-6 * np.abs(numerical).max(axis=0))
+
+
+@pytest.mark.parametrize("law", LAWS, ids=repr)
+def test_the_surface_counts_by_the_derivative_of_the_force_by_its_place(law):
+    x, v = paper_motion()
+    step = 1e-7
+    slope = (law.force(x - step, v) - law.force(x + step, v)) / (2.0 * step)
+    information = fisher_information(law, x, v, 0.1, surface=True)
+    assert information[-1, -1] == pytest.approx(np.sum(slope**2) / 0.1**2, rel=1e-6)
+    expected = sensitivity(law, x, v).T @ slope / 0.1**2
+    assert information[-1, :-1] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("offset", [False, True])
+@pytest.mark.parametrize("law", LAWS, ids=repr)
+def test_the_bound_goes_with_the_noise_and_the_square_root_of_whole_periods(law, offset):
+    x, v = paper_motion(PERIOD, 1e-3)
+    one = cramer_rao_bound(law, x, v, 0.02, offset=offset).standard_errors
+    five = cramer_rao_bound(law, x, v, 0.1, offset=offset).standard_errors
+    assert five == pytest.approx(5.0 * one, rel=1e-9)
+    nine = cramer_rao_bound(law, *paper_motion(9 * PERIOD, 1e-3), 0.02, offset=offset)
+    # A period is 6283.2 samples: the last one is cut by a fifth of a sample.
+    assert nine.standard_errors == pytest.approx(one / 3.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=repr)
+def test_not_knowing_more_never_lowers_a_bound(law):
+    def bound(offset, surface):
+        found = cramer_rao_bound(law, *paper_motion(), 0.05, offset=offset, surface=surface)
+        return found.standard_errors[: len(law.as_dict())]
+
+    slack = 1.0 + 1e-9  # rounding
+    for one in (False, True):
+        assert np.all(bound(True, one) * slack >= bound(False, one))
+        assert np.all(bound(one, True) * slack >= bound(one, False))
+
+
+@pytest.mark.parametrize("law", LAWS[2:], ids=repr)
+def test_a_held_probe_and_samples_out_of_contact_tell_nothing(law):
+    bound = cramer_rao_bound(law, np.full(1000, 0.01), np.zeros(1000), 0.05)
+    assert np.isinf(bound.standard_errors).all()
+    assert bound["exponent"] == np.inf
+    rows = sensitivity(law, np.array([-1e-3, 0.0, 1e-3]), np.full(3, 0.1))
+    assert not rows[:2].any()
+    assert rows[2].all()
+
+
+def test_least_squares_meets_the_bound():
+    x, v = paper_motion(4.0)
+    noise, runs = 0.02, 150
+    clean = SOFT.force(x, v)
+    units = np.append(SOFT.parameters, 1.0)
+
+    def residual(scaled, force):
+        stiffness, damping, exponent, offset = scaled * units
+        return x**exponent * (stiffness + damping * v) + offset - force
+
+    draw = np.random.default_rng(20120628)
+    errors = []
+    for _ in range(runs):
+        force = clean + noise * draw.standard_normal(x.size)
+        errors.append(least_squares(residual, [1.0, 1.0, 1.0, 0.0], args=(force,)).x * units)
+    spread = np.std(np.array(errors), axis=0)
+    bound = cramer_rao_bound(SOFT, x, v, noise, offset=True).standard_errors
+    # A standard deviation of 150 draws is itself uncertain by 1/√300 = 6 %: three times that.
+    assert spread / bound == pytest.approx(np.ones(4), abs=0.18)

@@ -20,7 +20,7 @@ MOTIONS = {
 
 
 @pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS)
-def test_a_motion_to_play_begins_and_ends_at_rest_above_the_surface(motion):
+def test_a_motion_to_play_begins_and_ends_at_rest_and_has_no_jump(motion):
     command = MotionCommand(motion, 3.0)
     time, x, v = command.sampled(1e-3)
     still = time < 2.0  # the pause in which a bias is measured
@@ -28,14 +28,8 @@ def test_a_motion_to_play_begins_and_ends_at_rest_above_the_surface(motion):
         assert (x[ends] == -command.clearance).all()
         assert (v[ends] == 0.0).all()
     assert command.clearance == pytest.approx(0.1 * motion.peak_penetration)
-
-
-@pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS)
-def test_a_motion_to_play_has_no_jump_and_keeps_to_the_motions_own_speed_and_depth(motion):
-    command = MotionCommand(motion, 3.0)
     step = 1e-2 / max(motion.frequencies)  # a hundredth of a radian
-    time = np.arange(0.0, command.duration, step)
-    x, v = command.at(time)
+    x, v = command.at(np.arange(0.0, command.duration, step))
     largest = sum(a * w**2 for a, w in zip(motion.amplitudes, motion.frequencies, strict=True))
     # The approach accelerates by 1.5 V/T at most.
     largest = max(largest, 1.5 * motion.top_speed / (command.start - 2.0))
@@ -66,16 +60,12 @@ def test_the_sines_of_a_motion_to_play_are_those_of_the_motion_for_as_long_as_as
         (PAPER_MOTION, 0.0, "seconds must be in"),
         (PAPER_MOTION, float("nan"), "seconds must be finite"),
         ("sines", 5.0, "motion must be a Motion"),
+        (PAPER_MOTION, 1e4, "at most 10000000 are written"),
     ],
 )
-def test_a_motion_that_cannot_be_played_is_refused(motion, seconds, words):
+def test_a_motion_that_cannot_be_played_or_written_is_refused(tmp_path, motion, seconds, words):
     with pytest.raises(InvalidParameterError, match=words):
-        MotionCommand(motion, seconds)
-
-
-def test_a_file_of_too_many_samples_is_refused(tmp_path):
-    with pytest.raises(InvalidParameterError, match="at most 10000000 are written"):
-        write_motion(MotionCommand(PAPER_MOTION, 1e4), tmp_path / "a.csv", sample_time=1e-4)
+        write_motion(MotionCommand(motion, seconds), tmp_path / "a.csv", sample_time=1e-4)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -128,9 +118,9 @@ def test_a_file_says_what_it_holds_above_its_header(run, tmp_path):
 def test_without_a_better_motion_the_planned_one_is_written_and_that_is_said(run, tmp_path):
     best = design(BALL, noise=0.05).chosen[1].motion
     path = tmp_path / "same.csv"
-    sines = ["--depth", best.depth, "--amplitudes", *best.amplitudes]
-    sines += ["--frequencies", *best.frequencies]
-    status, out, _ = run("design", *GUESS, *sines, "-o", path, "--seconds", "1")
+    sines = ["--amplitudes", *best.amplitudes, "--frequencies", *best.frequencies]
+    words = ["design", *GUESS, "--depth", best.depth, *sines, "-o", path, "--seconds", "1"]
+    status, out, _ = run(*words)
     assert status == 0
     assert "no better motion" in out
     assert f"motion, the planned one: {path}" in out
@@ -159,14 +149,10 @@ def test_what_cannot_be_written_is_one_line(run, tmp_path, monkeypatch, options,
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_motion_goes_into_a_pipe_without_the_tables(run):
+def test_a_motion_goes_into_a_pipe_without_the_tables_and_both_into_a_figure(run, tmp_path):
     status, out, err = run("design", *GUESS, "-o", "/dev/stdout", "--seconds", "1")
-    assert status == 0
-    assert out == ""  # the file itself went to the process' own standard output
+    assert (status, out) == (0, "")  # the file itself went to the process' own standard output
     assert "better, because" in err
-
-
-def test_the_command_draws_both_motions(run, tmp_path):
     path = tmp_path / "design.svg"
     status, out, _ = run("design", *GUESS, "--figure", path, "--width", "88mm", "--json")
     assert status == 0
@@ -186,10 +172,7 @@ def test_a_figure_of_a_design_shows_motions_and_precision_of_both():
         assert {"planned", "better"} <= set(lines)
         # A quick look counts one sample in several: 1 % at most.
         assert lines["better"].get_ydata()[-1] == pytest.approx(100.0 * expected[-1], rel=0.01)
-
-
-def test_a_figure_says_what_a_held_probe_does_not_tell():
-    figure = figures.draw_design(design(BALL, Motion(5e-3), noise=0.1))
-    for axes in figure.axes[2:]:
+    held = figures.draw_design(design(BALL, Motion(5e-3), noise=0.1))
+    for axes in held.axes[2:]:
         [words] = [text.get_text() for text in axes.get_legend().get_texts()]
         assert words == "planned: not identifiable"

@@ -9,10 +9,11 @@ from probing import (
     BALL,
     MATERIALS,
     NOISE,
-    SPONGE,
+    PVC,
     WELL_EXCITED,
     Motion,
     coloured,
+    contact_of,
     fed,
     felt,
     held,
@@ -24,7 +25,17 @@ from probing import (
 )
 from scipy.stats import binom
 
-from palpate import Estimate, HuntCrossley, VariableProjection, design, identify, prepare
+from palpate import (
+    ContactGate,
+    Estimate,
+    HuntCrossley,
+    KelvinVoigt,
+    VariableProjection,
+    design,
+    identify,
+    prepare,
+)
+from palpate.design import Motion as Planned
 from palpate.design.excitation import cramer_rao_bound
 
 DATA = Path(os.environ.get("PALPATE_DATA", Path(__file__).parents[2] / "shared" / "data"))
@@ -43,41 +54,28 @@ def estimate_of(law: HuntCrossley, motion: Motion, seed: int = 1) -> Estimate:
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_a_held_contact_tells_neither_exponent_nor_damping(name: str) -> None:
+def test_what_a_motion_does_not_tell_is_flagged(name: str) -> None:
+    law = MATERIALS[name]
     for depth in (2e-3, 10e-3, 18e-3):
-        estimate = estimate_of(MATERIALS[name], held(3.0, depth))
+        estimate = estimate_of(law, held(3.0, depth))
         assert flagged(estimate, EXPONENT)
         assert flagged(estimate, DAMPING)
-
-
-@pytest.mark.parametrize("name", MATERIALS)
-def test_a_motion_below_the_noise_does_not_tell_the_exponent(name: str) -> None:
     # 1 µm of 10 mm moves the force of the stiffest by a tenth of the noise.
-    assert flagged(
-        estimate_of(MATERIALS[name], sines(2.0, design.Motion(10e-3, (1e-6,), (11.0,)))), EXPONENT
-    )
-
-
-@pytest.mark.parametrize("name", MATERIALS)
-def test_one_stroke_at_constant_speed_does_not_tell_damping(name: str) -> None:
+    hardly = sines(2.0, design.Motion(10e-3, (1e-6,), (11.0,)))
+    assert flagged(estimate_of(law, hardly), EXPONENT)
+    # One stroke at constant speed tells no damping, strokes both ways do.
     depth = np.linspace(2e-3, 18e-3, 4000)
-    estimate = estimate_of(MATERIALS[name], Motion(depth, np.full(4000, 4e-3)))
+    estimate = estimate_of(law, Motion(depth, np.full(4000, 4e-3)))
     assert flagged(estimate, DAMPING)
     assert not flagged(estimate, EXPONENT)
-
-
-def test_strokes_both_ways_do_tell_damping() -> None:
-    depth = np.linspace(2e-3, 18e-3, 4000)
     both = Motion(np.tile([*depth, *depth[::-1]], 2), np.tile(np.repeat([4e-3, -4e-3], 4000), 2))
-    estimate = estimate_of(SPONGE, both)
+    estimate = estimate_of(law, both)
     assert not estimate.flags
-    assert abs(estimate.law.damping - SPONGE.damping) < 4.0 * estimate.standard_errors[1]
+    assert abs(estimate.law.damping - law.damping) < 4.0 * estimate.standard_errors[1]
 
 
 @pytest.mark.parametrize("exponent, edge", [(0.2, 0.3), (4.0, 3.6)])
-def test_an_exponent_beyond_the_range_is_held_at_its_edge_and_flagged(
-    exponent: float, edge: float
-) -> None:
+def test_an_exponent_beyond_the_range_is_held_at_its_edge_and_flagged(exponent, edge):
     stiffness = 20.0 / 10e-3**exponent
     motion = three_sines(2.0)
     law = HuntCrossley(stiffness, stiffness, exponent)
@@ -170,9 +168,7 @@ def test_microrheology_is_flagged_or_not_trusted(name: str) -> None:
 @pytest.mark.parametrize("samples", [30, 1000, 100_000])
 @pytest.mark.parametrize("depth", [0.1e-3, 5e-3, 10e-3, 17e-3])
 @pytest.mark.parametrize("speed", [0.0, 5e-3])
-def test_one_reading_repeated_is_flagged_however_clean(
-    depth: float, speed: float, samples: int
-) -> None:
+def test_one_reading_repeated_is_flagged_however_clean(depth, speed, samples):
     # As a held, quantised sensor shows: the fit is exact, but nothing is known.
     motion = Motion(np.full(samples, depth), np.full(samples, speed))
     for offset in (False, True):
@@ -180,3 +176,60 @@ def test_one_reading_repeated_is_flagged_however_clean(
         estimate = fed(estimator, motion, np.full(samples, 3.125)).estimate()
         assert flagged(estimate, EXPONENT)
         assert flagged(estimate, DAMPING)
+
+
+# What the benchmark `bars` holds itself to for a cell; a count below it that a true 85 % has once
+# in a thousand fails.
+LEAST = 0.85
+INDENTATION = sines(1.0, Planned(5e-3, (5e-3,), (2.0 * np.pi,)))
+
+
+@pytest.mark.parametrize(
+    "law, motion, memory, seeds",
+    [
+        *((PVC, INDENTATION, memory, 100) for memory in (0.9, 0.98)),
+        *(
+            pytest.param(law, motion, memory, 200, marks=pytest.mark.slow)
+            for law in MATERIALS.values()
+            for motion in (INDENTATION, three_sines(10.0))
+            for memory in (0.0, 0.9, 0.98)
+        ),
+    ],
+)
+def test_correlated_noise_is_covered(law, motion: Motion, memory: float, seeds: int) -> None:
+    deep = ContactGate(minimum_penetration=(10.0 * NOISE / law.stiffness) ** (1.0 / law.exponent))
+    hits = np.zeros(3)  # of the intervals of K, B and n
+    for seed in range(seeds):
+        force = law.force(motion.x, motion.v) + coloured(len(motion), seed, memory=memory)
+        estimate = fed(VariableProjection(gate=deep), motion, force).estimate()
+        hits += np.abs(estimate.parameters - law.parameters) < 1.96 * estimate.standard_errors
+    assert (hits >= binom.ppf(1e-3, seeds, LEAST)).all()
+
+
+@pytest.mark.parametrize(
+    "method, law",
+    [
+        ("kelvin-voigt", KelvinVoigt(2000.0, 20.0)),
+        # Where condition 10 holds, it is the least squares of ln F.
+        ("single-stage", HuntCrossley(2000.0, 20.0, 1.0)),
+    ],
+)
+def test_identification_widens_the_bars_of_the_papers_methods(method, law):
+    motion, seeds = three_sines(5.0), 100
+    own, held = np.zeros(len(law.parameters)), np.zeros(len(law.parameters))
+    for seed in range(seeds):
+        force = law.force(motion.x, motion.v) + coloured(len(motion), seed, memory=0.9)
+        found = identify(contact_of(motion, force), method)
+        error = np.abs(found.estimate.parameters - law.parameters)
+        own += error < 1.96 * found.estimate.standard_errors
+        held += error < 1.96 * found.standard_errors
+    assert (held >= binom.ppf(1e-3, seeds, LEAST)).all()
+    # The recursion's own take the noise for white.
+    assert own.min() < 70
+
+
+def test_identification_leaves_the_bars_of_variable_projection_as_they_are() -> None:
+    motion = three_sines(1.0)
+    force = PVC.force(motion.x, motion.v) + coloured(len(motion), 1)
+    found = identify(contact_of(motion, force))
+    assert np.array_equal(found.standard_errors, found.estimate.standard_errors)

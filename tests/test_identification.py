@@ -1,4 +1,4 @@
-"""A whole contact, with one method or with all of them."""
+"""A whole contact, with one method or with all of them, and its figures of merit."""
 
 import dataclasses
 import math
@@ -7,7 +7,7 @@ import numpy as np
 import pandas
 import polars
 import pytest
-from cases import MATERIALS, Signals, bits, exciting, tapping
+from cases import MATERIALS, Signals, bits, contact_of, exciting, tapping
 from recordings import recording
 
 import palpate
@@ -22,31 +22,26 @@ from palpate import (
     RecordingError,
     Scale,
     SingleStageRLS,
+    Status,
+    Trace,
     compare,
     identify,
 )
-from palpate.metrics import rmse_percent
+from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.suggestions import suggest_gate, suggest_scale
 
-
-def contact_of(signals: Signals, **more) -> Contact:
-    return Contact(**vars(signals), **more)
-
-
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1))
-
-
-def test_identify_is_variable_projection_unless_told():
-    assert identify(CONTACT).method == "variable-projection"
 
 
 def test_identify_chooses_the_gate_and_the_scale_it_is_not_given(kind):
     result = identify(CONTACT, kind())
     assert result.gate == suggest_gate(CONTACT)
     assert result.scale == suggest_scale(CONTACT)
+    assert bits(identify(CONTACT, kind.method).trace) == bits(result.trace)
+    assert identify(CONTACT).method == "variable-projection"  # unless it is told
 
 
-def test_identify_keeps_the_settings_it_is_given(kind):
+def test_identify_keeps_the_settings_it_is_given_and_leaves_the_estimator_as_it_is(kind):
     gate, scale = ContactGate(5e-4, 0.5), Scale(1e-3, 1e-2, 1.0)
     given = kind(
         outlier_rejection=OutlierRejection(20.0),
@@ -55,31 +50,16 @@ def test_identify_keeps_the_settings_it_is_given(kind):
         forgetting=ConstantForgetting(1.0),
         sample_time=2e-3,
     )
-    result = identify(CONTACT, given)
-    assert result.estimator.settings == given.settings
-    assert (result.gate, result.scale) == (gate, scale)
-
-
-def test_identify_leaves_the_given_estimator_as_it_is(kind):
-    given = kind()
     given.update(0.01, 0.0, 5.0)
     before = given._state()
     first, second = identify(CONTACT, given), identify(CONTACT, given)
+    assert first.estimator.settings == given.settings
+    assert (first.gate, first.scale) == (gate, scale)
     assert given._state() == before
-    assert given.settings["gate"] is None
     assert bits(first.trace) == bits(second.trace)  # it starts afresh
-
-
-def test_identify_runs_the_estimators_own_recursion(kind):
-    result = identify(CONTACT, kind())
-    looped = kind(gate=result.gate, scale=result.scale)
-    steps = CONTACT.time_steps
-    for k in range(len(CONTACT)):
-        looped.update(
-            CONTACT.penetration[k], CONTACT.velocity[k], CONTACT.force[k], float(steps[k])
-        )
-    assert np.array_equal(looped.estimate().parameters, result.law.parameters)
-    assert len(result.trace) == len(CONTACT)
+    result = identify(CONTACT, plain := kind())
+    assert result.gate is not None
+    assert plain.settings["gate"] is None
 
 
 def test_a_segments_border_ends_contact(kind):
@@ -132,9 +112,6 @@ def test_compare_gives_every_method_and_the_regressions_the_same_samples():
         if not result.estimator.chooses_samples:
             assert np.array_equal(result.trace.taken, results["single-stage"].trace.taken)
         assert bits(result.trace) == bits(identify(CONTACT, ESTIMATORS[method]()).trace)
-
-
-def test_compare_takes_a_gate():
     gate = ContactGate(1e-3, 2.0)
     assert all(result.gate == gate for result in compare(CONTACT, gate=gate).values())
 
@@ -155,47 +132,52 @@ def test_a_result_is_plain_numbers_and_words(kind):
         assert plain["violated_fraction"] is None
 
 
-def flags_of(signals: Signals, kind=SingleStageRLS, **settings) -> str:
-    return "; ".join(identify(contact_of(signals), kind(**settings)).flags)
+def flags_of(signals: Signals) -> str:
+    return "; ".join(identify(contact_of(signals), SingleStageRLS()).flags)
 
 
 BALL = exciting(HuntCrossley(2000.0, 500.0, 1.0), seconds=1.0, noise=0.02, seed=4)
 
 
-def test_an_ordinary_contact_has_no_flags():
-    assert flags_of(BALL, palpate.KelvinVoigtRLS) == ""
+STILL = Signals(np.arange(5000) * 1e-3, np.full(5000, 0.01), np.zeros(5000), np.full(5000, 9.0))
+FLAGGED = {
+    "few samples": (BALL[:20], SingleStageRLS, {}, ("only 20 samples in contact", "than 0.2 s of")),
+    "negative damping": (
+        exciting(palpate.KelvinVoigt(1500.0, -8.0)),
+        palpate.KelvinVoigtRLS, {}, ("negative damping",)
+    ),
+    "condition 10": (  # the limit is 10 mm/s of 50
+        exciting(HuntCrossley(2000.0, 20000.0, 1.0), noise=0.02, seed=5),
+        SingleStageRLS, {}, ("condition 10 violated in", "%"),
+    ),
+    "guard": (
+        STILL,
+        SingleStageRLS, {"forgetting": ConstantForgetting(0.9)}, ("covariance guard acted on",)
+    ),
+}  # fmt: skip
 
 
-def test_a_contact_of_few_samples_is_flagged():
-    flags = flags_of(BALL[:20])
-    assert "only 20 samples in contact" in flags
-    assert "less than 0.2 s of contact: no prediction error" in flags
+@pytest.mark.parametrize("signals, kind, settings, words", FLAGGED.values(), ids=FLAGGED)
+def test_what_casts_doubt_on_a_contact_is_flagged(signals, kind, settings, words):
+    flags = "; ".join(identify(contact_of(signals), kind(**settings)).flags)
+    assert all(each in flags for each in words)
+    assert identify(contact_of(BALL), palpate.KelvinVoigtRLS()).flags == ()
 
 
-def test_negative_damping_is_flagged():
-    law = palpate.KelvinVoigt(1500.0, -8.0)
-    assert "negative damping" in flags_of(exciting(law), palpate.KelvinVoigtRLS)
-
-
-def test_a_violated_condition_ten_is_flagged_with_its_share():
-    law = HuntCrossley(2000.0, 20000.0, 1.0)  # the limit is 10 mm/s of 50
-    assert "condition 10 violated in" in flags_of(exciting(law, noise=0.02, seed=5))
-    assert "%" in flags_of(exciting(law, noise=0.02, seed=5))
-
-
-def test_the_guards_work_is_flagged():
-    still = Signals(np.arange(5000) * 1e-3, np.full(5000, 0.01), np.zeros(5000), np.full(5000, 9.0))
-    flags = flags_of(still, forgetting=ConstantForgetting(0.9))
-    assert "covariance guard acted on" in flags
-
-
-def test_refused_samples_are_flagged_with_their_number():
-    force = BALL.force.copy()
+def test_refused_samples_are_flagged_with_their_number_and_the_channel_that_they_came_from():
+    force, depth = BALL.force.copy(), BALL.penetration.copy()
     force[[100, 200, 300]] = math.nan
     flags = flags_of(dataclasses.replace(BALL, force=force))
     assert "3 samples refused: not finite: force is NaN or infinite in 3 of 1000" in flags
     force[[100, 200, 300]] = 1e300
     assert "3 samples refused: out of range" in flags_of(dataclasses.replace(BALL, force=force))
+    depth[[100, 200]] = math.nan
+    table = {"time_s": BALL.time, "penetration_m": depth, "force_N": BALL.force}
+    flags = "; ".join(identify(palpate.Recording(table)).flags)
+    # The velocity is worked out from the depth: that it is not known either goes without saying.
+    words = "penetration (column 'penetration_m') is NaN or infinite in 2 of 1000"
+    assert f"2 samples refused: not finite: {words}" in flags
+    assert "velocity" not in flags
 
 
 def test_a_probe_that_never_touches_is_an_error_that_names_the_gate_and_the_largest():
@@ -204,18 +186,14 @@ def test_a_probe_that_never_touches_is_an_error_that_names_the_gate_and_the_larg
     words = str(caught.value)
     assert "above 0.5 m and force above 7 N" in words
     assert f"{BALL.penetration.max():.3g} m and {BALL.force.max():.3g} N" in words
-
-
-def test_no_samples_are_an_error():
-    with pytest.raises(RecordingError, match="there are no samples"):
-        identify(contact_of(BALL[:0]))
-
-
-def test_channels_of_which_nothing_is_known_are_an_error():
     unknown = np.full(10, math.nan)
-    contact = Contact(np.arange(10.0), penetration=unknown, velocity=unknown, force=unknown)
-    with pytest.raises(RecordingError, match="the largest are no m and no N"):
-        identify(contact)
+    nothing = Contact(np.arange(10.0), penetration=unknown, velocity=unknown, force=unknown)
+    for contact, words in (
+        (contact_of(BALL[:0]), "there are no samples"),
+        (nothing, "the largest are no m and no N"),
+    ):
+        with pytest.raises(RecordingError, match=words):
+            identify(contact)
 
 
 def test_a_contact_without_any_velocity_says_so_and_where_it_came_from():
@@ -236,17 +214,6 @@ def test_a_contact_without_any_velocity_says_so_and_where_it_came_from():
         identify(dataclasses.replace(contact, velocity=known), "kelvin-voigt")
 
 
-def test_a_channel_that_is_not_finite_is_named_once_with_where_it_came_from():
-    depth = BALL.penetration.copy()
-    depth[[100, 200]] = math.nan
-    table = {"time_s": BALL.time, "penetration_m": depth, "force_N": BALL.force}
-    flags = "; ".join(identify(palpate.Recording(table)).flags)
-    # The velocity is worked out from the depth: that it is not known either goes without saying.
-    words = "penetration (column 'penetration_m') is NaN or infinite in 2 of 1000"
-    assert f"2 samples refused: not finite: {words}" in flags
-    assert "velocity" not in flags
-
-
 @pytest.mark.parametrize("frame", [pandas.DataFrame, polars.DataFrame])
 def test_identify_and_compare_take_what_is_not_yet_a_contact(frame, tmp_path):
     path = recording(tmp_path)
@@ -259,10 +226,6 @@ def test_identify_and_compare_take_what_is_not_yet_a_contact(frame, tmp_path):
         assert {name: bits(result.trace) for name, result in results.items()} == expected
 
 
-def test_an_estimator_may_be_given_by_its_name(kind):
-    assert bits(identify(CONTACT, kind.method).trace) == bits(identify(CONTACT, kind()).trace)
-
-
 def test_what_is_no_recording_and_what_is_no_estimator_are_refused_by_name():
     with pytest.raises(InvalidParameterError, match=r"^recording must be a Recording"):
         identify([1.0, 2.0])
@@ -271,3 +234,68 @@ def test_what_is_no_recording_and_what_is_no_estimator_are_refused_by_name():
             identify(CONTACT, wrong)
         assert all(name in str(caught.value) for name in ESTIMATORS)
         assert repr(wrong) in str(caught.value)
+
+
+def trace_of(status, predicted, margin=1.0) -> Trace:
+    size = len(status)
+    return Trace(
+        np.zeros((size, 2)),
+        np.zeros((size, 2)),
+        np.asarray(predicted, dtype=float),
+        np.broadcast_to(np.asarray(margin, dtype=float), (size,)),
+        np.asarray(status, dtype=np.uint8),
+    )
+
+
+@pytest.mark.parametrize("unit", [1, 1e-9])
+@pytest.mark.parametrize(
+    "measured, predicted, expected",
+    [
+        ([3.0, 4.0], [3.0, 4.0], 0.0),
+        ([3.0, 4.0], [0.0, 0.0], 100.0),
+        ([3.0, 4.0], [6.0, 8.0], 100.0),
+        ([3.0, 4.0], [3.3, 4.4], 10.0),
+        ([-3.0, 4.0], [-3.0, 3.5], 10.0),
+        ([1, 1, 1, 1], [1, 1, 1, 2], 50.0),
+        ([], [], math.nan),
+        ([0.0, 0.0], [0.0, 0.0], math.nan),
+    ],
+)
+def test_rmse_percent_is_the_error_as_a_share_of_the_force(measured, predicted, expected, unit):
+    found = rmse_percent([unit * f for f in measured], [unit * f for f in predicted])
+    # Two squares, a root: a few roundings.
+    assert found == pytest.approx(expected, rel=1e-13, nan_ok=True)
+    with pytest.raises(InvalidParameterError, match="measured has 2, predicted has 3"):
+        rmse_percent([1.0, 2.0], [1.0, 2.0, 3.0])
+
+
+def test_the_prediction_error_leaves_out_the_first_fifth_of_a_second_of_contact():
+    # Contact time after each sample taken: 0.1, 0.2, 0.3 … s; the first two are start-up.
+    trace = trace_of(
+        [Status.WAITING] * 2 + [Status.UPDATED] * 6, [9.0, 9.0, 99.0, 99.0, 2.2, 1.8, 2.2, 1.8]
+    )
+    steps = np.repeat([0.1, 0.0999], [2, 6])  # so that no rounding of 0.2 decides
+    found = prediction_rmse_percent(trace, np.full(8, 2.0), steps)
+    assert found == pytest.approx(10.0, rel=1e-12)
+
+
+def test_the_prediction_error_counts_contact_and_not_the_time_between():
+    status = [Status.UPDATED, Status.HELD, Status.HELD, Status.UPDATED, Status.GUARDED]
+    steps = np.array([0.15, 5.0, 5.0, 0.15, 0.15])
+    trace = trace_of(status, [9.0, 9.0, 9.0, 1.1, 0.9])
+    assert prediction_rmse_percent(trace, np.ones(5), steps) == pytest.approx(10.0, rel=1e-12)
+    short = trace_of([Status.UPDATED] * 10, np.ones(10))
+    assert math.isnan(prediction_rmse_percent(short, np.ones(10), np.full(10, 0.01)))
+
+
+def test_the_violated_fraction_is_of_the_samples_taken():
+    status = [Status.WAITING, Status.UPDATED, Status.GUARDED, Status.UPDATED, Status.HELD]
+    trace = trace_of(status, np.ones(5), [-1.0, 0.5, -0.5, 0.0, -1.0])
+    assert violated_fraction(trace) == pytest.approx(2.0 / 3.0, rel=1e-15)  # 0 is at the limit
+    assert math.isnan(violated_fraction(trace_of([Status.WAITING] * 3, np.ones(3))))
+
+
+@pytest.mark.parametrize("status", Status)
+def test_taken_is_what_entered_the_estimate(status):
+    trace = trace_of([status], [1.0])
+    assert trace.taken.tolist() == [status in (Status.UPDATED, Status.GUARDED, Status.RESTARTED)]

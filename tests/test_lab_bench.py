@@ -11,7 +11,6 @@ import pytest
 import palpate
 from palpate import (
     GeneralisedHuntCrossley,
-    InvalidParameterError,
     SingleRelaxation,
     ViscoelasticContact,
     identify,
@@ -22,7 +21,7 @@ IDEAL = lab.IdealProbe()
 IN_CLASS = ("ball", "sponge", "pvc", "inclusion")
 
 
-def standardised(name: str, seed: int, seconds: float = 10.0) -> np.ndarray:
+def standardised(name: str, seed: int, seconds: float) -> np.ndarray:
     """Errors of K, B and n in standard errors of the identification."""
     material = lab.MATERIALS[name]
     contact = lab.Bench(material, lab.THREE_SINES).run(seed, seconds=seconds).contact
@@ -30,13 +29,7 @@ def standardised(name: str, seed: int, seconds: float = 10.0) -> np.ndarray:
     return (result.law.parameters - material.law.parameters) / result.estimate.standard_errors
 
 
-def test_with_perfect_sensors_the_recording_is_the_truth():
-    run = lab.Bench(lab.BALL, lab.THREE_SINES, IDEAL, lab.PERFECT).run()
-    np.testing.assert_array_equal(run.contact.penetration, run.truth.penetration)
-    np.testing.assert_array_equal(run.contact.force, run.truth.force)
-
-
-def test_the_force_is_rounded_noisy_and_free_of_its_bias():
+def test_the_force_is_rounded_noisy_and_free_of_its_bias_and_with_perfect_sensors_the_truth():
     run = lab.Bench(lab.BALL, lab.THREE_SINES, IDEAL).run(seed=3)
     error = run.contact.force - run.truth.force
     # Noise and rounding, √(0.05² + 0.125²/12) = 0.062 N, and 10 000 samples of it.
@@ -44,18 +37,17 @@ def test_the_force_is_rounded_noisy_and_free_of_its_bias():
     assert abs(error.mean()) < 5e-3  # 2 000 samples of the pause leave 1.4 mN, rounding 1.7 mN
     steps = np.diff(np.unique(run.contact.force))
     np.testing.assert_allclose(steps / 0.125, np.round(steps / 0.125), atol=1e-9)
+    run = lab.Bench(lab.BALL, lab.THREE_SINES, IDEAL, lab.PERFECT).run()
+    np.testing.assert_array_equal(run.contact.penetration, run.truth.penetration)
+    np.testing.assert_array_equal(run.contact.force, run.truth.force)
 
 
-def test_without_a_pause_the_bias_stays_and_the_recording_says_so():
+def test_without_a_pause_the_bias_stays_and_the_penetration_may_be_rounded():
     trajectory = lab.Probing(pause=0.0)
-    run = lab.Bench(lab.BALL, trajectory, IDEAL, lab.Sensors(force_bias=5.0)).run(seed=1)
+    sensors = lab.Sensors(force_bias=5.0, penetration_resolution=20e-6)
+    run = lab.Bench(lab.BALL, trajectory, IDEAL, sensors).run(seed=1)
     assert abs((run.contact.force - run.truth.force).mean()) > 0.1
     assert "bias is still in" in run.contact.provenance["tare"]
-
-
-def test_the_penetration_of_an_ideal_probe_can_be_rounded():
-    sensors = lab.Sensors(penetration_resolution=20e-6)
-    run = lab.Bench(lab.BALL, lab.THREE_SINES, IDEAL, sensors).run(seconds=4.0)
     steps = run.contact.penetration / 20e-6
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
 
@@ -84,10 +76,15 @@ def test_a_file_gives_back_the_contact_and_its_truth(tmp_path):
     assert "removed" in read.provenance["tare"]
 
 
+@pytest.mark.parametrize("seeds", [1, pytest.param(20, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", IN_CLASS)
-def test_identify_recovers_a_material_within_its_error_bars(name):
+def test_identify_recovers_a_material_within_its_error_bars(name, seeds):
     pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
-    assert np.abs(standardised(name, 0, seconds=5.0)).max() < 3.0
+    seconds = 5.0 if seeds == 1 else 10.0
+    errors = [standardised(name, seed, seconds) for seed in range(seeds)]
+    inside = sum(np.abs(error).max() < 3.0 for error in errors)
+    # Three parameters, each within 3 σ in 99.7 %: 19 or 20 of 20 in 99.7 % of such tests.
+    assert inside >= max(seeds - 1, 1)
 
 
 def test_identify_says_that_a_relaxing_sponge_fits_no_law_of_its():
@@ -95,16 +92,6 @@ def test_identify_says_that_a_relaxing_sponge_fits_no_law_of_its():
     sponge = lab.Bench(lab.SPONGE, lab.THREE_SINES, IDEAL).run().contact
     relaxing = palpate.identify(contact).fit_rmse_percent
     assert relaxing > 2.0 * palpate.identify(sponge).fit_rmse_percent
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", IN_CLASS)
-def test_over_twenty_seeds_three_standard_errors_hold_in_the_expected_share(name):
-    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
-    errors = [standardised(name, seed) for seed in range(20)]
-    inside = sum(np.abs(error).max() < 3.0 for error in errors)
-    # Three parameters, each within 3 σ in 99.7 %: 19 or 20 of 20 in 99.7 % of such tests.
-    assert inside >= 19
 
 
 @pytest.mark.slow
@@ -139,23 +126,6 @@ def test_of_tissue_an_oscillation_feels_what_is_found():
         # Six relaxation times stand for the spectrum. Seen over ten seeds: 0.2 and 0.9 %.
         assert felt.stiffness == pytest.approx(exact.real, rel=4e-3)
         assert felt.frequency * felt.damping == pytest.approx(exact.imag, rel=15e-3)
-
-
-@pytest.mark.parametrize(
-    "make, words",
-    [
-        (lambda: lab.Bench("ball", lab.THREE_SINES, IDEAL), "material must be a Material"),
-        (lambda: lab.Bench(lab.BALL, "sines", IDEAL), "trajectory must be a Trajectory"),
-        (lambda: lab.Bench(lab.BALL, lab.THREE_SINES, "robot"), "probe must be a Probe"),
-        (lambda: lab.Sensors(force_noise=-1.0), "force_noise must be in"),
-        (lambda: lab.Sensors(sample_time=0.0), "sample_time must be in"),
-        (lambda: lab.Bench(lab.BALL, lab.ONE_SINE, IDEAL).run(-1), "seed must be in"),
-        (lambda: lab.Bench(lab.BALL, lab.ONE_SINE, IDEAL).run(seconds=0), "seconds must be in"),
-    ],
-)
-def test_nonsense_is_refused_by_name(make, words):
-    with pytest.raises(InvalidParameterError, match=words):
-        make()
 
 
 @pytest.mark.slow

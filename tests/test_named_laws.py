@@ -115,7 +115,7 @@ def test_what_is_quoted_for_restitution_is_near_the_exact_relation_for_little_lo
         assert restitution(law.dissipation, 0.4) == pytest.approx(0.95, abs=0.01)
 
 
-def test_zeners_two_forms_are_one_solid():
+def test_zeners_two_forms_are_one_solid_and_maxwells_fluid_flows():
     series, parallel, viscosity = 900.0, 600.0, 40.0
     law = literature.standard_linear_solid(
         stiffness=series * parallel / (series + parallel),
@@ -126,12 +126,8 @@ def test_zeners_two_forms_are_one_solid():
     # A spring in series with a spring and a damper side by side.
     whole = 1.0 / (1.0 / series + 1.0 / (parallel + 1j * omega * viscosity))
     np.testing.assert_allclose(law.dynamic_stiffness(1e-3, omega), whole, rtol=1e-12)
-
-
-def test_maxwells_fluid_flows():
-    law = literature.standard_linear_solid(
-        stiffness=0.0, branch_stiffness=500.0, branch_damping=25.0
-    )
+    branch = {"branch_stiffness": 500.0, "branch_damping": 25.0}
+    law = literature.standard_linear_solid(stiffness=0.0, **branch)
     assert law.relaxation == SingleRelaxation(0.05)
     force = law.force_along(np.full(3, 1e-3), np.zeros(3), [1e-6, 0.05, 10.0], law.rest())
     # The step takes a microsecond, of a twentieth of a second.
@@ -221,26 +217,3 @@ def test_an_engine_has_a_law_exactly_by_its_exponents():
     assert not named(GeneralisedHuntCrossley(1e3, 1.0, 1e2, 1.0, 1e2, SingleRelaxation(0.1)))
     # Without a damper its exponent does not matter.
     assert {"Drake", "PyBullet"} <= named(GeneralisedHuntCrossley(1e3, 1.0, 0.0, 0.3))
-
-
-@pytest.mark.parametrize(
-    "make, words",
-    [
-        (lambda: engines.drake_point(stiffness=0.0, dissipation=1.0), "stiffness must be in"),
-        (lambda: engines.drake_sap(stiffness=1.0, relaxation_time=-1.0), "relaxation_time must"),
-        (lambda: literature.flores(**{**IMPACT, "restitution": 0.0}), "restitution must be in"),
-        (lambda: literature.half_space(stiffness=1.0, exponent=0.5, retardation_time=0.0),
-         "exponent must be in"),
-        (lambda: literature.fung(
-            instantaneous=1.0, exponent=1.0, c=0.1, shortest=2.0, longest=1.0), "longest must be"),
-        # The positive format: a time constant and a ratio, which go with the time step.
-        (lambda: engines.mujoco(
-            solref=(0.02, 1.0), solimp=(0.9, 0.9, 0.001, 0.5, 2.0), inverse_mass=1.0), "solref"),
-        (lambda: engines.mujoco(
-            solref=(-1e3, -1.0), solimp=(0.9, 0.95, 0.001, 0.5, 2.0), inverse_mass=1.0),
-         "solimp must have one impedance"),
-    ],
-)  # fmt: skip
-def test_numbers_that_are_no_law_are_refused_in_words(make, words):
-    with pytest.raises(InvalidParameterError, match=words):
-        make()

@@ -129,10 +129,13 @@ def test_it_passes_the_conformance_suite(registered):
     conformance.check(StickyRLS)
 
 
-def test_it_is_compared_with_the_others(recording):
+def test_it_is_compared_with_the_others_and_its_four_parameters_are_drawn(recording):
     results = palpate.compare(recording)
     assert list(results)[-1] == "sticky"
     assert results["sticky"].fit_rmse_percent < 1.0
+    figure = figures.draw(results["sticky"])
+    labels = {"K₁ [N/m]", "K₂ [N/m²]", "B [N·s/m]", "A [N]"}
+    assert labels <= {axes.get_ylabel() for axes in figure.axes}
 
 
 @pytest.mark.slow
@@ -152,13 +155,6 @@ def test_the_command_line_presses_the_law_and_identifies_it(run, tmp_path, regis
     table = run("identify", file, "--method", "sticky")[1]
     assert re.search(r"A = 0\.\S* ± \S* N +truth 0\.5,", table)  # from the file's notes
     assert "A" in run("compare", file)[1]
-
-
-def test_its_four_parameters_are_drawn(recording):
-    figure = figures.draw(palpate.identify(recording, "sticky"))
-    assert {"K₁ [N/m]", "K₂ [N/m²]", "B [N·s/m]", "A [N]"} <= {
-        axes.get_ylabel() for axes in figure.axes
-    }
 
 
 def test_its_bound_is_known(registered):

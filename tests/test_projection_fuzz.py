@@ -15,7 +15,6 @@ from palpate import (
     ContactGate,
     DriftTracking,
     FadingForgetting,
-    InvalidParameterError,
     Scale,
     Status,
     VariableProjection,
@@ -105,29 +104,14 @@ def fuzz(estimator: ContactEstimator, data: list[tuple[float, ...]]) -> None:
         check_sound(estimator)
 
 
-# Whoever looks for what is rare raises these: a wrong guard is found within the first twenty.
-@settings(max_examples=80, deadline=None)
-@given(estimator=projections, data=samples)
-def test_any_floats_under_any_settings_leave_variable_projection_sound(
-    estimator: VariableProjection, data: list[tuple[float, ...]]
-) -> None:
-    fuzz(estimator, data)
-
-
-@settings(max_examples=40, deadline=None)
-@given(estimator=searches, data=samples)
-def test_any_floats_under_any_settings_leave_the_surface_search_sound(
-    estimator: VariableProjection, data: list[tuple[float, ...]]
-) -> None:
-    fuzz(estimator, data)
-
-
-@settings(max_examples=50, deadline=None)
-@given(estimator=drifting, data=samples)
-def test_any_floats_under_any_settings_leave_drift_tracking_sound(
-    estimator: DriftTracking, data: list[tuple[float, ...]]
-) -> None:
-    fuzz(estimator, data)
+# Whoever looks for what is rare raises this: a wrong guard is found within the first twenty.
+@pytest.mark.parametrize(
+    "estimators", [projections, searches, drifting], ids=["projection", "search", "drift"]
+)
+@settings(max_examples=60, deadline=None)
+@given(drawn=st.data())
+def test_any_floats_under_any_settings_leave_an_estimator_sound(estimators, drawn) -> None:
+    fuzz(drawn.draw(estimators), drawn.draw(samples))
 
 
 def tracking() -> DriftTracking:
@@ -145,16 +129,6 @@ def test_any_floats_leave_a_filter_that_tracks_sound(data: list[tuple[float, ...
     fuzz(TRACKING.copy(), data)
 
 
-@settings(max_examples=50, deadline=None)
-@given(sample=st.tuples(magnitudes, magnitudes, magnitudes), count=st.integers(2, 400))
-def test_one_sample_for_ever_is_flagged_and_sound(sample: tuple[float, ...], count: int) -> None:
-    estimator = VariableProjection()
-    for _ in range(count):
-        estimator.update(*sample)
-    check_sound(estimator)
-    assert estimator.estimate().flags
-
-
 def test_before_the_first_sample_everything_is_sound_and_flagged() -> None:
     for estimator in (VariableProjection(), VariableProjection(noise=1e30), DriftTracking()):
         check_sound(estimator)
@@ -163,54 +137,8 @@ def test_before_the_first_sample_everything_is_sound_and_flagged() -> None:
 
 
 @pytest.mark.parametrize("sample", [(9e7, 0.0, 1.0), (10e-3, 1e9, 1.0), (10e-3, 0.0, 1e9)])
-def test_what_is_too_large_for_the_arithmetic_is_refused_as_out_of_range(
-    sample: tuple[float, ...],
-) -> None:
+def test_what_is_too_large_for_the_arithmetic_is_refused_as_out_of_range(sample) -> None:
     estimator = VariableProjection(exponent_range=(5.0, 10.0))
     before = estimator._state()
     assert estimator.update(*sample) == Status.OUT_OF_RANGE
     assert estimator._state() == before
-
-
-@pytest.mark.parametrize(
-    "wrong, message",
-    [
-        ({"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
-        ({"noise": -0.05}, r"noise must be in \(0, 1e\+30\], not -0.05"),
-        ({"noise": math.nan}, "noise must be finite, not nan"),
-        ({"noise": "quiet"}, "noise must be a number, not 'quiet'"),
-        ({"offset": None}, "offset must be a bool, not None"),
-        ({"offset_deviation": 0.0}, r"offset_deviation must be in \(0, 1e\+30\], not 0.0"),
-        ({"exponent_range": (2.0, 1.0)}, r"exponent_range .* \(2.0, 1.0\): it holds nothing"),
-        ({"exponent_range": (1.5, 1.5)}, r"exponent_range .* \(1.5, 1.5\): it holds nothing"),
-        ({"exponent_range": (1.0, 1.1)}, r"exponent_range must be 0.2 to 5 wide, not \(1.0, 1.1\)"),
-        ({"exponent_range": (0.5, 6.0)}, r"exponent_range must be 0.2 to 5 wide, not \(0.5, 6.0\)"),
-        ({"exponent_range": (0.0, 2.0)}, r"exponent_range must be in \[0.1, 10\], not 0.0"),
-        ({"exponent_range": (8.0, 12.0)}, r"exponent_range must be in \[0.1, 10\], not 12.0"),
-        ({"exponent_range": 1.5}, r"exponent_range must be \(lowest, highest\) .*, not 1.5"),
-        ({"exponent_range": (1, 2, 3)}, r"exponent_range must be \(lowest, highest\) .* \(1, 2, 3"),
-        ({"forgetting": 0.99}, "forgetting must be a ConstantForgetting or .*, not 0.99"),
-        ({"change_detector": True}, "change_detector must be a ChangeDetector or .*, not True"),
-        ({"gate": 0.5}, "gate must be a ContactGate or NoneType, not 0.5"),
-        ({"scale": 1.0}, "scale must be a Scale or NoneType, not 1.0"),
-        ({"sample_time": 0.0}, r"sample_time must be in \(0, 1e\+06\], not 0.0"),
-    ],
-)
-def test_a_wrong_setting_is_named_with_its_value_and_range(wrong: dict, message: str) -> None:
-    with pytest.raises(InvalidParameterError, match=message):
-        VariableProjection(**wrong)
-
-
-@pytest.mark.parametrize(
-    "wrong, message",
-    [
-        ({"drift": 0.5}, r"drift must be in \[1, 24\], not 0.5"),
-        ({"threshold": 0.0}, r"threshold must be in \(0, 1e\+12\], not 0.0"),
-        ({"noise": 0.0}, r"noise must be in \(0, 1e\+30\], not 0.0"),
-        ({"adaptation": 1.5}, r"adaptation must be in \[0, 1\], not 1.5"),
-        ({"warm_up": 1}, r"warm_up must be in \[10, 1e\+06\], not 1"),
-    ],
-)
-def test_a_wrong_detector_is_named_with_its_value_and_range(wrong: dict, message: str) -> None:
-    with pytest.raises(InvalidParameterError, match=message):
-        ChangeDetector(**wrong)

@@ -49,16 +49,20 @@ def test_noise_and_steps_are_those_of_numpy(size):
 
 def test_samples_that_are_not_there_count_for_nothing():
     values = np.random.default_rng(2).standard_normal(900)
-    with_holes = np.insert(
-        values, [0, 5, 5, 300, 900], [math.nan, math.inf, math.nan, -math.inf, 1]
-    )
-    with_holes[-1] = math.nan
+    holes = [math.nan, math.inf, math.nan, -math.inf, math.nan]
+    with_holes = np.insert(values, [0, 5, 5, 300, 900], holes)
     assert noise_of(with_holes) == noise_of(values)
     assert step_of(with_holes) == step_of(values)
     assert resolutions_of(with_holes[None]).tolist() == resolutions_of(values[None]).tolist()
     nothing = np.full(9, math.nan)
-    assert (noise_of(nothing), step_of(nothing), largest_of(nothing)) == (0.0, 0.0, 0.0)
+    for none in (nothing, nothing[:0]):
+        assert (noise_of(none), step_of(none), largest_of(none)) == (0.0, 0.0, 0.0)
     assert np.isnan(resolutions_of(np.array([nothing, np.ones(9)]))).all()
+    for samples in (0, 1, 4):
+        rows = np.ones((3, samples))
+        assert np.isnan(resolutions_of(rows)).all()
+        assert not spikes_of_rows(rows).any()
+        assert len(resolutions_of(rows[:0])) == 0
 
 
 def test_a_spike_is_found_beside_samples_that_are_not_there():
@@ -72,11 +76,3 @@ def test_a_spike_is_found_beside_samples_that_are_not_there():
         found = spikes_of_rows(rows, screened=screened, threads=2)
         assert np.argwhere(found).tolist() == [[0, 100]]
     assert np.flatnonzero(spiked(values)).tolist() == [100]
-
-
-@pytest.mark.parametrize("samples", [0, 1, 4])
-def test_rows_without_samples_say_nothing(samples):
-    rows = np.ones((3, samples))
-    assert np.isnan(resolutions_of(rows)).all()
-    assert not spikes_of_rows(rows).any()
-    assert len(resolutions_of(rows[:0])) == 0

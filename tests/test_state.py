@@ -1,42 +1,28 @@
 """A saved state is what it was, or is refused in words; threads may share an estimator."""
 
+import copy
 import pickle
 import threading
 
 import numpy as np
 import pytest
-from cases import KINDS, MATERIALS, bits, exciting, knowledge, tapping
+from cases import KINDS, MATERIALS, exciting, knowledge, tapping
 
 import palpate
 from palpate import ChangeDetector, InvalidParameterError
 
 SIGNALS = tapping(MATERIALS["pvc"], noise=0.02, seed=11)
-HALF = len(SIGNALS) // 2
 
 
-@pytest.mark.parametrize("name", palpate.ESTIMATORS)
-def test_replay_predicts_and_errs_as_an_estimator_does(name):
-    looped, replayed = palpate.ESTIMATORS[name](), palpate.ESTIMATORS[name]()
-    trace = replayed.replay(*SIGNALS[:400].arrays)
-    for k, row in enumerate(SIGNALS[:400].rows):
-        expected = looped.predict(*row[:2])
-        looped.update(*row)
-        # The trace's errors and predictions are the same formulas in another order: some roundings,
-        # times up to 20 for the logarithms in e^(ln K + n ln x). Variable projection predicts by
-        # its latest search, which a few samples move by less than the noise once a law is known.
-        errors = looped.estimate().standard_errors
-        assert trace.standard_errors[k] == pytest.approx(errors, rel=1e-13)
-        if name not in ("variable-projection", "drift-tracking"):
-            assert trace.predicted_force[k] == pytest.approx(expected, rel=1e-12, abs=1e-15)
-        elif k >= 50:
-            assert trace.predicted_force[k] == pytest.approx(expected, abs=0.02)
-    assert looped._state() == replayed._state()
-
-
-def test_settings_cannot_be_changed_behind_an_estimator(kind):
+def test_neither_settings_nor_a_copy_change_an_estimator(kind):
     estimator = kind()
     estimator.settings["sample_time"] = 7.0
     assert estimator.settings["sample_time"] == 1e-3
+    before = estimator._state()
+    other = copy.copy(estimator)
+    assert other._state() == before
+    other.update(0.01, 0.0, 5.0)
+    assert estimator._state() == before
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -51,14 +37,9 @@ def test_update_takes_its_arguments_by_name_too(name):
 @pytest.mark.parametrize(
     "args, kwargs",
     [
-        ((), {}),
-        ((0.01, 0.01), {}),
-        ((0.01, 0.01, 1.0, 1e-3, 5.0), {}),
-        ((0.01, 0.01, 1.0), {"force": 1.0}),
-        ((0.01, 0.01, 1.0), {"depth": 1.0}),
-        (("deep", 0.01, 1.0), {}),
-        ((None, 0.01, 1.0), {}),
-        ((0.01, 0.01, 1j), {}),
+        *((args, {}) for args in ((), (0.01, 0.01), (0.01, 0.01, 1.0, 1e-3, 5.0))),
+        *((args, {}) for args in (("deep", 0.01, 1.0), (None, 0.01, 1.0), (0.01, 0.01, 1j))),
+        *(((0.01, 0.01, 1.0), {name: 1.0}) for name in ("force", "depth")),
     ],
 )
 def test_update_of_no_sample_at_all_is_a_type_error(kind, args, kwargs):
@@ -98,6 +79,21 @@ def numbers(holder):
     return knowledge(holder)
 
 
+def together(threads, work):
+    """Do it in as many threads, which begin at once with this one."""
+    start = threading.Barrier(threads + 1)
+
+    def begin():
+        start.wait()
+        work()
+
+    running = [threading.Thread(target=begin) for _ in range(threads)]
+    for thread in running:
+        thread.start()
+    start.wait()
+    return running
+
+
 def mutated(state, random):
     """The state with a byte or some changed, cut out, doubled or put elsewhere."""
     changed = bytearray(state)
@@ -118,11 +114,11 @@ def mutated(state, random):
 
 @pytest.mark.parametrize("name", HOLDERS)
 def test_a_mutated_state_is_refused_in_words_or_is_the_same(name):
-    """Some 2400 of each: 33 600 in all."""
+    """Some 800 of each."""
     random = np.random.default_rng(7)
     holder = learned(name)
     state, known = holder._state(), numbers(holder)
-    for _ in range(2400):
+    for _ in range(800):
         broken = mutated(state, random)
         if broken == state:
             holder._restore(broken)
@@ -154,35 +150,22 @@ OTHERS = {
 
 
 @pytest.mark.parametrize("other, settings, words", OTHERS.values(), ids=OTHERS)
-def test_a_state_of_another_estimator_is_refused(other, settings, words):
+def test_a_state_of_another_estimator_or_version_is_refused(other, settings, words):
+    estimator = palpate.SingleStageRLS()
     with pytest.raises(ValueError, match=words):
-        palpate.SingleStageRLS()._restore(other(**settings)._state())
-
-
-def test_a_state_of_another_version_is_refused():
-    state = palpate.SingleStageRLS()._state()
-    older = state.replace(b";", b";0.0.9-", 1)
+        estimator._restore(other(**settings)._state())
+    older = estimator._state().replace(b";", b";0.0.9-", 1)
     with pytest.raises(ValueError, match=r"state must be of this version and class, palpate-state"):
-        palpate.SingleStageRLS()._restore(older)
+        estimator._restore(older)
     with pytest.raises(ValueError, match="these bytes are something else"):
-        palpate.SingleStageRLS()._restore(b"")
+        estimator._restore(b"")
 
 
 def test_eight_threads_share_an_estimator_and_lose_nothing():
     """Each replay is taken whole, and all are alike, so that their order does not matter."""
     signals = exciting(MATERIALS["pvc"], seconds=2.0, noise=0.02, seed=3)
     shared, alone = palpate.SingleStageRLS(), palpate.SingleStageRLS()
-    start = threading.Barrier(8)
-
-    def press():
-        start.wait()
-        for _ in range(10):
-            shared.replay(*signals.arrays)
-
-    threads = [threading.Thread(target=press) for _ in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
+    for thread in together(8, lambda: [shared.replay(*signals.arrays) for _ in range(10)]):
         thread.join()
     for _ in range(80):
         alone.replay(*signals.arrays)
@@ -191,23 +174,17 @@ def test_eight_threads_share_an_estimator_and_lose_nothing():
 
 def test_samples_from_other_threads_wait_for_a_replay():
     signals = exciting(MATERIALS["pvc"], seconds=20.0, noise=0.02, seed=3)
-    estimator = palpate.VariableProjection()
-    start = threading.Barrier(8)
-    seen = []
+    estimator, seen = palpate.VariableProjection(), []
 
     def watch():
-        start.wait()
         for _ in range(50):
             estimator.update(-1.0, 0.0, 0.0)
             seen.append(estimator.estimate().samples)
 
-    threads = [threading.Thread(target=watch) for _ in range(7)]
-    for thread in threads:
-        thread.start()
-    start.wait()
+    watching = together(7, watch)
     estimator.replay(*signals.arrays)
-    for thread in threads:
+    for thread in watching:
         thread.join()
     assert set(seen) <= {0, len(signals)}  # a replay is taken whole
     assert estimator.estimate().samples == len(signals)
-    assert bits(estimator.replay(*signals[:5].arrays)) is not None
+    assert len(estimator.replay(*signals[:5].arrays)) == 5

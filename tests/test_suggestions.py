@@ -1,24 +1,25 @@
-"""A gate and a scale chosen from the data."""
+"""A gate, a scale and the touches are found from the data."""
 
 import dataclasses
 import math
+from dataclasses import replace
 
+import cases
 import numpy as np
+import probing
 import pytest
 from cases import MATERIALS, exciting, tapping
+from probing import BALL, felt
 
 import palpate
 from palpate import Contact, ContactGate, InvalidParameterError, Scale, lab
 from palpate.preparation.suggestions import choose_gate, noise_of, suggest_gate, suggest_scale
+from palpate.preparation.touches import touches_of
 
 
 def contact_of(signals, length: float = 1.0, force: float = 1.0) -> Contact:
-    return Contact(
-        signals.time,
-        penetration=length * signals.penetration,
-        velocity=length * signals.velocity,
-        force=force * signals.force,
-    )
+    channels = (length * signals.penetration, length * signals.velocity, force * signals.force)
+    return cases.contact_of(cases.Signals(signals.time, *channels))
 
 
 # 20 000 fourth differences hold at least a fifth as many independent ones; the median absolute
@@ -26,61 +27,42 @@ def contact_of(signals, length: float = 1.0, force: float = 1.0) -> Contact:
 MEDIAN_TOLERANCE = 0.056
 
 
-@pytest.mark.parametrize("sigma", [1e-12, 0.05, 1e6])
-def test_the_noise_of_white_noise_is_its_deviation(sigma):
-    noise = sigma * np.random.default_rng(0).standard_normal(20_000)
-    assert noise_of(noise) == pytest.approx(sigma, rel=MEDIAN_TOLERANCE)
-
-
-def test_the_noise_on_a_smooth_signal_is_the_noise_alone():
+def test_the_noise_of_a_signal_is_the_deviation_of_its_white_noise():
+    noise = np.random.default_rng(0).standard_normal(20_000)
+    for sigma in (1e-12, 0.05, 1e6):
+        assert noise_of(sigma * noise) == pytest.approx(sigma, rel=MEDIAN_TOLERANCE)
     signals = exciting(MATERIALS["pvc"], seconds=20.0, noise=0.01, seed=1)
     assert np.std(signals.force) > 100.0 * 0.01
     assert noise_of(signals.force) == pytest.approx(0.01, rel=MEDIAN_TOLERANCE)
-
-
-def test_a_few_spikes_are_no_noise():
-    noise = np.random.default_rng(2).standard_normal(20_000)
-    noise[::1000] = 1e6
     # 20 spikes spoil 100 of the differences, 0.5 %, and shift the median by less than that.
+    noise[::1000] = 1e6
     assert noise_of(noise) == pytest.approx(1.0, rel=MEDIAN_TOLERANCE + 0.02)
-
-
-@pytest.mark.parametrize("values", [[], [1.0], [1.0, 2.0, 3.0, 4.0], [math.nan] * 9, [5.0] * 9])
-def test_the_noise_of_nothing_is_none(values):
-    assert noise_of(np.array(values)) == 0.0
-
-
-def test_samples_that_are_not_known_have_no_noise():
-    noise = np.random.default_rng(3).standard_normal(20_000)
-    noise[5::7] = math.nan
-    assert noise_of(noise) == pytest.approx(1.0, rel=MEDIAN_TOLERANCE)
 
 
 def test_the_scale_is_the_largest_of_each_channel_in_contact():
     signals = exciting(MATERIALS["ball"], noise=0.05)
-    free = dataclasses.replace(
-        signals,
-        penetration=np.append(signals.penetration, -5.0),
-        velocity=np.append(signals.velocity, 99.0),
-        force=np.append(signals.force, 1e5),
-        time=np.append(signals.time, 9.0),
-    )
+    free = {"time": 9.0, "penetration": -5.0, "velocity": 99.0, "force": 1e5}
+    channels = {name: np.append(getattr(signals, name), value) for name, value in free.items()}
     expected = Scale(signals.penetration.max(), np.abs(signals.velocity).max(), signals.force.max())
-    assert suggest_scale(contact_of(free)) == expected
-
-
-def test_a_channel_that_stays_zero_has_the_unit_one():
+    assert suggest_scale(Contact(**channels)) == expected
+    # A channel that stays zero has the unit one.
     depth, force = np.full(10, 0.01), np.full(10, 2.0)
     still = Contact(np.arange(10.0), penetration=depth, velocity=np.zeros(10), force=force)
     assert suggest_scale(still) == Scale(0.01, 1.0, 2.0)
 
 
-def test_the_gate_is_ten_times_the_noise():
+def test_the_gate_is_ten_times_the_noise_and_a_spike_sets_none():
     signals = exciting(MATERIALS["pvc"], seconds=20.0, noise=0.08, seed=4)
     gate = suggest_gate(contact_of(signals))
     assert gate.make_force == 10.0 * noise_of(signals.force)
     assert gate.make_force == pytest.approx(0.8, rel=MEDIAN_TOLERANCE)
     assert gate.break_force == 0.8 * gate.make_force
+    signals = exciting(MATERIALS["ball"], seconds=2.0, noise=0.05, seed=6)
+    before = suggest_gate(contact_of(signals))
+    signals.force[700] = 1e6
+    # One of 2000 samples moves a median and a percentile by a rank or so.
+    after = suggest_gate(contact_of(signals))
+    assert after.make_force == pytest.approx(before.make_force, rel=0.02)
 
 
 @pytest.mark.parametrize("noise, fraction", [(0.0, 0.01), (30.0, 0.10)], ids=["clean", "noisy"])
@@ -94,30 +76,17 @@ def test_the_gate_stays_between_one_and_ten_percent_of_the_largest_values(noise,
     assert gate.minimum_penetration == pytest.approx(0.01 * np.percentile(depth, 99.0), rel=1e-12)
 
 
-def test_a_spike_sets_no_gate():
-    signals = exciting(MATERIALS["ball"], seconds=2.0, noise=0.05, seed=6)
-    spiked = signals.force.copy()
-    spiked[700] = 1e6
-    before = suggest_gate(contact_of(signals))
-    after = suggest_gate(contact_of(dataclasses.replace(signals, force=spiked)))
-    # One of 2000 samples moves a median and a percentile by a rank or so.
-    assert after.make_force == pytest.approx(before.make_force, rel=0.02)
-
-
 @pytest.mark.parametrize("bad", [math.nan, math.inf, 1e300])
 @pytest.mark.parametrize("channel", ["penetration", "velocity", "force"])
 def test_a_sample_that_no_estimator_takes_sets_nothing(channel, bad):
     signals = exciting(MATERIALS["ball"], seconds=0.1, noise=0.05, seed=7)
-    values = getattr(signals, channel).copy()
-    values[50] = bad
-    spoiled = contact_of(dataclasses.replace(signals, **{channel: values}))
-    gate, scale = suggest_gate(spoiled), suggest_scale(spoiled)
     largest = suggest_scale(contact_of(signals))
+    getattr(signals, channel)[50] = bad
+    gate, scale = suggest_gate(contact_of(signals)), suggest_scale(contact_of(signals))
     assert 0.0 < gate.make_force < 0.11 * largest.force
     assert 0.0 < gate.minimum_penetration < 0.11 * largest.penetration
-    assert scale.penetration <= largest.penetration
-    assert scale.force <= largest.force
-    assert scale.velocity <= largest.velocity
+    pairs = zip(dataclasses.astuple(scale), dataclasses.astuple(largest), strict=True)
+    assert all(one <= other for one, other in pairs)
 
 
 @pytest.mark.parametrize("sign", [-1.0, 0.0])
@@ -132,15 +101,12 @@ def test_a_probe_that_never_touches_gets_what_refuses_nothing(sign):
 def test_suggestions_go_with_the_units(length, force):
     signals = tapping(MATERIALS["pvc"], noise=0.02, seed=8)
     ours, theirs = contact_of(signals), contact_of(signals, length, force)
-    scale, other = suggest_scale(ours), suggest_scale(theirs)
-    assert dataclasses.astuple(other) == pytest.approx(
-        (scale.penetration * length, scale.velocity * length, scale.force * force), rel=1e-12
-    )
-    gate, other_gate = suggest_gate(ours), suggest_gate(theirs)
-    assert dataclasses.astuple(other_gate) == pytest.approx(
-        (gate.minimum_penetration * length, gate.make_force * force, gate.break_force * force),
-        rel=1e-12,
-    )
+    for suggest, units in (
+        (suggest_scale, (length, length, force)),
+        (suggest_gate, (length, force, force)),
+    ):
+        expected = np.multiply(dataclasses.astuple(suggest(ours)), units)
+        assert dataclasses.astuple(suggest(theirs)) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("method", palpate.ESTIMATORS)
@@ -156,13 +122,15 @@ def test_what_is_identified_does_not_depend_on_the_units(method, unit):
     # The inputs are rounded anew, and P₀ up to 1e10 costs 1e10 ε of the prediction at the start.
     for measure in ("fit_rmse_percent", "prediction_rmse_percent"):
         assert getattr(theirs, measure) == pytest.approx(getattr(ours, measure), rel=1e-4)
-    assert theirs.law.parameters[0] == pytest.approx(in_units(ours.law, unit), rel=1e-4)
-
-
-def in_units(law, unit: float) -> float:
-    """The stiffness, N/mⁿ, where metres and newtons are both ``unit`` times as many."""
-    exponent = getattr(law, "exponent", 1.0)
-    return law.stiffness * unit ** (1.0 - exponent)
+    # K in N/mⁿ and B in N·s/mⁿ⁺¹, or N·s/m of a linear damper.
+    n = getattr(ours.law, "exponent", 1.0)
+    p = getattr(ours.law, "damping_exponent", getattr(ours.law, "exponent", 0.0))
+    assert theirs.law.stiffness == pytest.approx(ours.law.stiffness * unit ** (1.0 - n), rel=1e-4)
+    assert theirs.law.damping == pytest.approx(ours.law.damping * unit**-p, rel=1e-4)
+    without_unit = ours.law.names().index("exponent") if hasattr(ours.law, "exponent") else 0
+    errors = theirs.standard_errors[without_unit], ours.standard_errors[without_unit]
+    # Of variable projection they differ by 4 % where a tap is seldom deep.
+    assert errors[0] == pytest.approx(errors[1], rel=0.06)
 
 
 @pytest.mark.parametrize("given", [{}, {"minimum_penetration": 7e-3}, {"minimum_force": 5.0}])
@@ -215,3 +183,31 @@ def test_probing_near_the_surface_is_identified_within_its_error_bars(material, 
         apart = np.abs(result.law.parameters - material.law.parameters)
         # With samples chosen by their force the sponge was up to seven standard errors off.
         assert (apart < 4.0 * result.estimate.standard_errors).all()
+
+
+def tapped(seconds: float, seed: int = 0) -> Contact:
+    motion = probing.tapping(seconds)
+    return probing.contact_of(motion, felt(BALL, motion, seed))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_stroke_is_one_touch(seed):
+    contact = tapped(6.0, seed)
+    inside = contact.penetration > 0.0
+    strokes = int(np.count_nonzero(inside[1:] & ~inside[:-1]) + inside[0])
+    found = touches_of(contact)
+    assert [touch.number for touch in found] == list(range(1, strokes + 1))
+    for touch in found:
+        during = (contact.time >= touch.start) & (contact.time <= touch.stop)
+        assert touch.peak_force == contact.force[during].max()
+        assert touch.peak_penetration == contact.penetration[during].max()
+
+
+def test_a_bounce_of_less_than_50_ms_is_no_touch_of_its_own_and_free_air_has_none():
+    contact = tapped(3.0)
+    force = contact.force.copy()
+    middle = int(np.argmax(force))
+    force[middle : middle + 30] = 0.0
+    assert len(touches_of(replace(contact, force=force))) == len(touches_of(contact))
+    free = replace(contact, penetration=np.full(len(contact), -1e-3), force=0.0 * force)
+    assert touches_of(free) == []

@@ -2,16 +2,11 @@
 
 import numpy as np
 import pytest
-from cases import MATERIALS, exciting, knowledge, tapping
+from cases import MATERIALS, contact_of, exciting, knowledge, tapping
 
 import palpate
-from palpate import ESTIMATORS, Contact, InvalidParameterError, Trace, compare, diagnose, identify
+from palpate import ESTIMATORS, InvalidParameterError, Trace, compare, diagnose, identify
 from palpate.figures import draw
-
-
-def contact_of(signals, **more) -> Contact:
-    return Contact(**vars(signals), **more)
-
 
 # Contact is lost and made again, and some samples are bad.
 SIGNALS = tapping(MATERIALS["ball"], noise=0.02, seed=1)
@@ -35,7 +30,7 @@ def same(one, other) -> bool:
     return np.array_equal(one, other, equal_nan=True)
 
 
-@pytest.mark.parametrize("trace", [False, 0.1, 30])
+@pytest.mark.parametrize("trace", [False, 30])
 def test_the_result_the_flags_and_the_diagnosis_are_those_of_a_full_trace(method, full, trace):
     thinned = identify(CONTACT, method(), trace=trace)
     assert knowledge(thinned.estimator) == knowledge(full.estimator)
@@ -76,34 +71,27 @@ def test_a_window_of_a_thinned_trace_keeps_its_estimates_in_their_places():
 
 def test_segments_are_thinned_each_by_itself_and_joined():
     segment = np.where(CONTACT.time < 0.95, 0, 1)
-    contact = contact_of(SIGNALS, segment=segment)
-    trace = identify(contact, trace=0.5).trace
+    trace = identify(contact_of(SIGNALS, segment=segment), trace=0.5).trace
     times = [0.0, 0.5, 0.949, 0.95, 1.45, 1.95, 1.999]
     assert trace.time == pytest.approx(times, abs=1.1e-3)  # a sample
     parts = [Trace.empty(3, 3), trace]
     assert (Trace.joined(parts, 3).after == np.concatenate([[0, 1, 2], trace.after + 3])).all()
-
-
-@pytest.mark.parametrize("rows", [1, 2, 300, np.int64(1999)])
-def test_a_whole_number_is_at_most_so_many_estimates_up_to_the_last_sample(rows):
-    trace = identify(CONTACT, trace=rows).trace
-    assert len(trace.after) == len(trace.time) == rows
-    assert trace.after[-1] == len(CONTACT) - 1
-    if rows > 1:
-        assert trace.after[0] == 0
-        assert np.ptp(np.diff(trace.after)) <= 1
-
-
-def test_a_whole_number_counts_estimates_and_a_decimal_one_seconds():
-    assert identify(CONTACT, trace=1).trace.after.tolist() == [1999]
-    assert identify(CONTACT, trace=1.0).trace.after.tolist() == [0, 1000, 1999]
-
-
-def test_a_recording_of_many_segments_has_so_many_estimates_in_all():
+    # A whole number is of estimates in all.
     segment = np.arange(len(CONTACT)) // 100
     trace = identify(contact_of(SIGNALS, segment=segment), trace=7).trace
     assert trace.after.tolist() == [0, 333, 666, 1000, 1333, 1666, 1999]
     assert same(trace.time, CONTACT.time[trace.after])
+
+
+def test_a_whole_number_counts_estimates_up_to_the_last_sample_and_a_decimal_one_seconds():
+    for rows in (1, 2, 300, np.int64(1999)):
+        trace = identify(CONTACT, trace=rows).trace
+        assert len(trace.after) == len(trace.time) == rows
+        assert trace.after[-1] == len(CONTACT) - 1
+        assert trace.after[0] == 0 or rows == 1
+        assert rows == 1 or np.ptp(np.diff(trace.after)) <= 1
+    assert identify(CONTACT, trace=1.0).trace.after.tolist() == [0, 1000, 1999]
+    assert identify(CONTACT, trace=1e-4).trace.full  # below a sample
 
 
 def test_the_estimates_of_a_long_recording_are_2000_by_default():
@@ -111,10 +99,8 @@ def test_the_estimates_of_a_long_recording_are_2000_by_default():
     assert len(identify(long).trace.after) == 2000
     assert identify(CONTACT).trace.full  # of 2000 samples
     assert all(len(each.trace.after) == 2000 for each in compare(long).values())
-
-
-def test_intervals_below_a_sample_are_a_full_trace():
-    assert identify(CONTACT, trace=1e-4).trace.full
+    without = compare(CONTACT, trace=False)
+    assert all(not len(each.trace.parameters) for each in without.values())
 
 
 @pytest.mark.parametrize("trace", [True, "half", 0, 0.0, -1, -1.0, np.nan, None, [1.0], 1e10])
@@ -131,8 +117,9 @@ def test_what_are_no_samples_is_refused_in_a_line(method, at):
         method().replay(*SIGNALS.arrays, at=at)
 
 
-def test_figures_frames_and_stretches_are_there_without_a_trace(method, full):
-    whole, result = full, identify(CONTACT, method(), trace=False)
+@pytest.mark.parametrize("kind", ["variable-projection", "kelvin-voigt", "viscoelastic"])
+def test_figures_frames_and_stretches_are_there_without_a_trace(kind):
+    whole, result = (identify(CONTACT, kind, trace=trace) for trace in ("full", False))
     lines = [
         [same(a.get_xydata(), b.get_xydata()) for a, b in zip(x.lines, y.lines, strict=True)]
         for x, y in zip(draw(result).axes, draw(whole).axes, strict=True)
@@ -164,21 +151,14 @@ def test_a_thinned_trace_is_saved_and_read_back(trace, table, tmp_path, monkeypa
         assert same(getattr(found, name), getattr(result.trace, name)), name
 
 
-def test_every_method_is_compared_without_traces():
-    results = compare(CONTACT, trace=False)
-    assert all(not len(result.trace.parameters) for result in results.values())
-
-
 def test_a_diagnosis_writes_no_estimates_down(monkeypatch):
-    written = []
-    replay = palpate.VariableProjection.replay
+    written, replay = [], palpate.VariableProjection.replay
 
     def watched(self, *arrays, at=None):
         written.append(at)
         return replay(self, *arrays, at=at)
 
     monkeypatch.setattr(palpate.VariableProjection, "replay", watched)
-    signals = exciting(MATERIALS["ball"], noise=0.02)
-    diagnose(contact_of(signals, surface_deviation=1e-5))
+    diagnose(contact_of(exciting(MATERIALS["ball"], noise=0.02), surface_deviation=1e-5))
     assert written
     assert all(at is not None and not len(at) for at in written)

@@ -1,14 +1,14 @@
-"""Every estimator against its slow twin, sample by sample, on signals that excite it."""
+"""Every estimator against its slow twin, sample by sample, and against batch least squares."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 from cases import KINDS, MATERIALS, Signals, exciting
-from twin import Twin
+from twin import TWINS, Twin
 
 import palpate
-from palpate import ConstantForgetting, ContactGate, FadingForgetting, SelfPerturbation, Status
+from palpate import ConstantForgetting, ContactGate, SelfPerturbation, Status
 
 # In these units every entry of φ is near 1, so P₀ = 10 I costs about P₀|φ|² = 10–100 roundings and
 # the start-up a few hundred more: 1e-10 leaves them a factor of ten. The default P₀, which costs
@@ -18,16 +18,17 @@ COVARIANCE = 10.0
 TOLERANCE = 1e-10
 GATE = ContactGate(minimum_penetration=3e-4, make_force=0.2, break_force=0.1)
 PERTURBATIONS = {"unperturbed": None, "self-perturbed": SelfPerturbation()}
-FORGETTING = {
-    "fading": FadingForgetting(),
-    "constant": ConstantForgetting(0.995),
-    "none": ConstantForgetting(1.0),
+SETTINGS = {
+    "fading": {},
+    "self-perturbed": {"perturbation": SelfPerturbation()},
+    "constant": {"forgetting": ConstantForgetting(0.995)},
+    "none": {"forgetting": ConstantForgetting(1.0)},
 }
 
 
 def stepping(law, seed: int = 3) -> Signals:
     """The material turns 1.5 times as stiff half-way."""
-    signals = exciting(law, seconds=0.6, noise=0.05, seed=seed)
+    signals = exciting(law, seconds=0.4, noise=0.05, seed=seed)
     factor = np.where(np.arange(len(signals)) < len(signals) // 2, 1.0, 1.5)
     return dataclasses.replace(signals, force=factor * signals.force)
 
@@ -55,9 +56,19 @@ def estimator_of(kind, **settings):
     return kind(**{"scale": SCALE, "initial_covariance": COVARIANCE, "gate": GATE, **settings})
 
 
-@pytest.mark.parametrize("perturbation", PERTURBATIONS.values(), ids=PERTURBATIONS)
-def test_an_estimator_agrees_with_its_twin(kind, noisy, perturbation):
-    agree(estimator_of(kind, perturbation=perturbation), noisy[:600])
+@pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
+def test_an_estimator_agrees_with_its_twin_and_so_does_the_covariance(kind, noisy, settings):
+    """The covariance is that of the weighted data by the delta method."""
+    estimator = estimator_of(kind, **settings)
+    twin = agree(estimator, noisy[:400])
+    if "perturbation" in settings:
+        return
+    expected, estimate = twin.covariance(), estimator.estimate()
+    deviation = np.sqrt(np.diag(expected))
+    unit = np.outer(deviation, deviation)
+    # The twin's Jacobian is a central difference, good to about 1e-9.
+    np.testing.assert_allclose(estimate.covariance / unit, expected / unit, atol=1e-8)
+    np.testing.assert_allclose(estimate.standard_errors, deviation, rtol=1e-8)
 
 
 @pytest.mark.parametrize("perturbation", PERTURBATIONS.values(), ids=PERTURBATIONS)
@@ -95,17 +106,76 @@ def test_an_estimator_as_it_comes_agrees_with_its_twin(name):
     assert error.max() <= 1e-8 * np.max(signals.force)
 
 
-@pytest.mark.parametrize("forgetting", FORGETTING.values(), ids=FORGETTING)
-def test_it_agrees_however_it_forgets_and_so_does_the_covariance(kind, noisy, forgetting):
-    """The covariance is that of the weighted data by the delta method."""
-    estimator = estimator_of(kind, forgetting=forgetting)
-    twin = agree(estimator, noisy[:600])
-    expected = twin.covariance()
-    deviation = np.sqrt(np.diag(expected))
-    # The twin's Jacobian is a central difference, good to about 1e-9.
-    np.testing.assert_allclose(
-        estimator.estimate().covariance / np.outer(deviation, deviation),
-        expected / np.outer(deviation, deviation),
-        atol=1e-8,
+PRIOR = 1e3
+# The recursion squares the condition number of the data (about 1e2 here, times the prior's
+# √P₀ = 32), so it is left with 16 − 2·3.5 digits.
+BATCH = 1e-9
+
+
+def in_scaled_units(signals):
+    return (
+        signals.penetration / SCALE.penetration,
+        signals.velocity / SCALE.velocity,
+        signals.force / SCALE.force,
     )
-    np.testing.assert_allclose(estimator.estimate().standard_errors, deviation, rtol=1e-8)
+
+
+def batch(rows, outputs, start, prior):
+    """Least squares of the rows and, as further rows, the start."""
+    deviation = np.sqrt(prior)
+    rows = np.vstack([rows, np.diag(1.0 / deviation)])
+    return np.linalg.lstsq(rows, np.concatenate([outputs, start / deviation]), rcond=None)[0]
+
+
+def plain(kind, **settings):
+    """Without forgetting."""
+    without = ConstantForgetting(1.0)
+    return kind(**{"scale": SCALE, "initial_covariance": PRIOR, "forgetting": without, **settings})
+
+
+@pytest.mark.parametrize("name", ["kelvin-voigt", "extended-kelvin-voigt", "single-stage"])
+def test_without_forgetting_an_estimator_is_batch_least_squares(name, noisy):
+    estimator = plain(KINDS[name])
+    estimator.replay(*noisy.arrays)
+    x, v, force = in_scaled_units(noisy)
+    columns, outputs = {
+        "kelvin-voigt": ([x, v], force),
+        "extended-kelvin-voigt": ([x, x**2, v], force),
+        "single-stage": ([np.ones_like(x), v, np.log(x)], np.log(force)),
+    }[name]
+    units = SCALE.penetration, SCALE.velocity, SCALE.force
+    start = TWINS[name].to_theta(estimator.settings["initial"].parameters, units)
+    theta = batch(np.column_stack(columns), outputs, start, np.full(len(start), PRIOR))
+    expected = TWINS[name].to_law(theta, units)
+    np.testing.assert_allclose(estimator.estimate().parameters, expected, rtol=BATCH)
+
+
+def test_the_first_stage_at_a_known_exponent_is_batch_least_squares(noisy):
+    exponent = 1.3
+    estimator = plain(
+        palpate.DoubleStageRLS,
+        initial=palpate.HuntCrossley(1.0, 0.0, exponent),
+        initial_covariance=(PRIOR, PRIOR, 1e-20),
+    )
+    estimator.replay(*noisy.arrays)
+    x, v, force = in_scaled_units(noisy)
+    unit = np.array([1.0, SCALE.velocity]) * SCALE.penetration**exponent / SCALE.force
+    rows = np.column_stack([x**exponent, x**exponent * v])
+    theta = batch(rows, force, np.array([1.0, 0.0]) * unit, np.full(2, PRIOR))
+    law = estimator.estimate().law
+    np.testing.assert_allclose([law.stiffness, law.damping], theta / unit, rtol=BATCH)
+    assert law.exponent == pytest.approx(exponent, rel=1e-12)  # 1e3 rows weigh 1e-17 against it
+
+
+def test_the_second_stage_at_a_known_stiffness_is_batch_least_squares(material):
+    start = palpate.HuntCrossley(1500.0, 900.0, 1.2)
+    signals = exciting(material, noise=0.05, seed=7)
+    covariance = (1e-20, 1e-20, PRIOR)
+    estimator = plain(
+        palpate.DoubleStageRLS, initial=start, initial_covariance=covariance, scale=None
+    )
+    estimator.replay(*signals.arrays)
+    rate = start.stiffness + start.damping * signals.velocity
+    rows = np.log(signals.penetration)[:, None]
+    exponent = batch(rows, np.log(signals.force / rate), [start.exponent], np.array([PRIOR]))
+    assert estimator.estimate().law.exponent == pytest.approx(exponent[0], rel=BATCH)

@@ -1,7 +1,4 @@
-"""Variable projection is least squares in the force domain, from no starting values."""
-
-import copy
-import pickle
+"""Variable projection is least squares in the force domain, at its bound, from no start."""
 
 import numpy as np
 import pytest
@@ -13,25 +10,26 @@ from probing import (
     SAMPLE_TIME,
     SPONGE,
     WELL_EXCITED,
-    Motion,
     fed,
     felt,
     held,
     joined,
     offline,
     relative_error,
+    sines,
     three_sines,
     white,
 )
+from scipy.stats import binom
 
 from palpate import (
     ChangeDetector,
     ConstantForgetting,
-    FadingForgetting,
     HuntCrossley,
     Scale,
     Status,
     VariableProjection,
+    design,
 )
 from palpate.design.excitation import cramer_rao_bound
 
@@ -65,7 +63,7 @@ def test_the_answer_is_that_of_offline_least_squares(seed: int, offset: bool) ->
 
 @pytest.mark.parametrize("material", MATERIALS)
 @pytest.mark.parametrize("seconds", [0.5, 5.0])
-def test_clean_data_give_the_truth(material: str, seconds: float) -> None:
+def test_clean_data_give_the_truth_from_no_starting_values(material: str, seconds: float) -> None:
     law, motion = MATERIALS[material], three_sines(seconds)
     force = law.force(motion.x, motion.v)
     known = fed(VariableProjection(offset=False), motion, force).estimate()
@@ -75,17 +73,6 @@ def test_clean_data_give_the_truth(material: str, seconds: float) -> None:
     # The same interpolation, where an unknown offset leaves J a hundred times flatter along n; it
     # is a fiftieth of the error bar of 1 mN of noise.
     assert relative_error(free.law, law).max() <= 1e-4
-
-
-@pytest.mark.parametrize("name", MATERIALS)
-def test_no_starting_values_are_needed_on_any_material(name: str) -> None:
-    law, motion = MATERIALS[name], three_sines(1.0)
-    for seed in range(5):
-        for offset in (False, True):
-            estimate = fed(VariableProjection(offset=offset), motion, felt(law, motion, seed))
-            apart = np.abs(estimate.estimate().parameters - law.parameters)
-            # Five standard errors: of 120 numbers one in 20 000 runs would be beyond.
-            assert (apart < 5.0 * estimate.estimate().standard_errors).all()
 
 
 def test_the_global_search_is_not_lost_when_the_first_samples_mislead() -> None:
@@ -111,7 +98,7 @@ def test_the_offset_is_recovered_and_does_not_bias_the_law() -> None:
         assert (np.abs(estimate.parameters - PVC.parameters) < 4 * estimate.standard_errors).all()
 
 
-def test_a_tight_offset_deviation_holds_the_offset_and_narrows_the_law() -> None:
+def test_a_tight_offset_deviation_holds_the_offset_and_without_one_none_is_reported() -> None:
     motion = three_sines(1.0)
     force = felt(BALL, motion, 4)
     wide = fed(VariableProjection(noise=NOISE), motion, force).estimate()
@@ -119,14 +106,9 @@ def test_a_tight_offset_deviation_holds_the_offset_and_narrows_the_law() -> None
     assert abs(tight.offset) < 3e-4
     assert tight.offset_standard_error <= 1.001e-4
     assert (tight.standard_errors < 0.5 * wide.standard_errors).all()
-
-
-def test_without_an_offset_none_is_reported() -> None:
-    motion = three_sines(1.0)
-    estimate = fed(VariableProjection(offset=False), motion, felt(BALL, motion, 4)).estimate()
-    assert estimate.offset == 0.0
-    assert estimate.offset_standard_error == 0.0
-    assert not estimate.joint_covariance[3].any()
+    none = fed(VariableProjection(offset=False), motion, force).estimate()
+    assert none.offset == none.offset_standard_error == 0.0
+    assert not none.joint_covariance[3].any()
 
 
 def test_the_given_noise_sets_the_error_bars_and_an_unknown_one_is_found() -> None:
@@ -157,24 +139,6 @@ def test_the_joint_covariance_is_one_and_agrees_with_its_parts(name: str) -> Non
     assert np.array_equal(deviations[:3], estimate.standard_errors)
 
 
-def test_scaling_the_units_scales_the_answer() -> None:
-    motion = three_sines(1.0)
-    force = felt(PVC, motion, 7)
-    here = fed(VariableProjection(scale=Scale(10e-3, 20e-3, 1.0)), motion, force).estimate()
-    # Microns and nanonewtons: the same numbers in other units.
-    small = Motion(1e-4 * motion.x, 1e-4 * motion.v)
-    scale = Scale(1e-6, 2e-6, 1e-9)
-    there = fed(VariableProjection(scale=scale), small, 1e-9 * force).estimate()
-    n = here.law.exponent
-    assert there.law.exponent == pytest.approx(n, rel=1e-9)  # rounding of the inputs, times 1e5
-    assert there.law.stiffness == pytest.approx(here.law.stiffness * 1e-9 * 1e4**n, rel=1e-8)
-    assert there.law.dissipation == pytest.approx(here.law.dissipation * 1e4, rel=1e-8)
-    assert there.offset == pytest.approx(1e-9 * here.offset, rel=1e-8)
-    # The noise is a small difference of large sums, which costs some digits more.
-    assert there.standard_errors[2] == pytest.approx(here.standard_errors[2], rel=1e-7)
-    assert there.flags == here.flags
-
-
 def test_forgetting_follows_a_slow_change_and_no_forgetting_does_not() -> None:
     motion = three_sines(20.0)
     growth = 1.0 + 0.3 * motion.time / 20.0
@@ -188,23 +152,6 @@ def test_forgetting_follows_a_slow_change_and_no_forgetting_does_not() -> None:
     # One second of memory lags by 1 s of 1.5 %/s, and half of the 20 s by 10 s of it.
     assert error(ConstantForgetting(0.999)) < 0.02
     assert error(None) > 0.05
-
-
-def test_asking_changes_nothing_that_comes_later() -> None:
-    motion = three_sines(1.0)
-    force = felt(PVC, motion, 9)
-    settings = {"change_detector": ChangeDetector(), "forgetting": FadingForgetting()}
-    asked, silent = VariableProjection(**settings), VariableProjection(**settings)
-    for k, sample in enumerate(zip(motion.x, motion.v, force, strict=True)):
-        asked.update(*sample)
-        silent.update(*sample)
-        if k % 7 == 0:
-            before = asked._state()
-            asked.estimate()
-            asked.predict(5e-3, 0.01)
-            assert asked._state() == before
-    assert np.array_equal(asked.estimate().joint_covariance, silent.estimate().joint_covariance)
-    assert np.array_equal(asked.estimate().parameters, silent.estimate().parameters)
 
 
 @pytest.mark.parametrize("surface", [None, "estimate"])
@@ -226,42 +173,6 @@ def test_replay_is_update_bit_for_bit(surface: str | None) -> None:
     assert np.count_nonzero(trace.status == Status.RESTARTED) >= 1
 
 
-@pytest.mark.parametrize("surface", [None, "estimate"])
-@pytest.mark.parametrize(
-    "duplicate",
-    [copy.copy, copy.deepcopy, lambda e: e.copy(), lambda e: pickle.loads(pickle.dumps(e))],
-)
-def test_a_duplicate_goes_on_as_if_it_never_stopped(duplicate, surface: str | None) -> None:
-    motion = three_sines(0.8)
-    force = felt(PVC, motion, 11)
-    original = fed(VariableProjection(surface=surface), motion[:400], force[:400])
-    twin = duplicate(original)
-    assert type(twin) is VariableProjection
-    assert twin.settings == original.settings
-    fed(original, motion[400:], force[400:])
-    assert twin.estimate().samples == 400  # independent of the original
-    fed(twin, motion[400:], force[400:])
-    assert np.array_equal(twin.estimate().joint_covariance, original.estimate().joint_covariance)
-    assert np.array_equal(twin.estimate().parameters, original.estimate().parameters)
-
-
-@pytest.mark.parametrize("surface", [None, "estimate"])
-def test_reset_and_replace_have_learned_nothing(surface: str | None) -> None:
-    motion = three_sines(0.3)
-    force = felt(PVC, motion, 12)
-    fresh = VariableProjection(surface=surface).estimate()
-    used = fed(VariableProjection(surface=surface), motion, force)
-    replaced = used.replace(offset=False)
-    used.reset()
-    for estimate in (used.estimate(), replaced.estimate()):
-        assert estimate.samples == 0
-        assert estimate.status == Status.WAITING
-        assert np.array_equal(estimate.parameters, fresh.parameters)
-        assert estimate.flags == fresh.flags
-    assert fresh.flags, "what has learned nothing says so"
-    assert replaced.settings == {**used.settings, "offset": False}
-
-
 @pytest.mark.parametrize("name", WELL_EXCITED)
 @pytest.mark.parametrize("offset", [False, True])
 def test_holding_still_moves_no_parameter(name: str, offset: bool) -> None:
@@ -279,3 +190,79 @@ def test_holding_still_moves_no_parameter(name: str, offset: bool) -> None:
         assert (moved < 3.0 * before.standard_errors).all()
     assert not estimator.estimate().flags
     assert estimator.estimate().samples == round(121.0 / SAMPLE_TIME)
+
+
+SEEDS = 150
+# The RMSE of 150 normal errors scatters by 1/√300 = 6 % around the bound: the limit of 1.15 is 2.6
+# of that, for an estimator at the bound. The seeds are fixed.
+RATIO = 1.15
+
+
+def errors_of(law: HuntCrossley, seconds: float, seeds: range, **settings) -> tuple:
+    """Errors of (K, B, n) and their standard errors, a row a seed."""
+    motion = three_sines(seconds)
+    estimates = [
+        fed(VariableProjection(**settings), motion, felt(law, motion, seed)).estimate()
+        for seed in seeds
+    ]
+    errors = np.array([estimate.parameters - law.parameters for estimate in estimates])
+    return errors, np.array([estimate.standard_errors for estimate in estimates])
+
+
+@pytest.mark.parametrize(
+    "seconds, seeds, limit",
+    [
+        *((seconds, range(SEEDS), RATIO) for seconds in (1.0, 5.0)),
+        # 1000 seeds scatter by 2.2 %: three of that above the bound.
+        *(
+            pytest.param(seconds, range(1000, 2000), 1.07, marks=pytest.mark.slow)
+            for seconds in (0.5, 1.0, 5.0, 20.0)
+        ),
+    ],
+)
+@pytest.mark.parametrize("offset", [False, True])
+@pytest.mark.parametrize("name", WELL_EXCITED)
+def test_errors_are_at_the_cramer_rao_bound(name, offset, seconds, seeds, limit) -> None:
+    law, motion = WELL_EXCITED[name], three_sines(seconds)
+    bound = cramer_rao_bound(law, motion.x, motion.v, NOISE, offset=offset).standard_errors[:3]
+    errors, _ = errors_of(law, seconds, seeds, offset=offset)
+    assert (np.sqrt(np.mean(errors**2, axis=0)) <= limit * bound).all()
+
+
+@pytest.mark.parametrize(
+    "seeds", [range(300, 500), pytest.param(range(3000, 7000), marks=pytest.mark.slow)], ids=len
+)
+@pytest.mark.parametrize("noise", [None, NOISE])
+@pytest.mark.parametrize("name", WELL_EXCITED)
+def test_the_95_percent_interval_holds_the_truth_95_times_in_100(name, noise, seeds) -> None:
+    errors, deviations = errors_of(WELL_EXCITED[name], 1.0, seeds, noise=noise)
+    inside = np.count_nonzero(np.abs(errors) < 1.96 * deviations, axis=0)
+    # Beyond them a true 95 % would be one time in 500 on each side.
+    assert (inside >= binom.ppf(0.002, len(seeds), 0.95)).all()
+    # A bar that allows for correlation pays for not knowing that there is none: 98 % in a second.
+    assert (inside <= binom.ppf(0.998, len(seeds), 0.985)).all()
+
+
+@pytest.mark.parametrize("unit", [1e-4, 1e-3, 3e-3, 30e-3, 0.1, 1.0])
+@pytest.mark.parametrize("exponent", [0.6, 1.0, 2.0, 3.2])
+def test_the_answer_is_the_same_in_any_unit_of_depth(unit: float, exponent: float) -> None:
+    stiffness, motion = 20.0 / 10e-3**exponent, three_sines(4.0)
+    force = felt(HuntCrossley(stiffness, stiffness, exponent), motion, 5)
+    usual, other = (
+        fed(VariableProjection(scale=Scale(depth, 0.02, 1.0)), motion, force).estimate()
+        for depth in (10e-3, unit)
+    )
+    # With depths of a tenth or a hundredth of the unit the sums change by a third to a half from
+    # one exponent to the next; interpolated as they are, K came out 13 % to 2000 % too large.
+    apart = np.abs(other.parameters - usual.parameters) / usual.standard_errors
+    assert apart.max() < 0.01
+    np.testing.assert_allclose(other.standard_errors, usual.standard_errors, rtol=1e-3)
+
+
+def test_a_light_touch_is_identified_in_the_default_units() -> None:
+    law = HuntCrossley(5e3, 5e3, 1.3)
+    motion = sines(4.0, design.Motion(1e-3, (0.1e-3, 0.18e-3, 0.18e-3), (4.0, 11.0, 15.0)))
+    force = law.force(motion.x, motion.v) + white(len(motion), 6, 1e-4)
+    estimate = fed(VariableProjection(), motion, force).estimate()
+    assert (np.abs(estimate.parameters - law.parameters) < 4.0 * estimate.standard_errors).all()
+    assert estimate.standard_errors[2] < 0.01

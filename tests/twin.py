@@ -49,18 +49,16 @@ class KelvinVoigtTwin:
         self.recursion = Recursion(self.to_theta(initial.parameters, units), covariance)
 
     @staticmethod
-    def to_theta(law: np.ndarray, units: tuple[float, ...]) -> np.ndarray:
-        x0, v0, f0 = units
-        return law * np.array([x0, v0]) / f0
-
-    @staticmethod
-    def to_law(theta: np.ndarray, units: tuple[float, ...]) -> np.ndarray:
-        x0, v0, f0 = units
-        return theta * f0 / np.array([x0, v0])
-
-    @staticmethod
     def regressor(x: float, v: float) -> np.ndarray:
         return np.array([x, v])
+
+    @classmethod
+    def to_theta(cls, law: np.ndarray, units: tuple[float, ...]) -> np.ndarray:
+        return law * cls.regressor(*units[:2]) / units[2]
+
+    @classmethod
+    def to_law(cls, theta: np.ndarray, units: tuple[float, ...]) -> np.ndarray:
+        return theta * units[2] / cls.regressor(*units[:2])
 
     def predict(self, x: float, v: float) -> float:
         return float(self.regressor(x, v) @ self.recursion.theta)
@@ -78,16 +76,6 @@ class KelvinVoigtTwin:
 
 class ExtendedKelvinVoigtTwin(KelvinVoigtTwin):
     """Section 6: y = F, φ = [x, x², v]."""
-
-    @staticmethod
-    def to_theta(law: np.ndarray, units: tuple[float, ...]) -> np.ndarray:
-        x0, v0, f0 = units
-        return law * np.array([x0, x0**2, v0]) / f0
-
-    @staticmethod
-    def to_law(theta: np.ndarray, units: tuple[float, ...]) -> np.ndarray:
-        x0, v0, f0 = units
-        return theta * f0 / np.array([x0, x0**2, v0])
 
     @staticmethod
     def regressor(x: float, v: float) -> np.ndarray:

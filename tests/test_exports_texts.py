@@ -1,6 +1,7 @@
-"""A law in Drake's numbers: the mathematics and the text, without Drake."""
+"""A law in Drake's and OpenSim's numbers: the mathematics and the text, without the engines."""
 
 import math
+import re
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -12,18 +13,16 @@ from export_cases import (
     KELVIN_VOIGT_LAW,
     PVC_LAW,
     SPONGE_LAW,
-    asked,
     fitted,
     predicted_percent,
 )
 
 from palpate.errors import InvalidParameterError
-from palpate.exports import Motion, engine_called
-from palpate.exports.drake.slab import FINEST, shapes
-from palpate.exports.drake.spheres import nested_spheres, not_negative
+from palpate.exports.drake.slab import shapes
+from palpate.exports.drake.spheres import not_negative
 from palpate.exports.errors import Drop, drop_to
 from palpate.exports.implicit import rebound_by_steps
-from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.force_laws import GeneralisedHuntCrossley, engines
 
 NAMESPACE = "{http://drake.mit.edu}"
 
@@ -54,21 +53,15 @@ def test_the_form_is_that_of_the_law(law, form, most_percent) -> None:
 
 @pytest.mark.parametrize("exponent", [1.1, 1.3, 1.5, 2.0, 2.5])
 def test_spheres_in_one_another_are_a_power_law_of_the_same_dissipation(exponent) -> None:
-    law = GeneralisedHuntCrossley(3e4, exponent, 6e4, exponent)
-    motion = Motion.of_paper()
-    firm = motion.judged
-    spheres = nested_spheres(law, motion.penetration[firm], motion.velocity[firm])
+    spheres = fitted("drake", GeneralisedHuntCrossley(3e4, exponent, 6e4, exponent)).spheres
     assert spheres.gaps[0] == 0.0
     assert (np.diff(spheres.gaps) > 0.0).all()
     assert (spheres.stiffness > 0.0).all()
     assert spheres.dissipation == pytest.approx(2.0)
     # So few are enough.
     assert len(spheres.gaps) <= 8
-
-
-def test_spheres_carry_a_damper_of_another_power_each_by_its_own_dissipation() -> None:
-    law = GeneralisedHuntCrossley(1e5, 2.0, 3000.0, 1.0)
-    fragment = fitted("drake", law)
+    # A damper of another power is carried by each with its own dissipation.
+    fragment = fitted("drake", GeneralisedHuntCrossley(1e5, 2.0, 3000.0, 1.0))
     assert predicted_percent(fragment) < 0.5
     assert np.ptp(fragment.spheres.dissipation) > 0.0
 
@@ -102,22 +95,18 @@ def test_a_slab_carries_a_square_law(radius, most_percent) -> None:
 
 
 @pytest.mark.parametrize(
-    "further, words",
+    "law, further, words",
     [
-        ({}, "--tip-radius"),
-        ({"tip_radius": 0.005}, "too small"),
-        ({"tip_radius": 50.0}, "too large"),
+        (PVC_LAW, {"form": "hydroelastic"}, "--tip-radius"),
+        (PVC_LAW, {"form": "hydroelastic", "tip_radius": 0.005}, "too small"),
+        (PVC_LAW, {"form": "hydroelastic", "tip_radius": 50.0}, "too large"),
+        (KELVIN_VOIGT_LAW, {"form": "sap", "time_step": 0.0}, "time_step must be above 0"),
+        (GeneralisedHuntCrossley(-5.0, 1.0, 1.0, 1.0), {}, "stiffness"),
     ],
 )
-def test_a_slab_needs_a_radius_that_goes_with_the_depth(further, words) -> None:
+def test_what_cannot_be_a_contact_is_refused_in_words(law, further, words) -> None:
     with pytest.raises(InvalidParameterError, match=words):
-        fitted("drake", PVC_LAW, form="hydroelastic", **further)
-    assert FINEST < 8
-
-
-def test_a_law_that_does_not_push_is_no_contact() -> None:
-    with pytest.raises(InvalidParameterError, match="stiffness"):
-        fitted("drake", GeneralisedHuntCrossley(-5.0, 1.0, 1.0, 1.0))
+        fitted("drake", law, **further)
 
 
 def test_a_damper_that_makes_energy_is_written_as_none_and_said() -> None:
@@ -186,21 +175,61 @@ def test_a_step_damps_a_spring_as_backward_euler_does() -> None:
     omega = (stiffness / mass) ** 0.5
     expected = (1.0 + (omega * step) ** 2) ** (-0.5 * math.pi / (omega * step))
     assert found == pytest.approx(expected, abs=0.01)
-
-
-def test_steps_so_fine_that_they_do_not_matter_are_not_taken() -> None:
+    # Steps so fine that they do not matter are not taken.
     drop = drop_to(BALL_LAW, 1.0, 0.012)
     assert rebound_by_steps(BALL_LAW.force, drop, 1e-9) == pytest.approx(drop.restitution, abs=1e-4)
 
 
-def test_a_step_that_damps_more_than_the_law_is_warned_of() -> None:
-    engine = engine_called("drake")
-    coarse = engine.fit(asked(BALL_LAW, time_step=1e-3))
+def test_a_step_that_damps_more_than_the_law_is_warned_of_and_sap_needs_one() -> None:
+    coarse = fitted("drake", BALL_LAW, time_step=1e-3)
     assert any("damps a body by 2 N·s/m" in words for words in coarse.warnings)
-    assert not engine.fit(asked(BALL_LAW, time_step=1e-4)).warnings
-
-
-def test_sap_needs_time_steps() -> None:
-    with pytest.raises(InvalidParameterError, match="time_step must be above 0"):
-        fitted("drake", KELVIN_VOIGT_LAW, form="sap", time_step=0.0)
+    assert not fitted("drake", BALL_LAW, time_step=1e-4).warnings
     assert fitted("drake", KELVIN_VOIGT_LAW, time_step=0.0).form == "point"
+
+
+RADIUS = 0.0225
+
+
+def test_a_hertzian_law_is_simbodys_of_the_numbers_written() -> None:
+    fragment = fitted("opensim", HERTZ_LAW, tip_radius=RADIUS)
+    assert fragment.exact
+    numbers = fragment.numbers
+    law = engines.simbody(
+        modulus=numbers["stiffness"], radius=RADIUS, dissipation=numbers["dissipation"]
+    )
+    assert law.parameters == pytest.approx(HERTZ_LAW.parameters, rel=1e-12)
+
+
+@pytest.mark.parametrize("law", [BALL_LAW, PVC_LAW, HALF_SPACE_LAW])
+def test_another_exponent_keeps_the_restitution_and_says_its_error(law) -> None:
+    fragment = fitted("opensim", law, tip_radius=RADIUS)
+    assert not fragment.exact
+    if law is HALF_SPACE_LAW:  # a damper of another power is the nearest of this one
+        assert predicted_percent(fragment) < 1.0
+        return
+    # More than is exported without being allowed.
+    assert 5.0 < predicted_percent(fragment) < 10.0
+    drop = drop_to(law, 1.0, 0.012)
+    assert fragment.predicted_rebound(drop) == pytest.approx(drop.restitution, rel=1e-6)
+
+
+def test_it_asks_for_the_radius_and_says_that_it_holds_for_that_one_only() -> None:
+    with pytest.raises(InvalidParameterError, match="--tip-radius"):
+        fitted("opensim", HERTZ_LAW)
+    with pytest.raises(InvalidParameterError, match="stiffness"):
+        fitted("opensim", GeneralisedHuntCrossley(-1.0, 1.5, 0.0, 1.5), tip_radius=RADIUS)
+    small, large = (fitted("opensim", HERTZ_LAW, tip_radius=each) for each in (0.01, 0.04))
+    assert small.numbers["stiffness"] == pytest.approx(2.0 * large.numbers["stiffness"])
+    assert any("10 mm only" in words for words in small.warnings)
+    assert any("deeper than its radius" in words for words in small.warnings)
+    assert len(large.warnings) == 1
+
+
+def test_each_geometry_has_parameters_of_its_own_and_the_tip_is_rigid() -> None:
+    fragment = fitted("opensim", HERTZ_LAW, tip_radius=RADIUS)
+    text = fragment.files(["a note"])["contact.osim"]
+    assert "a note" in text
+    written = dict(re.findall(r"<geometry>(\w+)</geometry>\s*<stiffness>(.+)</stiffness>", text))
+    assert float(written["surface"]) == fragment.numbers["stiffness"]
+    assert float(written["sphere"]) > 1e12 * fragment.numbers["stiffness"]
+    compile(fragment.files([])["scene.py"], "scene.py", "exec")
