@@ -13,7 +13,6 @@ from foxglove import messages as fox
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.writer import Writer as ProtobufWriter
-from mcap_ros2.writer import Writer as Ros2Writer
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag1 import Writer as Rosbag1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
@@ -105,36 +104,6 @@ def split(stamp: int) -> tuple[int, int]:
     return divmod(int(stamp), 1_000_000_000)
 
 
-def ros2_mcap(path: Path, given: Values, **settings: object) -> Path:
-    """MCAP by the ``mcap`` package and its support of ROS 2."""
-    with path.open("wb") as file:
-        writer = Ros2Writer(file, **settings)
-        wrench = writer.register_msgdef("geometry_msgs/msg/WrenchStamped", WRENCH)
-        pose = writer.register_msgdef("geometry_msgs/msg/PoseStamped", POSE)
-        for stamp, forces, position in zip(given.stamps, given.wrenches, given.poses, strict=True):
-            seconds, rest = split(stamp)
-            time = {"sec": seconds, "nanosec": rest}
-            f, p = forces.tolist(), position.tolist()
-            body = {
-                "header": {"stamp": time, "frame_id": "sensor"},
-                "wrench": {
-                    "force": dict(zip("xyz", f[:3], strict=True)),
-                    "torque": dict(zip("xyz", f[3:], strict=True)),
-                },
-            }
-            writer.write_message("/ft", wrench, body, int(stamp) + DELAY)
-            body = {
-                "header": {"stamp": time, "frame_id": "base"},
-                "pose": {
-                    "position": dict(zip("xyz", p[:3], strict=True)),
-                    "orientation": dict(zip("xyzw", p[3:], strict=True)),
-                },
-            }
-            writer.write_message("/pose", pose, body, int(stamp) + DELAY)
-        writer.finish()
-    return path
-
-
 def cdr_wrench(stamp: int, forces: np.ndarray, frame: str = "sensor", order: str = "<") -> bytes:
     """A WrenchStamped in CDR, as rmw writes it."""
     seconds, rest = split(stamp)
@@ -175,8 +144,9 @@ def wrench_mcap(path: Path, given: Values, **settings: object) -> Path:
     }
     messages = []
     for stamp, forces, pose in zip(given.stamps, given.wrenches, given.poses, strict=True):
-        messages.append(("/ft", int(stamp), cdr_wrench(stamp, forces)))
-        messages.append(("/pose", int(stamp), cdr_wrench(stamp, pose, "base")))
+        time = int(stamp) + DELAY
+        messages.append(("/ft", time, cdr_wrench(stamp, forces)))
+        messages.append(("/pose", time, cdr_wrench(stamp, pose, "base")))
     return raw_mcap(path, messages, schemas, **settings)
 
 
@@ -325,35 +295,30 @@ def wrenches_and_poses(given: Values, ros1: bool = False) -> list[Message]:
 
 def rosbag1(path: Path, messages: list[Message], compression: str | None = None) -> Path:
     """A bag of ROS 1 by rosbags."""
-    store = typestore(True)
     writer = Rosbag1Writer(path)
     if compression is not None:
         writer.set_compression(Rosbag1Writer.CompressionFormat[compression])
-    with writer:
-        connections = {}
-        for topic, name, time, message in messages:
-            name = name.replace("/", "/msg/")
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, name, typestore=store)
-            writer.write(connections[topic], time, store.serialize_ros1(message, name))
-    return path
+    return _bag(writer, path, typestore(True), "serialize_ros1", messages)
 
 
 def rosbag2(
     path: Path, messages: list[Message], storage: str = "SQLITE3", mode: str | None = None
 ) -> Path:
     """A bag of ROS 2 by rosbags."""
-    store = typestore(False)
     writer = Rosbag2Writer(path, version=9, storage_plugin=StoragePlugin[storage])
     if mode is not None:
         writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+    return _bag(writer, path, typestore(False), "serialize_cdr", messages)
+
+
+def _bag(writer, path: Path, store, serialize: str, messages: list[Message]) -> Path:
     with writer:
         connections = {}
         for topic, name, time, message in messages:
             name = name.replace("/", "/msg/")
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, name, typestore=store)
-            writer.write(connections[topic], time, store.serialize_cdr(message, name))
+            writer.write(connections[topic], time, getattr(store, serialize)(message, name))
     return path
 
 
