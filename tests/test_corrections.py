@@ -18,15 +18,10 @@ def prepared(**corrections) -> palpate.Contact:
 
 
 def test_units_bring_channels_to_si():
-    contact = prepared(
-        time=1e3 * TIME,
-        penetration=1e3 * DEPTH,
-        force=1e3 * FORCE,
-        units={"time": "ms", "penetration": "mm", "force": "mN"},
-    )
-    np.testing.assert_allclose(contact.time, TIME)
-    np.testing.assert_allclose(contact.penetration, DEPTH)
-    np.testing.assert_allclose(contact.force, FORCE)
+    milli = {"time": 1e3 * TIME, "penetration": 1e3 * DEPTH, "force": 1e3 * FORCE}
+    contact = prepared(**milli, units={"time": "ms", "penetration": "mm", "force": "mN"})
+    for name, expected in {"time": TIME, "penetration": DEPTH, "force": FORCE}.items():
+        np.testing.assert_allclose(getattr(contact, name), expected)
     assert "in mm" in contact.provenance["penetration"]
 
 
@@ -47,6 +42,8 @@ IN_POUNDS = 4.4482216152605  # N, of one pound-force
 FORCES = {
     "Load (gf)": 9.80665e-3, "Load (kgf)": 9.80665, "Load [lbf]": IN_POUNDS, "force_mN": 1e-3,
     "Fz_ozf": IN_POUNDS / 16.0, "Force/cN": 1e-2, "Fz (dN)": 0.1,
+    # What is no unit leaves the force in newtons.
+    "Force (filtered)": 1.0, "force_N (column 3)": 1.0, "Fz (tool)": 1.0, "fz_tool": 1.0,
 }  # fmt: skip
 MASSES = {
     "Load (g)": 9.80665e-3, "load_kg": 9.80665, "Load (lb)": IN_POUNDS, "Load [oz]": IN_POUNDS / 16,
@@ -56,22 +53,19 @@ HEADERS = FORCES | MASSES
 
 
 @pytest.mark.parametrize("header, size", HEADERS.items(), ids=HEADERS)
-def test_the_force_unit_that_a_header_states_is_read(header, size):
+def test_the_unit_that_a_header_states_is_read(header, size):
     contact = of_columns("penetration_m", header, size)
     np.testing.assert_allclose(contact.force, FORCE, rtol=1e-12)
     assert [remark.step for remark in contact.remarks] == ["units"] * (header in MASSES)
+    for inches, metres in {"depth_in": 25.4e-3, "Depth (mil)": 25.4e-6}.items():
+        contact = of_columns(inches, header, size, metres)
+        np.testing.assert_allclose(contact.penetration, DEPTH, rtol=1e-12)
 
 
-@pytest.mark.parametrize("header, size", {"depth_in": 25.4e-3, "Depth (mil)": 25.4e-6}.items())
-def test_inches_are_read(header, size):
-    contact = of_columns(header, "force_N", metres=size)
-    np.testing.assert_allclose(contact.penetration, DEPTH, rtol=1e-12)
+NO_FORCES = {"Load (counts)": "counts", "force_MPa": "MPa", "Force [%]": "%", "Fz (V)": "V"}
 
 
-@pytest.mark.parametrize(
-    "header, unit",
-    {"Load (counts)": "counts", "force_MPa": "MPa", "Force [%]": "%", "Fz (V)": "V"}.items(),
-)
+@pytest.mark.parametrize("header, unit", NO_FORCES.items())
 def test_a_unit_that_is_none_of_force_is_refused_with_the_option_that_states_it(header, unit):
     words = rf"r.csv: column {re.escape(repr(header))}: the force is in {unit}, .*--unit force=N"
     with pytest.raises(palpate.RecordingError, match=words):
@@ -80,21 +74,12 @@ def test_a_unit_that_is_none_of_force_is_refused_with_the_option_that_states_it(
     np.testing.assert_allclose(contact.force, FORCE, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "header", ["Force (filtered)", "force_N (column 3)", "Fz (tool)", "fz_tool"]
-)
-def test_what_is_no_unit_in_a_header_leaves_the_force_in_newtons(header):
-    np.testing.assert_array_equal(of_columns("penetration_m", header).force, FORCE)
-
-
 def test_each_component_of_a_force_is_in_its_own_unit():
     space = {f"p{axis}_m": DEPTH for axis in "xyz"}
     force = {"fx [N]": FORCE, "fy [mN]": 1e3 * FORCE, "fz [gf]": FORCE / 9.80665e-3}
     recording = palpate.Recording({"time_s": TIME, **space, **force})
-    columns = palpate.preparation.Columns(force=",".join(force))
-    signals = palpate.preparation.clocks.signals_of(
-        recording, palpate.preparation.roles_of(recording, columns)
-    )
+    roles = palpate.preparation.roles_of(recording, palpate.Columns(force=",".join(force)))
+    signals = palpate.preparation.clocks.signals_of(recording, roles)
     np.testing.assert_allclose(signals.force, np.column_stack([FORCE] * 3), rtol=1e-12)
 
 
@@ -110,13 +95,10 @@ def test_values_that_no_sensor_shows_are_no_numbers(channel):
     table = {"time_s": TIME, "penetration_m": 1e200 * DEPTH, "force_N": FORCE}
     with pytest.raises(palpate.RecordingError, match="no sample holds a number in"):
         palpate.identify(palpate.Recording(table))
-
-
-@pytest.mark.parametrize("size", [1e157, 1e300])
-def test_a_contact_of_absurd_size_is_refused_in_one_line(size):
-    contact = palpate.Contact(TIME, penetration=size * DEPTH, force=FORCE, velocity=0.0 * TIME)
-    with pytest.raises(palpate.RecordingError, match="the penetration reaches"):
-        palpate.identify(contact)
+    for size in (1e157, 1e300):
+        contact = palpate.Contact(TIME, penetration=size * DEPTH, force=FORCE, velocity=0.0 * TIME)
+        with pytest.raises(palpate.RecordingError, match="the penetration reaches"):
+            palpate.identify(contact)
 
 
 def test_a_turned_penetration_turns_its_velocity():
