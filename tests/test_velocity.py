@@ -96,20 +96,12 @@ def test_a_longer_window_lets_less_noise_through():
     assert quick / slow == pytest.approx((31.0 / 7.0) ** 1.5, rel=0.27)
 
 
-@pytest.mark.parametrize(
-    "sample_time, window, samples",
-    [
-        (1e-3, None, 15),
-        (1e-4, None, 15),  # never more than 15 samples
-        (2e-3, None, 7),  # never longer than 15 ms
-        (0.1, None, 5),  # never fewer than 5
-        (1e-3, 0.02, 21),
-        (1e-3, 0.021, 21),
-        (0.1, 0.02, 3),
-    ],
-)
-def test_a_window_has_an_odd_number_of_samples(sample_time, window, samples):
-    assert window_samples(sample_time, window) == samples
+def test_a_window_has_an_odd_number_of_samples():
+    """Never more than 15, longer than 15 ms or fewer than 5, unless its length is given."""
+    steps, samples = [1e-3, 1e-4, 2e-3, 0.1], [15, 15, 7, 5]
+    assert [window_samples(step, None) for step in steps] == samples
+    given = [window_samples(*each) for each in ((1e-3, 0.02), (1e-3, 0.021), (0.1, 0.02))]
+    assert given == [21, 21, 3]
 
 
 @pytest.mark.parametrize("window", [0.0, -0.01, math.nan, math.inf, "long"])
@@ -121,15 +113,14 @@ def test_a_window_that_is_no_length_of_time_is_refused(window):
 
 def clocks() -> dict[str, np.ndarray]:
     generator = np.random.default_rng(4)
-    steps = {
-        "even": np.full(3000, 1e-3),
-        "even, since 1970": np.full(3000, 1e-3),
-        "uneven": generator.uniform(3e-3, 19e-3, 3000),
-        "in bursts": np.where(generator.random(3000) < 0.05, 0.1, 1e-3),
-        "with pauses": np.where(generator.random(3000) < 2e-3, 50.0, 1e-3),
+    even, chance = np.full(3000, 1e-3), generator.random(3000)
+    return {
+        "even": 6.0 + np.cumsum(even),
+        "even, since 1970": 1.7e9 + np.cumsum(even),
+        "uneven": uneven(3000),
+        "in bursts": 6.0 + np.cumsum(np.where(chance < 0.05, 0.1, even)),
+        "with pauses": 6.0 + np.cumsum(np.where(chance < 2e-3, 50.0, even)),
     }
-    return {name: np.cumsum(step) + (1.7e9 if "1970" in name else 6.0)
-            for name, step in steps.items()}  # fmt: skip
 
 
 @pytest.mark.parametrize("width", [17, 18, 101, 999, 2999, 3000])
@@ -148,7 +139,6 @@ def test_a_wide_window_does_not_see_what_lies_outside_it():
     """A position of 1 km, far away, would spoil sums that run over the whole recording."""
     time = np.arange(20_000) * 1e-3
     x = 1e-3 * np.sin(time)
-    far = x.copy()
-    far[10_000:10_500] = 1e3
-    near = velocity_of(time, far, 0.2)[:9_000]
-    assert np.array_equal(near[:9_000], velocity_of(time, x, 0.2)[:9_000])
+    expected = velocity_of(time, x, 0.2)[:9_000]
+    x[10_000:10_500] = 1e3
+    assert np.array_equal(velocity_of(time, x, 0.2)[:9_000], expected)
