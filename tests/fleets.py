@@ -75,10 +75,9 @@ def mixed_touches(samples=400, seed=11):
         4e-3 + 1e-3 * np.sin(rate * time) + 5e-4 * np.sin(5.3 * rate * time),
         1e-3 * rate * np.cos(rate * time) + 2.65e-3 * rate * np.cos(5.3 * rate * time),
     )
-    light = tuple(0.05 * each for each in deep)
     made = {}
 
-    def touch(name, motion, law=LAW, noise=0.01):
+    def touch(name, motion=inside, law=LAW, noise=0.01):
         force = law.force(*motion) + random.normal(0.0, noise, samples)
         made[name] = [motion[0].copy(), motion[1].copy(), force]
         return made[name]
@@ -89,23 +88,21 @@ def mixed_touches(samples=400, seed=11):
     touch("never touches", (deep[0] - 1.0, deep[1]))
     touch("a hole", deep)[2][150:160] = np.nan
     touch("ends early", deep)[0][350:] = np.nan
-    touch("few samples", inside)[2][25:] = np.nan
-    touch("too short", inside)[2][3:] = np.nan
-    touch("nothing", inside)[0][:] = np.nan
-    touch("infinite", inside)[2][100] = np.inf
-    touch("absurd", inside)[2][100] = 1e200
-    touch("no velocity", inside)[1][100] = np.nan
-    touch("spiked", inside)[2][200] *= 3.0
-    touch("lost", inside)[0][200] += 0.02
-    ends = touch("out of range", inside)[2]
+    touch("few samples")[2][25:] = np.nan
+    touch("too short")[2][3:] = np.nan
+    touch("nothing")[0][:] = np.nan
+    touch("infinite")[2][100] = np.inf
+    touch("absurd")[2][100] = 1e200
+    touch("no velocity")[1][100] = np.nan
+    touch("spiked")[2][200] *= 3.0
+    touch("lost")[0][200] += 0.02
+    ends = touch("out of range")[2]
     np.minimum(ends, 0.9 * ends.max(), out=ends)
-    rounded = touch("rounded", inside)
-    rounded[2][:] = np.round(rounded[2], 1)
+    rounded = touch("rounded")[2]
+    rounded[:] = np.round(rounded, 1)
     touch("negative damping", inside, HuntCrossley(4000.0, -60.0, 1.3))
     touch("wrong sign of the velocity", (inside[0], -inside[1]))
-    touch("light", light, noise=3e-3)
-    touch("nothing but noise", inside, noise=100.0)
-    brief = touch("brief", inside)
-    brief[0][100:] = -1e-3
-    touch("uneven", inside)
+    touch("light", tuple(0.05 * each for each in deep), noise=3e-3)
+    touch("nothing but noise", noise=100.0)
+    touch("brief")[0][100:] = -1e-3
     return *(np.array(channel) for channel in zip(*made.values(), strict=True)), list(made)
