@@ -283,13 +283,15 @@ class Maker:
 Message = tuple[str, str, int, object]  # topic, type, time, message
 
 
-def wrenches_and_poses(given: Values, ros1: bool = False) -> list[Message]:
+def wrenches_and_poses(
+    given: Values, ros1: bool = False, frame: str = "sensor", pose: str = "/pose"
+) -> list[Message]:
     maker = Maker(ros1)
     found: list[Message] = []
-    for stamp, forces, pose in zip(given.stamps, given.wrenches, given.poses, strict=True):
-        time = int(stamp) + DELAY
-        found.append(("/ft", "geometry_msgs/WrenchStamped", time, maker.wrench(stamp, forces)))
-        found.append(("/pose", "geometry_msgs/PoseStamped", time, maker.pose(stamp, pose)))
+    for stamp, forces, place in zip(given.stamps, given.wrenches, given.poses, strict=True):
+        time, wrench = int(stamp) + DELAY, maker.wrench(stamp, forces, frame)
+        found.append(("/ft", "geometry_msgs/WrenchStamped", time, wrench))
+        found.append((pose, "geometry_msgs/PoseStamped", time, maker.pose(stamp, place)))
     return found
 
 

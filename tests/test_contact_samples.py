@@ -76,16 +76,16 @@ def test_firm_contact_is_updated_and_what_is_in_doubt_is_held():
 def test_free_air_tells_the_offset():
     motion = strokes(4.0)
     force = PVC.force(motion.x, motion.v) + 1.5 + white(len(motion), 5)
+    inside = motion.x > 0.0
     estimates = [
         fed(VariableProjection(scale=SCALE), part, f).estimate()
-        for part, f in ((motion, force), (Motion(*contact_of(motion)), force[motion.x > 0.0]))
+        for part, f in (
+            (motion, force),
+            (Motion(motion.x[inside], motion.v[inside]), force[inside]),
+        )
     ]
     assert abs(estimates[0].offset - 1.5) < 4.0 * estimates[0].offset_standard_error
     assert estimates[0].offset_standard_error < 0.8 * estimates[1].offset_standard_error
-
-
-def contact_of(motion: Motion):
-    return motion.x[motion.x > 0.0], motion.v[motion.x > 0.0]
 
 
 def test_an_untared_force_is_no_stiffness():
@@ -132,14 +132,13 @@ def test_what_an_encoders_zero_hides_is_in_the_error_bars():
     # Of the rounding, step/√12, which fourth differences see up to a quarter larger.
     assert 2.0 < suggested / (step / np.sqrt(12.0)) < 2.6
 
-    def away(deviation: float | None) -> float:
-        """Largest error, in standard errors."""
+    away = []  # the largest error, in standard errors
+    for deviation in (None, 1e-9):
         found = identify(contact, VariableProjection(surface_deviation=deviation)).estimate
         errors = np.abs(found.parameters - BALL.parameters) / found.standard_errors
-        return float(errors.max())
-
-    assert away(None) < 3.0
-    assert away(1e-9) > 4.0  # as free air says the offset to a millinewton
+        away.append(errors.max())
+    assert away[0] < 3.0
+    assert away[1] > 4.0  # as free air says the offset to a millinewton
     exact = recorded(motion, BALL.force(motion.x, motion.v))
     assert suggest_surface_deviation(exact) is not None  # a motion's own steps
     still = Contact(exact.time, penetration=0.0 * motion.x, velocity=motion.v, force=exact.force)
@@ -153,16 +152,15 @@ def test_a_tare_reaches_the_estimator_through_prepare_and_identify():
     force = BALL.force(x, v) + 0.7 + white(len(x), 9)
     arrays = {"time": SAMPLE_TIME * np.arange(len(x)), "penetration": x, "velocity": v}
     contact = prepare(**arrays, force=force, tare=(0.0, 0.9))
-    expected = NOISE / np.sqrt(901)
-    assert contact.tare_deviation == pytest.approx(expected, rel=0.3)
+    assert contact.tare_deviation == pytest.approx(NOISE / np.sqrt(901), rel=0.3)
     assert contact.window(0.5).tare_deviation == contact.tare_deviation
-    assert identify(contact).estimator.settings["offset_deviation"] == contact.tare_deviation
-    given = identify(contact, VariableProjection(offset_deviation=0.1)).estimator
-    assert given.settings["offset_deviation"] == 0.1
-    assert identify(prepare(**arrays, force=force)).estimator.settings["offset_deviation"] is None
-
-
-def test_the_lab_says_what_its_tare_left():
+    for touch, method, deviation in (
+        (contact, None, contact.tare_deviation),
+        (contact, VariableProjection(offset_deviation=0.1), 0.1),
+        (prepare(**arrays, force=force), None, None),
+    ):
+        found = identify(touch, *([] if method is None else [method]))
+        assert found.estimator.settings["offset_deviation"] == deviation
     contact = lab.Bench(lab.MATERIALS["ball"], lab.THREE_SINES, lab.IdealProbe()).run(1).contact
     # The mean of a pause of 0.05 N noise in steps of 1/8 N, and what those steps leave of it.
     assert 1e-3 < contact.tare_deviation < 6e-3
@@ -175,15 +173,10 @@ def test_identify_gives_variable_projection_no_force_gate_and_keeps_one_that_is_
     results = compare(contact)
     assert results["variable-projection"].estimator.settings["gate"] is None
     assert results["single-stage"].gate.make_force > 0.0
+    depths = [result.diagnosis.working_depth.depth for result in results.values()]
+    assert depths == pytest.approx([depths[0]] * len(depths), rel=0.02)
     gate = ContactGate(1e-3, 2.0)
     firm = (contact.penetration > 1e-3) & (contact.force > 2.0)
     taken = identify(contact, VariableProjection(gate=gate)).trace.taken
     assert not (taken & (contact.penetration <= 1e-3)).any()
     assert taken[firm].all()
-
-
-def test_the_working_depth_is_that_of_the_other_methods():
-    motion = strokes(2.0)
-    contact = recorded(motion, BALL.force(motion.x, motion.v) + white(len(motion), 11))
-    depths = [result.diagnosis.working_depth.depth for result in compare(contact).values()]
-    assert depths == pytest.approx([depths[0]] * len(depths), rel=0.02)

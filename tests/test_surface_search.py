@@ -29,7 +29,9 @@ from palpate import (
     Status,
     VariableProjection,
     identify,
-)
+)  # fmt: skip
+
+SEARCHING = VariableProjection(surface="estimate")
 
 
 def approached(seconds: float, surface: float, from_height: float = 3e-3) -> Motion:
@@ -56,7 +58,7 @@ def test_the_surface_of_the_phantom_is_found_within_40_micrometres(surface: floa
     motion = approached(20.0, surface)
     for seed in range(3):
         force = felt_below(PVC, motion, surface, seed, offset=0.1)
-        estimate = fed(VariableProjection(surface="estimate"), motion, force).estimate()
+        estimate = fed(SEARCHING.replace(), motion, force).estimate()
         assert abs(estimate.surface - surface) <= 40e-6
         # Four standard errors, of 12 numbers in all.
         assert abs(estimate.surface - surface) < 4.0 * estimate.surface_standard_error
@@ -69,9 +71,7 @@ def test_the_surface_of_the_phantom_is_found_within_40_micrometres(surface: floa
 def test_the_law_is_in_its_own_coordinate_and_predictions_in_the_penetrations(name: str) -> None:
     law, surface = MATERIALS[name], -0.7e-3
     motion = tapping(10.0, surface)
-    estimator = fed(
-        VariableProjection(surface="estimate"), motion, felt_below(law, motion, surface, 1)
-    )
+    estimator = fed(SEARCHING.replace(), motion, felt_below(law, motion, surface, 1))
     estimate = estimator.estimate()
     assert (np.abs(estimate.parameters - law.parameters) < 4 * estimate.standard_errors).all()
     depth = 8e-3
@@ -79,9 +79,8 @@ def test_the_law_is_in_its_own_coordinate_and_predictions_in_the_penetrations(na
     # A few of its standard deviations, the noise over the root of some thousand samples.
     assert predicted == pytest.approx(law.force(depth, 0.02), abs=0.2 * NOISE)
     assert estimator.predict(surface - 2e-3, 0.0) == pytest.approx(0.0, abs=0.2 * NOISE)
-    assert predicted == pytest.approx(
-        estimate.law.force(surface + depth - estimate.surface, 0.02) + estimate.offset, rel=1e-12
-    )
+    own = estimate.law.force(surface + depth - estimate.surface, 0.02) + estimate.offset
+    assert predicted == pytest.approx(own, rel=1e-12)
 
 
 def check_coverage(law: HuntCrossley, seeds: range) -> None:
@@ -91,7 +90,7 @@ def check_coverage(law: HuntCrossley, seeds: range) -> None:
         surface = np.random.default_rng(seed).uniform(-1e-3, 1e-3)
         motion = tapping(4.0, surface)
         force = felt_below(law, motion, surface, seed)
-        estimate = fed(VariableProjection(surface="estimate"), motion, force).estimate()
+        estimate = fed(SEARCHING.replace(), motion, force).estimate()
         inside += abs(estimate.surface - surface) < 1.96 * estimate.surface_standard_error
         laws += np.abs(estimate.parameters - law.parameters) < 1.96 * estimate.standard_errors
     low = binom.ppf(0.001, len(seeds), 0.95)
@@ -116,18 +115,19 @@ def test_the_error_bar_of_the_surface_is_true_over_many_seeds(name: str) -> None
 
 def test_a_surface_beyond_the_range_is_flagged() -> None:
     motion = tapping(5.0, 1e-3)
-    estimator = VariableProjection(surface="estimate", surface_range=(-0.5e-3, 0.5e-3))
-    estimate = fed(estimator, motion, felt_below(PVC, motion, 1e-3, 2)).estimate()
-    assert any(flag.startswith("surface at the edge") for flag in estimate.flags)
+    force = felt_below(PVC, motion, 1e-3, 2)
+    estimator = SEARCHING.replace(surface_range=(-0.5e-3, 0.5e-3))
+    flags = fed(estimator, motion, force).estimate().flags
+    assert any(flag.startswith("surface at the edge") for flag in flags)
     wider = estimator.replace(surface_range=(-0.5e-3, 2e-3))
-    assert not fed(wider, motion, felt_below(PVC, motion, 1e-3, 2)).estimate().flags
+    assert not fed(wider, motion, force).estimate().flags
 
 
 def test_identify_finds_the_surface_of_a_contact_with_free_approach() -> None:
     surface = 0.4e-3
     motion = approached(5.0, surface)
     contact = contact_of(motion, felt_below(PVC, motion, surface, 3))
-    result = identify(contact, VariableProjection(surface="estimate"))
+    result = identify(contact, SEARCHING)
     assert abs(result.estimate.surface - surface) < 4.0 * result.estimate.surface_standard_error
     assert result.as_dict()["surface"] == result.estimate.surface
     # A fit to all samples leaves the noise: the force is 8 N in the mean.
@@ -144,9 +144,9 @@ def test_segments_of_one_contact_are_separated_without_inventing_a_sample() -> N
     force = felt_below(MATERIALS["ball"], motion, surface, 4)
     segments = np.arange(len(motion)) // 40
     contact = contact_of(motion, force, segment=segments)
-    result = identify(contact, VariableProjection(surface="estimate"))
+    result = identify(contact, SEARCHING)
     assert result.estimate.samples == np.count_nonzero(result.trace.taken)
-    whole = identify(contact_of(motion, force), VariableProjection(surface="estimate"))
+    whole = identify(contact_of(motion, force), SEARCHING)
     # Time steps differ at the borders, but nothing is forgotten.
     assert np.array_equal(result.estimate.parameters, whole.estimate.parameters)
     assert result.estimate.surface == whole.estimate.surface
@@ -158,20 +158,17 @@ def test_a_contact_without_free_approach_is_refused_in_plain_words(rise: float) 
     deeper = Motion(motion.x + rise, motion.v)
     contact = contact_of(deeper, felt_below(PVC, deeper, 0.0, 5), source="pressed.csv")
     with pytest.raises(RecordingError, match=r"pressed\.csv: .*surface.*free approach") as refusal:
-        identify(contact, VariableProjection(surface="estimate"))
+        identify(contact, SEARCHING)
     assert "0 of 2000 samples" in str(refusal.value)
     assert identify(contact).law.exponent > 0.0  # with the surface known there is no such need
-
-
-def test_a_short_free_approach_is_enough_and_a_shorter_one_is_refused() -> None:
     motion = approached(2.0, 0.0, from_height=3e-3)
     force = felt_below(PVC, motion, 0.0, 6)
     touch = int(np.argmax(motion.x > 0.0))
     # The surface is known to some ten samples of this approach (13 µm each).
     enough, few = slice(touch - 60, None), slice(touch - 5, None)
-    identify(contact_of(motion[enough], force[enough]), VariableProjection(surface="estimate"))
+    identify(contact_of(motion[enough], force[enough]), SEARCHING)
     with pytest.raises(RecordingError, match="at least 20"):
-        identify(contact_of(motion[few], force[few]), VariableProjection(surface="estimate"))
+        identify(contact_of(motion[few], force[few]), SEARCHING)
 
 
 def test_the_approach_counts_without_positive_force_and_far_away_it_does_not() -> None:
@@ -183,26 +180,23 @@ def test_the_approach_counts_without_positive_force_and_far_away_it_does_not() -
     assert estimator.estimate().samples == 2
 
 
+NEEDLE = Scale(1e-6, 1.0, 1.0)
+
+
 @pytest.mark.parametrize(
     "settings, message",
     [
         ({"surface": "search"}, "surface must be 'estimate' or None, not 'search'"),
         ({"surface": 0.0}, "surface must be 'estimate' or None, not 0.0"),
-        ({"surface_range": (-1e-3, 1e-3)}, "surface_range is for surface='estimate'"),
-        ({"surface": "estimate", "surface_range": (1e-3, -1e-3)}, "surface_range .* holds nothing"),
-        ({"surface": "estimate", "surface_range": (1e-3, 1e-3)}, "surface_range .* holds nothing"),
-        ({"surface": "estimate", "surface_range": (0.0, 0.06)}, r"surface_range must be in .*0.06"),
-        (
-            {"surface": "estimate", "surface_range": 1e-3},
-            r"surface_range must be \(lowest, highest",
-        ),
-        ({"surface": "estimate", "surface_range": (0.0, np.nan)}, "surface_range must be finite"),
-        (
-            {"surface": "estimate", "surface_range": (0.0, 1e-3), "scale": Scale(1e-6, 1.0, 1.0)},
-            r"surface_range must be in \[-5e-06, 5e-06\], not 0.001",
-        ),
+        ({"surface": None, "surface_range": (-1e-3, 1e-3)}, "_range is for surface='estimate'"),
+        ({"surface_range": (1e-3, -1e-3)}, "surface_range .* holds nothing"),
+        ({"surface_range": (1e-3, 1e-3)}, "surface_range .* holds nothing"),
+        ({"surface_range": (0.0, 0.06)}, r"surface_range must be in .*0.06"),
+        ({"surface_range": 1e-3}, r"surface_range must be \(lowest, highest"),
+        ({"surface_range": (0.0, np.nan)}, "surface_range must be finite"),
+        ({"surface_range": (0.0, 1e-3), "scale": NEEDLE}, r"in \[-5e-06, 5e-06\], not 0.001"),
     ],
 )
 def test_a_wrong_surface_setting_is_named_with_its_value(settings: dict, message: str) -> None:
     with pytest.raises(InvalidParameterError, match=message):
-        VariableProjection(**settings)
+        VariableProjection(**{"surface": "estimate", **settings})
