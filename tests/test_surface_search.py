@@ -29,7 +29,7 @@ from palpate import (
     Status,
     VariableProjection,
     identify,
-)  # fmt: skip
+)
 
 SEARCHING = VariableProjection(surface="estimate")
 
