@@ -148,8 +148,7 @@ def test_single_messages_that_are_not_of_their_type_are_counted(tmp_path) -> Non
         ("/ft", int(stamp), files.cdr_wrench(stamp, row)[: 40 if k % 50 == 7 else None])
         for k, (stamp, row) in enumerate(zip(GIVEN.stamps, GIVEN.wrenches, strict=True))
     ]
-    kind = ("cdr", "ros2msg", "geometry_msgs/msg/WrenchStamped", files.WRENCH.encode())
-    path = files.raw_mcap(tmp_path / "a.mcap", messages, {"/ft": kind})
+    path = files.raw_mcap(tmp_path / "a.mcap", messages, {"/ft": files.WRENCH})
     found = open_recording(path)
     assert len(found.channels[FIRST]) == len(GIVEN) - 6
     assert any("6 of 300 messages could not be decoded" in each for each in found.losses)

@@ -12,7 +12,7 @@ from palpate.recordings.messages import containers
 
 GIVEN = files.values(60)
 MAKER = files.Maker()
-WRENCH = ("cdr", "ros2msg", "geometry_msgs/msg/WrenchStamped", files.WRENCH.encode())
+WRENCH = files.WRENCH
 
 
 def bag(tmp_path, topic: str, kind: str, *messages, others=()):
