@@ -56,18 +56,6 @@ def test_a_refused_sample_neither_makes_contact_nor_loses_it(kind):
     assert touching.update(10e-3, 0.0, 0.9) is Status.UPDATED
 
 
-def test_an_estimate_is_held_outside_contact_however_long(kind, noisy):
-    estimator = kind(gate=GATE, forgetting=ConstantForgetting(0.9))
-    estimator.replay(*noisy.arrays)
-    before = knowledge(estimator)
-    trace = estimator.replay(*np.tile(np.array(FREE)[:, None], 50_000))
-    assert np.all(trace.status == Status.HELD)
-    after = knowledge(estimator)
-    assert after[:4] == before[:4]
-    assert after[5:] == before[5:]
-    assert np.all(trace.parameters == estimator.estimate().parameters)
-
-
 def with_free_time(signals: Signals, where: int, samples: int) -> list[np.ndarray]:
     given = zip(signals.arrays, FREE, strict=True)
     return [np.insert(channel, where, np.full(samples, value)) for channel, value in given]

@@ -4,23 +4,13 @@ import numpy as np
 import pytest
 from probing import BALL, NOISE, PVC, SAMPLE_TIME, Motion, clock, fed, white
 
-from palpate import (
-    Contact,
-    ContactGate,
-    HuntCrossley,
-    Scale,
-    Status,
-    VariableProjection,
-    compare,
-    identify,
-    lab,
-    prepare,
-)
+import palpate
+from palpate import Contact, Scale, Status, VariableProjection, identify, lab
 from palpate.design.excitation import cramer_rao_bound
 from palpate.preparation.resolution import suggest_surface_deviation
 
 SCALE = Scale(10e-3, 0.1, 20.0)
-GEL = HuntCrossley(5e4, 1.5e5, 2.2)
+GEL = palpate.HuntCrossley(5e4, 1.5e5, 2.2)
 OFFSET = "offset beyond"
 
 
@@ -151,17 +141,17 @@ def test_a_tare_reaches_the_estimator_through_prepare_and_identify():
     v = np.concatenate([0.0 * rest, motion.v])
     force = BALL.force(x, v) + 0.7 + white(len(x), 9)
     arrays = {"time": SAMPLE_TIME * np.arange(len(x)), "penetration": x, "velocity": v}
-    contact = prepare(**arrays, force=force, tare=(0.0, 0.9))
+    contact = palpate.prepare(**arrays, force=force, tare=(0.0, 0.9))
     assert contact.tare_deviation == pytest.approx(NOISE / np.sqrt(901), rel=0.3)
     assert contact.window(0.5).tare_deviation == contact.tare_deviation
     for touch, method, deviation in (
         (contact, None, contact.tare_deviation),
         (contact, VariableProjection(offset_deviation=0.1), 0.1),
-        (prepare(**arrays, force=force), None, None),
+        (palpate.prepare(**arrays, force=force), None, None),
     ):
         found = identify(touch, *([] if method is None else [method]))
         assert found.estimator.settings["offset_deviation"] == deviation
-    contact = lab.Bench(lab.MATERIALS["ball"], lab.THREE_SINES, lab.IdealProbe()).run(1).contact
+    contact = lab.Bench(lab.BALL, lab.THREE_SINES, lab.IdealProbe()).run(1).contact
     # The mean of a pause of 0.05 N noise in steps of 1/8 N, and what those steps leave of it.
     assert 1e-3 < contact.tare_deviation < 6e-3
 
@@ -170,12 +160,12 @@ def test_identify_gives_variable_projection_no_force_gate_and_keeps_one_that_is_
     motion = strokes(2.0)
     contact = recorded(motion, BALL.force(motion.x, motion.v) + white(len(motion), 10))
     assert identify(contact).estimator.settings["gate"] is None
-    results = compare(contact)
+    results = palpate.compare(contact)
     assert results["variable-projection"].estimator.settings["gate"] is None
     assert results["single-stage"].gate.make_force > 0.0
     depths = [result.diagnosis.working_depth.depth for result in results.values()]
     assert depths == pytest.approx([depths[0]] * len(depths), rel=0.02)
-    gate = ContactGate(1e-3, 2.0)
+    gate = palpate.ContactGate(1e-3, 2.0)
     firm = (contact.penetration > 1e-3) & (contact.force > 2.0)
     taken = identify(contact, VariableProjection(gate=gate)).trace.taken
     assert not (taken & (contact.penetration <= 1e-3)).any()

@@ -77,6 +77,7 @@ def test_a_number_is_the_one_that_python_reads(tmp_path, parser, odd):
 # Some 40 kB: several of the blocks below, which a test makes small.
 ROWS = [[repr(0.25 * k), f"{k}", repr(1.0 / (k + 1))] for k in range(1500)]
 WHOLE = text_of(ROWS)
+STAMPS = "time,x\n" + "".join(f"{1700000000000000001 + k},{k}\n" for k in range(1500))
 
 
 def with_line(whole: str, number: int, line: str) -> str:
@@ -84,50 +85,27 @@ def with_line(whole: str, number: int, line: str) -> str:
     return "".join([*lines[:number], line + "\n", *lines[number:]])
 
 
-def quoted(whole: str, delimiter: str = ",") -> str:
-    return "".join(
-        delimiter.join(f'"{cell}"' for cell in line.split(",")) + "\n"
-        for line in whole.splitlines()
-    )
-
-
+QUOTED = "".join('"' + line.replace(",", '","') + '"\n' for line in WHOLE.splitlines())
+# A word, rows too short and too long, an empty cell, a blank line, what only looks like a number.
+ODD = ["x,1,2", "1,2", "1,2,3,4", "1,,2", "", " 1 , 2 ,\t3", "1,2 3,4", "1_0,2,3", "0x10,2,3",
+       "nan(1),2,3", "1d5,2,3", "fain,Inf,NAN", "-,+,.", "\N{ARABIC-INDIC DIGIT ONE},2,3",
+       "1e999,2,3", '"1","2","3"', '"1","2\n","3"', '"1,2,3']  # fmt: skip
+ODD_QUOTED = ['"1","2",3', '"1","2""5","3"', '"1","2,3"', '"1","2\n","3"']
 CORPUS = {
-    "quotation marks": quoted(WHOLE),
-    "quoted decimal commas": quoted(WHOLE).replace(".", ","),
-    "quoted decimal commas and semicolons": quoted(WHOLE, ";").replace(".", ","),
-    "quotation marks, but for a row": with_line(quoted(WHOLE), 900, '"1","2",3'),
-    "a quotation mark in a number": with_line(quoted(WHOLE), 900, '"1","2""5","3"'),
-    "a comma in a quotation": with_line(quoted(WHOLE), 900, '"1","2,3"'),
-    "a line end in a quotation": with_line(quoted(WHOLE), 900, '"1","2\n","3"'),
     "plain numbers": WHOLE,
-    "a word": with_line(WHOLE, 900, "x,1,2"),
-    "a short row": with_line(WHOLE, 900, "1,2"),
-    "a long row": with_line(WHOLE, 900, "1,2,3,4"),
-    "an empty cell": with_line(WHOLE, 900, "1,,2"),
-    "a blank line": with_line(WHOLE, 900, ""),
-    "spaces": with_line(WHOLE, 900, " 1 , 2 ,\t3"),
-    "two numbers in a cell": with_line(WHOLE, 900, "1,2 3,4"),
-    "an underscore": with_line(WHOLE, 900, "1_0,2,3"),
-    "hexadecimal": with_line(WHOLE, 900, "0x10,2,3"),
-    "a number of C": with_line(WHOLE, 900, "nan(1),2,3"),
-    "Fortran's": with_line(WHOLE, 900, "1d5,2,3"),
-    "letters of nan": with_line(WHOLE, 900, "fain,Inf,NAN"),
-    "only signs": with_line(WHOLE, 900, "-,+,."),
-    "a quotation": with_line(WHOLE, 900, '"1","2","3"'),
-    "a quotation over lines": with_line(WHOLE, 900, '"1","2\n","3"'),
-    "a quotation without an end": with_line(WHOLE, 900, '"1,2,3'),
-    "digits of other scripts": with_line(WHOLE, 900, "\N{ARABIC-INDIC DIGIT ONE},2,3"),
-    "too large a number": with_line(WHOLE, 900, "1e999,2,3"),
+    "quotation marks": QUOTED,
+    "quoted decimal commas": QUOTED.replace(".", ","),
+    "quoted decimal commas and semicolons": QUOTED.replace('","', '";"').replace(".", ","),
+    **{f"one row {line!r}": with_line(WHOLE, 900, line) for line in ODD},
+    **{f"quoted, one row {line!r}": with_line(QUOTED, 900, line) for line in ODD_QUOTED},
     "semicolons": WHOLE.replace(",", ";"),
     "decimal commas": WHOLE.replace(",", ";").replace(".", ","),
     "runs of spaces": WHOLE.replace(",", "   "),
     "carriage returns": WHOLE.replace("\n", "\r\n"),
     "doubled carriage returns": WHOLE.replace("\n", "\r\r\n"),
     "a column of words": WHOLE.replace("\n", ",load\n"),
-    "nanoseconds": "time,x\n" + "".join(f"{1700000000000000001 + k},{k}\n" for k in range(1500)),
-    "a bad nanosecond": with_line(
-        "time,x\n" + "".join(f"{1700000000000000001 + k},{k}\n" for k in range(1500)), 900, "x,1"
-    ),
+    "nanoseconds": STAMPS,
+    "a bad nanosecond": with_line(STAMPS, 900, "x,1"),
 }  # fmt: skip
 
 

@@ -99,13 +99,6 @@ def test_the_covariance_has_the_standard_errors_and_keeps_the_correlations(ball)
     assert ball.correlations[0, 2] > 0.9  # K and n of a power law
 
 
-def test_the_trace_has_the_clock_of_the_contact(ball):
-    assert np.array_equal(ball.trace.time, ball.contact.time[ball.trace.after])
-    full = palpate.identify(ball.contact, trace="full").trace
-    assert np.array_equal(full.time, ball.contact.time)
-    assert np.array_equal(full[10:20].time, ball.contact.time[10:20])
-
-
 @pytest.mark.parametrize("method", palpate.ESTIMATORS)
 def test_an_estimate_knows_stiffness_and_damping_with_their_errors(method):
     signals = exciting(HARD, seconds=2.0, noise=0.05, seed=4)
