@@ -88,9 +88,6 @@ def test_axes_are_normals_and_what_is_no_normal_is_refused():
     for wrong in ("w", "", "1,2", "0,0,0", "a,b,c", (1, 2), 7, "nan,0,1"):
         with pytest.raises(InvalidParameterError, match="normal must be x, y, z, -x"):
             prepare(table_of(hand(1.0)), normal=wrong)
-
-
-def test_forces_within_the_noise_have_no_normal():
     noise = np.random.default_rng(1).standard_normal((500, 3))
     with pytest.raises(RecordingError, match=r"--normal z"):
         normal_found(noise, np.zeros((500, 3)))
@@ -206,9 +203,6 @@ def test_no_free_time_is_found_where_there_is_none():
     assert "an assumption" in said["surface"].sentence
     with pytest.raises(RecordingError, match="never seen out of contact"):
         prepare(table_of(hand(motion=motion)), tare="find")
-
-
-def test_a_time_to_tare_in_is_taken():
     contact = prepare(table_of(hand(4.0)), tare=(0.0, 0.03))
     assert contact.prepared.zero == pytest.approx(BIAS, abs=5 * NOISE / math.sqrt(30))
     with pytest.raises(RecordingError, match="no sample between 90 s and 91 s"):

@@ -28,7 +28,9 @@ def test_units_bring_channels_to_si():
 def test_a_unit_given_has_the_last_word_over_the_recordings():
     channels = {"time_s": TIME, "penetration_m": 1e3 * DEPTH, "force_N": FORCE}
     recording = palpate.Recording(channels, units={"penetration_m": "mm"})
-    np.testing.assert_allclose(palpate.prepare(recording).penetration, DEPTH)
+    contact = palpate.prepare(recording)
+    np.testing.assert_allclose(contact.penetration, DEPTH)
+    assert contact.provenance["penetration"] == "column 'penetration_m', in mm"
     contact = palpate.prepare(recording, units={"position": "um"})
     np.testing.assert_allclose(contact.penetration, 1e-3 * DEPTH)
 

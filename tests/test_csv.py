@@ -31,33 +31,25 @@ def test_a_good_file_is_read_to_the_last_bit_and_says_how_each_channel_was_made(
 
 
 def test_a_recording_holds_what_the_file_says_and_no_more(tmp_path):
-    text = "# probe: 7\n" + text_of([["0", "1", "2", "a", "5"], ["1", "1", "3", "", "6"]],
-                                    (*HEADER, "remark", "gain"))  # fmt: skip
-    read = open_recording(written(tmp_path / "r.csv", text))
-    assert {name: channel.tolist() for name, channel in read.channels.items()} == {
+    header = (*HEADER, "remark", "gain", "gain")
+    rows = [["0", "1", "2", "a" * 100_000, "5", "7"], *[["1", "1", "3", "", "6", "8"]] * 3]
+    path = written(tmp_path / "r.csv", "# probe: 7\n" + text_of(rows, header))
+    read = open_recording(path)
+    assert {name: channel[:2].tolist() for name, channel in read.channels.items()} == {
         "time_s": [0.0, 1.0],
         "penetration_m": [1.0, 1.0],
         "force_N": [2.0, 3.0],
-        "remark": ["a", ""],
-        "gain": [5.0, 6.0],
+        "remark": ["a" * 100_000, ""],
+        # Columns of one name are told apart by their place.
+        "gain (column 5)": [5.0, 6.0],
+        "gain (column 6)": [7.0, 8.0],
     }
+    assert read.channels["remark"].nbytes < 1000  # a long cell of text widens no other
     assert read.units == {"time_s": "s", "penetration_m": "m", "force_N": "N"}
     assert read.notes == {"probe": "7"}
-    assert read.source == str(tmp_path / "r.csv")
-    assert list(read.rows) == [3, 4]
-
-
-def test_columns_of_one_name_are_told_apart_by_their_place(tmp_path):
-    path = written(tmp_path / "t.csv", text_of([["0", "1", "2", "3"]], (*HEADER, "force_N")))
-    read = open_recording(path)
-    assert list(read.channels)[2:] == ["force_N (column 3)", "force_N (column 4)"]
-    assert prepare(path, columns=Columns(force="force_N (column 4)")).force == 3.0
-
-
-def test_a_long_cell_of_text_widens_no_other(tmp_path):
-    rows = [["0", "1", "2", "x" * 100_000]] + [["1", "1", "2", "y"]] * 3
-    read = open_recording(written(tmp_path / "l.csv", text_of(rows, (*HEADER, "remark"))))
-    assert read.channels["remark"].nbytes < 1000
+    assert read.source == str(path)
+    assert list(read.rows) == [3, 4, 5, 6]
+    assert prepare(path, columns=Columns(force="gain (column 6)")).force[0] == 7.0
 
 
 def test_columns_of_other_names_are_mapped_in_any_order(tmp_path):
@@ -93,6 +85,11 @@ def test_not_a_number_is_a_value_that_is_not_known(tmp_path):
     assert math.isnan(contact.force[4])
     assert math.isnan(contact.penetration[5])
     assert np.isfinite(contact.force).sum() == 599
+    # A last number need not end its line.
+    text = text_of([[f"{k}", "1", "2.5" if k == 50 else "2.25"] for k in range(99)])
+    for last in ("99,1,2.5", "99,1,-2.25"):
+        read = open_recording(written(tmp_path / "l.csv", text + last))
+        assert (len(read.rows), list(read.losses)) == (100, [])
 
 
 def changed(row: int, column: int, value: str) -> str:
@@ -113,13 +110,7 @@ def with_row(row: int, *cells: str) -> str:
     return text_of(rows)
 
 
-def test_a_last_number_need_not_end_its_line(tmp_path):
-    text = text_of([[f"{k}", "1", "2.5" if k == 50 else "2.25"] for k in range(99)])
-    for last in ("99,1,2.5", "99,1,-2.25"):
-        read = open_recording(written(tmp_path / "l.csv", text + last))
-        assert (len(read.rows), list(read.losses)) == (100, [])
-
-
+REMARKED = (*HEADER, "remark")
 NOISE = bytes((37 * k * k + k) % 256 for k in range(5000))
 # Content, and the words that the one line must hold beside the file's name.
 BAD_FILES = {
@@ -133,6 +124,11 @@ BAD_FILES = {
     "with a column twice": (
         text_of([["0", "1", "2", "3"]], (*HEADER, "force_N")),
         ["2 could be the force", "force_N (column 3), force_N (column 4)"],
+    ),
+    # What follows a remark of two lines stands a line further down.
+    "with time running back behind two lines": (
+        text_of([["0", "1", "1", '"two\nlines"'], ["1", "1", "1"], ["0.5", "1", "1"]], REMARKED),
+        ["row 5: 0.5 s runs back"],
     ),
     "with time running back": (changed(30, 0, "0.0285"), ["'time_s'", "row 32", "from 0.029 s"]),
     "with a time repeated": (changed(30, 0, "0.029"), ["'time_s'", "row 32", "repeats"]),
@@ -229,20 +225,6 @@ def test_a_bad_file_is_refused_by_file_column_and_row(tmp_path, content, words):
         assert word in message
     assert len(message) < 600 + len(str(path))
     assert message.replace(str(path), "").isprintable()
-
-
-@pytest.mark.parametrize("name", ["velocity", "segment"])
-def test_a_column_that_was_asked_for_has_to_exist(tmp_path, name):
-    with pytest.raises(RecordingError, match="no column 'mine'"):
-        prepare(recording(tmp_path), columns=Columns(**{name: "mine"}))
-
-
-def test_rows_are_counted_in_lines_of_the_file(tmp_path):
-    """A remark of two lines: what follows stands a line further down."""
-    rows = [["0", "1", "1", '"two\nlines"'], ["1", "1", "1", ""], ["0.5", "1", "1", ""]]
-    path = written(tmp_path / "q.csv", text_of(rows, (*HEADER, "remark")))
-    with pytest.raises(RecordingError, match=r"row 5: 0\.5 s runs back"):
-        prepare(path, strict=True)
 
 
 @pytest.mark.skipif(sys.platform in ("darwin", "win32"), reason="file names are text there")

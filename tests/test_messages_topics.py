@@ -28,12 +28,11 @@ def wrenches(tmp_path, make):
     return open_recording(files.raw_mcap(tmp_path / "a.mcap", messages, {"/ft": WRENCH}))
 
 
-def cdr(tmp_path, definition: str, bodies: list[bytes], topic: str = "/own", **settings):
+def cdr(tmp_path, definition: str, bodies: list[bytes], form: str = "ros2msg"):
     """Messages of a type of one's own, in CDR."""
-    schema = ("cdr", "ros2msg", "own_msgs/msg/Own", definition.encode())
-    messages = [(topic, files.BEGIN + k, b"\0\1\0\0" + body) for k, body in enumerate(bodies)]
-    path = files.raw_mcap(tmp_path / "own.mcap", messages, {topic: schema}, **settings)
-    return open_recording(path)
+    schema = ("cdr", form, "own_msgs/msg/Own", definition.encode())
+    messages = [("/own", files.BEGIN + k, b"\0\1\0\0" + body) for k, body in enumerate(bodies)]
+    return open_recording(files.raw_mcap(tmp_path / "own.mcap", messages, {"/own": schema}))
 
 
 def test_each_pair_of_frames_of_tf_has_channels_and_a_clock_of_its_own(tmp_path) -> None:
@@ -52,13 +51,10 @@ def test_each_pair_of_frames_of_tf_has_channels_and_a_clock_of_its_own(tmp_path)
         assert found.frames[f"{above}.transform.rotation.w"] == "base"
         assert found.units[f"{above}.transform.translation.x"] == "m"
     assert not found.faults
-
-
-def test_a_transform_that_a_message_holds_twice_has_two_rows(tmp_path) -> None:
+    # Of one that a message holds twice there are two rows.
     message = MAKER.transforms(GIVEN.stamps[0], GIVEN.poses[0], *[("base", "tool")] * 2)
-    found = bag(tmp_path, "/tf", "tf2_msgs/TFMessage", *[message] * 3)
-    times = GIVEN.stamps[:3].repeat(2)
-    assert found.channels["/tf[base>tool].log_time"].tolist() == times.tolist()
+    path = files.rosbag2(tmp_path / "twice", [("/tf", "tf2_msgs/TFMessage", 5, message)] * 3)
+    assert open_recording(path).channels["/tf[base>tool].log_time"].tolist() == [5] * 6
 
 
 def test_joints_are_named_and_stay_themselves_when_their_order_changes(tmp_path) -> None:
@@ -118,9 +114,7 @@ def test_messages_of_both_orders_of_bytes_may_be_mixed(tmp_path) -> None:
     )
     assert found.channels["/ft.wrench.torque.y"].tobytes() == GIVEN.wrenches[:, 4].tobytes()
     assert (found.channels["/ft.header.stamp"] == GIVEN.stamps).all()
-
-
-def test_stamps_that_are_all_zero_are_no_clock(tmp_path) -> None:
+    # Stamps that are all zero are no clock.
     found = wrenches(tmp_path, lambda _, stamp, row: files.cdr_wrench(0, row))
     assert found.clocks["/ft.wrench.force.x"] == "/ft.log_time"
     assert not found.channels["/ft.header.stamp"].any()
@@ -149,14 +143,11 @@ def test_numbers_keep_their_type_and_their_alignment(tmp_path) -> None:
 
 
 def test_definitions_in_idl_are_read(tmp_path) -> None:
-    text = b"""================================================================================
+    text = f"""{"=" * 80}
 IDL: own_msgs/msg/Own
-module own_msgs { module msg { struct Own { double force; sequence<float> list; }; }; };
+module own_msgs {{ module msg {{ struct Own {{ double force; sequence<float> list; }}; }}; }};
 """
-    body = b"\0\1\0\0" + struct.pack("<dI2f", 1.5, 2, 0.5, 0.25)
-    schema = {"/own": ("cdr", "ros2idl", "own_msgs/msg/Own", text)}
-    path = files.raw_mcap(tmp_path / "a.mcap", [("/own", k, body) for k in range(3)], schema)
-    found = open_recording(path)
+    found = cdr(tmp_path, text, [struct.pack("<dI2f", 1.5, 2, 0.5, 0.25)] * 3, "ros2idl")
     assert found.channels["/own.force"].tolist() == [1.5] * 3
     assert found.channels["/own.list[1]"].tolist() == [0.25] * 3
 

@@ -1,6 +1,5 @@
 """From a recording, a file, a frame or arrays to a contact: one way, the same numbers."""
 
-import dataclasses
 import math
 import pickle
 import sys
@@ -181,18 +180,10 @@ def test_a_recordings_channels_are_arrays_without_a_mask():
     assert list(contact.provenance) == ["velocity"]
 
 
-def test_a_unit_is_converted_and_one_that_is_not_known_refused_by_column():
-    milli = prepare(dataclasses.replace(recorded(), units={"force_N": "mN"}))
-    np.testing.assert_array_equal(milli.force, 1e-3 * prepare(recorded()).force)
-    assert milli.provenance["force"] == "column 'force_N', in mN"
-    pressure = dataclasses.replace(recorded(), units={"force_N": "MPa"})
-    with pytest.raises(RecordingError, match=r"probe.bag: column 'force_N': the force is in MPa"):
-        prepare(pressure)
-
-
 def test_a_column_that_is_not_there_is_an_error_that_can_be_asked():
-    with pytest.raises(MissingChannelError) as caught:
-        prepare(recorded(), columns=Columns(force="Fz"))
+    for role in ("velocity", "segment", "force"):
+        with pytest.raises(MissingChannelError) as caught:
+            prepare(recorded(), columns=Columns(**{role: "Fz"}))
     error = caught.value
     assert (error.channel, error.available) == ("Fz", list(TABLE))
     assert str(error) == ("probe.bag: no column 'Fz'; there are time_s, penetration_m, force_N")

@@ -126,9 +126,7 @@ def test_units_are_given_one_by_one_or_together(run, tmp_path):
     assert one[0] == 0
     status, _, err = run("identify", path, "--unit", "penetration")
     assert (status, err.count("\n")) == (2, 1)
-
-
-def test_a_velocity_column_can_be_left_out(run, tmp_path):
+    # And a velocity column can be left out.
     rows = [[*row, "0.0"] for row in rows_of()]
     path = written(tmp_path / "v.csv", text_of(rows, (*HEADER, "velocity_m_s")))
     _, out, _ = run("identify", path, "--json", "--velocity", "none")
