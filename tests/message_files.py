@@ -1,6 +1,5 @@
 """Recordings of messages, written by the packages that people record with."""
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -89,12 +88,6 @@ def raw_mcap(
             writer.add_message(numbers[topic], time, data, time)
         writer.finish()
     return path
-
-
-def json_mcap(path: Path, objects: list[object], topic: str = "/json") -> Path:
-    """MCAP of JSON."""
-    texts = [(topic, BEGIN + k, json.dumps(each).encode()) for k, each in enumerate(objects)]
-    return raw_mcap(path, texts, {topic: ("json", "jsonschema", "Any", b"{}")})
 
 
 def protobuf_class(syntax: str = "proto3") -> Callable[..., object]:
