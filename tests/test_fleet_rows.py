@@ -107,13 +107,14 @@ def test_arrays_are_fitted_together_as_the_recursion_fits_each():
         assert_at_depth(row)
 
 
-def fitted(x, v, f, **options):
-    options = {
-        "diagnosis": "none",
-        **({} if "time" in options else {"sample_time": STEP}),
-        **options,
-    }
+def fitted(x, v, f, surface=None, **options):
+    clock = {} if "time" in options else {"sample_time": STEP}
+    options = {"method": searching(surface), "diagnosis": "none", **clock, **options}
     return identify_many(penetration=x, velocity=v, force=f, **options).to_pylist()
+
+
+def searching(surface="estimate", **settings):
+    return VariableProjection(surface=surface, **settings)
 
 
 def one(x, v, f):
@@ -128,37 +129,35 @@ def assert_at_depth(row):
     assert error < 0.02 * expected
 
 
-# Broken contacts among the rows of arrays: none spoils another, and none lies.
-METHODS = [VariableProjection(), VariableProjection(surface="estimate")]
-searching_or_not = pytest.mark.parametrize("method", METHODS, ids=["known", "estimate"])
+searching_or_not = pytest.mark.parametrize("surface", [None, "estimate"])
 
 
 @searching_or_not
-def test_a_row_that_says_nothing_says_so_and_spoils_no_other(method):
+def test_a_row_that_says_nothing_says_so_and_spoils_no_other(surface):
     x, v, f = curves(5)
     x[1], v[1] = 3e-3, 0.0  # a probe that is held
     x[2] = np.nan
     x[3], f[3] = -1e-3 + 1e-7 * np.arange(x.shape[1]), 0.0
     f[4, 100:110] = np.nan
-    rows = fitted(x, v, f, method=method)
-    [alone] = fitted(x[:1], v[:1], f[:1], method=method)
+    rows = fitted(x, v, f, surface)
+    [alone] = fitted(x[:1], v[:1], f[:1], surface)
     assert rows[0]["stiffness"] == alone["stiffness"]
     for row in rows[2:4]:
         assert row["error"] is not None
         assert row["covariance"] is None
         assert np.isnan(row["stiffness_at_depth"])
-    assert method.settings["surface"] or "never touches" in rows[3]["error"]
+    assert surface or "never touches" in rows[3]["error"]
     assert rows[4]["error"] is None
     assert rows[4]["samples"] == x.shape[1] - 10
     assert_at_depth(rows[4])
 
 
 @searching_or_not
-def test_times_that_do_not_increase_are_an_error_whatever_is_checked(method):
+def test_times_that_do_not_increase_are_an_error_whatever_is_checked(surface):
     x, _, f = curves(3)
     time = np.tile(STEP * np.arange(x.shape[1]), (3, 1))
     time[1, 100] = time[1, 99]
-    rows = fitted(x, None, f, time=time, method=method)
+    rows = fitted(x, None, f, surface, time=time)
     assert [row["error"] is None for row in rows] == [True, False, True]
     assert "sample 100 is at 0.099 s, after 0.099 s" in rows[1]["error"]
     assert np.isnan(rows[1]["stiffness"])
@@ -166,34 +165,34 @@ def test_times_that_do_not_increase_are_an_error_whatever_is_checked(method):
 
 @searching_or_not
 @pytest.mark.parametrize("spoil", ["spiked", "clipped"])
-def test_outliers_of_arrays_are_left_out_and_said_as_identify_does(spoil, method):
+def test_outliers_of_arrays_are_left_out_and_said_as_identify_does(spoil, surface):
     x, v, f = curves(1)
-    rounded = fitted(x, v, np.round(f / 0.2) * 0.2, method=method)  # no end of the range
+    rounded = fitted(x, v, np.round(f / 0.2) * 0.2, surface)  # no end of the range
     assert not any("left out" in flag for flag in rounded[0]["flags"])
     if spoil == "spiked":
         f[0, [120, 330]] += 5.0
         x[0, 140] += 2e-3
     else:
         f[0] = np.minimum(f[0], 0.9 * f[0].max())
-    [row] = fitted(x, v, f, method=method)
+    [row] = fitted(x, v, f, surface)
     assert any("left out as outliers" in flag for flag in row["flags"])
     assert_at_depth(row)
-    [all_of_it] = fitted(x, v, f, method=method.replace(outlier_rejection=False))
+    [all_of_it] = fitted(x, v, f, method=searching(surface, outlier_rejection=False))
     assert not any("left out" in flag for flag in all_of_it["flags"])
     error = row["stiffness_at_depth_standard_error"]
     assert all_of_it["stiffness_at_depth_standard_error"] > 5.0 * error
 
 
 @searching_or_not
-def test_a_force_of_the_wrong_sign_is_refused_or_flagged(method):
+def test_a_force_of_the_wrong_sign_is_refused_or_flagged(surface):
     x, v, f = curves(1)
-    [row] = fitted(x, v, -f, method=method)
+    [row] = fitted(x, v, -f, surface)
     assert row["error"] or any("negative stiffness" in flag for flag in row["flags"])
     # By identify too.
     time = STEP * np.arange(x.size)
     sources = {"time": time, "penetration": -x[0], "velocity": -v[0], "force": f[0]}
     touch = palpate.prepare(**sources, surface="estimate")
-    result = identify(touch, METHODS[1], trace=False)
+    result = identify(touch, searching(), trace=False)
     assert result.law.stiffness < 0.0
     assert any("negative stiffness" in flag for flag in result.flags)
 
@@ -201,7 +200,7 @@ def test_a_force_of_the_wrong_sign_is_refused_or_flagged(method):
 @pytest.mark.parametrize("shift", [-3e-3, 4e-3])
 def test_a_surface_outside_the_default_range_is_found(shift):
     x, v, f = curves(2)
-    rows = fitted(x + shift, v, f, method=METHODS[1])
+    rows = fitted(x + shift, v, f, "estimate")
     assert [row["surface"] for row in rows] == pytest.approx([shift] * 2, abs=1e-4)
     assert not any("surface at the edge" in flag for row in rows for flag in row["flags"])
 
@@ -209,9 +208,9 @@ def test_a_surface_outside_the_default_range_is_found(shift):
 def test_the_checks_see_the_penetration_below_the_surface_that_was_found():
     """4 mN at 5 mm is a soft material; at 50 mm, most of it through the air, a wrong unit."""
     x, v, f = curves(1)
-    method = METHODS[1].replace(surface_range=(0.04, 0.05))
-    options = {"diagnosis": "input", "preparation": {"surface": "estimate"}}
-    [row] = fitted(x + 0.045, v, 1e-3 * f, method=method, **options)
+    options = {"method": searching(surface_range=(0.04, 0.05))}
+    options |= {"diagnosis": "input", "preparation": {"surface": "estimate"}}
+    [row] = fitted(x + 0.045, v, 1e-3 * f, **options)
     assert row["surface"] == pytest.approx(0.045, abs=1e-4)
     assert row["findings"] == []
 

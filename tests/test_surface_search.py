@@ -31,7 +31,8 @@ from palpate import (
     identify,
 )
 
-SEARCHING = VariableProjection(surface="estimate")
+def searching(**settings: Any) -> VariableProjection:
+    return VariableProjection(surface="estimate", **settings)
 
 
 def approached(seconds: float, surface: float, from_height: float = 3e-3) -> Motion:
@@ -58,7 +59,7 @@ def test_the_surface_of_the_phantom_is_found_within_40_micrometres(surface: floa
     motion = approached(20.0, surface)
     for seed in range(3):
         force = felt_below(PVC, motion, surface, seed, offset=0.1)
-        estimate = fed(SEARCHING.replace(), motion, force).estimate()
+        estimate = fed(searching(), motion, force).estimate()
         assert abs(estimate.surface - surface) <= 40e-6
         # Four standard errors, of 12 numbers in all.
         assert abs(estimate.surface - surface) < 4.0 * estimate.surface_standard_error
@@ -71,7 +72,7 @@ def test_the_surface_of_the_phantom_is_found_within_40_micrometres(surface: floa
 def test_the_law_is_in_its_own_coordinate_and_predictions_in_the_penetrations(name: str) -> None:
     law, surface = MATERIALS[name], -0.7e-3
     motion = tapping(10.0, surface)
-    estimator = fed(SEARCHING.replace(), motion, felt_below(law, motion, surface, 1))
+    estimator = fed(searching(), motion, felt_below(law, motion, surface, 1))
     estimate = estimator.estimate()
     assert (np.abs(estimate.parameters - law.parameters) < 4 * estimate.standard_errors).all()
     depth = 8e-3
@@ -90,7 +91,7 @@ def check_coverage(law: HuntCrossley, seeds: range) -> None:
         surface = np.random.default_rng(seed).uniform(-1e-3, 1e-3)
         motion = tapping(4.0, surface)
         force = felt_below(law, motion, surface, seed)
-        estimate = fed(SEARCHING.replace(), motion, force).estimate()
+        estimate = fed(searching(), motion, force).estimate()
         inside += abs(estimate.surface - surface) < 1.96 * estimate.surface_standard_error
         laws += np.abs(estimate.parameters - law.parameters) < 1.96 * estimate.standard_errors
     low = binom.ppf(0.001, len(seeds), 0.95)
@@ -116,7 +117,7 @@ def test_the_error_bar_of_the_surface_is_true_over_many_seeds(name: str) -> None
 def test_a_surface_beyond_the_range_is_flagged() -> None:
     motion = tapping(5.0, 1e-3)
     force = felt_below(PVC, motion, 1e-3, 2)
-    estimator = SEARCHING.replace(surface_range=(-0.5e-3, 0.5e-3))
+    estimator = searching(surface_range=(-0.5e-3, 0.5e-3))
     flags = fed(estimator, motion, force).estimate().flags
     assert any(flag.startswith("surface at the edge") for flag in flags)
     wider = estimator.replace(surface_range=(-0.5e-3, 2e-3))
@@ -127,7 +128,7 @@ def test_identify_finds_the_surface_of_a_contact_with_free_approach() -> None:
     surface = 0.4e-3
     motion = approached(5.0, surface)
     contact = contact_of(motion, felt_below(PVC, motion, surface, 3))
-    result = identify(contact, SEARCHING)
+    result = identify(contact, searching())
     assert abs(result.estimate.surface - surface) < 4.0 * result.estimate.surface_standard_error
     assert result.as_dict()["surface"] == result.estimate.surface
     # A fit to all samples leaves the noise: the force is 8 N in the mean.
@@ -144,9 +145,9 @@ def test_segments_of_one_contact_are_separated_without_inventing_a_sample() -> N
     force = felt_below(MATERIALS["ball"], motion, surface, 4)
     segments = np.arange(len(motion)) // 40
     contact = contact_of(motion, force, segment=segments)
-    result = identify(contact, SEARCHING)
+    result = identify(contact, searching())
     assert result.estimate.samples == np.count_nonzero(result.trace.taken)
-    whole = identify(contact_of(motion, force), SEARCHING)
+    whole = identify(contact_of(motion, force), searching())
     # Time steps differ at the borders, but nothing is forgotten.
     assert np.array_equal(result.estimate.parameters, whole.estimate.parameters)
     assert result.estimate.surface == whole.estimate.surface
@@ -158,7 +159,7 @@ def test_a_contact_without_free_approach_is_refused_in_plain_words(rise: float) 
     deeper = Motion(motion.x + rise, motion.v)
     contact = contact_of(deeper, felt_below(PVC, deeper, 0.0, 5), source="pressed.csv")
     with pytest.raises(RecordingError, match=r"pressed\.csv: .*surface.*free approach") as refusal:
-        identify(contact, SEARCHING)
+        identify(contact, searching())
     assert "0 of 2000 samples" in str(refusal.value)
     assert identify(contact).law.exponent > 0.0  # with the surface known there is no such need
     motion = approached(2.0, 0.0, from_height=3e-3)
@@ -166,9 +167,9 @@ def test_a_contact_without_free_approach_is_refused_in_plain_words(rise: float) 
     touch = int(np.argmax(motion.x > 0.0))
     # The surface is known to some ten samples of this approach (13 µm each).
     enough, few = slice(touch - 60, None), slice(touch - 5, None)
-    identify(contact_of(motion[enough], force[enough]), SEARCHING)
+    identify(contact_of(motion[enough], force[enough]), searching())
     with pytest.raises(RecordingError, match="at least 20"):
-        identify(contact_of(motion[few], force[few]), SEARCHING)
+        identify(contact_of(motion[few], force[few]), searching())
 
 
 def test_the_approach_counts_without_positive_force_and_far_away_it_does_not() -> None:
