@@ -117,6 +117,8 @@ BAD_FILES = {
     "empty": ("", ["empty"]),
     "of blank lines": ("\n \n\n", ["empty"]),
     "of notes only": ("# nothing\n", ["empty"]),
+    "of notes that say something": ("# by: me\n\n% of: a day\n", ["holds notes only; expected a"]),
+    "of Excel's first line and a note": ("sep=,\n#a: b", ["holds notes only; expected a header"]),
     "of a header only": (",".join(HEADER) + "\n", ["columns but no samples"]),
     "without a time column": (without(0), ["no channel looks like the time"]),
     "without a penetration column": (without(1), ["no column 'penetration_m'", "time_s, force_N"]),

@@ -356,40 +356,32 @@ def test_a_setting_out_of_its_range_is_refused_in_words(settings, words):
         OnlinePreparation(**settings)
 
 
-@pytest.mark.parametrize(
-    "arrays, words",
-    [
+def test_arrays_that_do_not_belong_together_are_refused():
+    for arrays, words in (
         (([1.0, 2.0], [1.0]), "position has 2, force has 1"),
         (([1.0], [1.0], [1.0, 2.0]), "time has 2"),
         (([[1.0]], [1.0]), "position must be one-dimensional"),
         ((["a"], [1.0]), "position must be an array of real numbers"),
-    ],
-)
-def test_arrays_that_do_not_belong_together_are_refused(arrays, words):
-    with pytest.raises(InvalidParameterError, match=words):
-        OnlinePreparation().replay(*arrays)
+    ):
+        with pytest.raises(InvalidParameterError, match=words):
+            OnlinePreparation().replay(*arrays)
 
 
-@pytest.mark.parametrize(
-    "args, kwargs",
-    [
-        ((), {}),
-        ((0.01,), {}),
-        ((0.01, 1.0, 0.0, 5.0), {}),
-        ((0.01, 1.0), {"force": 1.0}),
-        ((0.01, 1.0), {"dt": 1.0}),
-        (("deep", 1.0), {}),
-        ((0.01, [1.0, 2.0, 3.0]), {}),
-    ],
-)
-def test_update_of_no_sample_at_all_is_a_type_error(args, kwargs):
+NO_SAMPLES = [(), (0.01,), (0.01, 1.0, 0.0, 5.0), ("deep", 1.0), (0.01, [1.0, 2.0, 3.0])]
+
+
+def test_update_of_no_sample_at_all_is_a_type_error():
     preparation, by_name = OnlinePreparation(), OnlinePreparation()
     for k in range(20):
         preparation.update(0.01, 1.0, k * T)
         by_name.update(time=k * T, force=1.0, position=0.01)
     before = preparation._state()
     assert by_name._state() == before
-    with pytest.raises(TypeError):
-        preparation.update(*args, **kwargs)
+    for args in NO_SAMPLES:
+        with pytest.raises(TypeError):
+            preparation.update(*args)
+    for other in ("force", "dt"):
+        with pytest.raises(TypeError):
+            preparation.update(0.01, 1.0, **{other: 1.0})
     assert preparation._state() == before
     assert "sample_time=0.001" in repr(by_name)

@@ -15,7 +15,6 @@ import pytest
 import palpate
 from palpate import ESTIMATORS, ContactGate, RecordingError, SingleStageRLS, open_recording, prepare
 from palpate.preparation.places import at_places
-from palpate.preparation.velocity import velocity_of, window_samples
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 FOLDER = Path(os.environ.get("PALPATE_DATA", BESIDE))
@@ -110,17 +109,6 @@ def test_a_micro_scale_recording_learns_damping_in_units_of_its_own(path):
     assert abs(scaled.law.dissipation) > 10.0 * abs(plain.law.dissipation)
 
 
-@pytest.mark.parametrize("path", files("C_*.csv", "B_*.csv", "F_*.csv"))
-def test_velocity_is_bounded_by_what_the_probe_can_do(path):
-    """Taken across a border between segments it would jump by metres per second."""
-    contact = prepare(path)
-    assert len(list(contact.segments())) > 1
-    x, time = contact.penetration, contact.time
-    inside = np.concatenate([np.diff(x[part]) / np.diff(time[part]) for part in contact.segments()])
-    # A parabola's slope at its ends is at most some three times the largest difference within.
-    assert np.max(np.abs(contact.velocity)) < 3.0 * np.max(np.abs(inside))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("path", files("D_dvrk_trial4_raw*.csv"))
 def test_a_robots_own_recording_goes_end_to_end(path):
@@ -154,29 +142,6 @@ def test_a_probe_that_travels_is_identified_place_by_place(path):
 def test_a_surface_that_is_never_seen_is_called_an_assumption(path):
     findings = palpate.identify(path).diagnosis.findings
     assert any(f.check == "surface" and "an assumption" in f.sentence for f in findings)
-
-
-@pytest.mark.parametrize("path", files("*.csv"))
-def test_in_real_time_a_recording_is_prepared_as_it_is_offline(path):
-    if not has_penetration(path):
-        pytest.skip("a raw recording of positions, without a penetration")
-    contact = prepare(path)
-    for part in contact.segments():
-        time, x, force = contact.time[part], contact.penetration[part], contact.force[part]
-        if time.size < 20 or not np.isfinite(x + force).all():
-            continue
-        step = float(np.median(np.diff(time)))
-        # Offline, windows reach over any gap.
-        online = palpate.OnlinePreparation(sample_time=step, longest_gap=1e6)
-        given = online.replay(x, force, time)
-        half = window_samples(step) // 2
-        middle = slice(half, time.size - half - 2)  # none of them has a lost position
-        assert np.array_equal(given.penetration, x[middle])
-        assert np.array_equal(given.force, force[middle])
-        expected = velocity_of(time, x)
-        # The same sums in another order, 5e-16; but steps that differ by 2e-6 are even offline.
-        atol = 2e-6 * np.abs(expected).max()
-        np.testing.assert_allclose(given.velocity, expected[middle], rtol=0.0, atol=atol)
 
 
 @pytest.mark.parametrize("path", one_of_each_set("[ACDEFG]_*[!w].csv"))
