@@ -36,12 +36,20 @@ def test_samples_whose_time_does_not_increase_are_skipped_counted_and_said():
     assert remark.severity == "note"
     with pytest.raises(RecordingError, match=r"sample 50: 0.049 s repeats the time before it"):
         prepare(table(time), strict=True)
-
-
-def test_many_skipped_samples_call_for_care():
-    contact = prepare(table(np.repeat(STEPS[:100], 2)))  # a clock half as fine as the sampling
+    # Many of them, of a clock half as fine as the sampling, call for care.
+    contact = prepare(table(np.repeat(STEPS[:100], 2)))
     assert len(contact) == 100
     assert contact.remarks[0].severity == "with-care"
+    # A time that a flipped bit made is none.
+    time = STEPS.copy()
+    time[[0, 90]] = -1.6e190, 4e200
+    contact = prepare(table(time))
+    assert len(contact) == 198
+    assert "2 without a time" in contact.remarks[0].sentence
+    with pytest.raises(RecordingError, match=r"sample 0: -1\.6e"):
+        prepare(table(time), strict=True)
+    with pytest.raises(RecordingError, match="no sample has a time"):
+        prepare(table(np.full(200, 1e190)))
 
 
 def test_a_recorder_that_was_started_again_begins_another_contact():
@@ -112,15 +120,3 @@ def test_clocks_without_a_time_in_common_or_of_another_length_are_refused():
     short = {"time_s": np.arange(5.0), "penetration_m": np.arange(4.0), "force_N": np.arange(5.0)}
     with pytest.raises(RecordingError, match="'time_s' has 5, depth has 4"):
         prepare(Recording(short))
-
-
-def test_a_time_that_a_flipped_bit_made_is_none():
-    time = STEPS.copy()
-    time[[0, 90]] = -1.6e190, 4e200
-    contact = prepare(table(time))
-    assert len(contact) == 198
-    assert "2 without a time" in contact.remarks[0].sentence
-    with pytest.raises(RecordingError, match=r"sample 0: -1\.6e"):
-        prepare(table(time), strict=True)
-    with pytest.raises(RecordingError, match="no sample has a time"):
-        prepare(table(np.full(200, 1e190)))

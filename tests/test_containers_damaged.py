@@ -5,9 +5,10 @@ import io
 import random
 import shutil
 import zipfile
+from functools import partial
 
 import h5py
-import message_files
+import message_files as files
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -181,18 +182,16 @@ def test_what_has_only_the_suffix_of_a_format_is_refused_on_one_line(suffix, tmp
         assert len(str(refusal.value).splitlines()) == 1
         assert path.name in str(refusal.value)
     (tmp_path / f"folder{suffix}").mkdir()
-    with pytest.raises(RecordingError, match="folder"):
-        open_recording(tmp_path / f"folder{suffix}")
-    with pytest.raises(RecordingError, match="check the path"):
-        open_recording(tmp_path / f"absent{suffix}")
+    for name, words in (("folder", "folder"), ("absent", "check the path")):
+        with pytest.raises(RecordingError, match=words):
+            open_recording(tmp_path / f"{name}{suffix}")
 
 
-VALUES = message_files.values(120, seed=4, finite=True)
+VALUES = files.values(120, seed=4, finite=True)
 
 
 def write_sqlite(path):
-    messages = message_files.wrenches_and_poses(VALUES)
-    folder = message_files.rosbag2(path.parent / "bag", messages)
+    folder = files.rosbag2(path.parent / "bag", files.wrenches_and_poses(VALUES))
     return (folder / "bag.db3").rename(path)
 
 
@@ -206,16 +205,14 @@ def write_text(path, encoding="utf-8"):
 WRITERS = {
     "a.csv": write_text,
     "a.csv.gz": write_text,
-    "a.tsv": lambda path: write_text(path, encoding="utf-16"),
+    "a.tsv": partial(write_text, encoding="utf-16"),
     "a.parquet": write_parquet,
-    "a.feather": lambda path: write_feather(path, chunksize=100),
-    "a.h5": lambda path: write_hdf5(path, compression="gzip", chunks=(100,)),
-    "a.mat": lambda path: write_mat5(path, do_compression=True),
-    "a.bag": lambda path: message_files.rosbag1(
-        path, message_files.wrenches_and_poses(VALUES, ros1=True)
-    ),
+    "a.feather": partial(write_feather, chunksize=100),
+    "a.h5": partial(write_hdf5, compression="gzip", chunks=(100,)),
+    "a.mat": partial(write_mat5, do_compression=True),
+    "a.bag": lambda path: files.rosbag1(path, files.wrenches_and_poses(VALUES, ros1=True)),
     "a.db3": write_sqlite,
-    "a.mcap": lambda path: message_files.wrench_mcap(path, VALUES, chunk_size=4000),
+    "a.mcap": lambda path: files.wrench_mcap(path, VALUES, chunk_size=4000),
     "a.jpk-force-map": lambda path: write_jpk(path, CURVE),
 }
 

@@ -1,5 +1,7 @@
 """What is written to a file of groups or columns comes back to the last bit, on its clock."""
 
+from functools import partial
+
 import h5py
 import numpy as np
 import pyarrow as pa
@@ -30,19 +32,16 @@ WRITERS = {
     "probe.parquet": write_parquet,
     "probe.feather": write_feather,
     "probe.h5": write_hdf5,
-    "packed.h5": lambda path, columns=COLUMNS: write_hdf5(
-        path, columns, compression="gzip", shuffle=True, chunks=(100,)
-    ),
+    "packed.h5": partial(write_hdf5, compression="gzip", shuffle=True, chunks=(100,)),
     "probe.mat": write_mat5,
-    "packed.mat": lambda path, columns=COLUMNS: write_mat5(path, columns, do_compression=True),
-    "column.mat": lambda path, columns=COLUMNS: write_mat5(path, columns, oned_as="column"),
+    "packed.mat": partial(write_mat5, do_compression=True),
+    "column.mat": partial(write_mat5, oned_as="column"),
     "new.mat": write_mat73,
 }
 
 
 def same(left: np.ndarray, right: np.ndarray) -> bool:
     """Equal, NaN and the sign of zero too."""
-    left = np.ascontiguousarray(left)
     return left.dtype == right.dtype and left.tobytes() == right.tobytes()
 
 
@@ -145,7 +144,7 @@ def test_both_versions_of_matlab_give_the_same_channels(write, tmp_path):
     assert recording.notes["mass"] == "1.5"
     assert recording.notes["title"] == "a trial"
     for k in range(3):
-        assert same(recording.channels[f"robot/force[{k}]"], robot["force"][:, k].copy())
+        assert same(recording.channels[f"robot/force[{k}]"], robot["force"][:, k])
     assert same(recording.channels["robot/turned[1]"], robot["turned"][1])
     for name in ("counts", "touch"):  # differences do not overflow
         assert same(recording.channels[f"robot/{name}"], robot[name].astype(np.float64))
@@ -185,17 +184,18 @@ def test_columns_of_arrow_are_flattened_and_their_times_exact(tmp_path):
         write_feather(tmp_path / "all.feather", table, chunksize=99),
     ):
         recording = open_recording(path)
-        assert same(recording.channels["stamp"], STAMPS)
+        channels = recording.channels
+        assert same(channels["stamp"], STAMPS)
         assert recording.units == {"stamp": "ns", "elapsed": "ns"}
-        np.testing.assert_array_equal(recording.channels["elapsed"], np.arange(500) * 1_000_000)
+        assert same(channels["elapsed"], np.arange(500) * 1_000_000)
         for k in range(3):
-            np.testing.assert_array_equal(recording.channels[f"f[{k}]"], force[:, k])
-            np.testing.assert_array_equal(recording.channels[f"fixed[{k}]"], force[:, k])
-        np.testing.assert_array_equal(recording.channels["wrench.force.y"], force[:, 1])
-        assert list(recording.channels["state"][:2]) == ["free", "touch"]
+            assert same(channels[f"f[{k}]"], force[:, k])
+            assert same(channels[f"fixed[{k}]"], force[:, k])
+        assert same(channels["wrench.force.y"], force[:, 1])
+        assert list(channels["state"][:2]) == ["free", "touch"]
         fault = recording.faults["some"]
         assert (fault.count, fault.sample, fault.text) == (1, 1, "null")
-        assert np.isnan(recording.channels["some"][1])
+        assert np.isnan(channels["some"][1])
         assert recording.omissions == ("column 'uneven' holds lists of 0 to 2 values",)
 
 
