@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from curve_cases import MOTIONS, SURFACES, Curves, Reference, approach_and_retract, random_curves
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from benchmarks.curve_reference import Reference
+from benchmarks.curve_sets import DEPTH, MOTIONS, Curves, approach_and_retract, random_curves
 from palpate import (
     Contact,
     CurveFits,
@@ -22,6 +23,7 @@ from palpate import (
 from palpate.curves import STATUS_WORDS, stated_cost
 from palpate.preparation.suggestions import suggest_scale
 
+SURFACES = (-0.2 * DEPTH, 0.2 * DEPTH)
 UNKNOWN: dict[str, Any] = {"surface": "estimate", "surface_range": SURFACES}
 
 

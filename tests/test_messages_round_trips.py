@@ -46,24 +46,6 @@ def test_mcap_of_ros2_comes_back_to_the_last_bit(tmp_path, compression, chunks) 
     assert_same(open_recording(path))
 
 
-@pytest.mark.parametrize("sizes", [(40, 30), (36, 40)])
-@pytest.mark.parametrize("chunk", [1000, 1025, 1050, 1075])
-def test_mcap_of_two_topics_in_turn_comes_back_whatever_a_chunk_holds(
-    tmp_path, chunk, sizes
-) -> None:
-    """A chunk may end with the records by which a pattern of sizes is known."""
-    schemas = dict.fromkeys(("/0", "/1"), ("json", "jsonschema", "Any", b"{}"))
-    messages = [
-        (f"/{k % 2}", files.BEGIN + k, f'{{"z": {k}}}'.ljust(sizes[k % 2]).encode())
-        for k in range(400)
-    ]
-    path = files.raw_mcap(tmp_path / "a.mcap", messages, schemas, chunk_size=chunk)
-    found = open_recording(path)
-    for k in range(2):
-        assert found.channels[f"/{k}.z"].tolist() == list(range(k, 400, 2))
-    assert not found.losses
-
-
 def test_an_error_of_the_reader_itself_is_not_called_one_of_the_path(tmp_path, monkeypatch) -> None:
     path = files.wrench_mcap(tmp_path / "a.mcap", GIVEN)
 
@@ -406,22 +388,25 @@ def test_layouts_that_alternate_stay_in_the_order_of_the_file(tmp_path) -> None:
     assert (np.diff(found.channels["/own.log_time"]) == 1).all()
 
 
-def test_as_many_messages_are_found_however_they_interleave(tmp_path) -> None:
+@pytest.mark.parametrize("sizes", [(40, 30), (36, 40)])
+@pytest.mark.parametrize("chunk", [1000, 1025, 1050, 1075, None])
+def test_as_many_messages_are_found_however_they_interleave(tmp_path, chunk, sizes) -> None:
+    """In turn, of sizes by whose pattern a chunk may end, then by chance and in a row."""
     random = np.random.default_rng(5)
-    schemas = {"/ft": files.WRENCH, "/n": ("json", "", "", b"")}
-    is_n = (random.random(3000) < 0.3) | (np.abs(np.arange(3000) - 1250) < 250)
+    n = np.arange(2000)
+    kinds = np.where(n < 400, n % 2, random.random(2000) < 0.3)
+    kinds[(n > 1000) & (n < 1500)] = 1
+    schemas = dict.fromkeys(("/0", "/1"), ("json", "jsonschema", "Any", b"{}"))
     messages = [
-        ("/n", k, b'{"k": %d}' % k)
-        if is_n[k]
-        else ("/ft", k, files.cdr_wrench(k, np.full(6, float(k))))
-        for k in range(3000)
+        (f"/{kind}", k, (b'{"z": %d}' % k).ljust(sizes[kind])) for k, kind in enumerate(kinds)
     ]
-    for chunking in (True, False):
-        path = files.raw_mcap(tmp_path / "a.mcap", messages, schemas, use_chunking=chunking)
-        found = open_recording(path)
-        for name, there in (
-            ("/ft.log_time", ~is_n),
-            ("/ft.wrench.torque.z", ~is_n),
-            ("/n.k", is_n),
-        ):
-            assert found.channels[name].tolist() == np.flatnonzero(there).tolist()
+    ft = [("/ft", k, files.cdr_wrench(k, np.full(6, float(k)))) for k in range(2000, 2400)]
+    kind = {"use_chunking": False} if chunk is None else {"chunk_size": chunk}
+    path = tmp_path / "a.mcap"
+    files.raw_mcap(path, messages + ft, {**schemas, "/ft": files.WRENCH}, **kind)
+    found = open_recording(path)
+    for k in range(2):
+        for name in ("z", "log_time"):
+            assert found.channels[f"/{k}.{name}"].tolist() == np.flatnonzero(kinds == k).tolist()
+    assert found.channels["/ft.wrench.torque.z"].tolist() == list(range(2000, 2400))
+    assert not found.losses
