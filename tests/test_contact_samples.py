@@ -20,14 +20,7 @@ from probing import (
 from scipy.stats import binom
 
 import palpate
-from palpate import (
-    Contact,
-    Scale,
-    Status,
-    VariableProjection,
-    identify,
-    lab,
-)
+from palpate import Contact, Scale, Status, VariableProjection, identify, lab
 from palpate.design.excitation import cramer_rao_bound
 from palpate.preparation.resolution import suggest_surface_deviation
 
