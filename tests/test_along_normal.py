@@ -8,16 +8,8 @@ import pytest
 from probing import BALL, NOISE, PVC, SPONGE, Motion, tapping, three_sines
 from robots import BIAS, NORMAL, ORIGIN, Hand, hand, table_of, topics_of
 
-from palpate import (
-    FlatPunch,
-    HuntCrossley,
-    InvalidParameterError,
-    Recording,
-    RecordingError,
-    Wanted,
-    identify,
-    prepare,
-)
+import palpate
+from palpate import FlatPunch, HuntCrossley, Recording, RecordingError, identify, prepare
 from palpate.preparation.normals import normal_found, normal_given
 from palpate.preparation.surfaces import surface_of
 from palpate.preparation.wrenches import largest_turn, turned
@@ -86,7 +78,7 @@ def test_axes_are_normals_and_what_is_no_normal_is_refused():
     for name, vector in {"z": [0, 0, 1], "-x": [-1, 0, 0], "+y": [0, 1, 0]}.items():
         assert normal_given(name).vector.tolist() == vector
     for wrong in ("w", "", "1,2", "0,0,0", "a,b,c", (1, 2), 7, "nan,0,1"):
-        with pytest.raises(InvalidParameterError, match="normal must be x, y, z, -x"):
+        with pytest.raises(palpate.InvalidParameterError, match="normal must be x, y, z, -x"):
             prepare(table_of(hand(1.0)), normal=wrong)
     noise = np.random.default_rng(1).standard_normal((500, 3))
     with pytest.raises(RecordingError, match=r"--normal z"):
@@ -242,7 +234,7 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     contact = prepare(recorded)
     assert len(contact.prepared.places) == 2
     assert any("2 places" in remark.sentence for remark in contact.remarks)
-    tip = Wanted(tip=FlatPunch(0.1))
+    tip = palpate.Wanted(tip=FlatPunch(0.1))
     result = identify(contact).wanting(tip).by_place()
     assert len(result.stretches) == 2
     for part, law in zip(result.stretches, (BALL, SPONGE), strict=True):

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 from cases import MATERIALS, Signals, knowledge
 
-from palpate import (
-    ESTIMATORS,
-    ConstantForgetting,
-    ContactGate,
-    DoubleStageRLS,
-    FadingForgetting,
-    HuntCrossley,
-    Status,
-)
+import palpate
+from palpate import ESTIMATORS, ConstantForgetting, ContactGate, DoubleStageRLS, Status
 
 GATE = ContactGate(minimum_penetration=1e-3, make_force=1.0, break_force=0.5)
 FREE = (-5e-3, 0.0, 0.0)
@@ -69,7 +62,7 @@ def test_an_estimate_is_resumed_on_contact_as_if_there_had_been_no_gap(kind, noi
 
 def test_forgetting_starts_afresh_with_each_contact(kind, noisy):
     """λ returns to λ₀ when contact is made again: the newest samples weigh more than before."""
-    forgetting = FadingForgetting(0.95, 5.0)
+    forgetting = palpate.FadingForgetting(0.95, 5.0)
     whole, parted = (kind(gate=GATE, forgetting=forgetting) for _ in range(2))
     whole.replay(*noisy.arrays)
     parted.replay(*with_free_time(noisy, 900, 1))
@@ -109,5 +102,5 @@ def test_condition_ten_does_not_concern_a_law_without_a_logarithm(name):
     assert estimator.estimate().valid is True
     assert estimator.estimate().validity_margin == 1.0
     # With one but without stiffness it holds at rest only.
-    estimator = DoubleStageRLS(initial=HuntCrossley(0.0, 1.0, 1.0))
+    estimator = DoubleStageRLS(initial=palpate.HuntCrossley(0.0, 1.0, 1.0))
     assert estimator.estimate().validity_margin == 1.0

@@ -235,8 +235,13 @@ def test_the_law_is_in_its_own_coordinate_and_predictions_in_the_penetrations(na
     assert predicted == pytest.approx(own, rel=1e-12)
 
 
-def check_coverage(law, seeds):
-    inside, laws = 0, np.zeros(3)
+SEEDS = [("ball", range(30)), ("pvc", range(30))]
+MANY = [pytest.param(name, range(1000, 1600), marks=pytest.mark.slow) for name in MATERIALS]
+
+
+@pytest.mark.parametrize("name, seeds", SEEDS + MANY)
+def test_the_error_bar_of_the_surface_is_true(name, seeds):
+    law, inside, laws = MATERIALS[name], 0, np.zeros(3)
     for seed in seeds:
         # Anywhere between two candidates: 0.1 mm apart.
         surface = np.random.default_rng(seed).uniform(-1e-3, 1e-3)
@@ -252,17 +257,6 @@ def check_coverage(law, seeds):
     assert low <= inside <= high
     assert (laws >= low).all()
     assert (laws <= high).all()
-
-
-@pytest.mark.parametrize("name", ["ball", "pvc"])
-def test_the_error_bar_of_the_surface_is_true(name):
-    check_coverage(MATERIALS[name], range(30))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MATERIALS)
-def test_the_error_bar_of_the_surface_is_true_over_many_seeds(name):
-    check_coverage(MATERIALS[name], range(1000, 1600))
 
 
 def test_a_surface_beyond_the_range_is_flagged():

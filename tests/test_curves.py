@@ -8,18 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+import palpate
 from benchmarks.curve_reference import Reference
 from benchmarks.curve_sets import DEPTH, MOTIONS, Curves, approach_and_retract, random_curves
-from palpate import (
-    Contact,
-    CurveFits,
-    HuntCrossley,
-    InvalidParameterError,
-    Scale,
-    VariableProjection,
-    _core,
-    fit_curves,
-)
+from palpate import Contact, CurveFits, HuntCrossley, InvalidParameterError, Scale, fit_curves
 from palpate.curves import STATUS_WORDS, stated_cost
 from palpate.preparation.suggestions import suggest_scale
 
@@ -64,7 +56,7 @@ def apart_from_the_recursion(curves: Curves, roll: int = 0, **more: Any) -> np.n
     for k, found in enumerate(parameters(fits)[:, :3]):
         x, v, f = curves.penetration[k], curves.velocity[k], curves.force[k]
         scale = suggest_scale(Contact(time, penetration=x, velocity=v, force=f))
-        estimator = VariableProjection(scale=scale, **more)
+        estimator = palpate.VariableProjection(scale=scale, **more)
         estimator.replay(x, v, f)
         away = np.abs(estimator.estimate().parameters - found) / fits.standard_errors[k, :3]
         result[k] = away.max()
@@ -201,7 +193,7 @@ def core_numbers(curves: Curves, more: dict[str, Any], instruction_set: str) -> 
     priors = (0.3, 3.6), True, 0.0, np.zeros(count), np.zeros(count)
     results = numbers, covariances, status, flags
     searched = more.get("surface_range"), (0.0, 0.0, 0.0)
-    _core.fit_curves(*channels, *priors, *searched, *results, None, 1, instruction_set)
+    palpate._core.fit_curves(*channels, *priors, *searched, *results, None, 1, instruction_set)
     return numbers
 
 

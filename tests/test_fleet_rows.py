@@ -9,15 +9,7 @@ import pytest
 from fleets import LAW, STEP, contact, curves, write_recordings, write_zarr
 
 import palpate
-from palpate import (
-    FleetError,
-    HuntCrossley,
-    InvalidParameterError,
-    SingleStageRLS,
-    VariableProjection,
-    identify,
-    identify_many,
-)
+from palpate import FleetError, InvalidParameterError, VariableProjection, identify, identify_many
 from palpate.fleet.batch import identify_batch
 from palpate.fleet.settings import Settings
 from palpate.fleet.tasks import Source, batches, digest_of, tasks_table
@@ -228,7 +220,7 @@ def test_arrays_work_at_the_depth_of_identify_where_the_law_does_not_hold():
 
 def test_arrays_take_the_recursion_where_the_whole_curve_fit_does_not_do():
     x, v, f = curves(2)
-    for options in ({"method": SingleStageRLS()}, {"diagnosis": "full"}):
+    for options in ({"method": palpate.SingleStageRLS()}, {"diagnosis": "full"}):
         rows = fitted(x, v, f, **options)
         assert {row["fit"] for row in rows} == {"recursion"}
     assert {row["verdict"] for row in rows} <= {"trust", "with-care", "do-not-trust"}
@@ -242,7 +234,7 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
     speed = 1e-3 * rate * np.cos(rate * time) + 2.65e-3 * rate * np.cos(5.3 * rate * time)
     x, v = np.tile(4e-3 + wave, (11, 1)), np.tile(speed, (11, 1))
     force = LAW.force(x, v) + np.random.default_rng(11).normal(0.0, 0.01, x.shape)
-    force[1] = HuntCrossley(4000.0, -60.0, 1.3).force(x[1], v[1])
+    force[1] = palpate.HuntCrossley(4000.0, -60.0, 1.3).force(x[1], v[1])
     force[2, 200] *= 3.0
     force[3, 25:] = np.nan
     x[4, 100:] = -1e-3

@@ -13,15 +13,7 @@ from cases import MATERIALS, exciting
 from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
 
 import palpate
-from palpate import (
-    Columns,
-    InvalidParameterError,
-    MissingChannelError,
-    Recording,
-    RecordingError,
-    open_recording,
-    prepare,
-)
+from palpate import Columns, InvalidParameterError, Recording, RecordingError, prepare
 from palpate.preparation.velocity import velocity_of
 from palpate.recordings import opening
 
@@ -43,7 +35,7 @@ def test_a_file_a_recording_a_frame_and_arrays_give_the_same_contact(tmp_path):
     path = recording(tmp_path)
     expected = numbers(prepare(**ARRAYS))
     for source in (
-        path, str(path), open_recording(path), recorded(), pandas.DataFrame(TABLE),
+        path, str(path), palpate.open_recording(path), recorded(), pandas.DataFrame(TABLE),
         polars.DataFrame(TABLE),
     ):  # fmt: skip
         assert numbers(prepare(source)) == expected
@@ -182,7 +174,7 @@ def test_a_recordings_channels_are_arrays_without_a_mask():
 
 def test_a_column_that_is_not_there_is_an_error_that_can_be_asked():
     for role in ("velocity", "segment", "force"):
-        with pytest.raises(MissingChannelError) as caught:
+        with pytest.raises(palpate.MissingChannelError) as caught:
             prepare(recorded(), columns=Columns(**{role: "Fz"}))
     error = caught.value
     assert (error.channel, error.available) == ("Fz", list(TABLE))

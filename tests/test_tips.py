@@ -9,16 +9,7 @@ import pytest
 from cases import exciting
 
 import palpate
-from palpate import (
-    Cone,
-    Contact,
-    FlatPunch,
-    HuntCrossley,
-    InvalidParameterError,
-    Sphere,
-    Wanted,
-    identify,
-)
+from palpate import Cone, Contact, FlatPunch, InvalidParameterError, Sphere, Wanted, identify
 from palpate.cli.deriving import tip_of
 
 MODULUS, POISSON = 40e3, 0.45  # Pa
@@ -31,7 +22,7 @@ def pressed(tip, exponent=None) -> Contact:
     """Three sines into the material by a tip, with a Hunt–Crossley damper."""
     power = tip.exponent if exponent is None else exponent
     stiffness = REDUCED * tip.factor * 10e-3 ** (tip.exponent - power)  # the same at 10 mm
-    law = HuntCrossley(stiffness, stiffness, power)
+    law = palpate.HuntCrossley(stiffness, stiffness, power)
     x = exciting(law, seconds=3.0, noise=0.02)
     return Contact(x.time, penetration=x.penetration, velocity=x.velocity, force=x.force)
 
