@@ -112,11 +112,13 @@ def test_a_turned_penetration_turns_its_velocity():
     assert contact.provenance["force"] == "its sign turned"
 
 
-def test_a_tare_takes_the_mean_off():
-    contact = prepared(force=FORCE + 3.0, tare=(0.2, 0.4))
+def test_a_tare_takes_the_mean_off_and_a_surface_is_counted_from():
+    contact = prepared(force=FORCE + 3.0, tare=(0.2, 0.4), surface=1e-3)
     inside = (TIME >= 0.2) & (TIME <= 0.4)
     assert contact.force[inside].mean() == pytest.approx(0.0, abs=1e-12)
     assert "from 0.2 s to 0.4 s" in contact.provenance["force"]
+    np.testing.assert_allclose(contact.penetration, DEPTH - 1e-3)
+    assert "0.001 m" in contact.provenance["penetration"]
     with pytest.raises(palpate.RecordingError, match="no sample between 7 s and 8 s"):
         prepared(tare=(7.0, 8.0))
 
@@ -127,19 +129,10 @@ def test_a_late_force_is_read_earlier(late):
     np.testing.assert_allclose(contact.force, 1000.0 * contact.penetration, atol=1e-4)
     assert len(TIME) - len(contact) == np.ceil(abs(late) / 1e-3)
     assert "ms" in contact.provenance["force"]
-
-
-def test_a_delay_does_not_reach_from_one_segment_to_the_next():
+    # It does not reach from one segment to the next.
     segment = (TIME > 0.5).astype(int)
-    force = np.where(segment, 100.0, 1.0)
-    contact = prepared(force=force, segment=segment, delay=10e-3)
+    contact = prepared(force=np.where(segment, 100.0, 1.0), segment=segment, delay=late)
     assert set(contact.force) == {1.0, 100.0}
-
-
-def test_a_surface_is_where_the_penetration_is_counted_from():
-    contact = prepared(surface=1e-3)
-    np.testing.assert_allclose(contact.penetration, DEPTH - 1e-3)
-    assert "0.001 m" in contact.provenance["penetration"]
 
 
 @pytest.mark.parametrize(

@@ -171,6 +171,10 @@ BAD_CELLS = {
     "notes, and text in a cell": (
         "# a\n# b\n" + changed(0, 1, "x"), ["'penetration_m'", "row 4", "'x'"],
     ),
+    "a point beside decimal commas, which may mark thousands": (
+        text_of([["0", "0,01", "5"], ["1", "1.002", "9"], ["2", "0,03", "9"]], delimiter=";"),
+        ["'penetration_m'", "row 3", "'1.002'"],
+    ),
     "two decimal marks": (
         text_of([["0", "0,01", "5"], ["1", "1.002,5", "9"]], delimiter=";"),
         ["'penetration_m'", "row 3", "'1.002,5'"],

@@ -79,8 +79,5 @@ def test_a_motion_out_of_its_limits_is_replaced_by_one_within():
     deeper = design(BALL, noise=0.05, max_depth=0.03)
     assert deeper.better.motion.peak_penetration > 0.029
     assert "it goes deeper" in deeper.reason
-
-
-def test_the_same_question_has_the_same_answer():
-    one, other = (design(PHANTOM, noise=0.05, surface=True).as_dict() for _ in range(2))
-    assert one == other
+    again = design(BALL, noise=0.05, max_depth=0.03)
+    assert again.as_dict() == deeper.as_dict()

@@ -203,18 +203,15 @@ def test_steps_too_short_for_any_velocity_are_refused_by_row(tmp_path, window):
     assert len(prepare(path, velocity_window=window)) == 1
 
 
-def test_depths_beyond_all_measure_give_no_warning():
+def test_of_no_samples_there_is_a_contact_and_depths_beyond_all_measure_give_no_warning():
+    assert len(prepare(time=[], penetration=[], force=[])) == 0
+    with pytest.raises(RecordingError, match=r"^probe\.bag: there are columns but no samples"):
+        prepare(recorded(time_s=[], penetration_m=[], force_N=[]))
     absurd = np.where(np.arange(600) % 2, 1e308, -1e308)
     for samples in (2, 600):
         given = {name: values[:samples] for name, values in ARRAYS.items()}
         velocity = prepare(**{**given, "penetration": absurd[:samples]}).velocity
         assert not (np.abs(velocity) < 1e300).any()
-
-
-def test_of_no_samples_there_is_a_contact_without_any_and_no_recording():
-    assert len(prepare(time=[], penetration=[], force=[])) == 0
-    with pytest.raises(RecordingError, match=r"^probe\.bag: there are columns but no samples"):
-        prepare(recorded(time_s=[], penetration_m=[], force_N=[]))
 
 
 @pytest.mark.parametrize("name", TABLE)

@@ -90,6 +90,9 @@ def test_what_is_not_there_is_said_with_what_is():
         roles_of(recording("t", "z", "Fz"), Columns(force="/ft"))
     with pytest.raises(RecordingError, match="must be one channel or three"):
         roles_of(recording("t", "z", "Fz"), Columns(force="t,z"))
+    # A few numbered or lettered channels are no vector.
+    for names in (["a1", "a2", "a3", "a4", "a5"], ["x", "y"], ["q0", "q1"], []):
+        assert vectors_of(names) == []
 
 
 def test_without_a_time_the_rate_has_to_be_given():
@@ -97,8 +100,3 @@ def test_without_a_time_the_rate_has_to_be_given():
     with pytest.raises(RecordingError, match=r"no channel looks like the time; .*--rate"):
         prepare(bare)
     assert prepare(bare, rate=500.0).time[-1] == 49 / 500.0
-
-
-@pytest.mark.parametrize("names", [[f"a{k}" for k in range(1, 6)], ["x", "y"], ["q0", "q1"], []])
-def test_a_few_numbered_or_lettered_channels_are_no_vector(names):
-    assert vectors_of(names) == []

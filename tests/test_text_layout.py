@@ -41,12 +41,6 @@ def test_a_table_is_read_however_it_is_divided(tmp_path, text):
     assert (list(read.losses), dict(read.faults)) == ([], {})
 
 
-def test_a_point_beside_decimal_commas_may_mark_thousands_and_is_no_number(tmp_path):
-    read = open_recording(written(tmp_path / "t.csv", "t;F\n0,1;1,5\n0,2;2,5\n0,3;1.234\n"))
-    assert read.faults["F"].text == "1.234"
-    assert read.notes["decimal mark"] == "comma"
-
-
 def test_without_a_header_columns_are_numbered_and_that_is_said(tmp_path):
     read = open_recording(written(tmp_path / "t.csv", "0.1,2\n0.2,3\n"))
     found = {name: values.tolist() for name, values in read.channels.items()}

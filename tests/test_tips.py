@@ -84,6 +84,10 @@ def test_an_exponent_that_is_nearly_the_tips_costs_an_error_bar_and_no_modulus()
     hertz = BALL.departure(result.diagnosis.working_depth.depth) * MODULUS
     assert found.value.systematic == pytest.approx(math.hypot(apart, hertz), rel=0.05)
     assert abs(found.value.value - MODULUS) < found.value.systematic
+    # A law without an exponent has that of its own slope.
+    found = identify(pressed(TIPS[1]), "kelvin-voigt").elastic_modulus(TIPS[1], POISSON)
+    assert found.exponent.value == 1.0
+    assert found.value.value == pytest.approx(MODULUS, rel=0.02)
 
 
 @pytest.mark.parametrize("of, taken_for", [(2, 0), (0, 1), (1, 0), (0, 2)])
@@ -109,12 +113,6 @@ def test_the_modulus_of_another_shape_is_refused_with_the_reason(of, taken_for):
 )
 def test_strains_that_are_not_small_are_said(tip, words):
     assert words in "; ".join(identified(tip).elastic_modulus(tip).remarks)
-
-
-def test_a_law_without_an_exponent_has_that_of_its_own_slope():
-    found = identify(pressed(TIPS[1]), "kelvin-voigt").elastic_modulus(TIPS[1], POISSON)
-    assert found.exponent.value == 1.0
-    assert found.value.value == pytest.approx(MODULUS, rel=0.02)
 
 
 def test_the_modulus_is_in_the_json_object_where_a_tip_is_wanted():
