@@ -1,9 +1,6 @@
 """CSV files: what is taken as it is, what is refused by row and column, and what is written."""
 
 import math
-import os
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -231,18 +228,6 @@ def test_a_bad_file_is_refused_by_file_column_and_row(tmp_path, content, words):
         assert word in message
     assert len(message) < 600 + len(str(path))
     assert message.replace(str(path), "").isprintable()
-
-
-@pytest.mark.skipif(sys.platform in ("darwin", "win32"), reason="file names are text there")
-def test_a_file_name_that_is_no_utf_8_can_be_printed(tmp_path):
-    good = recording(tmp_path).read_bytes()
-    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xe9t\xe9.csv"))
-    contact = prepare(written(path, good))
-    assert contact.source == f"{tmp_path}/\\xe9t\\xe9.csv"
-    path.unlink()
-    with pytest.raises(RecordingError) as caught:
-        prepare(path)
-    str(caught.value).encode()
 
 
 @pytest.mark.parametrize("name", ["", "absent.csv", "probe.csv/below.csv", "a" * 300, "zero\0.csv"])
