@@ -52,18 +52,12 @@ def random_cells(generator: np.random.Generator, count: int) -> list[str]:
 CELLS = random_cells(np.random.default_rng(8), 3000)
 
 
-@pytest.fixture(params=["pyarrow", "numpy"])
-def parser(request, monkeypatch):
-    if request.param == "pyarrow":
-        pytest.importorskip("pyarrow.csv")
-        monkeypatch.setattr(text, "_by_numpy", text._by_arrow)
-    else:
-        monkeypatch.setattr(text, "_pyarrow_csv", lambda: None)
-    return request.param
-
-
+@pytest.mark.parametrize("parser", ["pyarrow", "numpy"])
 @pytest.mark.parametrize("odd", [False, True])
-def test_a_number_is_the_one_that_python_reads(tmp_path, parser, odd):
+def test_a_number_is_the_one_that_python_reads(tmp_path, monkeypatch, parser, odd):
+    by_arrow = parser == "pyarrow"
+    name, other = ("_by_numpy", text._by_arrow) if by_arrow else ("_pyarrow_csv", lambda: None)
+    monkeypatch.setattr(text, name, other)
     # Plain spellings are parsed at once; odd ones keep a whole block from that.
     cells = [cell for cell in CELLS if odd or (cell[0] not in "+.I" and abs(float(cell)) < 1e300)]
     content = "a;b\n" + "".join(f"{cell};0\n" for cell in cells)

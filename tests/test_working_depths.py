@@ -92,8 +92,7 @@ def test_a_working_depth_that_was_not_reached_is_said(ball):
 
 
 def test_the_covariance_has_the_standard_errors_and_keeps_the_correlations(ball):
-    errors = ball.standard_errors
-    np.testing.assert_allclose(np.sqrt(np.diag(ball.covariance)), errors)
+    np.testing.assert_allclose(np.sqrt(np.diag(ball.covariance)), ball.standard_errors)
     own = ball.estimate.covariance / np.outer(*[ball.estimate.standard_errors] * 2)
     np.testing.assert_allclose(ball.correlations, own)
     assert ball.correlations[0, 2] > 0.9  # K and n of a power law
