@@ -228,11 +228,11 @@ def test_arrays_take_the_recursion_where_the_whole_curve_fit_does_not_do():
 
 def test_rows_of_a_gated_recursion_are_those_of_identify():
     names = ["good", "negative damping", "spiked", "few samples", "brief", "no velocity"]
-    names += ["wrong sign of the velocity", "infinite", "absurd", "nothing", "never touches"]
+    names += ["wrong sign of the velocity", "infinite", "absurd", "too short", "nothing", "free"]
     rate, time = 4.0 * np.pi, STEP * np.arange(400)
     wave = 1e-3 * np.sin(rate * time) + 5e-4 * np.sin(5.3 * rate * time)
     speed = 1e-3 * rate * np.cos(rate * time) + 2.65e-3 * rate * np.cos(5.3 * rate * time)
-    x, v = np.tile(4e-3 + wave, (11, 1)), np.tile(speed, (11, 1))
+    x, v = np.tile(4e-3 + wave, (12, 1)), np.tile(speed, (12, 1))
     force = LAW.force(x, v) + np.random.default_rng(11).normal(0.0, 0.01, x.shape)
     force[1] = palpate.HuntCrossley(4000.0, -60.0, 1.3).force(x[1], v[1])
     force[2, 200] *= 3.0
@@ -240,8 +240,8 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
     x[4, 100:] = -1e-3
     v[5, 100] = np.nan
     v[6] *= -1.0
-    force[7, 100], force[8, 100], force[9] = np.inf, 1e200, np.nan
-    x[10] -= 1.0
+    force[7, 100], force[8, 100], force[9, 3:], force[10] = np.inf, 1e200, np.nan, np.nan
+    x[11] -= 1.0
     rows = fitted(x, v, force, method="single-stage", diagnosis="input")
     flags = {name: " ".join(row["flags"] or []) for name, row in zip(names, rows, strict=True)}
     assert "negative damping" in flags["negative damping"]
@@ -250,9 +250,9 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
     assert "less than 0.2 s" in flags["brief"]
     assert "condition 10 violated" in flags["wrong sign of the velocity"]
     assert "refused" in flags["no velocity"]
-    assert [row["error"] is None for row in rows] == [True] * 9 + [False] * 2
-    assert "never touches" in rows[10]["error"]
-    for k, row in enumerate(rows[:9]):
+    assert [row["error"] is None for row in rows] == [True] * 10 + [False] * 2
+    assert "never touches" in rows[11]["error"]
+    for k, row in enumerate(rows[:10]):
         there = np.isfinite(x[k]) & np.isfinite(force[k])
         channels = {"penetration": x[k], "velocity": v[k], "force": force[k]}
         channels = {name: values[there] for name, values in channels.items()}
