@@ -210,6 +210,7 @@ def test_an_array_whose_numbers_are_written_anew_is_another_and_packed_ones_are_
     rows = identify_batch(tasks_table([path] * 2, ["zarr"] * 2, [0, 1]), Settings()).to_pylist()
     for row in rows:
         assert abs(row["stiffness"] - LAW.stiffness) < 5.0 * row["stiffness_standard_error"]
+        assert abs(row["offset"]) < 5.0 * row["offset_standard_error"]
     assert rows[1]["samples"] == f.shape[1] - len(range(0, f.shape[1], 7))
 
 
