@@ -1,6 +1,5 @@
 """Recordings in files of groups and columns, written by the tests themselves."""
 
-import io
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -127,38 +126,28 @@ def write_jpk(path: Path, curves: list[tuple[np.ndarray, np.ndarray]]) -> Path:
         for k, (height, deflection) in enumerate(curves):
             top = f"index/{k}/"
             archive.writestr(top, "")
-            archive.writestr(
-                top + "header.properties", f"force-scan-series.header.position-index={k}\n"
-            )
+            place = f"force-scan-series.header.position-index={k}\n"
+            archive.writestr(top + "header.properties", place)
             half = len(height) // 2
             for j, (style, part) in enumerate(
                 (("extend", slice(half)), ("retract", slice(half, None)))
             ):
-                _write_segment(
-                    archive, f"{top}segments/{j}/", style, height[part], deflection[part]
-                )
+                below = f"{top}segments/{j}/"
+                _write_segment(archive, below, style, height[part], deflection[part])
     return path
 
 
 def _write_segment(archive, place: str, style: str, height, deflection) -> None:
     words = _SEGMENT.format(points=len(height), seconds=SEGMENT_SECONDS, style=style)
-    words += _CHANNEL.format(name="vDeflection", volts=VOLTS)
-    words += _conversion("vDeflection", "distance", "volts", SENSITIVITY, "m")
-    words += _conversion("vDeflection", "force", "distance", SPRING_CONSTANT, "N")
-    words += _CHANNEL.format(name="measuredHeight", volts=VOLTS)
-    words += _conversion("measuredHeight", "nominal", "volts", HEIGHT_SCALE, "m")
+    for name in ("vDeflection", "measuredHeight"):
+        words += _CHANNEL.format(name=name, volts=VOLTS)
+    for name, slot, base, factor, unit in (
+        ("vDeflection", "distance", "volts", SENSITIVITY, "m"),
+        ("vDeflection", "force", "distance", SPRING_CONSTANT, "N"),
+        ("measuredHeight", "nominal", "volts", HEIGHT_SCALE, "m"),
+    ):
+        words += _CONVERSION.format(name=name, slot=slot, base=base, factor=factor, unit=unit)
     archive.writestr(place, "")
     archive.writestr(place + "segment-header.properties", words)
     for name, counts in (("vDeflection", deflection), ("measuredHeight", height)):
         archive.writestr(f"{place}channels/{name}.dat", np.asarray(counts, dtype=">i2").tobytes())
-
-
-def _conversion(name: str, slot: str, base: str, factor: float, unit: str) -> str:
-    return _CONVERSION.format(name=name, slot=slot, base=base, factor=factor, unit=unit)
-
-
-def npz_bytes() -> bytes:
-    """A zip that is no force curve."""
-    file = io.BytesIO()
-    np.savez(file, a=np.zeros(3))
-    return file.getvalue()

@@ -39,139 +39,122 @@ def clean(seed: int = 0, *, free: bool = True) -> palpate.Contact:
     return contact(time, x, noisy(pushed(x, v), seed))
 
 
+# The clean motion, its force without noise, and the part of that which is at rest.
+TIME, X, V = motion()
+FORCE = pushed(X, V)
+SPRING = pushed(X, np.zeros_like(X))
+
+
+def recorded(force: Floats, x: Floats = X, **others) -> palpate.Contact:
+    """That motion, with noise on this force."""
+    return contact(TIME, x, noisy(force), **others)
+
+
 def late(seconds: float) -> palpate.Contact:
-    time, x, v = motion()
-    return contact(time, x, noisy(np.interp(time - seconds, time, pushed(x, v))))
+    return recorded(np.interp(TIME - seconds, TIME, FORCE))
 
 
 def surface_off(metres: float) -> palpate.Contact:
-    time, x, v = motion()
-    return contact(time, x + metres, noisy(pushed(x, v)))
+    return recorded(FORCE, X + metres)
 
 
 def changed(step: float, at: float = 3.5) -> palpate.Contact:
-    time, x, v = motion()
-    force = pushed(x, v)
-    return contact(time, x, noisy(np.where(time > at, (1.0 + step) * force, force)))
+    return recorded(np.where(at < TIME, (1.0 + step) * FORCE, FORCE))
 
 
 def drifting(part: float) -> palpate.Contact:
-    time, x, v = motion()
-    return contact(time, x, noisy(pushed(x, v) * (1.0 - part * time / time[-1])))
+    return recorded(FORCE * (1.0 - part * TIME / TIME[-1]))
 
 
 def zero_drifting(newtons: float) -> palpate.Contact:
-    time, x, v = motion()
-    return contact(time, x, noisy(pushed(x, v) + newtons * time / time[-1]))
+    return recorded(FORCE + newtons * TIME / TIME[-1])
 
 
 def remembering(part: float, tau: float) -> palpate.Contact:
-    time, x, v = motion()
-    spring, state = pushed(x, np.zeros_like(x)), 0.0
-    branch, decay = np.zeros_like(x), np.exp(-STEP / tau)
-    for k in range(1, x.size):
-        branch[k] = state = decay * state + spring[k] - spring[k - 1]
-    return contact(time, x, noisy(pushed(x, v) + part * branch))
+    state, branch, decay = 0.0, np.zeros_like(X), np.exp(-STEP / tau)
+    for k in range(1, X.size):
+        branch[k] = state = decay * state + SPRING[k] - SPRING[k - 1]
+    return recorded(FORCE + part * branch)
 
 
 def rubbing(part: float) -> palpate.Contact:
-    time, x, v = motion()
-    rest = pushed(x, np.zeros_like(x))
-    return contact(time, x, noisy(pushed(x, v) + part * rest * np.tanh(1e3 * v)))
+    return recorded(FORCE + part * SPRING * np.tanh(1e3 * V))
 
 
 def square(part: float) -> palpate.Contact:
-    time, x, v = motion()
-    rest, w = pushed(x, np.zeros_like(x)), v / 20e-3
-    return contact(time, x, noisy(pushed(x, v) + part * rest * w * np.abs(w)))
+    w = V / 20e-3
+    return recorded(FORCE + part * SPRING * w * np.abs(w))
 
 
 def damped_otherwise() -> palpate.Contact:
     """Damping in proportion to the slope of the spring."""
-    time, x, v = motion()
-    depth = np.maximum(x, 0.0)
-    form = np.where(x > 0.0, depth ** (LAW.exponent - 1.0), 0.0) * 9e-3
-    force = pushed(x, np.zeros_like(x)) + LAW.damping * form * v
-    return contact(time, x, noisy(force))
+    depth = np.maximum(X, 0.0)
+    form = np.where(X > 0.0, depth ** (LAW.exponent - 1.0), 0.0) * 9e-3
+    return recorded(SPRING + LAW.damping * form * V)
 
 
 def shaped() -> palpate.Contact:
     """F in proportion to sinh: no power of depth."""
-    time, x, v = motion()
-    return contact(time, x, noisy(6.0 * np.sinh(np.maximum(x, 0.0) / 5e-3) * (1.0 + v)))
+    return recorded(6.0 * np.sinh(np.maximum(X, 0.0) / 5e-3) * (1.0 + V))
 
 
 def heavy(mass: float) -> palpate.Contact:
-    time, x, v = motion()
-    return contact(time, x, noisy(pushed(x, v) + mass * np.gradient(v, time)))
+    return recorded(FORCE + mass * np.gradient(V, TIME))
 
 
 def clipped(part: float) -> palpate.Contact:
-    time, x, v = motion()
-    force = noisy(pushed(x, v))
-    return contact(time, x, np.minimum(force, part * force.max()))
+    force = noisy(FORCE)
+    return contact(TIME, X, np.minimum(force, part * force.max()))
 
 
 def stuck(seconds: float) -> palpate.Contact:
-    time, x, v = motion()
-    force = noisy(pushed(x, v))
-    start = np.searchsorted(time, 3.0)
+    force = noisy(FORCE)
+    start = np.searchsorted(TIME, 3.0)
     force[start : start + round(seconds / STEP)] = force[start]
-    return contact(time, x, force)
+    return contact(TIME, X, force)
 
 
 def spiked(part: float) -> palpate.Contact:
-    time, x, v = motion()
-    force, random = noisy(pushed(x, v)), np.random.default_rng(5)
-    hit = random.random(force.size) < part
-    return contact(time, x, np.where(hit, force + 10.0, force))
+    force = noisy(FORCE)
+    hit = np.random.default_rng(5).random(force.size) < part
+    return contact(TIME, X, np.where(hit, force + 10.0, force))
 
 
 def coarse(part: float) -> palpate.Contact:
-    time, x, v = motion()
-    force = pushed(x, v)
-    step = part * force.max()
-    return contact(time, x, step * np.round(force / step))
+    step = part * FORCE.max()
+    return contact(TIME, X, step * np.round(FORCE / step))
 
 
 def held(beat: int) -> palpate.Contact:
     """A force that comes at a lower rate, and is held."""
-    time, x, v = motion()
-    force = noisy(pushed(x, v))
-    return contact(time, x, np.repeat(force[::beat], beat)[: force.size])
+    return contact(TIME, X, np.repeat(noisy(FORCE)[::beat], beat)[: X.size])
 
 
 def stamped_on_arrival() -> palpate.Contact:
-    time, x, v = motion()
     random = np.random.default_rng(3)
-    jittered = np.maximum.accumulate(time + 0.9 * STEP * random.random(time.size))
-    return contact(jittered + 1e-9 * np.arange(time.size), x, noisy(pushed(x, v)))
+    jittered = np.maximum.accumulate(TIME + 0.9 * STEP * random.random(TIME.size))
+    return contact(jittered + 1e-9 * np.arange(TIME.size), X, noisy(FORCE))
 
 
 def scaled(**factors: float) -> palpate.Contact:
     """A channel in another unit, or of another sign."""
-    time, x, v = motion()
-    channels = {"time": time, "penetration": x, "force": noisy(pushed(x, v))}
-    channels = {name: factors.get(name, 1.0) * values for name, values in channels.items()}
-    return contact(channels["time"], channels["penetration"], channels["force"])
+    channels = {"time": TIME, "penetration": X, "force": noisy(FORCE)}
+    return contact(*(factors.get(name, 1.0) * values for name, values in channels.items()))
 
 
 def against() -> palpate.Contact:
     """A velocity column of the wrong sign."""
-    time, x, v = motion()
-    return contact(time, x, noisy(pushed(x, v)), velocity=-v)
+    return recorded(FORCE, velocity=-V)
 
 
 def with_velocity(scale: float = 1.0, noise: float = 0.0) -> palpate.Contact:
     """A velocity column that is scaled, or noisy by a part of its rms."""
-    time, x, v = motion()
     random = np.random.default_rng(5)
-    column = scale * v + noise * np.sqrt(np.mean(v**2)) * random.standard_normal(v.size)
-    return contact(time, x, noisy(pushed(x, v)), velocity=column)
+    rms = np.sqrt(np.mean(V**2))
+    return recorded(FORCE, velocity=scale * V + noise * rms * random.standard_normal(V.size))
 
 
 def rounded(step: float) -> palpate.Contact:
     """A penetration that is read in coarse steps, m."""
-    time, x, v = motion()
-    force = noisy(pushed(x, v))
-    return palpate.prepare(time=time, penetration=step * np.round(x / step), force=force)
+    x = step * np.round(X / step)
+    return palpate.prepare(time=TIME, penetration=x, force=noisy(FORCE))

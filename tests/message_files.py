@@ -1,7 +1,5 @@
 """Recordings of messages, written by the packages that people record with."""
 
-import json
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,10 +8,15 @@ from pathlib import Path
 import foxglove
 import numpy as np
 from foxglove import messages as fox
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
+from google.protobuf import (
+    descriptor_pb2,
+    descriptor_pool,
+    json_format,
+    message_factory,
+    timestamp_pb2,
+)
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.writer import Writer as ProtobufWriter
-from mcap_ros2.writer import Writer as Ros2Writer
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag1 import Writer as Rosbag1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
@@ -27,46 +30,6 @@ FORCE_FIELDS = [f"wrench.{what}.{axis}" for what in ("force", "torque") for axis
 POSE_FIELDS = [f"pose.position.{axis}" for axis in "xyz"] + [
     f"pose.orientation.{axis}" for axis in "xyzw"
 ]
-RULE = "=" * 80
-_HEADER = f"""{RULE}
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-{RULE}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-WRENCH = f"""std_msgs/Header header
-geometry_msgs/Wrench wrench
-{_HEADER}{RULE}
-MSG: geometry_msgs/Wrench
-Vector3 force
-Vector3 torque
-{RULE}
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-"""
-POSE = f"""std_msgs/Header header
-geometry_msgs/Pose pose
-{_HEADER}{RULE}
-MSG: geometry_msgs/Pose
-Point position
-Quaternion orientation
-{RULE}
-MSG: geometry_msgs/Point
-float64 x
-float64 y
-float64 z
-{RULE}
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
-"""
 
 
 @dataclass(frozen=True)
@@ -105,46 +68,6 @@ def split(stamp: int) -> tuple[int, int]:
     return divmod(int(stamp), 1_000_000_000)
 
 
-def ros2_mcap(path: Path, given: Values, **settings: object) -> Path:
-    """MCAP by the ``mcap`` package and its support of ROS 2."""
-    with path.open("wb") as file:
-        writer = Ros2Writer(file, **settings)
-        wrench = writer.register_msgdef("geometry_msgs/msg/WrenchStamped", WRENCH)
-        pose = writer.register_msgdef("geometry_msgs/msg/PoseStamped", POSE)
-        for stamp, forces, position in zip(given.stamps, given.wrenches, given.poses, strict=True):
-            seconds, rest = split(stamp)
-            time = {"sec": seconds, "nanosec": rest}
-            f, p = forces.tolist(), position.tolist()
-            body = {
-                "header": {"stamp": time, "frame_id": "sensor"},
-                "wrench": {
-                    "force": dict(zip("xyz", f[:3], strict=True)),
-                    "torque": dict(zip("xyz", f[3:], strict=True)),
-                },
-            }
-            writer.write_message("/ft", wrench, body, int(stamp) + DELAY)
-            body = {
-                "header": {"stamp": time, "frame_id": "base"},
-                "pose": {
-                    "position": dict(zip("xyz", p[:3], strict=True)),
-                    "orientation": dict(zip("xyzw", p[3:], strict=True)),
-                },
-            }
-            writer.write_message("/pose", pose, body, int(stamp) + DELAY)
-        writer.finish()
-    return path
-
-
-def cdr_wrench(stamp: int, forces: np.ndarray, frame: str = "sensor", order: str = "<") -> bytes:
-    """A WrenchStamped in CDR, as rmw writes it."""
-    seconds, rest = split(stamp)
-    text = frame.encode() + b"\0"
-    head = struct.pack(order + "iII", seconds, rest, len(text)) + text
-    head += bytes(-len(head) % 8)
-    kind = b"\0\1\0\0" if order == "<" else b"\0\0\0\0"
-    return kind + head + forces.astype(order + "f8").tobytes()
-
-
 def raw_mcap(
     path: Path,
     messages: list[tuple[str, int, bytes]],
@@ -167,53 +90,25 @@ def raw_mcap(
     return path
 
 
-def wrench_mcap(path: Path, given: Values, **settings: object) -> Path:
-    """MCAP of wrenches and poses, written fast."""
-    schemas = {
-        "/ft": ("cdr", "ros2msg", "geometry_msgs/msg/WrenchStamped", WRENCH.encode()),
-        "/pose": ("cdr", "ros2msg", "geometry_msgs/msg/PoseStamped", POSE.encode()),
-    }
-    messages = []
-    for stamp, forces, pose in zip(given.stamps, given.wrenches, given.poses, strict=True):
-        messages.append(("/ft", int(stamp), cdr_wrench(stamp, forces)))
-        messages.append(("/pose", int(stamp), cdr_wrench(stamp, pose, "base")))
-    return raw_mcap(path, messages, schemas, **settings)
-
-
-def json_mcap(path: Path, objects: list[object], topic: str = "/json") -> Path:
-    """MCAP of JSON."""
-    texts = [(topic, BEGIN + k, json.dumps(each).encode()) for k, each in enumerate(objects)]
-    return raw_mcap(path, texts, {topic: ("json", "jsonschema", "Any", b"{}")})
-
-
 def protobuf_class(syntax: str = "proto3") -> Callable[..., object]:
     """A message of every kind of number."""
-    file = descriptor_pb2.FileDescriptorProto(
-        name=f"probe_{syntax}.proto",
-        package="robot",
-        syntax=syntax,
-        dependency=["google/protobuf/timestamp.proto"],
-    )
-    message = file.message_type.add(name="Probe")
     kinds = ["double", "float", "int64", "uint64", "int32", "sint32", "sint64"]
     kinds += ["fixed32", "fixed64", "bool"]
-    field = descriptor_pb2.FieldDescriptorProto
-    for number, kind in enumerate(kinds, start=1):
-        kind_number = getattr(field, f"TYPE_{kind.upper()}")
-        message.field.add(name=f"a_{kind}", number=number, type=kind_number, label=1)
-    message.field.add(name="joints", number=20, type=field.TYPE_DOUBLE, label=3)
-    message.field.add(name="counts", number=21, type=field.TYPE_INT32, label=3)
-    message.field.add(name="note", number=22, type=field.TYPE_STRING, label=1)
-    message.field.add(
-        name="stamp",
-        number=23,
-        type=field.TYPE_MESSAGE,
-        type_name=".google.protobuf.Timestamp",
-        label=1,
-    )
+    of = dict.fromkeys([f"a_{kind}" for kind in kinds], "LABEL_OPTIONAL")
+    of |= {"joints": "LABEL_REPEATED", "counts": "LABEL_REPEATED", "note": "LABEL_OPTIONAL"}
+    types = [f"TYPE_{kind.upper()}" for kind in (*kinds, "double", "int32", "string")]
+    fields = [
+        {"name": name, "number": number, "type": kind, "label": label}
+        for number, ((name, label), kind) in enumerate(zip(of.items(), types, strict=True), 1)
+    ]
+    stamp = {"name": "stamp", "number": 23, "type": "TYPE_MESSAGE", "label": "LABEL_OPTIONAL"}
+    fields.append({**stamp, "typeName": ".google.protobuf.Timestamp"})
+    file = {"name": "probe.proto", "package": "robot", "syntax": syntax}
+    file |= {"dependency": ["google/protobuf/timestamp.proto"]}
+    file |= {"messageType": [{"name": "Probe", "field": fields}]}
     pool = descriptor_pool.DescriptorPool()
     pool.AddSerializedFile(timestamp_pb2.DESCRIPTOR.serialized_pb)
-    pool.Add(file)
+    pool.Add(json_format.ParseDict(file, descriptor_pb2.FileDescriptorProto()))
     return message_factory.GetMessageClass(pool.FindMessageTypeByName("robot.Probe"))
 
 
@@ -237,22 +132,17 @@ def foxglove_mcap(path: Path, given: Values) -> Path:
         transforms = FrameTransformsChannel("/tf", context=context)
         wrench = foxglove.Channel("/ft", message_encoding="json", context=context)
         for stamp, forces, position in zip(given.stamps, given.wrenches, given.poses, strict=True):
-            time = fox.Timestamp(*split(stamp))
-            p = position.tolist()
-            place = dict(zip("xyz", p[:3], strict=True))
-            turn = fox.Quaternion(**dict(zip("xyzw", p[3:], strict=True)))
-            body = fox.Pose(position=fox.Vector3(**place), orientation=turn)
-            message = fox.PoseInFrame(timestamp=time, frame_id="base", pose=body)
-            pose.log(message, log_time=int(stamp) + DELAY)
-            moved = fox.FrameTransform(
-                timestamp=time,
-                parent_frame_id="base",
-                child_frame_id="tool",
-                translation=fox.Vector3(**place),
-                rotation=turn,
-            )
-            transforms.log(fox.FrameTransforms(transforms=[moved]), log_time=int(stamp) + DELAY)
-            wrench.log({"force": forces[:3].tolist()}, log_time=int(stamp) + DELAY)
+            time, p = fox.Timestamp(*split(stamp)), position.tolist()
+            place, turn = fox.Vector3(**dict(zip("xyz", p[:3], strict=True))), p[3:]
+            turn = fox.Quaternion(**dict(zip("xyzw", turn, strict=True)))
+            body = fox.Pose(position=place, orientation=turn)
+            moved = {"translation": place, "rotation": turn, "timestamp": time}
+            moved |= {"parent_frame_id": "base", "child_frame_id": "tool"}
+            tree = fox.FrameTransforms(transforms=[fox.FrameTransform(**moved)])
+            at = {"log_time": int(stamp) + DELAY}
+            pose.log(fox.PoseInFrame(timestamp=time, frame_id="base", pose=body), **at)
+            transforms.log(tree, **at)
+            wrench.log({"force": forces[:3].tolist()}, **at)
     return path
 
 
@@ -313,47 +203,73 @@ class Maker:
 Message = tuple[str, str, int, object]  # topic, type, time, message
 
 
-def wrenches_and_poses(given: Values, ros1: bool = False) -> list[Message]:
+def wrenches_and_poses(
+    given: Values, ros1: bool = False, frame: str = "sensor", pose: str = "/pose"
+) -> list[Message]:
     maker = Maker(ros1)
     found: list[Message] = []
-    for stamp, forces, pose in zip(given.stamps, given.wrenches, given.poses, strict=True):
-        time = int(stamp) + DELAY
-        found.append(("/ft", "geometry_msgs/WrenchStamped", time, maker.wrench(stamp, forces)))
-        found.append(("/pose", "geometry_msgs/PoseStamped", time, maker.pose(stamp, pose)))
+    for stamp, forces, place in zip(given.stamps, given.wrenches, given.poses, strict=True):
+        time, wrench = int(stamp) + DELAY, maker.wrench(stamp, forces, frame)
+        found.append(("/ft", "geometry_msgs/WrenchStamped", time, wrench))
+        found.append((pose, "geometry_msgs/PoseStamped", time, maker.pose(stamp, place)))
     return found
+
+
+def cdr(name: str, message: object, order: str = "<") -> bytes:
+    """A message as rmw writes it."""
+    store, name = typestore(), name.replace("/", "/msg/")
+    return bytes(store.serialize_cdr(message, name, little_endian=order == "<"))
+
+
+def cdr_wrench(stamp: int, forces: np.ndarray, frame: str = "sensor", order: str = "<") -> bytes:
+    return cdr("geometry_msgs/WrenchStamped", Maker().wrench(stamp, forces, frame), order)
+
+
+def schema(name: str) -> tuple[str, str, str, bytes]:
+    """Encoding of messages and of the schema, type and definition, with names as people write."""
+    text = typestore().generate_msgdef(name, ros_version=2)[0]
+    text = text.replace("\ngeometry_msgs/Vector3 ", "\nVector3 ")
+    return "cdr", "ros2msg", name, text.encode()
+
+
+WRENCH = schema("geometry_msgs/msg/WrenchStamped")
+POSE = schema("geometry_msgs/msg/PoseStamped")
+
+
+def wrench_mcap(path: Path, given: Values, **settings: object) -> Path:
+    """MCAP of wrenches and poses."""
+    messages = [
+        (topic, time, cdr(name, each)) for topic, name, time, each in wrenches_and_poses(given)
+    ]
+    return raw_mcap(path, messages, {"/ft": WRENCH, "/pose": POSE}, **settings)
 
 
 def rosbag1(path: Path, messages: list[Message], compression: str | None = None) -> Path:
     """A bag of ROS 1 by rosbags."""
-    store = typestore(True)
     writer = Rosbag1Writer(path)
     if compression is not None:
         writer.set_compression(Rosbag1Writer.CompressionFormat[compression])
-    with writer:
-        connections = {}
-        for topic, name, time, message in messages:
-            name = name.replace("/", "/msg/")
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, name, typestore=store)
-            writer.write(connections[topic], time, store.serialize_ros1(message, name))
-    return path
+    return _bag(writer, path, typestore(True), "serialize_ros1", messages)
 
 
 def rosbag2(
     path: Path, messages: list[Message], storage: str = "SQLITE3", mode: str | None = None
 ) -> Path:
     """A bag of ROS 2 by rosbags."""
-    store = typestore(False)
     writer = Rosbag2Writer(path, version=9, storage_plugin=StoragePlugin[storage])
     if mode is not None:
         writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+    return _bag(writer, path, typestore(False), "serialize_cdr", messages)
+
+
+def _bag(writer, path: Path, store, serialize: str, messages: list[Message]) -> Path:
     with writer:
         connections = {}
         for topic, name, time, message in messages:
             name = name.replace("/", "/msg/")
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, name, typestore=store)
-            writer.write(connections[topic], time, store.serialize_cdr(message, name))
+            writer.write(connections[topic], time, getattr(store, serialize)(message, name))
     return path
 
 

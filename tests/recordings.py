@@ -11,12 +11,8 @@ SIGNALS = exciting(MATERIALS["ball"], seconds=0.6, noise=0.02, seed=1)
 
 def rows_of(signals: Signals = SIGNALS) -> list[list[str]]:
     """Time, penetration and force, whole: every float comes back as it was."""
-    columns = (signals.time, signals.penetration, signals.force)
-    return [[repr(value) for value in row] for row in zip(*map(list_of, columns), strict=True)]
-
-
-def list_of(values) -> list[float]:
-    return values.tolist()
+    columns = (each.tolist() for each in (signals.time, signals.penetration, signals.force))
+    return [[repr(value) for value in row] for row in zip(*columns, strict=True)]
 
 
 def text_of(

@@ -1,23 +1,15 @@
 """From a robot's poses and wrenches to a contact: normal, frame, tare, surface, places."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from probing import BALL, NOISE, PVC, SPONGE, Motion, tapping, three_sines
-from robots import BIAS, NORMAL, ORIGIN, hand, table_of, topics_of
+from robots import BIAS, NORMAL, ORIGIN, Hand, hand, table_of, topics_of
 
-from palpate import (
-    FlatPunch,
-    HuntCrossley,
-    InvalidParameterError,
-    Recording,
-    RecordingError,
-    Wanted,
-    identify,
-    prepare,
-)
-from palpate.preparation.baselines import baseline_of, free_samples
+import palpate
+from palpate import FlatPunch, HuntCrossley, Recording, RecordingError, identify, prepare
 from palpate.preparation.normals import normal_found, normal_given
 from palpate.preparation.surfaces import surface_of
 from palpate.preparation.wrenches import largest_turn, turned
@@ -26,6 +18,14 @@ from palpate.preparation.wrenches import largest_turn, turned
 def turn(axis, angle) -> np.ndarray:
     """Quaternion x, y, z, w."""
     return np.array([*(math.sin(angle / 2) * np.asarray(axis)), math.cos(angle / 2)])
+
+
+def with_turns(felt, turns, **more) -> Recording:
+    """With the orientation of the tool."""
+    return table_of(felt, **{f"q{k}": turns[:, k] for k in range(4)}, **more)
+
+
+BACK = np.array([-1, -1, -1, 1])
 
 
 def off(result, law: HuntCrossley) -> float:
@@ -56,10 +56,7 @@ def test_a_tapping_robot_is_identified_without_an_option(law, made):
 
 def test_a_force_that_is_the_probes_is_turned_and_said():
     mirrored = hand(6.0, BALL)
-    recorded = table_of(mirrored)
-    names = [f"f{axis}_N" for axis in "xyz"]
-    for name in names:
-        recorded.channels[name][:] *= -1.0
+    recorded = table_of(replace(mirrored, force=-mirrored.force))
     contact = prepare(recorded)
     assert off(identify(contact), BALL) < 4.0
     assert any("its sign was turned" in remark.sentence for remark in contact.remarks)
@@ -73,25 +70,16 @@ def test_a_normal_that_is_given_is_taken(given):
     contact = prepare(table_of(hand(6.0)), normal=given)
     assert contact.prepared.normal.vector == pytest.approx(NORMAL)
     assert off(identify(contact), BALL) < 4.0
-
-
-def test_a_normal_that_is_given_the_wrong_way_is_not_to_be_trusted():
     contact = prepare(table_of(hand(6.0)), normal=-NORMAL)
     assert any(remark.severity == "do-not-trust" for remark in contact.remarks)
 
 
-@pytest.mark.parametrize("name, vector", [("z", (0, 0, 1)), ("-x", (-1, 0, 0)), ("+y", (0, 1, 0))])
-def test_axes_are_normals(name, vector):
-    assert normal_given(name).vector.tolist() == list(vector)
-
-
-@pytest.mark.parametrize("wrong", ["w", "", "1,2", "0,0,0", "a,b,c", (1, 2), 7, "nan,0,1"])
-def test_what_is_no_normal_is_refused(wrong):
-    with pytest.raises(InvalidParameterError, match="normal must be x, y, z, -x"):
-        prepare(table_of(hand(1.0)), normal=wrong)
-
-
-def test_forces_within_the_noise_have_no_normal():
+def test_axes_are_normals_and_what_is_no_normal_is_refused():
+    for name, vector in {"z": [0, 0, 1], "-x": [-1, 0, 0], "+y": [0, 1, 0]}.items():
+        assert normal_given(name).vector.tolist() == vector
+    for wrong in ("w", "", "1,2", "0,0,0", "a,b,c", (1, 2), 7, "nan,0,1"):
+        with pytest.raises(palpate.InvalidParameterError, match="normal must be x, y, z, -x"):
+            prepare(table_of(hand(1.0)), normal=wrong)
     noise = np.random.default_rng(1).standard_normal((500, 3))
     with pytest.raises(RecordingError, match=r"--normal z"):
         normal_found(noise, np.zeros((500, 3)))
@@ -99,14 +87,10 @@ def test_forces_within_the_noise_have_no_normal():
 
 def test_a_wrench_in_the_tools_frame_is_turned_by_the_orientation():
     felt = hand(6.0)
-    tilted = turn((0.0, 0.6, 0.8), 0.7)
-    into_tool = tilted * np.array([-1, -1, -1, 1])
-    orientation = np.tile(tilted, (len(felt.time), 1))
-    in_tool = turned(felt.force, np.tile(into_tool, (len(felt.time), 1)))
+    orientation = np.tile(turn((0.0, 0.6, 0.8), 0.7), (len(felt.time), 1))
+    in_tool = turned(felt.force, orientation * BACK)
     np.testing.assert_allclose(turned(in_tool, orientation), felt.force, atol=1e-12)
-    recorded = table_of(felt, **{f"q{k}": orientation[:, k] for k in range(4)})
-    for k, axis in enumerate("xyz"):
-        recorded.channels[f"f{axis}_N"][:] = in_tool[:, k]
+    recorded = with_turns(replace(felt, force=in_tool), orientation)
     contact = prepare(recorded, force_frame="tool")
     assert contact.prepared.normal.vector == pytest.approx(NORMAL, abs=2e-3)
     assert off(identify(contact), BALL) < 4.0
@@ -125,10 +109,9 @@ def test_frames_that_the_recording_names_decide():
 
 def test_an_orientation_that_changes_calls_for_the_tools_weight():
     felt = hand(3.0)
-    angle = np.linspace(0.0, 0.5, len(felt.time))
-    quaternions = np.array([turn((1.0, 0.0, 0.0), each) for each in angle])
-    assert largest_turn(quaternions) == pytest.approx(0.25, abs=0.01)
-    recorded = table_of(felt, **{f"q{k}": quaternions[:, k] for k in range(4)})
+    turns = np.array([turn((1.0, 0.0, 0.0), each) for each in np.linspace(0.0, 0.5, 3000)])
+    assert largest_turn(turns) == pytest.approx(0.25, abs=0.01)
+    recorded = with_turns(felt, turns)
     found = [r for r in prepare(recorded).remarks if r.step == "orientation"]
     assert found[0].severity == "with-care"
     weighed = prepare(recorded, tool_weight=1.2, force_frame="tool").remarks
@@ -139,43 +122,42 @@ def turning(reach: float, *, weight: float = 3.0, sign: float = 1.0) -> Recordin
     """A sensor with an offset, on a tool of a weight that swings by so many radians."""
     felt = hand(8.0, bias=np.zeros(3))
     turns = np.array([turn((0.6, 0.8, 0.0), reach * math.sin(1.1 * t + 0.3)) for t in felt.time])
-    force = turned(felt.force - [0.0, 0.0, weight], turns * [-1, -1, -1, 1]) + BIAS
-    columns = {f"f{axis}_N": sign * force[:, k] for k, axis in enumerate("xyz")}
-    return table_of(felt, **{f"q{k}": turns[:, k] for k in range(4)}, **columns)
+    force = turned(felt.force - [0.0, 0.0, weight], turns * BACK) + BIAS
+    return with_turns(replace(felt, force=sign * force), turns)
 
 
 def weighed(recorded: Recording, weight: float | None, **more):
     result = identify(prepare(recorded, force_frame="tool", tool_weight=weight, **more))
-    said = [r for r in result.contact.remarks if r.step == "tool weight"]
-    return result, result.diagnosis, said
+    return result, [r for r in result.contact.remarks if r.step == "tool weight"]
 
 
 def test_only_the_tools_true_weight_leaves_the_offset_constant_in_the_sensors_axes():
     """The tare is taken in the axes of the sensor, where its offset does not turn."""
     recorded, residuals = turning(0.5), {}
     for weight in (1.5, 2.8, 3.0, 3.2, 9.0):
-        result, diagnosis, said = weighed(recorded, weight)
+        result, said = weighed(recorded, weight)
         residuals[weight] = result.fit_rmse_percent
+        verdict = result.diagnosis.verdict
         if weight == 3.0:
-            stiffness = diagnosis.working_depth.stiffness
+            stiffness = result.diagnosis.working_depth.stiffness
             assert abs(stiffness.value - 2000.0) < 4.0 * stiffness.standard_error
-            assert (diagnosis.verdict.overall, said) == ("trust", [])
+            assert (verdict.overall, said) == ("trust", [])
             assert result.contact.prepared.zero == pytest.approx(BIAS, abs=0.01)
         elif weight in (1.5, 9.0):
             assert "as a weight of 3.00" in said[0].sentence
-            assert {diagnosis.verdict.stiffness, diagnosis.verdict.damping}.isdisjoint({"trust"})
+            assert {verdict.stiffness, verdict.damping}.isdisjoint({"trust"})
     assert min(residuals, key=residuals.get) == 3.0
     assert len(set(residuals.values())) == len(residuals)
 
 
 def test_free_air_tells_the_weight_that_is_not_given_and_the_sign_of_the_force():
-    _, diagnosis, said = weighed(turning(0.5), None)
+    result, said = weighed(turning(0.5), None)
     assert said[0].remedy.startswith("--tool-weight 3")
-    assert diagnosis.verdict.overall != "trust"
-    _, _, said = weighed(turning(0.5, sign=-1.0), 3.0)
-    assert said[0].remedy.startswith("--flip-force")
-    _, diagnosis, said = weighed(turning(0.5, sign=-1.0), 3.0, flip=["force"])
-    assert (diagnosis.verdict.overall, said) == ("trust", [])
+    assert result.diagnosis.verdict.overall != "trust"
+    mirrored = turning(0.5, sign=-1.0)
+    assert weighed(mirrored, 3.0)[1][0].remedy.startswith("--flip-force")
+    result, said = weighed(mirrored, 3.0, flip=["force"])
+    assert (result.diagnosis.verdict.overall, said) == ("trust", [])
 
 
 @pytest.mark.parametrize(
@@ -188,9 +170,8 @@ def test_a_tools_weight_that_changes_nothing_is_refused(reach, settings):
 
 def test_what_is_no_quaternion_is_refused():
     felt = hand(1.0)
-    recorded = table_of(felt, **{f"q{k}": np.full(len(felt.time), 1.0) for k in range(4)})
     with pytest.raises(RecordingError, match="no quaternion x, y, z, w: its length is 2"):
-        prepare(recorded, force_frame="tool")
+        prepare(with_turns(felt, np.ones((1000, 4))), force_frame="tool")
     with pytest.raises(RecordingError, match="needs the orientation"):
         prepare(table_of(felt), force_frame="tool")
 
@@ -198,10 +179,7 @@ def test_what_is_no_quaternion_is_refused():
 def test_a_drift_of_the_sensor_is_taken_off_and_said():
     felt = hand(8.0)
     drift = np.linspace(0.0, 0.4, len(felt.time))[:, None] * NORMAL
-    recorded = table_of(felt)
-    for k, axis in enumerate("xyz"):
-        recorded.channels[f"f{axis}_N"][:] += drift[:, k]
-    contact = prepare(recorded)
+    contact = prepare(table_of(replace(felt, force=felt.force + drift)))
     assert contact.prepared.drift == pytest.approx(0.4, rel=0.05)
     assert any("drifts by" in remark.sentence for remark in contact.remarks)
     assert off(identify(contact), BALL) < 4.0
@@ -217,26 +195,10 @@ def test_no_free_time_is_found_where_there_is_none():
     assert "an assumption" in said["surface"].sentence
     with pytest.raises(RecordingError, match="never seen out of contact"):
         prepare(table_of(hand(motion=motion)), tare="find")
-
-
-def test_a_time_to_tare_in_is_taken():
     contact = prepare(table_of(hand(4.0)), tare=(0.0, 0.03))
     assert contact.prepared.zero == pytest.approx(BIAS, abs=5 * NOISE / math.sqrt(30))
     with pytest.raises(RecordingError, match="no sample between 90 s and 91 s"):
         prepare(table_of(hand(2.0)), tare=(90.0, 91.0))
-
-
-def test_free_samples_are_those_at_which_the_force_is_constant():
-    motion = tapping(6.0)
-    force = BALL.force(motion.x, motion.v) + 0.3
-    force = force + NOISE * np.random.default_rng(3).standard_normal(force.size)
-    free = free_samples(-motion.x, force)
-    assert free is not None
-    assert motion.x[free].max() < 0.0
-    assert free[motion.x < -1.5e-3].all()
-    found = baseline_of(motion.time, force, free)
-    assert found.mean == pytest.approx(0.3, abs=0.01)
-    assert found.drift == 0.0
 
 
 @pytest.mark.parametrize("law", [BALL, PVC, SPONGE], ids=["ball", "pvc", "sponge"])
@@ -261,21 +223,18 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     """Ball, then sponge 30 mm on, with a lift between: each is identified for itself."""
     lifted = Motion(np.full(400, -5e-3), np.zeros(400))
     parts = [(BALL, 0.0, tapping(4.0)), (BALL, 0.015, lifted), (SPONGE, 0.03, tapping(4.0))]
-    position, force = [], []
     along = np.array([0.6, 0.8, 0.0])
-    for k, (law, far, motion) in enumerate(parts):
-        felt = hand(law=law, motion=motion, origin=ORIGIN + far * along, seed=k)
-        position.append(felt.position)
-        force.append(felt.force)
-    whole = hand(motion=Motion(*np.zeros((2, sum(map(len, position))))))
-    recorded = table_of(type(whole)(
-        1e-3 * np.arange(len(whole.time)), np.vstack(position), sign * np.vstack(force),
-        whole.motion,
-    ))  # fmt: skip
+    felt = [
+        hand(law=law, motion=motion, origin=ORIGIN + far * along, seed=k)
+        for k, (law, far, motion) in enumerate(parts)
+    ]
+    position, force = (np.vstack([getattr(f, n) for f in felt]) for n in ("position", "force"))
+    time = 1e-3 * np.arange(len(position))
+    recorded = table_of(Hand(time, position, sign * force, lifted))
     contact = prepare(recorded)
     assert len(contact.prepared.places) == 2
     assert any("2 places" in remark.sentence for remark in contact.remarks)
-    tip = Wanted(tip=FlatPunch(0.1))
+    tip = palpate.Wanted(tip=FlatPunch(0.1))
     result = identify(contact).wanting(tip).by_place()
     assert len(result.stretches) == 2
     for part, law in zip(result.stretches, (BALL, SPONGE), strict=True):
@@ -295,12 +254,8 @@ def test_a_position_along_one_axis_finds_its_sign_and_its_surface():
     noise = NOISE * np.random.default_rng(5).standard_normal(len(motion))
     force = BALL.force(motion.x, motion.v) + noise
     for sign in (1.0, -1.0):
-        from palpate import Recording
-
-        recorded = Recording(
-            {"t": motion.time, "z_m": 0.412 + sign * motion.x, "Fz_N": sign * force}
-        )
-        contact = prepare(recorded)
+        channels = {"t": motion.time, "z_m": 0.412 + sign * motion.x, "Fz_N": sign * force}
+        contact = prepare(Recording(channels))
         assert off(identify(contact), BALL) < 4.0
         said = [remark.sentence for remark in contact.remarks if remark.step == "direction"]
         assert len(said) == (0 if sign > 0 else 2)

@@ -2,25 +2,30 @@
 
 import numpy as np
 import pytest
-from probing import BALL, NOISE, PVC, SAMPLE_TIME, Motion, clock, fed, white
-
-from palpate import (
-    Contact,
-    ContactGate,
-    HuntCrossley,
-    Scale,
-    Status,
-    VariableProjection,
-    compare,
-    identify,
-    lab,
-    prepare,
+from probing import (
+    BALL,
+    MATERIALS,
+    NOISE,
+    PVC,
+    SAMPLE_TIME,
+    Motion,
+    clock,
+    fed,
+    joined,
+    relative_error,
+    tapping,
+    three_sines,
+    white,
 )
+from scipy.stats import binom
+
+import palpate
+from palpate import Contact, Scale, Status, VariableProjection, identify, lab
 from palpate.design.excitation import cramer_rao_bound
 from palpate.preparation.resolution import suggest_surface_deviation
 
 SCALE = Scale(10e-3, 0.1, 20.0)
-GEL = HuntCrossley(5e4, 1.5e5, 2.2)
+GEL = palpate.HuntCrossley(5e4, 1.5e5, 2.2)
 OFFSET = "offset beyond"
 
 
@@ -76,16 +81,16 @@ def test_firm_contact_is_updated_and_what_is_in_doubt_is_held():
 def test_free_air_tells_the_offset():
     motion = strokes(4.0)
     force = PVC.force(motion.x, motion.v) + 1.5 + white(len(motion), 5)
+    inside = motion.x > 0.0
     estimates = [
         fed(VariableProjection(scale=SCALE), part, f).estimate()
-        for part, f in ((motion, force), (Motion(*contact_of(motion)), force[motion.x > 0.0]))
+        for part, f in (
+            (motion, force),
+            (Motion(motion.x[inside], motion.v[inside]), force[inside]),
+        )
     ]
     assert abs(estimates[0].offset - 1.5) < 4.0 * estimates[0].offset_standard_error
     assert estimates[0].offset_standard_error < 0.8 * estimates[1].offset_standard_error
-
-
-def contact_of(motion: Motion):
-    return motion.x[motion.x > 0.0], motion.v[motion.x > 0.0]
 
 
 def test_an_untared_force_is_no_stiffness():
@@ -132,14 +137,13 @@ def test_what_an_encoders_zero_hides_is_in_the_error_bars():
     # Of the rounding, step/√12, which fourth differences see up to a quarter larger.
     assert 2.0 < suggested / (step / np.sqrt(12.0)) < 2.6
 
-    def away(deviation: float | None) -> float:
-        """Largest error, in standard errors."""
+    away = []  # the largest error, in standard errors
+    for deviation in (None, 1e-9):
         found = identify(contact, VariableProjection(surface_deviation=deviation)).estimate
         errors = np.abs(found.parameters - BALL.parameters) / found.standard_errors
-        return float(errors.max())
-
-    assert away(None) < 3.0
-    assert away(1e-9) > 4.0  # as free air says the offset to a millinewton
+        away.append(errors.max())
+    assert away[0] < 3.0
+    assert away[1] > 4.0  # as free air says the offset to a millinewton
     exact = recorded(motion, BALL.force(motion.x, motion.v))
     assert suggest_surface_deviation(exact) is not None  # a motion's own steps
     still = Contact(exact.time, penetration=0.0 * motion.x, velocity=motion.v, force=exact.force)
@@ -152,18 +156,17 @@ def test_a_tare_reaches_the_estimator_through_prepare_and_identify():
     v = np.concatenate([0.0 * rest, motion.v])
     force = BALL.force(x, v) + 0.7 + white(len(x), 9)
     arrays = {"time": SAMPLE_TIME * np.arange(len(x)), "penetration": x, "velocity": v}
-    contact = prepare(**arrays, force=force, tare=(0.0, 0.9))
-    expected = NOISE / np.sqrt(901)
-    assert contact.tare_deviation == pytest.approx(expected, rel=0.3)
+    contact = palpate.prepare(**arrays, force=force, tare=(0.0, 0.9))
+    assert contact.tare_deviation == pytest.approx(NOISE / np.sqrt(901), rel=0.3)
     assert contact.window(0.5).tare_deviation == contact.tare_deviation
-    assert identify(contact).estimator.settings["offset_deviation"] == contact.tare_deviation
-    given = identify(contact, VariableProjection(offset_deviation=0.1)).estimator
-    assert given.settings["offset_deviation"] == 0.1
-    assert identify(prepare(**arrays, force=force)).estimator.settings["offset_deviation"] is None
-
-
-def test_the_lab_says_what_its_tare_left():
-    contact = lab.Bench(lab.MATERIALS["ball"], lab.THREE_SINES, lab.IdealProbe()).run(1).contact
+    for touch, method, deviation in (
+        (contact, None, contact.tare_deviation),
+        (contact, VariableProjection(offset_deviation=0.1), 0.1),
+        (palpate.prepare(**arrays, force=force), None, None),
+    ):
+        found = identify(touch, *([] if method is None else [method]))
+        assert found.estimator.settings["offset_deviation"] == deviation
+    contact = lab.Bench(lab.BALL, lab.THREE_SINES, lab.IdealProbe()).run(1).contact
     # The mean of a pause of 0.05 N noise in steps of 1/8 N, and what those steps leave of it.
     assert 1e-3 < contact.tare_deviation < 6e-3
 
@@ -172,18 +175,176 @@ def test_identify_gives_variable_projection_no_force_gate_and_keeps_one_that_is_
     motion = strokes(2.0)
     contact = recorded(motion, BALL.force(motion.x, motion.v) + white(len(motion), 10))
     assert identify(contact).estimator.settings["gate"] is None
-    results = compare(contact)
+    results = palpate.compare(contact)
     assert results["variable-projection"].estimator.settings["gate"] is None
     assert results["single-stage"].gate.make_force > 0.0
-    gate = ContactGate(1e-3, 2.0)
+    depths = [result.diagnosis.working_depth.depth for result in results.values()]
+    assert depths == pytest.approx([depths[0]] * len(depths), rel=0.02)
+    gate = palpate.ContactGate(1e-3, 2.0)
     firm = (contact.penetration > 1e-3) & (contact.force > 2.0)
     taken = identify(contact, VariableProjection(gate=gate)).trace.taken
     assert not (taken & (contact.penetration <= 1e-3)).any()
     assert taken[firm].all()
 
 
-def test_the_working_depth_is_that_of_the_other_methods():
-    motion = strokes(2.0)
-    contact = recorded(motion, BALL.force(motion.x, motion.v) + white(len(motion), 11))
-    depths = [result.diagnosis.working_depth.depth for result in compare(contact).values()]
-    assert depths == pytest.approx([depths[0]] * len(depths), rel=0.02)
+# Where the material begins is found, with an error bar, from the approach.
+def searching(**settings):
+    return VariableProjection(surface="estimate", **settings)
+
+
+def approached(seconds, surface, from_height=3e-3):
+    """Down at 13 mm/s from the free to 10 mm below ``surface``, then the three sines."""
+    down = np.arange(-from_height, 10e-3, 13e-3 * SAMPLE_TIME)
+    stroke = Motion(surface + down, np.full(down.size, 13e-3))
+    sines = three_sines(seconds - SAMPLE_TIME * down.size)
+    return joined(stroke, Motion(surface + sines.x, sines.v))
+
+
+def felt_below(law, motion, surface, seed, offset=0.0):
+    clean = law.force(motion.x - surface, motion.v)
+    return clean + offset + white(len(motion), seed)
+
+
+@pytest.mark.parametrize("surface", [-1.9e-3, 0.0, 0.33e-3, 1.9e-3])
+def test_the_surface_of_the_phantom_is_found_within_40_micrometres(surface):
+    motion = approached(20.0, surface)
+    for seed in range(3):
+        force = felt_below(PVC, motion, surface, seed, offset=0.1)
+        estimate = fed(searching(), motion, force).estimate()
+        assert abs(estimate.surface - surface) <= 40e-6
+        # Four standard errors, of 12 numbers in all.
+        assert abs(estimate.surface - surface) < 4.0 * estimate.surface_standard_error
+        assert abs(estimate.offset - 0.1) < 4.0 * estimate.offset_standard_error
+        assert relative_error(estimate.law, PVC)[0] <= 0.015
+        assert not estimate.flags
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_the_law_is_in_its_own_coordinate_and_predictions_in_the_penetrations(name):
+    law, surface = MATERIALS[name], -0.7e-3
+    motion = tapping(10.0, surface)
+    estimator = fed(searching(), motion, felt_below(law, motion, surface, 1))
+    estimate = estimator.estimate()
+    assert (np.abs(estimate.parameters - law.parameters) < 4 * estimate.standard_errors).all()
+    depth = 8e-3
+    predicted = estimator.predict(surface + depth, 0.02)
+    # A few of its standard deviations, the noise over the root of some thousand samples.
+    assert predicted == pytest.approx(law.force(depth, 0.02), abs=0.2 * NOISE)
+    assert estimator.predict(surface - 2e-3, 0.0) == pytest.approx(0.0, abs=0.2 * NOISE)
+    own = estimate.law.force(surface + depth - estimate.surface, 0.02) + estimate.offset
+    assert predicted == pytest.approx(own, rel=1e-12)
+
+
+SEEDS = [("ball", range(30)), ("pvc", range(30))]
+MANY = [pytest.param(name, range(1000, 1600), marks=pytest.mark.slow) for name in MATERIALS]
+
+
+@pytest.mark.parametrize("name, seeds", SEEDS + MANY)
+def test_the_error_bar_of_the_surface_is_true(name, seeds):
+    law, inside, laws = MATERIALS[name], 0, np.zeros(3)
+    for seed in seeds:
+        # Anywhere between two candidates: 0.1 mm apart.
+        surface = np.random.default_rng(seed).uniform(-1e-3, 1e-3)
+        motion = tapping(4.0, surface)
+        force = felt_below(law, motion, surface, seed)
+        estimate = fed(searching(), motion, force).estimate()
+        inside += abs(estimate.surface - surface) < 1.96 * estimate.surface_standard_error
+        laws += np.abs(estimate.parameters - law.parameters) < 1.96 * estimate.standard_errors
+    low = binom.ppf(0.001, len(seeds), 0.95)
+    # Bars allow for how little is known of the noise, and hold the truth more often where it is
+    # white: in up to 98.5 %.
+    high = binom.ppf(0.999, len(seeds), 0.985)
+    assert low <= inside <= high
+    assert (laws >= low).all()
+    assert (laws <= high).all()
+
+
+def test_a_surface_beyond_the_range_is_flagged():
+    motion = tapping(5.0, 1e-3)
+    force = felt_below(PVC, motion, 1e-3, 2)
+    estimator = searching(surface_range=(-0.5e-3, 0.5e-3))
+    flags = fed(estimator, motion, force).estimate().flags
+    assert any(flag.startswith("surface at the edge") for flag in flags)
+    wider = estimator.replace(surface_range=(-0.5e-3, 2e-3))
+    assert not fed(wider, motion, force).estimate().flags
+
+
+def test_identify_finds_the_surface_of_a_contact_with_free_approach():
+    surface = 0.4e-3
+    motion = approached(5.0, surface)
+    contact = recorded(motion, felt_below(PVC, motion, surface, 3))
+    result = identify(contact, searching())
+    assert abs(result.estimate.surface - surface) < 4.0 * result.estimate.surface_standard_error
+    assert result.as_dict()["surface"] == result.estimate.surface
+    # A fit to all samples leaves the noise: the force is 8 N in the mean.
+    residual = result.fitted_force - contact.force
+    assert np.std(residual) == pytest.approx(NOISE, rel=0.05)
+    ignoring = identify(contact).law
+    assert relative_error(result.law, PVC)[0] < 0.2 * relative_error(ignoring, PVC)[0]
+
+
+def test_segments_of_one_contact_are_separated_without_inventing_a_sample():
+    # At x = 0 this material is 1.5 mm deep: a sample there without force would be a lie.
+    surface = -1.5e-3
+    motion = tapping(1.5, surface)
+    force = felt_below(MATERIALS["ball"], motion, surface, 4)
+    segments = np.arange(len(motion)) // 40
+    contact = recorded(motion, force, segment=segments)
+    result = identify(contact, searching())
+    assert result.estimate.samples == np.count_nonzero(result.trace.taken)
+    whole = identify(recorded(motion, force), searching())
+    # Time steps differ at the borders, but nothing is forgotten.
+    assert np.array_equal(result.estimate.parameters, whole.estimate.parameters)
+    assert result.estimate.surface == whole.estimate.surface
+
+
+@pytest.mark.parametrize("rise", [0.0, 5e-3])
+def test_a_contact_without_free_approach_is_refused_in_plain_words(rise):
+    motion = three_sines(2.0)
+    deeper = Motion(motion.x + rise, motion.v)
+    contact = recorded(deeper, felt_below(PVC, deeper, 0.0, 5), source="pressed.csv")
+    with pytest.raises(
+        palpate.RecordingError, match=r"pressed\.csv: .*surface.*free approach"
+    ) as refusal:
+        identify(contact, searching())
+    assert "0 of 2000 samples" in str(refusal.value)
+    assert identify(contact).law.exponent > 0.0  # with the surface known there is no such need
+    motion = approached(2.0, 0.0, from_height=3e-3)
+    force = felt_below(PVC, motion, 0.0, 6)
+    touch = int(np.argmax(motion.x > 0.0))
+    # The surface is known to some ten samples of this approach (13 µm each).
+    enough, few = slice(touch - 60, None), slice(touch - 5, None)
+    identify(recorded(motion[enough], force[enough]), searching())
+    with pytest.raises(palpate.RecordingError, match="at least 20"):
+        identify(recorded(motion[few], force[few]), searching())
+
+
+def test_the_approach_counts_without_positive_force_and_far_away_it_does_not():
+    estimator = VariableProjection(surface="estimate")  # ±2 mm, and 1 mm before them
+    assert estimator.update(-5e-3, 0.01, -0.01) == Status.WAITING
+    assert estimator.update(-2.5e-3, 0.01, -0.01) == Status.UPDATED
+    assert estimator.update(1e-3, 0.01, -0.01) == Status.UPDATED
+    assert estimator.update(-5e-3, -0.01, 0.0) == Status.HELD
+    assert estimator.estimate().samples == 2
+
+
+NEEDLE = Scale(1e-6, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "settings, message",
+    [
+        ({"surface": "search"}, "surface must be 'estimate' or None, not 'search'"),
+        ({"surface": 0.0}, "surface must be 'estimate' or None, not 0.0"),
+        ({"surface": None, "surface_range": (-1e-3, 1e-3)}, "_range is for surface='estimate'"),
+        ({"surface_range": (1e-3, -1e-3)}, "surface_range .* holds nothing"),
+        ({"surface_range": (1e-3, 1e-3)}, "surface_range .* holds nothing"),
+        ({"surface_range": (0.0, 0.06)}, r"surface_range must be in .*0.06"),
+        ({"surface_range": 1e-3}, r"surface_range must be \(lowest, highest"),
+        ({"surface_range": (0.0, np.nan)}, "surface_range must be finite"),
+        ({"surface_range": (0.0, 1e-3), "scale": NEEDLE}, r"in \[-5e-06, 5e-06\], not 0.001"),
+    ],
+)
+def test_a_wrong_surface_setting_is_named_with_its_value(settings, message):
+    with pytest.raises(palpate.InvalidParameterError, match=message):
+        VariableProjection(**{"surface": "estimate", **settings})

@@ -18,22 +18,19 @@ def prepared(**corrections) -> palpate.Contact:
 
 
 def test_units_bring_channels_to_si():
-    contact = prepared(
-        time=1e3 * TIME,
-        penetration=1e3 * DEPTH,
-        force=1e3 * FORCE,
-        units={"time": "ms", "penetration": "mm", "force": "mN"},
-    )
-    np.testing.assert_allclose(contact.time, TIME)
-    np.testing.assert_allclose(contact.penetration, DEPTH)
-    np.testing.assert_allclose(contact.force, FORCE)
+    milli = {"time": 1e3 * TIME, "penetration": 1e3 * DEPTH, "force": 1e3 * FORCE}
+    contact = prepared(**milli, units={"time": "ms", "penetration": "mm", "force": "mN"})
+    for name, expected in {"time": TIME, "penetration": DEPTH, "force": FORCE}.items():
+        np.testing.assert_allclose(getattr(contact, name), expected)
     assert "in mm" in contact.provenance["penetration"]
 
 
 def test_a_unit_given_has_the_last_word_over_the_recordings():
     channels = {"time_s": TIME, "penetration_m": 1e3 * DEPTH, "force_N": FORCE}
     recording = palpate.Recording(channels, units={"penetration_m": "mm"})
-    np.testing.assert_allclose(palpate.prepare(recording).penetration, DEPTH)
+    contact = palpate.prepare(recording)
+    np.testing.assert_allclose(contact.penetration, DEPTH)
+    assert contact.provenance["penetration"] == "column 'penetration_m', in mm"
     contact = palpate.prepare(recording, units={"position": "um"})
     np.testing.assert_allclose(contact.penetration, 1e-3 * DEPTH)
 
@@ -47,6 +44,8 @@ IN_POUNDS = 4.4482216152605  # N, of one pound-force
 FORCES = {
     "Load (gf)": 9.80665e-3, "Load (kgf)": 9.80665, "Load [lbf]": IN_POUNDS, "force_mN": 1e-3,
     "Fz_ozf": IN_POUNDS / 16.0, "Force/cN": 1e-2, "Fz (dN)": 0.1,
+    # What is no unit leaves the force in newtons.
+    "Force (filtered)": 1.0, "force_N (column 3)": 1.0, "Fz (tool)": 1.0, "fz_tool": 1.0,
 }  # fmt: skip
 MASSES = {
     "Load (g)": 9.80665e-3, "load_kg": 9.80665, "Load (lb)": IN_POUNDS, "Load [oz]": IN_POUNDS / 16,
@@ -56,22 +55,19 @@ HEADERS = FORCES | MASSES
 
 
 @pytest.mark.parametrize("header, size", HEADERS.items(), ids=HEADERS)
-def test_the_force_unit_that_a_header_states_is_read(header, size):
+def test_the_unit_that_a_header_states_is_read(header, size):
     contact = of_columns("penetration_m", header, size)
     np.testing.assert_allclose(contact.force, FORCE, rtol=1e-12)
     assert [remark.step for remark in contact.remarks] == ["units"] * (header in MASSES)
+    for inches, metres in {"depth_in": 25.4e-3, "Depth (mil)": 25.4e-6}.items():
+        contact = of_columns(inches, header, size, metres)
+        np.testing.assert_allclose(contact.penetration, DEPTH, rtol=1e-12)
 
 
-@pytest.mark.parametrize("header, size", {"depth_in": 25.4e-3, "Depth (mil)": 25.4e-6}.items())
-def test_inches_are_read(header, size):
-    contact = of_columns(header, "force_N", metres=size)
-    np.testing.assert_allclose(contact.penetration, DEPTH, rtol=1e-12)
+NO_FORCES = {"Load (counts)": "counts", "force_MPa": "MPa", "Force [%]": "%", "Fz (V)": "V"}
 
 
-@pytest.mark.parametrize(
-    "header, unit",
-    {"Load (counts)": "counts", "force_MPa": "MPa", "Force [%]": "%", "Fz (V)": "V"}.items(),
-)
+@pytest.mark.parametrize("header, unit", NO_FORCES.items())
 def test_a_unit_that_is_none_of_force_is_refused_with_the_option_that_states_it(header, unit):
     words = rf"r.csv: column {re.escape(repr(header))}: the force is in {unit}, .*--unit force=N"
     with pytest.raises(palpate.RecordingError, match=words):
@@ -80,43 +76,29 @@ def test_a_unit_that_is_none_of_force_is_refused_with_the_option_that_states_it(
     np.testing.assert_allclose(contact.force, FORCE, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "header", ["Force (filtered)", "force_N (column 3)", "Fz (tool)", "fz_tool"]
-)
-def test_what_is_no_unit_in_a_header_leaves_the_force_in_newtons(header):
-    np.testing.assert_array_equal(of_columns("penetration_m", header).force, FORCE)
-
-
 def test_each_component_of_a_force_is_in_its_own_unit():
     space = {f"p{axis}_m": DEPTH for axis in "xyz"}
     force = {"fx [N]": FORCE, "fy [mN]": 1e3 * FORCE, "fz [gf]": FORCE / 9.80665e-3}
     recording = palpate.Recording({"time_s": TIME, **space, **force})
-    columns = palpate.preparation.Columns(force=",".join(force))
-    signals = palpate.preparation.clocks.signals_of(
-        recording, palpate.preparation.roles_of(recording, columns)
-    )
+    roles = palpate.preparation.roles_of(recording, palpate.Columns(force=",".join(force)))
+    signals = palpate.preparation.clocks.signals_of(recording, roles)
     np.testing.assert_allclose(signals.force, np.column_stack([FORCE] * 3), rtol=1e-12)
 
 
-@pytest.mark.parametrize("channel", ["penetration", "force"])
-def test_values_that_no_sensor_shows_are_no_numbers(channel):
-    values = {"penetration": DEPTH.copy(), "force": FORCE.copy()}
-    values[channel][[3, 500]] = 1e155, -1e300
-    table = {"time_s": TIME, "penetration_m": values["penetration"], "force_N": values["force"]}
+def test_values_that_no_sensor_shows_are_no_numbers():
+    table = {"time_s": TIME, "penetration_m": DEPTH.copy(), "force_N": FORCE.copy()}
+    for name in ("penetration_m", "force_N"):
+        table[name][[3, 500]] = 1e155, -1e300
     result = palpate.identify(palpate.Recording(table))
-    sentences = [finding.sentence for finding in result.diagnosis.findings]
-    assert any("holds no number in 2 samples, first '1e+155'" in words for words in sentences)
+    sentences = " ".join(finding.sentence for finding in result.diagnosis.findings)
+    assert sentences.count("holds no number in 2 samples, first '1e+155'") == 2
     assert result.estimate.law.stiffness_at(5e-3) == pytest.approx(1000.0, rel=1e-3)
-    table = {"time_s": TIME, "penetration_m": 1e200 * DEPTH, "force_N": FORCE}
     with pytest.raises(palpate.RecordingError, match="no sample holds a number in"):
-        palpate.identify(palpate.Recording(table))
-
-
-@pytest.mark.parametrize("size", [1e157, 1e300])
-def test_a_contact_of_absurd_size_is_refused_in_one_line(size):
-    contact = palpate.Contact(TIME, penetration=size * DEPTH, force=FORCE, velocity=0.0 * TIME)
-    with pytest.raises(palpate.RecordingError, match="the penetration reaches"):
-        palpate.identify(contact)
+        palpate.identify(palpate.Recording({**table, "penetration_m": 1e200 * DEPTH}))
+    for size in (1e157, 1e300):
+        contact = palpate.Contact(TIME, penetration=size * DEPTH, force=FORCE, velocity=0.0 * TIME)
+        with pytest.raises(palpate.RecordingError, match="the penetration reaches"):
+            palpate.identify(contact)
 
 
 def test_a_turned_penetration_turns_its_velocity():
@@ -128,11 +110,13 @@ def test_a_turned_penetration_turns_its_velocity():
     assert contact.provenance["force"] == "its sign turned"
 
 
-def test_a_tare_takes_the_mean_off():
-    contact = prepared(force=FORCE + 3.0, tare=(0.2, 0.4))
+def test_a_tare_takes_the_mean_off_and_a_surface_is_counted_from():
+    contact = prepared(force=FORCE + 3.0, tare=(0.2, 0.4), surface=1e-3)
     inside = (TIME >= 0.2) & (TIME <= 0.4)
     assert contact.force[inside].mean() == pytest.approx(0.0, abs=1e-12)
     assert "from 0.2 s to 0.4 s" in contact.provenance["force"]
+    np.testing.assert_allclose(contact.penetration, DEPTH - 1e-3)
+    assert "0.001 m" in contact.provenance["penetration"]
     with pytest.raises(palpate.RecordingError, match="no sample between 7 s and 8 s"):
         prepared(tare=(7.0, 8.0))
 
@@ -143,19 +127,10 @@ def test_a_late_force_is_read_earlier(late):
     np.testing.assert_allclose(contact.force, 1000.0 * contact.penetration, atol=1e-4)
     assert len(TIME) - len(contact) == np.ceil(abs(late) / 1e-3)
     assert "ms" in contact.provenance["force"]
-
-
-def test_a_delay_does_not_reach_from_one_segment_to_the_next():
+    # It does not reach from one segment to the next.
     segment = (TIME > 0.5).astype(int)
-    force = np.where(segment, 100.0, 1.0)
-    contact = prepared(force=force, segment=segment, delay=10e-3)
+    contact = prepared(force=np.where(segment, 100.0, 1.0), segment=segment, delay=late)
     assert set(contact.force) == {1.0, 100.0}
-
-
-def test_a_surface_is_where_the_penetration_is_counted_from():
-    contact = prepared(surface=1e-3)
-    np.testing.assert_allclose(contact.penetration, DEPTH - 1e-3)
-    assert "0.001 m" in contact.provenance["penetration"]
 
 
 @pytest.mark.parametrize(

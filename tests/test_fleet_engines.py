@@ -18,16 +18,9 @@ SETTINGS = Settings(diagnosis="none")
 def touches(count=12):
     x, v, f = curves(count)
     time = STEP * np.arange(x.shape[1])
-    return pa.table(
-        {
-            "source": [f"touch {k}" for k in range(count)],
-            "index": list(range(count)),
-            "time": [time.tolist()] * count,
-            "penetration": x.tolist(),
-            "velocity": v.tolist(),
-            "force": f.tolist(),
-        }
-    )
+    named = {"source": [f"touch {k}" for k in range(count)], "index": list(range(count))}
+    channels = {"penetration": x.tolist(), "velocity": v.tolist(), "force": f.tolist()}
+    return pa.table({**named, "time": [time.tolist()] * count, **channels})
 
 
 def in_order(rows):
@@ -69,13 +62,9 @@ def test_spark_maps_the_same_function_over_its_batches():
             yield from identify_batch(each, SETTINGS).to_batches()
 
     kinds = {"int64": "bigint", "double": "double", "string": "string"}
+    kinds |= {"list<item: string>": "array<string>", "list<element: string>": "array<string>"}
     columns = ", ".join(
-        f"`{field.name}` "
-        + kinds.get(
-            str(field.type),
-            "array<string>" if field.name in ("flags", "findings") else "array<double>",
-        )
-        for field in expected.schema
+        f"`{field.name}` {kinds.get(str(field.type), 'array<double>')}" for field in expected.schema
     )
     try:
         frame = spark.createDataFrame(batch.to_pandas())

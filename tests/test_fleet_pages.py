@@ -33,8 +33,7 @@ def test_repeats_agree_as_often_as_chance_says_and_not_where_their_errors_are_to
 
 
 def test_repeats_are_of_one_folder_where_no_place_is_known():
-    table = rows([10.0, 11.0, 12.0], [1.0, 1.0, 1.0])
-    [found] = repeats_of(table, "stiffness")
+    [found] = repeats_of(rows([10.0, 11.0, 12.0], [1.0] * 3), "stiffness")
     assert (found.name, found.count, found.mean) == ("this folder", 3, 11.0)
     assert found.error == pytest.approx(3.0**-0.5)
     [found] = repeats_of(rows([10.0, 20.0, 30.0, np.nan], [1.0] * 4), "stiffness")
@@ -51,15 +50,12 @@ def test_outliers_are_named_and_an_uncertain_value_is_none():
     assert (found.name, found.quantity, found.value) == ("touch-007.csv", "stiffness", 5000.0)
 
 
-def test_sentences_are_counted_by_what_they_say_but_for_their_numbers():
+def test_sentences_are_counted_by_what_they_say_and_the_slowest_sources_come_first():
     found = kinds_of([["only 12 samples", "a"], ["only 7 samples", "only 8 samples"], None])
     assert found[0][:2] == ("only … samples", 2)
     made = [{"source": f"{k}.csv", "error": f"{k}.csv: row {k} is no number"} for k in range(3)]
     [(kind, count, first)] = reasons_of(table_of_rows(made, Settings()))
     assert (kind, count, first) == ("row … is no number", 3, "0.csv")
-
-
-def test_the_slowest_sources_come_first():
     times = pa.table({"source": ["a", "b", "a"], "index": [0, None, 1], "seconds": [1.0, 1.5, 1.0]})
     assert slowest(times) == [("a", 2.0, 2), ("b", 1.5, 1)]
 
@@ -71,27 +67,26 @@ def grid(side=6, **others):
     return rows(value, np.full(side**2, 20.0), x=x.tolist(), y=y.tolist(), **others)
 
 
-def test_a_map_has_values_and_errors_over_places():
+def test_a_map_has_values_and_errors_over_places_or_those_at_one_depth_by_the_law():
     found = map_of(grid(), ["x", "y"])
     assert found.places.shape == (36, 2)
     assert (found.units, found.unit, found.failures) == (("m", "m"), "N/m", 1)
     assert "median 1200 ± 20 N/m" in found.summary
     assert "; 1 place has no number" in found.summary
-
-
-def test_a_map_at_one_depth_is_by_the_law_and_its_covariance():
     law = {"stiffness": 4000.0, "damping": 50.0, "exponent": 1.3}
-    matrix = np.diag([100.0**2, 0.0, 0.0])
-    row = {"depth": 2e-3, "covariance": matrix.reshape(-1).tolist(), **law}
-    made = [{"x": 1e-3 * k, "largest_depth": deep, **row} for k, deep in enumerate((6e-3, 4e-3))]
-    found = map_of(table_of_rows(made, Settings()), ["x"], of="force", depth=5e-3)
+    row = {"depth": 2e-3, "covariance": [100.0**2, *[0.0] * 8], **law}
+
+    def at_5_mm(*depths):
+        made = [{"x": 1e-3 * k, "largest_depth": each, **row} for k, each in enumerate(depths)]
+        return map_of(table_of_rows(made, Settings()), ["x"], of="force", depth=5e-3)
+
+    found = at_5_mm(6e-3, 4e-3)
     assert found.value[0] == pytest.approx(4000.0 * 5e-3**1.3)
     assert found.error[0] == pytest.approx(100.0 * 5e-3**1.3)
     assert "at 5 mm" in found.summary
     assert np.isnan(found.value[1])
     assert "1 place was not pressed so deep" in found.summary
-    made = [{**each, "largest_depth": np.nan} for each in made]
-    found = map_of(table_of_rows(made, Settings()), ["x"], of="force", depth=5e-3)
+    found = at_5_mm(np.nan, np.nan)
     assert "no force at 5 mm at any of 2 places; 2 places were not pressed" in found.summary
 
 
@@ -108,20 +103,16 @@ def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
     )
     found = map_of(table, ["x", "y"])
     assert found.mistrusted.tolist() == [True, False, True, False]
-    pulls = rows([1.0], [0.1], x=[0.0], flags=[[NEGATIVE_STIFFNESS]])
-    assert map_of(pulls, ["x"]).mistrusted.all()
-    assert map_of(rows([1.0, 1.0], [2.0, 0.1], x=[0.0, 1.0]), ["x"]).mistrusted.tolist() == [
-        True,
-        False,
-    ]
+    assert map_of(table, ["x"], of="damping").mistrusted.tolist() == [True, True, False, False]
     for words in (
-        "do-not-trust, signs: 1 of the places",
-        "with-care, spikes: 1",
-        "1 lies on others",
-    ):
+        "do-not-trust, signs: 1 of the places", "with-care, spikes: 1", "1 lies on others",
+    ):  # fmt: skip
         assert words in found.summary
     assert "tare" not in found.summary
-    assert map_of(table, ["x"], of="damping").mistrusted.tolist() == [True, True, False, False]
+    pulls = rows([1.0], [0.1], x=[0.0], flags=[[NEGATIVE_STIFFNESS]])
+    assert map_of(pulls, ["x"]).mistrusted.all()
+    uncertain = rows([1.0, 1.0], [2.0, 0.1], x=[0.0, 1.0])
+    assert map_of(uncertain, ["x"]).mistrusted.tolist() == [True, False]
     unchecked = rows([1.0], [0.1], x=[0.0], checked=["none"])
     assert "the data were not checked" in map_of(unchecked, ["x"]).summary
 
@@ -136,9 +127,12 @@ def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
         (["x", "x"], "one or two columns"),
     ],
 )
-def test_a_map_over_what_is_not_there_is_refused(by, words):
+def test_a_map_over_what_is_not_there_is_refused(by, words, run, tmp_path):
     with pytest.raises(InvalidParameterError, match=words):
         map_of(grid(), by)
+    status, _, err = run("map", tmp_path)
+    assert (status, err.count("\n")) == (2, 1)
+    assert "holds no results of palpate fleet" in err
 
 
 def written(folder, table):
@@ -162,29 +156,25 @@ def test_maps_are_drawn(run, tmp_path, by):
     assert "standard error" in text
 
 
-def test_scattered_places_and_those_without_a_number_are_drawn_as_dots(tmp_path):
+def test_scattered_places_and_those_without_a_number_are_drawn_as_dots():
     pytest.importorskip("matplotlib")
     from palpate.figures import draw_map
 
     random = np.random.default_rng(2)
     value = np.r_[random.uniform(100.0, 200.0, 30), np.nan]
     x, y = random.uniform(0.0, 0.05, (2, 31)).tolist()
-    figure = draw_map(map_of(rows(value, np.full(31, 3.0), x=x, y=y), ["x", "y"]))
-    left = figure.axes[0]
-    assert len(left.collections[0].get_offsets()) == 30
-    assert len(left.lines[0].get_xdata()) == 1
-    findings = [["do-not-trust: signs: "]] * 2 + [[]] * 29
-    table = rows(value, np.full(31, 3.0), x=x, y=y, findings=findings)
-    for by in (["x", "y"], ["x"]):
-        left = draw_map(map_of(table, by)).axes[0]
-        labels = left.get_legend_handles_labels()[1]
-        assert sorted(labels) == ["no number", "not to be trusted"]
-
-
-def test_a_strip_is_drawn_so_that_its_width_is_seen():
-    pytest.importorskip("matplotlib")
-    from palpate.figures import draw_map
-
+    for findings, labels in (
+        ([[]] * 31, ["no number"]),
+        ([["do-not-trust: signs: "]] * 2 + [[]] * 29, ["no number", "not to be trusted"]),
+    ):
+        table = rows(value, np.full(31, 3.0), x=x, y=y, findings=findings)
+        for by in (["x", "y"], ["x"]):
+            left = draw_map(map_of(table, by)).axes[0]
+            assert sorted(left.get_legend_handles_labels()[1]) == labels
+            if len(by) == 2:
+                assert len(left.collections[0].get_offsets()) == 30
+                assert len(left.lines[0].get_xdata()) == 1
+    # A strip, so that its width is seen.
     x, y = np.arange(6.0).tolist(), [0.0, 1.0] * 3
     for length, aspect in ((1.0, 1.0), (1e3, "auto")):
         table = rows([5.0] * 6, [1.0] * 6, x=[length * each for each in x], y=y)
@@ -210,10 +200,3 @@ def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypat
     unchecked = written(tmp_path / "n", rows([1.0] * 6, [0.1] * 6, checked=["none"] * 6))
     assert "Neither the data nor the fits were checked" in fleet_page(unchecked)
     assert read_results(folder).num_rows == 37
-
-
-def test_a_folder_of_no_fleet_is_refused_in_a_line(run, tmp_path):
-    status, _, err = run("map", tmp_path)
-    assert status == 2
-    assert "holds no results of palpate fleet" in err
-    assert err.count("\n") == 1

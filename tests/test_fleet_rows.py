@@ -6,17 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fleets import LAW, STEP, contact, curves, mixed_touches, write_recordings, write_zarr
+from fleets import LAW, STEP, contact, curves, write_recordings, write_zarr
 
 import palpate
-from palpate import (
-    FleetError,
-    InvalidParameterError,
-    SingleStageRLS,
-    VariableProjection,
-    identify,
-    identify_many,
-)
+from palpate import FleetError, InvalidParameterError, VariableProjection, identify, identify_many
 from palpate.fleet.batch import identify_batch
 from palpate.fleet.settings import Settings
 from palpate.fleet.tasks import Source, batches, digest_of, tasks_table
@@ -47,23 +40,20 @@ def test_a_row_says_what_identify_says():
     assert (row["version"], row["fit"]) == (palpate.__version__, "recursion")
 
 
-def test_columns_have_units_and_the_table_its_settings():
-    schema = identify_many([contact()]).schema
+def test_columns_have_units_and_what_is_not_known_is_nan_or_null():
+    table = identify_many([contact()])
+    schema = table.schema
     assert schema.field("stiffness").metadata[b"unit"] == "N/mⁿ".encode()
     assert schema.field("surface").metadata[b"unit"] == b"m"
     assert b"unit" not in schema.field("exponent").metadata
     assert all(field.metadata[b"description"] for field in schema)
     assert json.loads(schema.metadata[b"settings"])["method"] == "variable-projection"
-
-
-def test_what_is_not_known_is_nan_or_null():
-    [row] = identify_many([contact()], diagnosis="none").to_pylist()
+    assert table.to_pylist()[0]["findings"] is not None
+    method = VariableProjection(offset=False)
+    [row] = identify_many([contact()], diagnosis="none", method=method).to_pylist()
     unknown = ["x", "y", "z", "surface", "surface_standard_error", "stiffness_at_depth_systematic"]
-    assert all(np.isnan(row[name]) for name in unknown)
+    assert all(np.isnan(row[name]) for name in [*unknown, "offset"])
     assert [row[name] for name in ("verdict", "findings", "part", "error")] == [None] * 4
-    assert identify_many([contact()]).to_pylist()[0]["findings"] is not None
-    [row] = identify_many([contact()], method=VariableProjection(offset=False)).to_pylist()
-    assert np.isnan(row["offset"])
 
 
 def test_errors_at_depth_are_about_those_of_the_diagnosis():
@@ -92,13 +82,12 @@ def test_a_contact_that_fails_is_a_row_with_its_reason(tmp_path):
 
 def test_arrays_are_fitted_together_as_the_recursion_fits_each():
     x, v, f = curves(6)
-    table = identify_many(
-        penetration=x, velocity=v, force=f, sample_time=STEP, diagnosis="none", source="touches"
-    )
-    for k, row in enumerate(table.to_pylist()):
-        touch = contact()
-        own = identify(palpate.Contact(touch.time, penetration=x[k], velocity=v[k], force=f[k]))
+    places = {"x": list(range(6))}
+    table = fitted(x, v, f, source="touches", places=places)
+    for k, row in enumerate(table):
+        own = identify(one(x[k], v[k], f[k]))
         assert (row["source"], row["index"], row["fit"]) == ("touches", k, "whole-curve")
+        assert row["x"] == k
         for name, value, error in zip(
             own.law.names(), own.law.parameters, own.standard_errors, strict=True
         ):
@@ -108,43 +97,152 @@ def test_arrays_are_fitted_together_as_the_recursion_fits_each():
         assert row["depth"] == pytest.approx(there.depth, rel=0.02)  # gates differ in a sample
         assert row["largest_depth"] == own.largest_depth
         assert row["checked"] == "none"
-        error = row["stiffness_at_depth_standard_error"]
-        expected = LAW.stiffness_at(row["depth"])
-        assert abs(row["stiffness_at_depth"] - expected) < 5.0 * error
-        assert error < 0.02 * expected
+        assert_at_depth(row)
 
 
-def test_a_row_of_arrays_without_contact_says_so_and_spoils_no_other():
-    x, v, f = curves(3)
-    x[1] = -1e-3 + 1e-7 * np.arange(x.shape[1])
-    f[1] = 0.0
-    f[2, 100:110] = np.nan
-    rows = identify_many(penetration=x, velocity=v, force=f, sample_time=STEP).to_pylist()
+def fitted(x, v, f, surface=None, **options):
+    clock = {} if "time" in options else {"sample_time": STEP}
+    options = {"method": searching(surface), "diagnosis": "none", **clock, **options}
+    return identify_many(penetration=x, velocity=v, force=f, **options).to_pylist()
+
+
+def searching(surface="estimate", **settings):
+    return VariableProjection(surface=surface, **settings)
+
+
+def one(x, v, f):
+    return palpate.Contact(STEP * np.arange(x.size), penetration=x, velocity=v, force=f)
+
+
+def assert_at_depth(row):
+    """The stiffness there is that of the law, within five errors of at most 2 %."""
+    error = row["stiffness_at_depth_standard_error"]
+    expected = LAW.stiffness_at(row["depth"])
+    assert abs(row["stiffness_at_depth"] - expected) < 5.0 * error
+    assert error < 0.02 * expected
+
+
+searching_or_not = pytest.mark.parametrize("surface", [None, "estimate"])
+
+
+@searching_or_not
+def test_a_row_that_says_nothing_says_so_and_spoils_no_other(surface):
+    x, v, f = curves(5)
+    x[1], v[1] = 3e-3, 0.0  # a probe that is held
+    x[2] = np.nan
+    x[3], f[3] = -1e-3 + 1e-7 * np.arange(x.shape[1]), 0.0
+    f[4, 100:110] = np.nan
+    rows = fitted(x, v, f, surface)
+    [alone] = fitted(x[:1], v[:1], f[:1], surface)
+    assert rows[0]["stiffness"] == alone["stiffness"]
+    for row in rows[2:4]:
+        assert row["error"] is not None
+        assert row["covariance"] is None
+        assert np.isnan(row["stiffness_at_depth"])
+    assert surface or "never touches" in rows[3]["error"]
+    assert rows[4]["error"] is None
+    assert rows[4]["samples"] == x.shape[1] - 10
+    assert_at_depth(rows[4])
+
+
+@searching_or_not
+def test_times_that_do_not_increase_are_an_error_whatever_is_checked(surface):
+    x, _, f = curves(3)
+    time = np.tile(STEP * np.arange(x.shape[1]), (3, 1))
+    time[1, 100] = time[1, 99]
+    rows = fitted(x, None, f, surface, time=time)
     assert [row["error"] is None for row in rows] == [True, False, True]
-    assert "never touches" in rows[1]["error"]
-    assert rows[1]["covariance"] is None
-    assert np.isnan(rows[1]["stiffness_at_depth"])
-    assert rows[2]["samples"] == x.shape[1] - 10
-    assert rows[2]["stiffness"] == pytest.approx(LAW.stiffness, rel=0.1)  # a tenth is ten errors
+    assert "sample 100 is at 0.099 s, after 0.099 s" in rows[1]["error"]
+    assert np.isnan(rows[1]["stiffness"])
+
+
+@searching_or_not
+@pytest.mark.parametrize("spoil", ["spiked", "clipped"])
+def test_outliers_of_arrays_are_left_out_and_said_as_identify_does(spoil, surface):
+    x, v, f = curves(1)
+    rounded = fitted(x, v, np.round(f / 0.2) * 0.2, surface)  # no end of the range
+    assert not any("left out" in flag for flag in rounded[0]["flags"])
+    if spoil == "spiked":
+        f[0, [120, 330]] += 5.0
+        x[0, 140] += 2e-3
+    else:
+        f[0] = np.minimum(f[0], 0.9 * f[0].max())
+    [row] = fitted(x, v, f, surface)
+    assert any("left out as outliers" in flag for flag in row["flags"])
+    assert_at_depth(row)
+    [all_of_it] = fitted(x, v, f, method=searching(surface, outlier_rejection=False))
+    assert not any("left out" in flag for flag in all_of_it["flags"])
+    error = row["stiffness_at_depth_standard_error"]
+    assert all_of_it["stiffness_at_depth_standard_error"] > 5.0 * error
+
+
+@searching_or_not
+def test_a_force_of_the_wrong_sign_is_refused_or_flagged(surface):
+    x, v, f = curves(1)
+    [row] = fitted(x, v, -f, surface)
+    assert row["error"] or any("negative stiffness" in flag for flag in row["flags"])
+    # By identify too.
+    time = STEP * np.arange(x.size)
+    sources = {"time": time, "penetration": -x[0], "velocity": -v[0], "force": f[0]}
+    touch = palpate.prepare(**sources, surface="estimate")
+    result = identify(touch, searching(), trace=False)
+    assert result.law.stiffness < 0.0
+    assert any("negative stiffness" in flag for flag in result.flags)
+
+
+@pytest.mark.parametrize("shift", [-3e-3, 4e-3])
+def test_a_surface_outside_the_default_range_is_found(shift):
+    x, v, f = curves(2)
+    rows = fitted(x + shift, v, f, "estimate")
+    assert [row["surface"] for row in rows] == pytest.approx([shift] * 2, abs=1e-4)
+    assert not any("surface at the edge" in flag for row in rows for flag in row["flags"])
+
+
+def test_the_checks_see_the_penetration_below_the_surface_that_was_found():
+    """4 mN at 5 mm is a soft material; at 50 mm, most of it through the air, a wrong unit."""
+    x, v, f = curves(1)
+    options = {"method": searching(surface_range=(0.04, 0.05))}
+    options |= {"diagnosis": "input", "preparation": {"surface": "estimate"}}
+    [row] = fitted(x + 0.045, v, 1e-3 * f, **options)
+    assert row["surface"] == pytest.approx(0.045, abs=1e-4)
+    assert row["findings"] == []
+
+
+def test_arrays_work_at_the_depth_of_identify_where_the_law_does_not_hold():
+    """What a law leaves is no noise: a gate by it would call only the deepest samples firm."""
+    x, v, f = curves(1)
+    f += 0.3 * np.sin(3e3 * x) * (x > 0.0)
+    [row] = fitted(x, v, f)
+    own = identify(one(x[0], v[0], f[0]), trace=False)
+    assert row["depth"] == pytest.approx(own.depths[0], rel=0.02)
+    assert row["residual"] > 0.05
 
 
 def test_arrays_take_the_recursion_where_the_whole_curve_fit_does_not_do():
     x, v, f = curves(2)
-    options = {"penetration": x, "velocity": v, "force": f, "sample_time": STEP}
-    for method, diagnosis, fit in (
-        (SingleStageRLS(), "none", "recursion"),
-        (None, "full", "recursion"),
-    ):
-        rows = identify_many(**options, method=method, diagnosis=diagnosis).to_pylist()
-        assert {row["fit"] for row in rows} == {fit}
+    for options in ({"method": palpate.SingleStageRLS()}, {"diagnosis": "full"}):
+        rows = fitted(x, v, f, **options)
+        assert {row["fit"] for row in rows} == {"recursion"}
     assert {row["verdict"] for row in rows} <= {"trust", "with-care", "do-not-trust"}
 
 
 def test_rows_of_a_gated_recursion_are_those_of_identify():
-    x, v, force, names = mixed_touches()
-    rows = identify_many(
-        penetration=x, velocity=v, force=force, sample_time=STEP, method="single-stage"
-    ).to_pylist()
+    names = ["good", "negative damping", "spiked", "few samples", "brief", "no velocity"]
+    names += ["wrong sign of the velocity", "infinite", "absurd", "too short", "nothing", "free"]
+    rate, time = 4.0 * np.pi, STEP * np.arange(400)
+    wave = 1e-3 * np.sin(rate * time) + 5e-4 * np.sin(5.3 * rate * time)
+    speed = 1e-3 * rate * np.cos(rate * time) + 2.65e-3 * rate * np.cos(5.3 * rate * time)
+    x, v = np.tile(4e-3 + wave, (12, 1)), np.tile(speed, (12, 1))
+    force = LAW.force(x, v) + np.random.default_rng(11).normal(0.0, 0.01, x.shape)
+    force[1] = palpate.HuntCrossley(4000.0, -60.0, 1.3).force(x[1], v[1])
+    force[2, 200] *= 3.0
+    force[3, 25:] = np.nan
+    x[4, 100:] = -1e-3
+    v[5, 100] = np.nan
+    v[6] *= -1.0
+    force[7, 100], force[8, 100], force[9, 3:], force[10] = np.inf, 1e200, np.nan, np.nan
+    x[11] -= 1.0
+    rows = fitted(x, v, force, method="single-stage", diagnosis="input")
     flags = {name: " ".join(row["flags"] or []) for name, row in zip(names, rows, strict=True)}
     assert "negative damping" in flags["negative damping"]
     assert "left out as an outlier" in flags["spiked"]
@@ -152,31 +250,18 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
     assert "less than 0.2 s" in flags["brief"]
     assert "condition 10 violated" in flags["wrong sign of the velocity"]
     assert "refused" in flags["no velocity"]
-    for k, row in enumerate(rows):
+    assert [row["error"] is None for row in rows] == [True] * 10 + [False] * 2
+    assert "never touches" in rows[11]["error"]
+    for k, row in enumerate(rows[:10]):
         there = np.isfinite(x[k]) & np.isfinite(force[k])
-        if row["error"] is not None:
-            continue
-        touch = palpate.prepare(
-            time=STEP * np.flatnonzero(there),
-            penetration=x[k][there],
-            velocity=v[k][there],
-            force=force[k][there],
-        )
+        channels = {"penetration": x[k], "velocity": v[k], "force": force[k]}
+        channels = {name: values[there] for name, values in channels.items()}
+        touch = palpate.prepare(time=STEP * np.flatnonzero(there), **channels)
         own = identify(touch, "single-stage")
         assert [row[name] for name in own.law.names()] == own.law.parameters.tolist()
         assert row["covariance"] == own.covariance.reshape(-1).tolist()
         assert row["flags"] == list(own.flags)
         assert row["taken"] == np.count_nonzero(own.trace.taken)
-    assert names[17] == "never touches"
-    assert "never touches" in rows[17]["error"]
-
-
-def test_places_come_with_their_rows():
-    x, v, f = curves(2)
-    table = identify_many(
-        penetration=x, force=f, velocity=v, sample_time=STEP, places={"x": [1.0, 2.0]}
-    )
-    assert table.column("x").to_pylist() == [1.0, 2.0]
 
 
 @pytest.mark.parametrize(
@@ -210,8 +295,8 @@ def test_a_batch_of_names_and_one_of_samples_give_the_same_numbers(tmp_path):
 
 
 def test_a_batch_is_a_pure_function_of_what_it_names(tmp_path):
-    write_zarr(tmp_path / "a.zarr", 6)
     name = str(tmp_path / "a.zarr")
+    write_zarr(name, 6)
     batch = tasks_table([name] * 6, ["zarr"] * 6, range(6))
     whole = identify_batch(batch, Settings())
     again = pa.concat_tables([identify_batch(batch.slice(k, 2), Settings()) for k in (0, 2, 4)])
@@ -219,12 +304,9 @@ def test_a_batch_is_a_pure_function_of_what_it_names(tmp_path):
     assert whole.column("index").to_pylist() == list(range(6))
 
 
-def test_a_worker_of_another_version_refuses():
+def test_a_worker_of_another_version_and_a_batch_without_its_columns_are_refused():
     with pytest.raises(FleetError, match=r"palpate 9\.9 asks; install one version"):
         identify_batch(tasks_table([], [], []), Settings(version="9.9"))
-
-
-def test_a_batch_without_its_columns_is_refused():
     with pytest.raises(InvalidParameterError, match="source, kind and index"):
         identify_batch(pa.table({"file": ["a"]}), Settings())
 
@@ -236,16 +318,11 @@ def test_batches_hold_every_contact_once_and_keep_chunks_whole():
         Source("m.jpk-force-map", "map", 65),
     ]
     cut = batches(sources)
-    found = [
-        (piece.source.name, k)
-        for batch in cut
-        for piece in batch.pieces
-        for k in range(piece.first, piece.first + piece.count)
-    ]
+    pieces = [piece for batch in cut for piece in batch.pieces]
+    found = [(p.source.name, k) for p in pieces for k in range(p.first, p.first + p.count)]
     assert len(found) == len(set(found)) == 10_007 + 70 + 65
     assert [batch.number for batch in cut] == list(range(len(cut)))
-    arrays = [batch.pieces[0] for batch in cut if batch.pieces[0].source.kind == "zarr"]
-    assert all(piece.first % 300 == 0 for piece in arrays)
+    assert all(piece.first % 300 == 0 for piece in pieces if piece.source.kind == "zarr")
     assert batches(sources) == cut
     changed = [*sources[:-1], Source("m.jpk-force-map", "map", 65, stamp="later")]
     assert digest_of(changed) != digest_of(sources)

@@ -2,25 +2,28 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
-from fleets import write_recordings, write_zarr
+from fleets import LAW, write_recordings, write_zarr
 
 from palpate import FleetError, RecordingError
 from palpate.fleet import clusters
-from palpate.fleet.batch import timed_batch
+from palpate.fleet.batch import identify_batch, timed_batch
 from palpate.fleet.listing import sources_of
 from palpate.fleet.results import Results, read_results, read_seconds
 from palpate.fleet.settings import Settings
-from palpate.fleet.tasks import batches
+from palpate.fleet.stored import described_array
+from palpate.fleet.tasks import batches, tasks_table
 
 pytest.importorskip("distributed")
-pytest.importorskip("zarr")
+zarr = pytest.importorskip("zarr")
 # Dask closes what it opened a moment after it says so.
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
 
@@ -44,7 +47,7 @@ def test_a_folder_of_all_kinds_becomes_a_row_each(run, recordings, tmp_path, mon
     assert "9 contacts in" in out
     assert "1 of 9 rows failed" in out
     table = read_results(results)
-    names = [os.path.basename(name) for name in table.column("source").to_pylist()]  # noqa: PTH119
+    names = [name.rpartition("/")[2] for name in table.column("source").to_pylist()]
     assert names == ["array.zarr"] * 5 + ["bad.csv"] + [f"touch-{k:03d}.csv" for k in range(3)]
     errors = table.column("error").to_pylist()
     assert [error is None for error in errors] == [True] * 5 + [False] + [True] * 3
@@ -53,12 +56,12 @@ def test_a_folder_of_all_kinds_becomes_a_row_each(run, recordings, tmp_path, mon
     assert "bad.csv" in page
     assert "no column" in page
 
-    before = {path: path.stat().st_mtime_ns for path in results.glob("part-*")}
+    before = {path: path.stat().st_mtime_ns for path in parts(results)}
     status, out, err = run("fleet", recordings, "-o", results, "--json")  # starts no worker
     assert (status, err) == (0, "")
     counts = [json.loads(out)[name] for name in ("reused", "rows", "failures", "identified")]
     assert counts == [9, 0, 1, 8]
-    assert {path: path.stat().st_mtime_ns for path in results.glob("part-*")} == before
+    assert {path: path.stat().st_mtime_ns for path in parts(results)} == before
 
     status, _, err = run("fleet", recordings, "-o", results, "--method", "single-stage")
     assert status == 2
@@ -89,9 +92,9 @@ def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(run, t
         assert (status, err) == (0, "")
         assert words in out
     table = read_results(tmp_path / "results")
-    names = [name.rpartition("/")[2] for name in table["source"].to_pylist()]
+    names = sorted(name.rpartition("/")[2] for name in table["source"].to_pylist())
     arrays = [r"array\xff.zarr"] * 2
-    assert sorted(names) == [*arrays, r"literal\xff.csv", "touch-000.csv", r"touch-\xff\xe9.csv"]
+    assert names == [*arrays, r"literal\xff.csv", "touch-000.csv", r"touch-\xff\xe9.csv"]
     assert table["error"].to_pylist() == [None] * 5
 
 
@@ -106,15 +109,13 @@ def test_a_fleet_of_which_nothing_was_identified_fails(run, tmp_path):
 
 def test_a_folder_that_was_begun_goes_on_and_comes_to_the_same(recordings, tmp_path):
     finished(begun(recordings, tmp_path / "at-once"))
-    half = begun(recordings, tmp_path / "in-two")
-    finished(half, 1)
+    finished(begun(recordings, tmp_path / "in-two"), 1)
     with pytest.raises(FleetError, match="1 of 2 batches are missing"):
         read_results(tmp_path / "in-two")
     again = begun(recordings, tmp_path / "in-two")
     assert len(again.waiting()) == 1
     finished(again)
-    for path in (tmp_path / "at-once").glob("part-*"):
-        assert path.read_bytes() == (tmp_path / "in-two" / path.name).read_bytes()
+    assert contents(tmp_path / "at-once") == contents(tmp_path / "in-two")
 
 
 def test_a_folder_of_something_else_is_refused_in_a_line(recordings, tmp_path):
@@ -128,9 +129,6 @@ def test_a_folder_of_something_else_is_refused_in_a_line(recordings, tmp_path):
     (tmp_path / "other" / "_fleet.json").write_text("{")
     with pytest.raises(FleetError, match="cannot be read"):
         begun(recordings, tmp_path / "other")
-
-
-def test_recordings_that_changed_meanwhile_are_refused(tmp_path):
     write_recordings(tmp_path / "all", 2)
     begun(tmp_path / "all", tmp_path / "results")
     with (tmp_path / "all" / "touch-000.csv").open("a") as file:
@@ -139,43 +137,89 @@ def test_recordings_that_changed_meanwhile_are_refused(tmp_path):
         begun(tmp_path / "all", tmp_path / "results")
 
 
-def test_sources_are_listed_in_order_without_the_results(recordings, tmp_path):
+def test_sources_are_listed_once_in_order_without_the_results(recordings, tmp_path, monkeypatch):
+    """Twice the same contact would halve the variance of a mean of repeats."""
     names = [source.name for source in sources_of([recordings])]
     assert names == sorted(names)
     assert len(names) == 5
     assert len(sources_of([f"{recordings}/touch-*.csv", recordings / "touch-001.csv"])) == 3
-    write_recordings(tmp_path / "all", 1)
-    finished(begun(tmp_path / "all", tmp_path / "all" / "results"))
-    assert len(sources_of([tmp_path / "all"], leave_out=tmp_path / "all" / "results")) == 1
+    folder = tmp_path / "all"
+    write_recordings(folder, 2)
+    (folder / "link.csv").symlink_to("touch-001.csv")
+    (folder / "loop").symlink_to(folder)
+    monkeypatch.chdir(tmp_path)
+    assert len(sources_of(["all", folder / "touch-000.csv", "./all/../all", "all/*.csv"])) == 2
+    finished(begun(folder, folder / "results"))  # results are no recordings
+    assert len(sources_of([folder])) == 2
+    assert len(sources_of([folder], leave_out=folder / "results")) == 2
+    with pytest.raises(RecordingError, match="is the folder of the results"):
+        sources_of([folder], leave_out=folder)
 
 
-@pytest.mark.parametrize("name", ["absent", "*.mcap", "empty"])
-def test_a_name_of_nothing_is_refused(name, tmp_path):
+@pytest.mark.parametrize("name", ["absent", "*.mcap", "empty", "other/*.csv", "al"])
+def test_a_name_of_nothing_is_refused_beside_names_of_something_too(name, recordings, tmp_path):
     (tmp_path / "empty").mkdir()
-    with pytest.raises(RecordingError, match=r"no recording here|no such file"):
-        sources_of([tmp_path / name])
+    for beside in ([], [recordings]):
+        with pytest.raises(RecordingError, match=r"no recording here|no such file"):
+            sources_of([*beside, tmp_path / name])
 
 
-def test_an_array_that_is_none_of_contacts_is_refused(tmp_path):
-    import zarr
-
+@pytest.mark.parametrize(
+    "name, values, words",
+    [
+        ("velocity", np.ones((2, 3)), "has no array 'penetration'"),
+        ("penetration", np.zeros((0, 600)), "holds no contact"),
+        ("penetration", np.zeros((4, 600), dtype=complex), "complex128, not of real numbers"),
+    ],
+)
+def test_an_array_of_no_contacts_is_refused(name, values, words, tmp_path):
     group = zarr.open_group(str(tmp_path / "a.zarr"), mode="w")
-    group.create_array("force", data=np.ones((2, 3)))
-    with pytest.raises(RecordingError, match="has no array 'penetration'"):
+    for each in (name, "force"):
+        group.create_array(each, data=values)
+    with pytest.raises(RecordingError, match=words):
         sources_of([tmp_path / "a.zarr"])
 
 
-def test_arrays_in_other_units_are_identified_in_si(tmp_path):
-    import zarr
+def test_what_cannot_be_read_in_a_folder_is_a_row_with_its_reason(tmp_path):
+    write_recordings(tmp_path, 1)
+    (tmp_path / "gone.csv").symlink_to("nowhere.csv")
+    (tmp_path / "empty.zarr").mkdir()
+    os.mkfifo(tmp_path / "pipe.csv")  # nobody writes to it
+    sources = sources_of([tmp_path])
+    table = tasks_table([s.name for s in sources], [s.kind for s in sources], [None] * 3)
+    rows = identify_batch(table, Settings(diagnosis="none")).to_pylist()
+    errors = {row["source"].rpartition("/")[2]: row["error"] for row in rows}
+    assert errors.pop("touch-000.csv") is None
+    assert set(errors) == {"gone.csv", "empty.zarr"}
+    assert all(errors.values())
 
+
+def test_an_array_whose_numbers_are_written_anew_is_another_and_packed_ones_are_unpacked(tmp_path):
+    """As xarray packs them: with a factor, an offset, and a number for what is missing."""
+    path = str(tmp_path / "packed.zarr")
+    _, _, f = write_zarr(path, 2)
+    before = described_array(path).stamp
+    assert described_array(path).stamp == before
+    group = zarr.open_group(path, mode="a")
+    group["force"][:] = 2.0 * f
+    assert described_array(path).stamp != before
+    packed = np.round((f - 1.0) / 1e-4).astype("int32")
+    packed[1, ::7] = -99999
+    group.create_array("force", data=packed, overwrite=True)
+    group["force"].attrs.update(scale_factor=1e-4, add_offset=1.0, _FillValue=-99999)
+    rows = identify_batch(tasks_table([path] * 2, ["zarr"] * 2, [0, 1]), Settings()).to_pylist()
+    for row in rows:
+        assert abs(row["stiffness"] - LAW.stiffness) < 5.0 * row["stiffness_standard_error"]
+        assert abs(row["offset"]) < 5.0 * row["offset_standard_error"]
+    assert rows[1]["samples"] == f.shape[1] - len(range(0, f.shape[1], 7))
+
+
+def test_arrays_in_other_units_are_identified_in_si(tmp_path):
     x, v, f = write_zarr(tmp_path / "si.zarr", 2)
     group = zarr.open_group(str(tmp_path / "mm.zarr"), mode="w")
     group.create_array("time", data=np.arange(x.shape[1]) * 1.0).attrs["units"] = "ms"
-    for name, values, unit in (
-        ("penetration", x, "mm"),
-        ("velocity", v, "mm/s"),
-        ("force", f, "mN"),
-    ):
+    units = {"penetration": "mm", "velocity": "mm/s", "force": "mN"}
+    for values, (name, unit) in zip((x, v, f), units.items(), strict=True):
         group.create_array(name, data=1e3 * values).attrs["units"] = unit
     finished(begun(tmp_path / "si.zarr", tmp_path / "one"))
     finished(begun(tmp_path / "mm.zarr", tmp_path / "other"))
@@ -184,22 +228,23 @@ def test_arrays_in_other_units_are_identified_in_si(tmp_path):
         np.testing.assert_allclose(one[name], other[name], rtol=1e-6)  # 1e-3 is no binary number
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "tls://127.0.0.1:9"])
-def test_a_scheduler_that_is_not_there_is_said_in_a_line(
-    address, run, recordings, tmp_path, monkeypatch
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (("--scheduler", "tcp://127.0.0.1:9"), "tcp://127.0.0.1:9: no scheduler of Dask answers"),
+        (("--scheduler", "nonsense"), "nonsense: no scheduler of Dask answers"),
+        (("--scheduler", "tls://127.0.0.1:9"), "tls://127.0.0.1:9: no scheduler of Dask answers"),
+        (("--curve", 1), "--curve is of one recording"),
+    ],
+)
+def test_a_scheduler_that_is_not_there_and_a_wrong_option_are_said_in_a_line(
+    options, words, run, recordings, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(clusters, "PATIENCE", 0.5)
-    arguments = ("--scheduler", address)
-    status, _, err = run("fleet", recordings, "-o", tmp_path / "results", *arguments)
+    status, _, err = run("fleet", recordings, "-o", tmp_path / "results", *options)
     assert status == 2
-    assert err.startswith(f"palpate: {address}: no scheduler of Dask answers")
+    assert err.startswith(f"palpate: {words}")
     assert err.count("\n") == 1
-
-
-def test_options_of_one_recording_are_refused(run, recordings, tmp_path):
-    status, _, err = run("fleet", recordings, "-o", tmp_path / "results", "--curve", 1)
-    assert status == 2
-    assert "--curve is of one recording" in err
 
 
 # What follows runs palpate as a person does, in processes that end in many ways.
@@ -223,6 +268,10 @@ def parts(results):
     return sorted(results.glob("part-*.parquet"))
 
 
+def contents(results):
+    return {path.name: path.read_bytes() for path in parts(results)}
+
+
 def wait_for_parts(results, count, process):
     while len(parts(results)) < count:
         assert process.poll() is None, process.stderr.read()
@@ -233,7 +282,7 @@ def wait_for_parts(results, count, process):
 def undisturbed(many, tmp_path_factory):
     results = tmp_path_factory.mktemp("results") / "calm"
     assert started(many, results).wait(timeout=180) == 0
-    return {path.name: path.read_bytes() for path in parts(results)}
+    return contents(results)
 
 
 @pytest.mark.slow
@@ -248,29 +297,35 @@ def test_a_run_that_is_ended_keeps_what_is_done_and_goes_on(how, many, undisturb
         assert process.returncode == 130
         assert "the same command goes on" in err
         assert "Traceback" not in err
-    kept = {path.name: path.read_bytes() for path in parts(results)}
+    kept = contents(results)
     assert 2 <= len(kept) < len(undisturbed)
     assert started(many, results).wait(timeout=180) == 0
-    assert {path.name: path.read_bytes() for path in parts(results)} == undisturbed
+    assert contents(results) == undisturbed
     assert not [path for path in results.iterdir() if path.name.startswith(".palpate-")]
 
 
 @pytest.mark.slow
-def test_workers_that_are_killed_lose_no_row(many, undisturbed, tmp_path):
+def test_workers_that_are_killed_lose_no_row_and_nothing_listens_beyond_this_machine(
+    many, undisturbed, tmp_path
+):
     from benchmarks.fleets.processes import descendants
 
     results = tmp_path / "results"
     process = started(many, results)
     for count in (1, 2, 3):
         wait_for_parts(results, count, process)
-        spawned = [
-            each
-            for each in descendants(process.pid)
-            if b"spawn_main" in open(f"/proc/{each}/cmdline", "rb").read()  # noqa: PTH123, SIM115
-        ]
+        running = descendants(process.pid)
+        if count == 1 and shutil.which("ss"):  # nothing listens beyond this machine
+            listed = subprocess.run(["ss", "-ltnp"], capture_output=True, text=True, check=True)
+            own = [f"pid={each}," for each in (process.pid, *running)]
+            lines = [line for line in listed.stdout.splitlines() if any(pid in line for pid in own)]
+            assert lines
+            assert all(line.split()[3].startswith("127.0.0.1:") for line in lines), lines
+        commands = {each: Path(f"/proc/{each}/cmdline").read_bytes() for each in running}
+        spawned = [each for each, command in commands.items() if b"spawn_main" in command]
         os.kill(spawned[0], signal.SIGKILL)
     assert process.wait(timeout=180) == 0
-    assert {path.name: path.read_bytes() for path in parts(results)} == undisturbed
+    assert contents(results) == undisturbed
 
 
 @pytest.mark.slow
@@ -295,12 +350,8 @@ reader.read = ended
 """
     (tmp_path / "sitecustomize.py").write_text(ending)
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    subprocess.run(
-        [sys.executable, "-c", program],
-        check=True,
-        timeout=180,
-        env={**os.environ, "PYTHONPATH": path},
-    )
+    environment = {**os.environ, "PYTHONPATH": path}
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=180, env=environment)
     errors = read_results(tmp_path / "results").column("error").to_pylist()
     assert [error is None for error in errors] == [True, False, True]
     assert "ended without a word" in errors[1]
@@ -334,8 +385,7 @@ def test_workers_of_ones_own_take_the_work_and_others_are_refused(
         process = started(many, tmp_path / "results", "--scheduler", scheduler)
         _, err = process.communicate(timeout=120)
         assert process.returncode == 0, err
-        found = {path.name: path.read_bytes() for path in parts(tmp_path / "results")}
-        assert found == undisturbed
+        assert contents(tmp_path / "results") == undisturbed
         monkeypatch.setattr("palpate.__version__", "9.9", raising=False)
         with (
             pytest.raises(FleetError, match=r"has palpate \d.*, and palpate 9\.9 asks"),
@@ -345,27 +395,6 @@ def test_workers_of_ones_own_take_the_work_and_others_are_refused(
     finally:
         worker.terminate()
         worker.wait()
-
-
-@pytest.mark.slow
-def test_nothing_listens_beyond_this_machine(many, tmp_path):
-    process = started(many, tmp_path / "results")
-    try:
-        wait_for_parts(tmp_path / "results", 1, process)
-        listed = subprocess.run(["ss", "-ltnp"], capture_output=True, text=True, check=False)
-        if listed.returncode:
-            pytest.skip("ss, which lists what listens, is not here")
-        from benchmarks.fleets.processes import descendants
-
-        own = {process.pid, *descendants(process.pid)}
-        lines = [
-            line for line in listed.stdout.splitlines() if any(f"pid={p}," in line for p in own)
-        ]
-        assert lines
-        assert all(line.split()[3].startswith("127.0.0.1:") for line in lines), lines
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60)
 
 
 @pytest.mark.slow

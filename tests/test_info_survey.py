@@ -37,57 +37,45 @@ def test_gaps_repeated_backward_and_unknown_times_are_counted():
     assert clock.rate == pytest.approx(100.0)
 
 
-def test_nanoseconds_since_1970_keep_steps_of_a_microsecond():
+def test_nanoseconds_keep_steps_of_a_microsecond_and_a_unit_may_stand_in_the_name():
     clock = the_clock(1_763_800_000_000_000_000 + 1_000 * np.arange(50), "ns")
-    assert clock.step == pytest.approx(
-        1e-6, rel=1e-12
-    )  # a float of such seconds has steps of 0.24 µs
+    # A float of such seconds has steps of 0.24 µs.
+    assert clock.step == pytest.approx(1e-6, rel=1e-12)
     assert clock.start == pytest.approx(1.7638e9)
+    for name in ("time_ms", "Time (ms)", "t_ms", "log/stamp_msec"):
+        assert clock_unit(name) == "ms"
+        assert the_clock(np.arange(10.0), name=name).rate == pytest.approx(1000.0)
 
 
-@pytest.mark.parametrize("name", ["time_ms", "Time (ms)", "t_ms", "log/stamp_msec"])
-def test_the_unit_of_a_clock_may_stand_in_its_name(name):
-    assert clock_unit(name) == "ms"
-    assert the_clock(np.arange(10.0), name=name).rate == pytest.approx(1000.0)
+def test_other_words_are_no_clock_and_without_one_samples_are_counted():
+    for name in ("tension", "time_to_contact", "torque", "stamped", "x"):
+        assert clock_rank(name) is None
+    found = survey(Recording({"a": np.zeros(5), "b": np.zeros(7), "c": np.zeros(5)})).clocks
+    counted = [(clock.name, clock.samples, clock.channels) for clock in found]
+    assert counted == [("", 5, ("a", "c")), ("", 7, ("b",))]
+    assert all(np.isnan(clock.rate) for clock in found)
 
 
-@pytest.mark.parametrize("name", ["tension", "time_to_contact", "torque", "stamped", "x"])
-def test_other_words_are_no_clock(name):
-    assert clock_rank(name) is None
-
-
-def test_without_a_clock_samples_are_counted():
-    found = survey(Recording({"a": np.zeros(5), "b": np.zeros(7), "c": np.zeros(5)}))
-    assert [(c.name, c.samples, c.channels) for c in found.clocks] == [
-        ("", 5, ("a", "c")),
-        ("", 7, ("b",)),
-    ]
-    assert all(np.isnan(clock.rate) for clock in found.clocks)
-
-
-def test_one_time_or_none_that_is_known_has_no_rate():
+def test_one_time_none_that_is_known_or_none_at_all_has_no_rate():
     assert np.isnan(the_clock([1.0]).rate)
     clock = the_clock([np.nan, np.inf])
     assert clock.unknown == 2
     assert np.isnan(clock.start)
+    assert survey(Recording({})).channels == ()
+    [channel] = survey(Recording({"x": np.empty(0)})).channels
+    assert channel.samples == 0
 
 
 def test_topics_keep_their_own_clocks():
-    channels = {
-        "/ft.header.stamp": np.arange(4) * 10**9, "/ft.log_time": np.arange(4) * 10**9,
-        "/ft.wrench.force.z": np.zeros(4),
-        "/pose.header.stamp": np.arange(9) * 10**9, "/pose.pose.position.z": np.zeros(9),
-    }  # fmt: skip
-    clocks = {
-        "/ft.wrench.force.z": "/ft.header.stamp",
-        "/pose.pose.position.z": "/pose.header.stamp",
-    }
-    units = dict.fromkeys(("/ft.header.stamp", "/ft.log_time", "/pose.header.stamp"), "ns")
-    found = survey(Recording(channels, units, clocks=clocks)).clocks
-    named = {clock.name: clock for clock in found}
-    assert named["/pose.header.stamp"].channels == ("/pose.pose.position.z",)
-    assert "/ft.wrench.force.z" in named["/ft.header.stamp"].channels
-    assert named["/ft.header.stamp"].rate == 1.0
+    ft, pose = "/ft.header.stamp", "/pose.header.stamp"
+    stamps = {ft: np.arange(4) * 10**9, "/ft.log_time": np.arange(4), pose: np.arange(9) * 10**9}
+    clocks = {"/ft.wrench.force.z": ft, "/pose.pose.position.z": pose}
+    channels = {name: np.zeros(len(stamps[clock])) for name, clock in clocks.items()}
+    recorded = Recording({**stamps, **channels}, dict.fromkeys(stamps, "ns"), clocks=clocks)
+    named = {clock.name: clock for clock in survey(recorded).clocks}
+    assert named[pose].channels == ("/pose.pose.position.z",)
+    assert "/ft.wrench.force.z" in named[ft].channels
+    assert named[ft].rate == 1.0
 
 
 def test_a_channel_has_its_range_and_what_is_not_known():
@@ -97,9 +85,3 @@ def test_a_channel_has_its_range_and_what_is_not_known():
     assert (ranged.kind, ranged.unit, ranged.samples, ranged.known) == ("float64", "N", 4, 2)
     assert (ranged.minimum, ranged.maximum) == (-3.0, 1.0)
     assert (words.kind, words.known) == ("text", 2)
-
-
-def test_a_recording_of_nothing_is_surveyed():
-    assert survey(Recording({})).channels == ()
-    [channel] = survey(Recording({"x": np.empty(0)})).channels
-    assert channel.samples == 0

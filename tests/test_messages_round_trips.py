@@ -1,4 +1,7 @@
-"""Recordings of messages come back as they were written, to the last bit."""
+"""Recordings of messages come back as they were written, to the last bit, topic by topic."""
+
+import json
+import struct
 
 import message_files as files
 import numpy as np
@@ -6,20 +9,21 @@ import pytest
 
 from palpate import RecordingError
 from palpate.recordings import open_recording
+from palpate.recordings.messages import containers
 
 GIVEN = files.values()
 
 
-def assert_same(found, given=GIVEN, *, seq=False) -> None:
-    for name, column in given.columns().items():
+def assert_same(found) -> None:
+    for name, column in GIVEN.columns().items():
         values = found.channels[name]
         assert values.dtype == np.float64
         assert values.tobytes() == np.ascontiguousarray(column).tobytes(), name
     for topic in ("/ft", "/pose"):
         stamps = found.channels[f"{topic}.header.stamp"]
         assert stamps.dtype == np.int64
-        assert (stamps == given.stamps).all()
-        assert (found.channels[f"{topic}.log_time"] == given.stamps + files.DELAY).all()
+        assert (stamps == GIVEN.stamps).all()
+        assert (found.channels[f"{topic}.log_time"] == GIVEN.stamps + files.DELAY).all()
         assert found.clocks[f"{topic}.log_time"] == f"{topic}.header.stamp"
     assert found.units["/ft.header.stamp"] == "ns"
     assert found.units["/ft.wrench.force.x"] == "N"
@@ -27,40 +31,19 @@ def assert_same(found, given=GIVEN, *, seq=False) -> None:
     assert found.clocks["/ft.wrench.torque.z"] == "/ft.header.stamp"
     assert found.frames["/ft.wrench.force.x"] == "sensor"
     assert found.frames["/pose.pose.orientation.w"] == "base"
-    assert found.types == {
-        "/ft": "geometry_msgs/msg/WrenchStamped",
-        "/pose": "geometry_msgs/msg/PoseStamped",
-    }
+    assert found.types == {"/ft": files.WRENCH[2], "/pose": files.POSE[2]}
     assert not found.losses
     assert not found.faults
 
 
+CHUNKS = [{"chunk_size": 1000}, {"chunk_size": 1 << 20}, {"use_chunking": False}]
+
+
 @pytest.mark.parametrize("compression", files.COMPRESSIONS, ids=lambda each: each.name)
-@pytest.mark.parametrize("chunk", [1000, 1 << 20])
-def test_mcap_of_ros2_comes_back_to_the_last_bit(tmp_path, compression, chunk) -> None:
-    path = files.ros2_mcap(tmp_path / "a.mcap", GIVEN, compression=compression, chunk_size=chunk)
+@pytest.mark.parametrize("chunks", CHUNKS, ids=["small", "large", "none"])
+def test_mcap_of_ros2_comes_back_to_the_last_bit(tmp_path, compression, chunks) -> None:
+    path = files.wrench_mcap(tmp_path / "a.mcap", GIVEN, compression=compression, **chunks)
     assert_same(open_recording(path))
-
-
-@pytest.mark.parametrize("sizes", [(40, 30), (36, 40)])
-@pytest.mark.parametrize("chunk", [1000, 1025, 1050, 1075])
-def test_mcap_of_two_topics_in_turn_comes_back_whatever_a_chunk_holds(
-    tmp_path, chunk, sizes
-) -> None:
-    """A chunk may end with the records by which a pattern of sizes is known."""
-    topics = ("/ft", "/pose")
-    schema = ("json", "jsonschema", "Any", b"{}")
-    messages = [
-        (topics[k % 2], files.BEGIN + k, f'{{"z": {k}}}'.ljust(sizes[k % 2]).encode())
-        for k in range(400)
-    ]
-    path = files.raw_mcap(
-        tmp_path / "a.mcap", messages, dict.fromkeys(topics, schema), chunk_size=chunk
-    )
-    found = open_recording(path)
-    for k, topic in enumerate(topics):
-        assert found.channels[f"{topic}.z"].tolist() == list(range(k, 400, 2))
-    assert not found.losses
 
 
 def test_an_error_of_the_reader_itself_is_not_called_one_of_the_path(tmp_path, monkeypatch) -> None:
@@ -76,32 +59,17 @@ def test_an_error_of_the_reader_itself_is_not_called_one_of_the_path(tmp_path, m
         open_recording(f"{path}\0.mcap")
 
 
-def test_mcap_without_chunks_comes_back_to_the_last_bit(tmp_path) -> None:
-    path = files.wrench_mcap(tmp_path / "a.mcap", GIVEN, use_chunking=False)
-    found = open_recording(path)
-    assert found.channels["/ft.wrench.force.x"].tobytes() == GIVEN.wrenches[:, 0].tobytes()
-    assert len(found.channels["/pose.log_time"]) == len(GIVEN)
-    assert not found.losses
-
-
 @pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
 def test_a_bag_of_ros1_comes_back_to_the_last_bit(tmp_path, compression) -> None:
     messages = files.wrenches_and_poses(GIVEN, ros1=True)
     assert_same(open_recording(files.rosbag1(tmp_path / "a.bag", messages, compression)))
 
 
-@pytest.mark.parametrize(
-    "storage, mode",
-    [
-        ("SQLITE3", None),
-        ("SQLITE3", "FILE"),
-        ("SQLITE3", "MESSAGE"),
-        ("MCAP", None),
-        ("MCAP", "FILE"),
-        ("MCAP", "MESSAGE"),
-        ("MCAP", "STORAGE"),
-    ],
-)
+MODES = [("SQLITE3", mode) for mode in (None, "FILE", "MESSAGE")]
+MODES += [("MCAP", mode) for mode in (None, "FILE", "MESSAGE", "STORAGE")]
+
+
+@pytest.mark.parametrize("storage, mode", MODES)
 def test_a_bag_of_ros2_comes_back_to_the_last_bit(tmp_path, storage, mode) -> None:
     messages = files.wrenches_and_poses(GIVEN)
     folder = files.rosbag2(tmp_path / "bag", messages, storage, mode)
@@ -118,49 +86,42 @@ def test_a_bag_of_ros2_in_several_files_is_one_recording(tmp_path) -> None:
     second = files.rosbag2(tmp_path / "rest", messages[half:])
     (second / "rest.db3").rename(first / "bag_1.db3")
     metadata = first / "metadata.yaml"
-    text = metadata.read_text()
-    line = "  - bag.db3\n"
-    assert line in text
+    text, line = metadata.read_text(), "  - bag.db3\n"
     metadata.write_text(text.replace(line, line + "  - bag_1.db3\n"))
     assert_same(open_recording(first))
-
-
-def test_files_of_a_bag_are_read_in_the_order_of_their_numbers(tmp_path) -> None:
-    messages = files.wrenches_and_poses(files.values(24))
-    folder = tmp_path / "all"
-    folder.mkdir()
-    for k in range(12):
-        part = files.rosbag2(tmp_path / f"bag_{k}", messages[4 * k : 4 * k + 4], "MCAP", "FILE")
-        (part / f"bag_{k}.mcap.zstd").rename(folder / f"bag_{k}.mcap.zstd")
-    found = open_recording(folder)
-    assert (found.channels["/ft.header.stamp"] == files.values(24).stamps).all()
+    # Without metadata, in the order of their numbers: 10 after 9.
+    for k in range(11, -1, -1):
+        part = files.rosbag2(tmp_path / f"bag_{k}", messages[k * 34 : k * 34 + 34], "MCAP", "FILE")
+        (part / f"bag_{k}.mcap.zstd").rename(tmp_path / f"bag_{k}.mcap.zstd")
+    stamps = open_recording(tmp_path).channels["/ft.header.stamp"]
+    assert (stamps == GIVEN.stamps).all()
 
 
 def test_json_comes_back_as_it_was_written(tmp_path) -> None:
     given = files.values(finite=True)
+    rows = zip(given.stamps.tolist(), given.wrenches.tolist(), strict=True)
     objects = [
         {
             "timestamp": {"sec": stamp // 10**9, "nsec": stamp % 10**9},
             "frame_id": "base",
             "force": dict(zip("xyz", row[:3], strict=True)),
             "list": row[3:],
-            "count": k,
             "large": 2**62 + k,
             "on": k % 2 == 0,
             "words": "none",
         }
-        for k, (stamp, row) in enumerate(
-            zip(given.stamps.tolist(), given.wrenches.tolist(), strict=True)
-        )
+        for k, (stamp, row) in enumerate(rows)
     ]
-    found = open_recording(files.json_mcap(tmp_path / "a.mcap", objects))
+    texts = [("/json", k, json.dumps(each).encode()) for k, each in enumerate(objects)]
+    schemas = {"/json": ("json", "jsonschema", "Any", b"{}")}
+    found = open_recording(files.raw_mcap(tmp_path / "a.mcap", texts, schemas))
     assert (found.channels["/json.timestamp"] == given.stamps).all()
     assert found.channels["/json.force.y"].tobytes() == given.wrenches[:, 1].tobytes()
     assert found.channels["/json.list[2]"].tobytes() == given.wrenches[:, 5].tobytes()
     assert found.channels["/json.large"].tolist() == [2**62 + k for k in range(len(given))]
     assert found.channels["/json.on"].dtype == bool
-    assert found.clocks["/json.count"] == "/json.timestamp"
-    assert found.frames["/json.count"] == "base"
+    assert found.clocks["/json.large"] == "/json.timestamp"
+    assert found.frames["/json.large"] == "base"
     assert not found.losses
 
 
@@ -168,32 +129,26 @@ def test_json_comes_back_as_it_was_written(tmp_path) -> None:
 def test_every_kind_of_number_of_protobuf_comes_back(tmp_path, syntax) -> None:
     make = files.protobuf_class(syntax)
     random = np.random.default_rng(4)
-    whole = {
-        "int64": 2**63, "uint64": 2**64, "int32": 2**31, "sint32": 2**31, "sint64": 2**63,
-        "fixed32": 2**32, "fixed64": 2**64,
-    }  # fmt: skip
+    bits = {"int64": 63, "uint64": 64, "int32": 31, "sint32": 31, "sint64": 63, "fixed32": 32}
     messages, rows = [], []
     for k in range(60):
-        row: dict[str, object] = {"a_double": random.normal(), "a_bool": bool(k % 2)}
+        row = {"a_double": random.normal(), "a_bool": bool(k % 2)}
         row["a_float"] = float(np.float32(random.normal()))
-        for kind, limit in whole.items():
-            most = int(limit) >> int(random.integers(0, 60 if limit > 2**33 else 30))
-            sign = -1 if k % 2 and "u" not in kind and "fixed" not in kind else 1
-            row[f"a_{kind}"] = sign * max(most - 1, 0)
+        for kind, most in {**bits, "fixed64": 64}.items():
+            sign = -1 if k % 2 and most % 2 else 1
+            row[f"a_{kind}"] = sign * (2 ** int(random.integers(1, most + 1)) - 1)
         if k == 7:  # what has its default is left out of the message
             row = {name: type(value)(0) for name, value in row.items()}
         message = make(**row, joints=random.normal(size=3), counts=[1, -k], note="n" * (k % 3))
-        message.stamp.FromNanoseconds(files.BEGIN + k * files.STEP)
+        message.stamp.FromNanoseconds(files.BEGIN + k)
         messages.append(message)
-        rows.append({**row, "joints[1]": message.joints[1], "counts[1]": -k})
+        stamp = files.BEGIN + k
+        rows.append({**row, "joints[1]": message.joints[1], "counts[1]": -k, "stamp": stamp})
     found = open_recording(files.protobuf_mcap(tmp_path / "a.mcap", messages))
     for name in rows[0]:
         assert found.channels[f"/probe.{name}"].tolist() == [row[name] for row in rows], name
     assert found.channels["/probe.a_float"].dtype == np.float32
     assert found.channels["/probe.a_uint64"].dtype == np.uint64
-    assert found.channels["/probe.stamp"].tolist() == [
-        files.BEGIN + k * files.STEP for k in range(60)
-    ]
     assert found.clocks["/probe.a_double"] == "/probe.stamp"
 
 
@@ -211,4 +166,247 @@ def test_what_foxglove_writes_comes_back_to_the_last_bit(tmp_path) -> None:
     assert found.frames["/pose.pose.position.x"] == "base"
     assert found.units["/pose.pose.position.x"] == "m"
     assert found.types["/pose"] == "foxglove.PoseInFrame"
+    assert not found.losses
+
+
+# Topics as robots have them.
+FEW = files.values(60)
+MAKER = files.Maker()
+
+
+def bag(tmp_path, topic: str, kind: str, *messages, others=()):
+    """Messages of one type, stamped as the values are, and others."""
+    given = [(topic, kind, int(t), each) for t, each in zip(FEW.stamps, messages, strict=False)]
+    return open_recording(files.rosbag2(tmp_path / "bag", [*others, *given]))
+
+
+def wrenches(tmp_path, make):
+    """What ``make`` makes in CDR of each sample's number, stamp and wrench."""
+    rows = enumerate(zip(FEW.stamps, FEW.wrenches, strict=True))
+    messages = [("/ft", int(stamp), make(k, stamp, row)) for k, (stamp, row) in rows]
+    return open_recording(files.raw_mcap(tmp_path / "a.mcap", messages, {"/ft": files.WRENCH}))
+
+
+def cdr(tmp_path, definition: str, bodies: list[bytes], form: str = "ros2msg"):
+    """Messages of a type of one's own, in CDR."""
+    schema = ("cdr", form, "own_msgs/msg/Own", definition.encode())
+    messages = [("/own", files.BEGIN + k, b"\0\1\0\0" + body) for k, body in enumerate(bodies)]
+    return open_recording(files.raw_mcap(tmp_path / "own.mcap", messages, {"/own": schema}))
+
+
+def test_each_pair_of_frames_of_tf_has_channels_and_a_clock_of_its_own(tmp_path) -> None:
+    pairs = [("base", "tool"), ("base", "camera")]
+    messages = [
+        MAKER.transforms(stamp, row, *pairs[: 1 + (k % 3 == 0)])
+        for k, (stamp, row) in enumerate(zip(FEW.stamps, FEW.poses, strict=True))
+    ]
+    found = bag(tmp_path, "/tf", "tf2_msgs/TFMessage", *messages)
+    for child, which in (("tool", slice(None)), ("camera", slice(None, None, 3))):
+        above = f"/tf[base>{child}]"
+        moved = found.channels[f"{above}.transform.translation.y"]
+        assert moved.tobytes() == np.ascontiguousarray(FEW.poses[which, 1]).tobytes()
+        assert (found.channels[f"{above}.header.stamp"] == FEW.stamps[which]).all()
+        assert found.clocks[f"{above}.transform.rotation.w"] == f"{above}.header.stamp"
+        assert found.frames[f"{above}.transform.rotation.w"] == "base"
+        assert found.units[f"{above}.transform.translation.x"] == "m"
+    assert not found.faults
+    # Of one that a message holds twice there are two rows.
+    message = MAKER.transforms(FEW.stamps[0], FEW.poses[0], *[("base", "tool")] * 2)
+    path = files.rosbag2(tmp_path / "twice", [("/tf", "tf2_msgs/TFMessage", 5, message)] * 3)
+    assert open_recording(path).channels["/tf[base>tool].log_time"].tolist() == [5] * 6
+
+
+def test_joints_are_named_and_stay_themselves_when_their_order_changes(tmp_path) -> None:
+    messages = []
+    for k, stamp in enumerate(FEW.stamps):
+        joints = {"shoulder": k + 1.0, "elbow": k + 2.0}
+        if k >= 10:  # some messages lack it
+            joints["wrist"] = 2.0
+        names = list(joints)[:: 1 if k % 2 else -1]
+        angles = np.array([joints[name] for name in names])
+        messages.append(MAKER.joints(stamp, names, angles))
+    found = bag(tmp_path, "/joints", "sensor_msgs/JointState", *messages)
+    assert (found.channels["/joints.position[shoulder]"] == 1.0 + np.arange(60)).all()
+    assert (found.channels["/joints.position[elbow]"] == 2.0 + np.arange(60)).all()
+    wrist = found.channels["/joints.position[wrist]"]
+    assert np.isnan(wrist[:10]).all()
+    assert (wrist[10:] == 2.0).all()
+    [(name, faults)] = found.faults.items()
+    assert (name, faults.count, faults.sample) == ("/joints.position[wrist]", 10, 0)
+
+
+def test_velocities_of_an_odometry_are_in_the_frame_that_moves(tmp_path) -> None:
+    origin = MAKER.make("geometry_msgs/Point", 1.0, 2.0, 3.0)
+    turn = MAKER.make("geometry_msgs/Quaternion", 0.0, 0.0, 0.0, 1.0)
+    pose = MAKER.make("geometry_msgs/Pose", origin, turn)
+    vector = MAKER.make("geometry_msgs/Vector3", 4.0, 5.0, 6.0)
+    twist = MAKER.make("geometry_msgs/Twist", vector, vector)
+    covariance = np.zeros(36)
+    message = MAKER.make(
+        "nav_msgs/Odometry",
+        MAKER.header(FEW.stamps[0], "odom"),
+        "base",
+        MAKER.make("geometry_msgs/PoseWithCovariance", pose, covariance),
+        MAKER.make("geometry_msgs/TwistWithCovariance", twist, covariance),
+    )
+    found = bag(tmp_path, "/odom", "nav_msgs/Odometry", message)
+    assert found.frames["/odom.pose.pose.position.x"] == "odom"
+    assert found.frames["/odom.twist.twist.linear.x"] == "base"
+    assert found.units["/odom.twist.twist.linear.x"] == "m/s"
+    assert found.notes["/odom.child_frame_id"] == "base"
+    assert found.channels["/odom.pose.covariance[35]"].tolist() == [0.0]
+
+
+@pytest.mark.parametrize("other", ["tools", "another frame of another length"])
+def test_a_frame_that_changes_is_said_and_none_is_given(tmp_path, other) -> None:
+    found = wrenches(
+        tmp_path, lambda k, stamp, row: files.cdr_wrench(stamp, row, "sensor" if k < 30 else other)
+    )
+    assert not found.frames
+    assert any("frame changes" in each and other in each for each in found.omissions)
+    assert found.channels["/ft.wrench.force.x"].tobytes() == FEW.wrenches[:, 0].tobytes()
+
+
+def test_messages_of_both_orders_of_bytes_may_be_mixed(tmp_path) -> None:
+    found = wrenches(
+        tmp_path, lambda k, stamp, row: files.cdr_wrench(stamp, row, order="<>"[k % 2])
+    )
+    assert found.channels["/ft.wrench.torque.y"].tobytes() == FEW.wrenches[:, 4].tobytes()
+    assert (found.channels["/ft.header.stamp"] == FEW.stamps).all()
+    # Stamps that are all zero are no clock.
+    found = wrenches(tmp_path, lambda _, stamp, row: files.cdr_wrench(0, row))
+    assert found.clocks["/ft.wrench.force.x"] == "/ft.log_time"
+    assert not found.channels["/ft.header.stamp"].any()
+
+
+def test_numbers_keep_their_type_and_their_alignment(tmp_path) -> None:
+    definition = "uint8 a\nint64 b\nbool c\nfloat32[3] d\nstring e\nuint16[] f\nint8 g\nfloat64 h"
+    bodies = []
+    for k in range(20):
+        body = struct.pack("<B7xqB3x3f", k, -(2**62) + k, k % 2, k, 0.1, -k)
+        text = b"n" * (k % 4) + b"\0"
+        body += struct.pack("<I", len(text)) + text
+        body += bytes(-len(body) % 4) + struct.pack("<I3Hb", 3, k, 1, 2, -k)
+        body += bytes(-len(body) % 8) + struct.pack("<d", k / 3)
+        bodies.append(body)
+    found = cdr(tmp_path, definition, bodies)
+    n = np.arange(20)
+    assert found.channels["/own.a"].dtype == np.uint8
+    assert (found.channels["/own.b"] == -(2**62) + n).all()
+    assert found.channels["/own.c"].dtype == bool
+    assert found.channels["/own.d[1]"].dtype == np.float32
+    assert (found.channels["/own.d[2]"] == -n).all()
+    assert (found.channels["/own.f[0]"] == n).all()
+    assert (found.channels["/own.g"] == -n).all()
+    assert (found.channels["/own.h"] == n / 3).all()
+
+
+def test_definitions_in_idl_are_read(tmp_path) -> None:
+    text = f"""{"=" * 80}
+IDL: own_msgs/msg/Own
+module own_msgs {{ module msg {{ struct Own {{ double force; sequence<float> list; }}; }}; }};
+"""
+    found = cdr(tmp_path, text, [struct.pack("<dI2f", 1.5, 2, 0.5, 0.25)] * 3, "ros2idl")
+    assert found.channels["/own.force"].tolist() == [1.5] * 3
+    assert found.channels["/own.list[1]"].tolist() == [0.25] * 3
+
+
+def test_images_and_scans_are_left_out_and_said(tmp_path) -> None:
+    header = MAKER.header(FEW.stamps[0], "camera")
+    pixels = np.zeros(10_000, np.uint8)
+    image = MAKER.make("sensor_msgs/Image", header, 100, 100, "mono8", 0, 100, pixels)
+    words = ("/words", "std_msgs/String", files.BEGIN, MAKER.make("std_msgs/String", "a"))
+    messages = [*files.wrenches_and_poses(FEW), words]
+    found = bag(tmp_path, "/image", "sensor_msgs/Image", image, others=messages)
+    assert not any(name.startswith(("/image", "/words")) for name in found.channels)
+    assert any(each.startswith("/image (sensor_msgs/msg/Image, 1 ") for each in found.omissions)
+    assert any("/words" in each and "no numbers" in each for each in found.omissions)
+    assert not found.losses
+
+
+def test_a_long_list_beside_numbers_is_left_out_and_they_are_read(tmp_path) -> None:
+    body = struct.pack("<60dI65B", *range(60), 65, *range(65))
+    found = cdr(tmp_path, "float64[60] short\nuint8[] long", [body] * 3)
+    assert found.channels["/own.short[59]"].tolist() == [59.0] * 3
+    assert any("long lists are not read: long" in each for each in found.omissions)
+
+
+def test_only_what_is_asked_for_is_read(tmp_path) -> None:
+    path = files.wrench_mcap(tmp_path / "a.mcap", FEW)
+    found = open_recording(path, ["/ft.wrench.force"])
+    own = {"/ft.header.stamp", "/ft.log_time", *(f"/ft.wrench.force.{axis}" for axis in "xyz")}
+    assert set(found.channels) == own
+    assert found.omissions == ("not asked for: /pose",)
+    with pytest.raises(RecordingError, match=r"'/other'.*there are the topics /ft, /pose"):
+        open_recording(path, ["/ft", "/other"])
+
+
+def test_channels_of_one_topic_and_type_are_one_topic(tmp_path) -> None:
+    wrench = files.cdr_wrench(1, FEW.wrenches[0])
+    with (tmp_path / "b.mcap").open("wb") as file:
+        writer = files.Writer(file)
+        writer.start()
+        schema = writer.register_schema(*files.WRENCH[2:0:-1], files.WRENCH[3])
+        other = writer.register_schema("Other", "jsonschema", b"{}")
+        for encoding, kind, data in (
+            ("cdr", schema, wrench), ("cdr", schema, wrench), ("json", other, b'{"a": 1}'),
+        ):  # fmt: skip
+            channel = writer.register_channel("/ft", encoding, kind, {"n": str(id(data))})
+            writer.add_message(channel, files.BEGIN, data, files.BEGIN)
+        writer.finish()
+    found = open_recording(tmp_path / "b.mcap")
+    assert len(found.channels["/ft.wrench.force.x"]) == 2
+    assert found.channels["/ft (Other).a"].tolist() == [1]
+
+
+@pytest.mark.parametrize("encoding", ["flatbuffer", "cbor", ""])
+def test_encodings_that_are_not_read_are_said(tmp_path, encoding) -> None:
+    schemas = {"/x": (encoding, "x", "X", b""), "/ft": files.WRENCH}
+    messages = [("/x", 1, b"a"), ("/ft", 2, files.cdr_wrench(1, FEW.wrenches[0]))]
+    found = open_recording(files.raw_mcap(tmp_path / "a.mcap", messages, schemas))
+    assert any(each.startswith("/x ") and "are not read" in each for each in found.omissions)
+
+
+def test_the_progress_goes_from_nothing_to_all(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(containers, "_WINDOW", 2000)
+    path = files.wrench_mcap(tmp_path / "a.mcap", FEW, chunk_size=1000)
+    seen: list[float] = []
+    open_recording(path, progress=seen.append)
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    assert len(seen) > 5
+
+
+def test_layouts_that_alternate_stay_in_the_order_of_the_file(tmp_path) -> None:
+    bodies = []
+    for k in range(500):
+        text = b"n" * (k * 7 % 13) + b"\0"
+        body = struct.pack("<I", len(text)) + text
+        bodies.append(body + bytes(-len(body) % 8) + struct.pack("<d", k))
+    found = cdr(tmp_path, "string text\nfloat64 value", bodies)
+    assert found.channels["/own.value"].tolist() == list(range(500))
+    assert (np.diff(found.channels["/own.log_time"]) == 1).all()
+
+
+@pytest.mark.parametrize("sizes", [(40, 30), (36, 40)])
+@pytest.mark.parametrize("chunk", [1000, 1025, 1050, 1075, None])
+def test_as_many_messages_are_found_however_they_interleave(tmp_path, chunk, sizes) -> None:
+    """In turn, of sizes by whose pattern a chunk may end, then by chance and in a row."""
+    random = np.random.default_rng(5)
+    n = np.arange(2000)
+    kinds = np.where(n < 400, n % 2, random.random(2000) < 0.3)
+    kinds[(n > 1000) & (n < 1500)] = 1
+    schemas = dict.fromkeys(("/0", "/1"), ("json", "jsonschema", "Any", b"{}"))
+    messages = [
+        (f"/{kind}", k, (b'{"z": %d}' % k).ljust(sizes[kind])) for k, kind in enumerate(kinds)
+    ]
+    ft = [("/ft", k, files.cdr_wrench(k, np.full(6, float(k)))) for k in range(2000, 2400)]
+    kind = {"use_chunking": False} if chunk is None else {"chunk_size": chunk}
+    path = tmp_path / "a.mcap"
+    files.raw_mcap(path, messages + ft, {**schemas, "/ft": files.WRENCH}, **kind)
+    found = open_recording(path)
+    for k in range(2):
+        for name in ("z", "log_time"):
+            assert found.channels[f"/{k}.{name}"].tolist() == np.flatnonzero(kinds == k).tolist()
+    assert found.channels["/ft.wrench.torque.z"].tolist() == list(range(2000, 2400))
     assert not found.losses

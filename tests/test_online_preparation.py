@@ -34,6 +34,10 @@ def fed(preparation, *columns):
     return [sample for sample in given if sample is not None]
 
 
+def pickled(whatever):
+    return pickle.loads(pickle.dumps(whatever))
+
+
 def test_a_loop_gets_position_and_force_as_measured_with_their_velocity():
     time, x, force = measured()
     preparation = OnlinePreparation()
@@ -47,6 +51,9 @@ def test_a_loop_gets_position_and_force_as_measured_with_their_velocity():
         assert (penetration, push, dt) == (x[k - LATE], force[k - LATE], T)
         assert sample.time == pytest.approx(time[k - LATE], rel=1e-15)
         assert (sample.penetration, sample.velocity) == (penetration, velocity)
+    assert isinstance(sample, palpate.PreparedSample)
+    again = pickled(sample)
+    assert (again, again.time) == (sample, sample.time)
     assert preparation.delay == pytest.approx(LATE * T)
 
 
@@ -96,9 +103,9 @@ def test_lost_positions_are_left_out_as_offline():
     for k in range(time.size):
         sample = preparation.update(broken[k], force[k])
         assert (preparation.status is Status.REJECTED) == (k - 2 in lost)
-        if sample is not None:
-            # The estimator is told of the time in between.
-            assert sample.dt == pytest.approx(2 * T if round(sample.time / T) - 1 in lost else T)
+        # The estimator is told of the time in between.
+        step = 1 if sample is None or round(sample.time / T) - 1 not in lost else 2
+        assert sample is None or sample.dt == pytest.approx(step * T)
 
 
 @pytest.mark.parametrize("noise", [0.0, 2e-6, 1e-4])
@@ -129,22 +136,22 @@ def biases():
 
     White noise of 0.05 N and 5.5 µm, as of encoders with steps of 19 µm.
     """
-    errors: dict[str, list] = {}
+    runs = []
     for seed in range(8):
         time, x, force = measured(10.0, position_noise=5.5e-6, seed=seed)
         contact = OnlinePreparation().replay(x, force)
         middle = slice(7, time.size - LATE)
-        difference = np.diff(x) / T
+        difference, offline = np.diff(x) / T, velocity_of(time, x)
         mean = np.convolve(difference, np.full(10, 0.1), mode="valid")  # of the latest ten
-        for name, arrays in {
+        arrays = {
             "online": (contact.penetration, contact.velocity, contact.force),
-            "offline": (x, velocity_of(time, x), force),
-            "offline, the same samples": (x[middle], velocity_of(time, x)[middle], force[middle]),
+            "offline": (x, offline, force),
+            "offline, the same samples": (x[middle], offline[middle], force[middle]),
             "backward difference": (x[1:], difference, force[1:]),
             "causal mean": (x[10:], mean, force[10:]),
-        }.items():
-            errors.setdefault(name, []).append(identified(*arrays))
-    return {name: np.array(runs).swapaxes(0, 1) for name, runs in errors.items()}
+        }
+        runs.append({name: identified(*given) for name, given in arrays.items()})
+    return {name: np.array([run[name] for run in runs]).swapaxes(0, 1) for name in runs[0]}
 
 
 def test_the_filter_costs_neither_stiffness_nor_damping(biases):
@@ -192,9 +199,7 @@ def test_replay_is_update_over_arrays():
 
 
 @pytest.mark.parametrize("stop", [3, 12, 100, 155, 402])
-@pytest.mark.parametrize(
-    "save", [copy.copy, copy.deepcopy, lambda p: pickle.loads(pickle.dumps(p))]
-)
+@pytest.mark.parametrize("save", [copy.copy, copy.deepcopy, pickled])
 def test_continuing_a_restored_preparation_equals_never_having_stopped(save, stop):
     time, x, force = measured(0.6)
     x[150] = 0.5
@@ -207,35 +212,21 @@ def test_continuing_a_restored_preparation_equals_never_having_stopped(save, sto
     expected = fed(whole, x, force, time)
     fed(rest, x[stop:], force[stop:], time[stop:])
     assert rest._state() == whole._state()
+    rest.reset()  # forgets everything but the settings
+    assert math.isnan(rest.tare)
+    assert fed(rest, x, force, time) == expected
     assert expected
 
 
 def test_a_state_of_other_settings_or_bytes_is_refused():
     state = OnlinePreparation()._state()
-    with pytest.raises(ValueError, match="with these settings"):
-        OnlinePreparation(surface=1e-3)._restore(state)
-    with pytest.raises(ValueError, match="bytes of it were changed"):
-        OnlinePreparation()._restore(state[:-1] + bytes([state[-1] ^ 1]))
-    with pytest.raises(ValueError, match="of this version and class"):
-        OnlinePreparation()._restore(palpate.SingleStageRLS()._state())
-
-
-def test_a_sample_keeps_its_time_through_a_pickle():
-    x = np.linspace(0.0, 0.02, 30)
-    sample = fed(OnlinePreparation(), x, x)[-1]
-    assert isinstance(sample, palpate.PreparedSample)
-    again = pickle.loads(pickle.dumps(sample))
-    assert (again, again.time) == (sample, sample.time)
-
-
-def test_reset_forgets_everything_but_the_settings():
-    time, x, force = measured(0.2)
-    preparation = OnlinePreparation(tare_time=0.05)
-    first = fed(preparation, x, force, time)
-    preparation.reset()
-    assert math.isnan(preparation.tare)
-    assert fed(preparation, x, force, time) == first
-    assert first
+    for preparation, other, words in (
+        (OnlinePreparation(surface=1e-3), state, "with these settings"),
+        (OnlinePreparation(), state[:-1] + bytes([state[-1] ^ 1]), "bytes of it were changed"),
+        (OnlinePreparation(), palpate.SingleStageRLS()._state(), "of this version and class"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            preparation._restore(other)
 
 
 def test_refused_samples_are_left_out_and_their_time_is_not():
@@ -265,10 +256,9 @@ def test_repeated_stamps_are_refused_and_a_clock_that_was_set_is_followed():
     time, x, force = measured(0.1)
     preparation = OnlinePreparation()
     fed(preparation, x, force, time)
-    assert preparation.update(x[-1], force[-1], time[-1]) is None
-    assert preparation.status is Status.INVALID_STEP
-    assert preparation.update(x[-1], force[-1], time[-2]) is None
-    assert preparation.status is Status.INVALID_STEP
+    for stamp in time[[-1, -2]]:
+        assert preparation.update(x[-1], force[-1], stamp) is None
+        assert preparation.status is Status.INVALID_STEP
     for start in (1.79e9, 0.0):
         contact = preparation.replay(x, force, start + time)
         assert len(contact) == time.size - LATE - 7
@@ -277,19 +267,16 @@ def test_repeated_stamps_are_refused_and_a_clock_that_was_set_is_followed():
 
 def test_a_gap_restarts_the_window_and_its_length_can_be_set():
     time, x, force = measured(0.2)
-    time = time.copy()
-    time[100:] += 30 * T
+    whole = time.size - LATE - 7
+    gapped = np.where(np.arange(time.size) < 100, time, time + 30 * T)
     short, long = OnlinePreparation(), OnlinePreparation(longest_gap=0.05)
-    assert len(short.replay(x, force, time)) == time.size - 2 * (LATE + 7)
-    assert len(long.replay(x, force, time)) == time.size - LATE - 7
+    assert len(short.replay(x, force, gapped)) == whole - LATE - 7
+    assert len(long.replay(x, force, gapped)) == whole
     short.interrupt()
     assert fed(short, x[:16], force[:16], 1.0 + time[:16]) == []
-
-
-def test_samples_far_apart_give_no_flattened_velocity():
-    time, x, force = measured(2.0)
-    assert len(OnlinePreparation().replay(x, force, 2.0 * time)) == time.size - LATE - 7
-    preparation = OnlinePreparation()  # of a clock that ticks at a third of what it is told
+    # Samples far apart, of a clock that ticks at a third of what it is told, give no flattened one.
+    assert len(OnlinePreparation().replay(x, force, 2.0 * time)) == whole
+    preparation = OnlinePreparation()
     assert len(preparation.replay(x, force, 3.0 * time)) == 0
     assert preparation.status is Status.WAITING
 
@@ -328,26 +315,23 @@ def test_vectors_count_along_the_direction(as_rows):
     # A robot 0.4 m away along the normal, whose sensor feels the material push back.
     place = np.outer(x + 0.4, down / 5.0) + np.array([0.2, 0.0, 0.0])
     push = np.outer(-force, down / 5.0) + np.array([7.0, 0.0, 0.0])
-    settings = {"direction": down, "surface": 0.4, "flip": "force"}
+    preparation = OnlinePreparation(direction=down, surface=0.4, flip="force")
     expected = OnlinePreparation().replay(x, force)
-    contact = OnlinePreparation(**settings).replay(place, push)
-    # A position of 0.4 m is rounded at 6e-17 m; its slope over a millisecond at 6e-14 m/s.
-    np.testing.assert_allclose(contact.penetration, expected.penetration, rtol=0, atol=1e-15)
-    np.testing.assert_allclose(contact.velocity, expected.velocity, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(contact.force, expected.force, rtol=1e-14)
-    preparation = OnlinePreparation(**settings)
+    turned = OnlinePreparation(flip=["penetration"], surface=-0.3).replay(0.3 - x, force)
+    contact = preparation.replay(place, push)
+    for found in (contact, turned):
+        # A position of 0.4 m is rounded at 6e-17 m; its slope over a millisecond at 6e-14 m/s.
+        np.testing.assert_allclose(found.penetration, expected.penetration, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(found.velocity, expected.velocity, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(found.force, expected.force, rtol=1e-14)
+    preparation.reset()
     given = [preparation.update(as_rows(p), as_rows(f)) for p, f in zip(place, push, strict=True)]
-    assert given[-1] is not None
     assert given[-1].velocity == contact.velocity[-1]
-
-
-def test_a_turned_penetration_turns_its_velocity():
-    _, x, force = measured(0.1)
-    turned = OnlinePreparation(flip=["penetration"], surface=-0.3)
-    contact, expected = turned.replay(0.3 - x, force), OnlinePreparation().replay(x, force)
-    # As above.
-    np.testing.assert_allclose(contact.penetration, expected.penetration, rtol=0, atol=1e-15)
-    np.testing.assert_allclose(contact.velocity, expected.velocity, rtol=0, atol=1e-12)
+    with pytest.raises(InvalidParameterError, match=r"shape \(k, 3\)"):
+        preparation.replay(np.ones((4, 2)), np.ones((4, 3)))
+    for position in (0.01, [1.0, 2.0], "xyz", [None, 1.0, 2.0]):
+        with pytest.raises(TypeError):
+            preparation.update(position, [1.0, 2.0, 3.0])
 
 
 @pytest.mark.parametrize(
@@ -372,53 +356,32 @@ def test_a_setting_out_of_its_range_is_refused_in_words(settings, words):
         OnlinePreparation(**settings)
 
 
-@pytest.mark.parametrize(
-    "arrays, words",
-    [
+def test_arrays_that_do_not_belong_together_are_refused():
+    for arrays, words in (
         (([1.0, 2.0], [1.0]), "position has 2, force has 1"),
         (([1.0], [1.0], [1.0, 2.0]), "time has 2"),
         (([[1.0]], [1.0]), "position must be one-dimensional"),
         ((["a"], [1.0]), "position must be an array of real numbers"),
-    ],
-)
-def test_arrays_that_do_not_belong_together_are_refused(arrays, words):
-    with pytest.raises(InvalidParameterError, match=words):
-        OnlinePreparation().replay(*arrays)
+    ):
+        with pytest.raises(InvalidParameterError, match=words):
+            OnlinePreparation().replay(*arrays)
 
 
-def test_vectors_of_another_size_are_refused():
-    preparation = OnlinePreparation(direction=[0.0, 0.0, 1.0])
-    with pytest.raises(InvalidParameterError, match=r"shape \(k, 3\)"):
-        preparation.replay(np.ones((4, 2)), np.ones((4, 3)))
-    for position in (0.01, [1.0, 2.0], "xyz", [None, 1.0, 2.0]):
-        with pytest.raises(TypeError):
-            preparation.update(position, [1.0, 2.0, 3.0])
+NO_SAMPLES = [(), (0.01,), (0.01, 1.0, 0.0, 5.0), ("deep", 1.0), (0.01, [1.0, 2.0, 3.0])]
 
 
-@pytest.mark.parametrize(
-    "args, kwargs",
-    [
-        ((), {}),
-        ((0.01,), {}),
-        ((0.01, 1.0, 0.0, 5.0), {}),
-        ((0.01, 1.0), {"force": 1.0}),
-        ((0.01, 1.0), {"dt": 1.0}),
-        (("deep", 1.0), {}),
-        ((0.01, [1.0, 2.0, 3.0]), {}),
-    ],
-)
-def test_update_of_no_sample_at_all_is_a_type_error(args, kwargs):
-    preparation = OnlinePreparation()
-    before = preparation._state()
-    with pytest.raises(TypeError):
-        preparation.update(*args, **kwargs)
-    assert preparation._state() == before
-
-
-def test_arguments_can_be_named():
-    by_place, by_name = OnlinePreparation(), OnlinePreparation()
+def test_update_of_no_sample_at_all_is_a_type_error():
+    preparation, by_name = OnlinePreparation(), OnlinePreparation()
     for k in range(20):
-        by_place.update(0.01, 1.0, k * T)
+        preparation.update(0.01, 1.0, k * T)
         by_name.update(time=k * T, force=1.0, position=0.01)
-    assert by_place._state() == by_name._state()
+    before = preparation._state()
+    assert by_name._state() == before
+    for args in NO_SAMPLES:
+        with pytest.raises(TypeError):
+            preparation.update(*args)
+    for other in ("force", "dt"):
+        with pytest.raises(TypeError):
+            preparation.update(0.01, 1.0, **{other: 1.0})
+    assert preparation._state() == before
     assert "sample_time=0.001" in repr(by_name)

@@ -1,6 +1,5 @@
 """From a recording, a file, a frame or arrays to a contact: one way, the same numbers."""
 
-import dataclasses
 import math
 import pickle
 import sys
@@ -14,15 +13,7 @@ from cases import MATERIALS, exciting
 from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
 
 import palpate
-from palpate import (
-    Columns,
-    InvalidParameterError,
-    MissingChannelError,
-    Recording,
-    RecordingError,
-    open_recording,
-    prepare,
-)
+from palpate import Columns, InvalidParameterError, Recording, RecordingError, prepare
 from palpate.preparation.velocity import velocity_of
 from palpate.recordings import opening
 
@@ -44,16 +35,10 @@ def test_a_file_a_recording_a_frame_and_arrays_give_the_same_contact(tmp_path):
     path = recording(tmp_path)
     expected = numbers(prepare(**ARRAYS))
     for source in (
-        path, str(path), open_recording(path), recorded(), pandas.DataFrame(TABLE),
+        path, str(path), palpate.open_recording(path), recorded(), pandas.DataFrame(TABLE),
         polars.DataFrame(TABLE),
     ):  # fmt: skip
         assert numbers(prepare(source)) == expected
-
-
-def test_a_velocity_is_made_where_there_is_none():
-    contact = prepare(**ARRAYS)
-    assert np.array_equal(contact.velocity, velocity_of(SIGNALS.time, SIGNALS.penetration))
-    assert "Savitzky" in contact.provenance["velocity"]
 
 
 def test_a_velocity_that_is_there_is_taken():
@@ -65,10 +50,13 @@ def test_a_velocity_that_is_there_is_taken():
     assert column.provenance["velocity"] == "column 'velocity_m_s'"
 
 
-def test_the_velocity_filter_has_the_length_it_is_given():
-    expected = velocity_of(SIGNALS.time, SIGNALS.penetration, 0.05)
+@pytest.mark.parametrize("window", [None, 0.05])
+def test_a_velocity_is_made_where_there_is_none_by_the_window_that_is_given(window):
+    expected = velocity_of(SIGNALS.time, SIGNALS.penetration, window)
     for source in ({**ARRAYS}, {"recording": recorded()}):
-        assert np.array_equal(prepare(**source, velocity_window=0.05).velocity, expected)
+        contact = prepare(**source, velocity_window=window)
+        assert np.array_equal(contact.velocity, expected)
+        assert "Savitzky" in contact.provenance["velocity"]
 
 
 def test_velocity_is_never_taken_across_a_segments_border():
@@ -94,16 +82,19 @@ def test_a_frames_columns_may_have_other_names(frame):
     assert contact.provenance["force"] == "column 'Fz'"
 
 
-@FRAMES
-def test_what_a_frame_does_not_know_is_not_a_number(frame):
-    force = [None, *SIGNALS.force[1:].tolist()]
-    contact = prepare(frame({**TABLE, "force_N": force}))
-    assert np.isnan(contact.force).nonzero()[0].tolist() == [0]
-
-
-def test_the_missing_of_a_pandas_column_of_objects_is_not_a_number():
-    column = pandas.Series([pandas.NA, *SIGNALS.force[1:]], dtype=object)
-    contact = prepare(pandas.DataFrame({**TABLE, "force_N": column}))
+@pytest.mark.parametrize(
+    "column",
+    [
+        pandas.Series([None, *SIGNALS.force[1:]]),
+        polars.Series([None, *SIGNALS.force[1:]]),
+        pandas.Series([pandas.NA, *SIGNALS.force[1:]], dtype=object),
+        np.r_[math.nan, SIGNALS.force[1:]],
+    ],
+    ids=["pandas", "polars", "pandas objects", "NumPy"],
+)
+def test_what_is_not_known_is_not_a_number(column):
+    frame = polars.DataFrame if isinstance(column, polars.Series) else pandas.DataFrame
+    contact = prepare(frame({**TABLE, "force_N": column}))
     assert np.isnan(contact.force).nonzero()[0].tolist() == [0]
 
 
@@ -130,21 +121,33 @@ def test_a_time_of_day_is_counted_from_the_first():
 @pytest.mark.filterwarnings("ignore::polars.exceptions.PerformanceWarning")
 def test_what_is_no_recording_is_refused_in_words(bad):
     words = "^recording must be a Recording, a path, or a pandas or polars DataFrame, not"
+    for call in (prepare, palpate.identify):
+        with pytest.raises(InvalidParameterError, match=words):
+            call(bad)
+
+
+ALL_ARRAYS = vars(SIGNALS)
+SOME = np.arange(600) % 100 == 3
+WRONG_ARRAYS = {
+    "^time must be given": {**ARRAYS, "time": None},
+    "^penetration must be given": {**ARRAYS, "penetration": None},
+    "^force must be given": {**ARRAYS, "force": None},
+    "^velocity must not be given beside a rec": {"recording": recorded(), "velocity": SIGNALS.time},
+    "time has 600, penetration has 600, force has": {**ARRAYS, "force": np.ones(3)},
+    r"sample 1 is 0\.0 s after 0\.0 s": {**ARRAYS, "time": np.zeros(600)},
+    **{
+        rf"{name} must not be masked, as 6 values are": {
+            **ARRAYS, name: np.ma.masked_array(ALL_ARRAYS[name], SOME),
+        }
+        for name in ("penetration", "velocity", "force")
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("words, given", WRONG_ARRAYS.items(), ids=WRONG_ARRAYS)
+def test_arrays_that_make_no_contact_are_refused_by_name(words, given):
     with pytest.raises(InvalidParameterError, match=words):
-        prepare(bad)
-    with pytest.raises(InvalidParameterError, match=words):
-        palpate.identify(bad)
-
-
-@pytest.mark.parametrize("name", ARRAYS)
-def test_an_array_that_is_missing_is_named(name):
-    with pytest.raises(InvalidParameterError, match=f"^{name} must be given"):
-        prepare(**{key: values for key, values in ARRAYS.items() if key != name})
-
-
-def test_arrays_beside_a_recording_are_refused_by_name():
-    with pytest.raises(InvalidParameterError, match=r"^velocity must not be given beside a rec"):
-        prepare(recorded(), velocity=SIGNALS.velocity)
+        prepare(**given)
 
 
 @pytest.mark.parametrize("name", CHANNELS)
@@ -158,39 +161,21 @@ def test_arrays_of_another_type_are_refused_by_name(name, bad):
             prepare(recorded(**{column: bad}))
 
 
-def test_arrays_that_do_not_fit_together_are_refused():
-    with pytest.raises(InvalidParameterError, match="time has 600, penetration has 600, force has"):
-        prepare(**{**ARRAYS, "force": np.ones(3)})
-    with pytest.raises(InvalidParameterError, match=r"sample 1 is 0\.0 s after 0\.0 s"):
-        prepare(**{**ARRAYS, "time": np.zeros(600)})
-
-
-@pytest.mark.parametrize("name", ["penetration", "velocity", "force"])
-def test_an_array_of_which_a_mask_hides_some_is_refused(name):
-    masked = np.ma.masked_array(getattr(SIGNALS, name), np.arange(600) % 100 == 3)
-    with pytest.raises(InvalidParameterError, match=rf"{name} must not be masked, as 6 values are"):
-        prepare(**{**ARRAYS, name: masked})
+def test_a_recordings_channels_are_arrays_without_a_mask():
+    assert Recording({"a": [1, 2]}).numbers("a").tolist() == [1.0, 2.0]
+    with pytest.raises(InvalidParameterError, match="channel 'a' must be an array, not list"):
+        Recording({"a": [[1], [2, 3]]})
     with pytest.raises(InvalidParameterError, match="channel 'a' must not be masked"):
-        Recording({"a": masked})
-
-
-def test_a_mask_that_hides_nothing_is_not_worth_a_word():
+        Recording({"a": np.ma.masked_array(SIGNALS.force, SOME)})
+    # A mask that hides nothing is not worth a word.
     contact = prepare(**{**ARRAYS, "force": np.ma.masked_array(SIGNALS.force)})
     assert list(contact.provenance) == ["velocity"]
 
 
-def test_a_unit_is_converted_and_one_that_is_not_known_refused_by_column():
-    milli = prepare(dataclasses.replace(recorded(), units={"force_N": "mN"}))
-    np.testing.assert_array_equal(milli.force, 1e-3 * prepare(recorded()).force)
-    assert milli.provenance["force"] == "column 'force_N', in mN"
-    pressure = dataclasses.replace(recorded(), units={"force_N": "MPa"})
-    with pytest.raises(RecordingError, match=r"probe.bag: column 'force_N': the force is in MPa"):
-        prepare(pressure)
-
-
 def test_a_column_that_is_not_there_is_an_error_that_can_be_asked():
-    with pytest.raises(MissingChannelError) as caught:
-        prepare(recorded(), columns=Columns(force="Fz"))
+    for role in ("velocity", "segment", "force"):
+        with pytest.raises(palpate.MissingChannelError) as caught:
+            prepare(recorded(), columns=Columns(**{role: "Fz"}))
     error = caught.value
     assert (error.channel, error.available) == ("Fz", list(TABLE))
     assert str(error) == ("probe.bag: no column 'Fz'; there are time_s, penetration_m, force_N")
@@ -218,29 +203,15 @@ def test_steps_too_short_for_any_velocity_are_refused_by_row(tmp_path, window):
     assert len(prepare(path, velocity_window=window)) == 1
 
 
-def test_depths_beyond_all_measure_give_no_warning():
+def test_of_no_samples_there_is_a_contact_and_depths_beyond_all_measure_give_no_warning():
+    assert len(prepare(time=[], penetration=[], force=[])) == 0
+    with pytest.raises(RecordingError, match=r"^probe\.bag: there are columns but no samples"):
+        prepare(recorded(time_s=[], penetration_m=[], force_N=[]))
     absurd = np.where(np.arange(600) % 2, 1e308, -1e308)
     for samples in (2, 600):
         given = {name: values[:samples] for name, values in ARRAYS.items()}
         velocity = prepare(**{**given, "penetration": absurd[:samples]}).velocity
         assert not (np.abs(velocity) < 1e300).any()
-
-
-def test_of_no_samples_there_is_a_contact_without_any_and_no_recording():
-    assert len(prepare(time=[], penetration=[], force=[])) == 0
-    with pytest.raises(RecordingError, match=r"^probe\.bag: there are columns but no samples"):
-        prepare(recorded(time_s=[], penetration_m=[], force_N=[]))
-
-
-def test_not_known_stays_not_known():
-    contact = prepare(**{**ARRAYS, "force": np.full(600, math.nan)})
-    assert np.isnan(contact.force).all()
-
-
-def test_a_recordings_channels_are_arrays():
-    assert Recording({"a": [1, 2]}).numbers("a").tolist() == [1.0, 2.0]
-    with pytest.raises(InvalidParameterError, match="channel 'a' must be an array, not list"):
-        Recording({"a": [[1], [2, 3]]})
 
 
 @pytest.mark.parametrize("name", TABLE)
@@ -250,7 +221,7 @@ def test_a_channel_of_several_numbers_a_sample_is_refused(name, filling):
         prepare(recorded(**{name: np.full((600, 3), filling)}))
 
 
-def test_a_format_is_one_module_and_one_row(monkeypatch, tmp_path):
+def test_a_format_is_one_module_and_one_row_and_text_where_none_is_known(monkeypatch, tmp_path):
     module = types.ModuleType("toy_format")
     module.read = lambda path, request: recorded()
     monkeypatch.setitem(sys.modules, "toy_format", module)
@@ -258,8 +229,5 @@ def test_a_format_is_one_module_and_one_row(monkeypatch, tmp_path):
     monkeypatch.setattr(opening, "FORMATS", [*opening.FORMATS, row])
     (tmp_path / "a.TOY").write_bytes(b"toy")
     assert numbers(prepare(tmp_path / "a.TOY")) == numbers(prepare(recorded()))
-
-
-@pytest.mark.parametrize("suffix", ["", ".txt", ".log"])
-def test_a_file_of_no_known_suffix_is_read_as_csv(tmp_path, suffix):
-    assert len(prepare(recording(tmp_path, f"probe{suffix}"))) == 600
+    for suffix in ("", ".txt", ".log"):
+        assert len(prepare(recording(tmp_path, f"probe{suffix}"))) == 600

@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate import ESTIMATORS, ContactGate, SingleStageRLS, prepare
+from palpate import ESTIMATORS, ContactGate, RecordingError, SingleStageRLS, open_recording, prepare
 from palpate.preparation.places import at_places
-from palpate.preparation.velocity import velocity_of, window_samples
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 FOLDER = Path(os.environ.get("PALPATE_DATA", BESIDE))
@@ -52,18 +51,15 @@ def reference_rmse(name: str) -> float:
 
 
 def has_penetration(path: Path) -> bool:
+    """Not that of a robot, which travels."""
     with path.open() as lines:
         return "penetration_m" in next(lines).strip().split(",")
-
-
-def window_of(contact: palpate.Contact, fit: dict) -> palpate.Contact:
-    return contact.window(*fit["time"]) if "time" in fit else contact
 
 
 @pytest.mark.parametrize("path", one_of_each_set("*.csv"))
 def test_every_recording_runs_through_every_method(path):
     if not has_penetration(path):
-        return  # a robot's, which travels: below
+        return
     contact = prepare(path)
     results = palpate.compare(contact)
     assert list(results) == list(ESTIMATORS)
@@ -86,7 +82,8 @@ def test_every_method_is_diagnosed_on_every_recording(path):
 @pytest.mark.parametrize("path", files("A_*.json", "D_dvrk_palpation_trial4_a.json"))
 def test_the_single_stage_fits_as_the_reference_does(path):
     fit = json.loads(path.read_text())["fit"]
-    contact = window_of(prepare(path.with_suffix(".csv")), fit)
+    contact = prepare(path.with_suffix(".csv"))
+    contact = contact.window(*fit["time"]) if "time" in fit else contact
     gate = ContactGate(fit["x_min"], make_force=fit["F_min"], break_force=fit["F_min"])
     result = palpate.identify(contact, SingleStageRLS(gate=gate))
     # Within 0.5 points; the velocity filter alone moves it by 0.1.
@@ -112,21 +109,6 @@ def test_a_micro_scale_recording_learns_damping_in_units_of_its_own(path):
     assert abs(scaled.law.dissipation) > 10.0 * abs(plain.law.dissipation)
 
 
-@pytest.mark.parametrize("path", files("C_*.csv", "B_*.csv", "F_*.csv"))
-def test_velocity_is_bounded_by_what_the_probe_can_do(path):
-    """Taken across a border between segments it would jump by metres per second."""
-    contact = prepare(path)
-    assert len(list(contact.segments())) > 1
-    inside = np.concatenate(
-        [
-            np.diff(contact.penetration[part]) / np.diff(contact.time[part])
-            for part in contact.segments()
-        ]
-    )
-    # A parabola's slope at its ends is at most some three times the largest difference within.
-    assert np.max(np.abs(contact.velocity)) < 3.0 * np.max(np.abs(inside))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("path", files("D_dvrk_trial4_raw*.csv"))
 def test_a_robots_own_recording_goes_end_to_end(path):
@@ -134,17 +116,14 @@ def test_a_robots_own_recording_goes_end_to_end(path):
     fit = json.loads((FOLDER / "D_dvrk_palpation_trial4_a.json").read_text())
     by_hand = palpate.identify(FOLDER / "D_dvrk_palpation_trial4_a.csv").diagnosis.working_depth
     contact = prepare(path)
+    start, stop = fit["t_start_s"], fit["t_end_s"]
     [(place, own)] = [
-        (place, own)
-        for place, own in at_places(contact)
-        if place.start <= fit["t_start_s"] and place.stop >= fit["t_end_s"]
+        each for each in at_places(contact) if each[0].start <= start and each[0].stop >= stop
     ]
     assert place.normal.vector == pytest.approx(fit["normal"], abs=0.02)
     found = palpate.identify(own).at_depth(by_hand.depth).diagnosis.working_depth
-    for ours, theirs in (
-        (found.stiffness, by_hand.stiffness),
-        (found.damping, by_hand.damping),
-    ):
+    for name in ("stiffness", "damping"):
+        ours, theirs = getattr(found, name), getattr(by_hand, name)
         total = math.hypot(*(e for q in (ours, theirs) for e in (q.standard_error, q.systematic)))
         assert abs(ours.value - theirs.value) < 3.0 * total
 
@@ -165,29 +144,6 @@ def test_a_surface_that_is_never_seen_is_called_an_assumption(path):
     assert any(f.check == "surface" and "an assumption" in f.sentence for f in findings)
 
 
-@pytest.mark.parametrize("path", files("*.csv"))
-def test_in_real_time_a_recording_is_prepared_as_it_is_offline(path):
-    if not has_penetration(path):
-        pytest.skip("a raw recording of positions, without a penetration")
-    contact = prepare(path)
-    for part in contact.segments():
-        time, x, force = contact.time[part], contact.penetration[part], contact.force[part]
-        if time.size < 20 or not np.isfinite(x + force).all():
-            continue
-        step = float(np.median(np.diff(time)))
-        # Offline, windows reach over any gap.
-        online = palpate.OnlinePreparation(sample_time=step, longest_gap=1e6)
-        given = online.replay(x, force, time)
-        half = window_samples(step) // 2
-        middle = slice(half, time.size - half - 2)  # none of them has a lost position
-        assert np.array_equal(given.penetration, x[middle])
-        assert np.array_equal(given.force, force[middle])
-        expected = velocity_of(time, x)
-        # The same sums in another order, 5e-16; but steps that differ by 2e-6 are even offline.
-        atol = 2e-6 * np.abs(expected).max()
-        np.testing.assert_allclose(given.velocity, expected[middle], rtol=0.0, atol=atol)
-
-
 @pytest.mark.parametrize("path", one_of_each_set("[ACDEFG]_*[!w].csv"))
 def test_every_recording_loses_energy_in_its_loops_and_says_what_follows(path):
     if not has_penetration(path):
@@ -199,3 +155,32 @@ def test_every_recording_loses_energy_in_its_loops_and_says_what_follows(path):
     assert 0.0 < rebound.coefficient.value < 1.0
     assert 0.0 <= result.passivity.fraction < 0.05
     json.dumps(result.as_dict(), allow_nan=False)
+
+
+@pytest.mark.parametrize("path", files("afm_maps/*.jpk-force-map"))
+def test_every_curve_of_a_map_is_read_and_is_that_which_others_took_out(path):
+    pytest.importorskip("afmformats")
+    with pytest.raises(RecordingError, match="curves; choose one with --curve N") as refusal:
+        open_recording(path)
+    count = int(str(refusal.value).partition("holds ")[2].split()[0])
+    names = {"force", "height (measured)", "height (piezo)", "segment", "time", "tip position"}
+    for number in range(count):
+        curve = open_recording(path, curve=number)
+        assert set(curve.channels) == names
+        assert not curve.losses
+        approach = curve.channels["segment"] == 0
+        height = curve.channels["height (measured)"]
+        assert height[approach][0] > height[approach][-1]  # it comes down
+        assert curve.channels["force"].argmax() == pytest.approx(approach.sum(), abs=600)
+
+    taken = FOLDER / "E_afm_refpoints_c0.csv"
+    about = json.loads(taken.with_suffix(".json").read_text())
+    if not about["path"].endswith(path.name):
+        return
+    curve, other = open_recording(path, curve=about["curve"]), open_recording(taken)
+    rows = np.rint(other.numbers("time_s") * about["rate_hz"]).astype(int)
+    force = curve.channels["force"][rows] - about["baseline_force_N"]
+    # Nine digits were written there.
+    np.testing.assert_allclose(force, other.numbers("force_N"), rtol=1e-8, atol=1e-17)
+    height = curve.channels["height (measured)"][rows]
+    np.testing.assert_allclose(height, other.numbers("height_m"), rtol=1e-8)

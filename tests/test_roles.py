@@ -1,7 +1,5 @@
 """Which channel is which: by its name, its unit, or the one that it can only be."""
 
-import re
-
 import numpy as np
 import pytest
 
@@ -17,39 +15,26 @@ def recording(*names: str, **units: str) -> Recording:
     return Recording(values, units=units, source="r.csv")
 
 
+WRITTEN = "time_s penetration_m force_N velocity_m_s segment"
+BRACKETS = "Time [s];Displacement (mm);Force [mN]"
+COMMANDED = "time_s position_command_m position_m force_N"
+ARRAYS = "time " + " ".join([f"pos[{k}]" for k in range(3)] + [f"wrench[{k}]" for k in range(6)])
+MESSAGE = ["wrench.force", "wrench.torque", "pose.position"]
 TABLES = {
-    "the names that palpate writes": (
-        "time_s penetration_m force_N velocity_m_s segment",
-        "penetration_m",
-        "force_N",
-    ),
+    "the names that palpate writes": (WRITTEN, "penetration_m", "force_N"),
     "a script's own": ("t depth_mm Fz", "depth_mm", "Fz"),
-    "units in brackets": (
-        "Time [s];Displacement (mm);Force [mN]",
-        "Displacement (mm)",
-        "Force [mN]",
-    ),
+    "units in brackets": (BRACKETS, "Displacement (mm)", "Force [mN]"),
     "a testing machine's": ("Time/s;Indentation/mm;Load/N", "Indentation/mm", "Load/N"),
     "a robot's, in space": ("time px_m py_m pz_m fx_N fy_N fz_N q0 q1 q2 q3", *SPACE.values()),
-    "what was commanded beside it": (
-        "time_s position_command_m position_m force_N",
-        "position_m",
-        "force_N",
-    ),
-    "a wrench with its torque": (
-        "time x y z Fx Fy Fz Mx My Mz",
-        ("x", "y", "z"),
-        ("Fx", "Fy", "Fz"),
-    ),
+    "what was commanded beside it": (COMMANDED, "position_m", "force_N"),
+    "a wrench with its torque": ("t x y z Fx Fy Fz Mx My Mz", tuple("xyz"), ("Fx", "Fy", "Fz")),
     "arrays": (
-        "time pos[0] pos[1] pos[2] wrench[0] wrench[1] wrench[2] wrench[3] wrench[4] wrench[5]",
-        ("pos[0]", "pos[1]", "pos[2]"),
-        ("wrench[0]", "wrench[1]", "wrench[2]"),
+        ARRAYS,
+        tuple(f"pos[{k}]" for k in range(3)),
+        tuple(f"wrench[{k}]" for k in range(3)),
     ),
     "a flattened message": (
-        "%time field.wrench.force.x field.wrench.force.y field.wrench.force.z "
-        "field.wrench.torque.x field.wrench.torque.y field.wrench.torque.z "
-        "field.pose.position.x field.pose.position.y field.pose.position.z",
+        " ".join(["%time", *(f"field.{each}.{axis}" for each in MESSAGE for axis in "xyz")]),
         tuple(f"field.pose.position.{axis}" for axis in "xyz"),
         tuple(f"field.wrench.force.{axis}" for axis in "xyz"),
     ),
@@ -67,9 +52,12 @@ def test_the_channels_are_known_by_their_names(names, depth, force):
     assert roles.is_penetration == roles.depth[0].startswith(counted)
 
 
-def test_a_unit_tells_what_a_name_does_not():
+def test_a_unit_tells_what_a_name_does_not_and_reasons_are_given():
     roles = roles_of(recording("t", "a", "b", a="mm", b="mN"))
     assert (roles.depth, roles.force) == (("a",), ("b",))
+    roles = roles_of(recording("time", *SPACE["position"], "force_N"))
+    assert roles.reasons["position"].startswith("the only position in space")
+    assert roles.reasons["force"] == "it has this name"
 
 
 def test_several_that_could_be_it_are_named_with_the_option():
@@ -102,6 +90,9 @@ def test_what_is_not_there_is_said_with_what_is():
         roles_of(recording("t", "z", "Fz"), Columns(force="/ft"))
     with pytest.raises(RecordingError, match="must be one channel or three"):
         roles_of(recording("t", "z", "Fz"), Columns(force="t,z"))
+    # A few numbered or lettered channels are no vector.
+    for names in (["a1", "a2", "a3", "a4", "a5"], ["x", "y"], ["q0", "q1"], []):
+        assert vectors_of(names) == []
 
 
 def test_without_a_time_the_rate_has_to_be_given():
@@ -109,14 +100,3 @@ def test_without_a_time_the_rate_has_to_be_given():
     with pytest.raises(RecordingError, match=r"no channel looks like the time; .*--rate"):
         prepare(bare)
     assert prepare(bare, rate=500.0).time[-1] == 49 / 500.0
-
-
-def test_reasons_are_given():
-    roles = roles_of(recording("time", *SPACE["position"], "force_N"))
-    assert re.match("the only position in space", roles.reasons["position"])
-    assert roles.reasons["force"] == "it has this name"
-
-
-@pytest.mark.parametrize("names", [["a1", "a2", "a3", "a4", "a5"], ["x", "y"], ["q0", "q1"], []])
-def test_a_few_numbered_or_lettered_channels_are_no_vector(names):
-    assert vectors_of(names) == []

@@ -10,10 +10,11 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from recordings import SIGNALS, recording, rows_of, text_of, written
+from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
 
 from palpate import RecordingError, open_recording, prepare
 from palpate.recordings import opening, text
@@ -51,18 +52,12 @@ def random_cells(generator: np.random.Generator, count: int) -> list[str]:
 CELLS = random_cells(np.random.default_rng(8), 3000)
 
 
-@pytest.fixture(params=["pyarrow", "numpy"])
-def parser(request, monkeypatch):
-    if request.param == "pyarrow":
-        pytest.importorskip("pyarrow.csv")
-        monkeypatch.setattr(text, "_by_numpy", text._by_arrow)
-    else:
-        monkeypatch.setattr(text, "_pyarrow_csv", lambda: None)
-    return request.param
-
-
+@pytest.mark.parametrize("parser", ["pyarrow", "numpy"])
 @pytest.mark.parametrize("odd", [False, True])
-def test_a_number_is_the_one_that_python_reads(tmp_path, parser, odd):
+def test_a_number_is_the_one_that_python_reads(tmp_path, monkeypatch, parser, odd):
+    by_arrow = parser == "pyarrow"
+    name, other = ("_by_numpy", text._by_arrow) if by_arrow else ("_pyarrow_csv", lambda: None)
+    monkeypatch.setattr(text, name, other)
     # Plain spellings are parsed at once; odd ones keep a whole block from that.
     cells = [cell for cell in CELLS if odd or (cell[0] not in "+.I" and abs(float(cell)) < 1e300)]
     content = "a;b\n" + "".join(f"{cell};0\n" for cell in cells)
@@ -76,6 +71,7 @@ def test_a_number_is_the_one_that_python_reads(tmp_path, parser, odd):
 # Some 40 kB: several of the blocks below, which a test makes small.
 ROWS = [[repr(0.25 * k), f"{k}", repr(1.0 / (k + 1))] for k in range(1500)]
 WHOLE = text_of(ROWS)
+STAMPS = "time,x\n" + "".join(f"{1700000000000000001 + k},{k}\n" for k in range(1500))
 
 
 def with_line(whole: str, number: int, line: str) -> str:
@@ -83,50 +79,27 @@ def with_line(whole: str, number: int, line: str) -> str:
     return "".join([*lines[:number], line + "\n", *lines[number:]])
 
 
-def quoted(whole: str, delimiter: str = ",") -> str:
-    return "".join(
-        delimiter.join(f'"{cell}"' for cell in line.split(",")) + "\n"
-        for line in whole.splitlines()
-    )
-
-
+QUOTED = "".join('"' + line.replace(",", '","') + '"\n' for line in WHOLE.splitlines())
+# A word, rows too short and too long, an empty cell, a blank line, what only looks like a number.
+ODD = ["x,1,2", "1,2", "1,2,3,4", "1,,2", "", " 1 , 2 ,\t3", "1,2 3,4", "1_0,2,3", "0x10,2,3",
+       "nan(1),2,3", "1d5,2,3", "fain,Inf,NAN", "-,+,.", "\N{ARABIC-INDIC DIGIT ONE},2,3",
+       "1e999,2,3", '"1","2","3"', '"1","2\n","3"', '"1,2,3']  # fmt: skip
+ODD_QUOTED = ['"1","2",3', '"1","2""5","3"', '"1","2,3"', '"1","2\n","3"']
 CORPUS = {
-    "quotation marks": quoted(WHOLE),
-    "quoted decimal commas": quoted(WHOLE).replace(".", ","),
-    "quoted decimal commas and semicolons": quoted(WHOLE, ";").replace(".", ","),
-    "quotation marks, but for a row": with_line(quoted(WHOLE), 900, '"1","2",3'),
-    "a quotation mark in a number": with_line(quoted(WHOLE), 900, '"1","2""5","3"'),
-    "a comma in a quotation": with_line(quoted(WHOLE), 900, '"1","2,3"'),
-    "a line end in a quotation": with_line(quoted(WHOLE), 900, '"1","2\n","3"'),
     "plain numbers": WHOLE,
-    "a word": with_line(WHOLE, 900, "x,1,2"),
-    "a short row": with_line(WHOLE, 900, "1,2"),
-    "a long row": with_line(WHOLE, 900, "1,2,3,4"),
-    "an empty cell": with_line(WHOLE, 900, "1,,2"),
-    "a blank line": with_line(WHOLE, 900, ""),
-    "spaces": with_line(WHOLE, 900, " 1 , 2 ,\t3"),
-    "two numbers in a cell": with_line(WHOLE, 900, "1,2 3,4"),
-    "an underscore": with_line(WHOLE, 900, "1_0,2,3"),
-    "hexadecimal": with_line(WHOLE, 900, "0x10,2,3"),
-    "a number of C": with_line(WHOLE, 900, "nan(1),2,3"),
-    "Fortran's": with_line(WHOLE, 900, "1d5,2,3"),
-    "letters of nan": with_line(WHOLE, 900, "fain,Inf,NAN"),
-    "only signs": with_line(WHOLE, 900, "-,+,."),
-    "a quotation": with_line(WHOLE, 900, '"1","2","3"'),
-    "a quotation over lines": with_line(WHOLE, 900, '"1","2\n","3"'),
-    "a quotation without an end": with_line(WHOLE, 900, '"1,2,3'),
-    "digits of other scripts": with_line(WHOLE, 900, "\N{ARABIC-INDIC DIGIT ONE},2,3"),
-    "too large a number": with_line(WHOLE, 900, "1e999,2,3"),
+    "quotation marks": QUOTED,
+    "quoted decimal commas": QUOTED.replace(".", ","),
+    "quoted decimal commas and semicolons": QUOTED.replace('","', '";"').replace(".", ","),
+    **{f"one row {line!r}": with_line(WHOLE, 900, line) for line in ODD},
+    **{f"quoted, one row {line!r}": with_line(QUOTED, 900, line) for line in ODD_QUOTED},
     "semicolons": WHOLE.replace(",", ";"),
     "decimal commas": WHOLE.replace(",", ";").replace(".", ","),
     "runs of spaces": WHOLE.replace(",", "   "),
     "carriage returns": WHOLE.replace("\n", "\r\n"),
     "doubled carriage returns": WHOLE.replace("\n", "\r\r\n"),
     "a column of words": WHOLE.replace("\n", ",load\n"),
-    "nanoseconds": "time,x\n" + "".join(f"{1700000000000000001 + k},{k}\n" for k in range(1500)),
-    "a bad nanosecond": with_line(
-        "time,x\n" + "".join(f"{1700000000000000001 + k},{k}\n" for k in range(1500)), 900, "x,1"
-    ),
+    "nanoseconds": STAMPS,
+    "a bad nanosecond": with_line(STAMPS, 900, "x,1"),
 }  # fmt: skip
 
 
@@ -160,18 +133,15 @@ def test_progress_runs_from_nothing_to_all(tmp_path, monkeypatch):
     assert said[-1] == 1.0
 
 
-def test_a_compressed_recording_is_read_whatever_its_name(tmp_path):
-    packed = gzip.compress(text_of(rows_of()).encode())
-    for name in ("probe.csv.gz", "probe.csv", "probe"):
-        contact = prepare(written(tmp_path / name, packed))
-        assert np.array_equal(contact.force, SIGNALS.force)
-
-
-def test_members_that_follow_each_other_and_zeros_behind_them_are_one_text(tmp_path):
+def test_a_compressed_recording_is_read_whatever_its_name_and_members(tmp_path):
     content = text_of(rows_of()).encode()
-    packed = gzip.compress(content[:9999]) + gzip.compress(content[9999:]) + bytes(600)
-    read = open_recording(written(tmp_path / "m.gz", packed))
-    assert (len(read.rows), list(read.losses)) == (600, [])
+    # Members that follow each other, and zeros behind them, are one text.
+    members = gzip.compress(content[:9999]) + gzip.compress(content[9999:]) + bytes(600)
+    for name in ("probe.csv.gz", "probe.csv", "probe"):
+        for packed in (gzip.compress(content), members):
+            read = open_recording(written(tmp_path / name, packed))
+            assert np.array_equal(read.channels["force_N"], SIGNALS.force)
+            assert (len(read.rows), list(read.losses)) == (600, [])
 
 
 @pytest.mark.parametrize("left", [0.3, 0.7, 0.999])
@@ -184,16 +154,13 @@ def test_of_a_compressed_recording_that_ends_early_the_rest_is_read(tmp_path, le
     assert len(read.rows) > 0.8 * left * 600
     with pytest.raises(RecordingError, match=r"end early|cut off"):
         open_recording(path, strict=True)
-
-
-def test_compressed_data_that_are_damaged_are_read_as_far_as_they_go(tmp_path):
-    packed = bytearray(gzip.compress(text_of(rows_of()).encode()))
-    packed[-6] ^= 1  # of the check at the end
-    read = open_recording(written(tmp_path / "d.gz", bytes(packed)))
+    damaged = bytearray(packed)
+    damaged[-6] ^= 1  # of the check at the end
+    read = open_recording(written(path, bytes(damaged)))
     assert len(read.rows) == 600
     assert read.losses[0].startswith("the compressed data end early or are damaged")
     with pytest.raises(RecordingError, match=r"nothing of it can be read .*; copy"):
-        open_recording(written(tmp_path / "d.gz", bytes(packed[:2]) + b"\xff" * 50))
+        open_recording(written(path, packed[:2] + b"\xff" * 50))
 
 
 @pytest.mark.slow
@@ -248,56 +215,34 @@ def test_a_pipe_is_read_like_a_file(tmp_path, monkeypatch):
         writer.join()
 
 
-class Standard:
-    """What a program's standard input is."""
-
-    def __init__(self, content: bytes) -> None:
-        self.buffer = io.BytesIO(content)
-
-
-def test_standard_input_is_read_by_its_name(tmp_path, monkeypatch):
-    content = recording(tmp_path).read_bytes()
-    monkeypatch.setattr(sys, "stdin", Standard(content))
-    read = open_recording("-")
-    assert read.source == "standard input"
-    assert len(read.rows) == 600
-    monkeypatch.setattr(sys, "stdin", Standard(b""))
-    with pytest.raises(RecordingError, match=r"^standard input: the file is empty"):
-        open_recording("-")
-
-
 @pytest.mark.parametrize("command", ["identify", "compare", "diagnose"])
 def test_a_command_reads_its_standard_input(tmp_path, monkeypatch, run, command):
-    content = recording(tmp_path).read_bytes()
-    monkeypatch.setattr(sys, "stdin", Standard(content))
-    status, out, err = run(command, "-")
+    def given(content):
+        monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(content)))
+        return run(command, "-")
+
+    status, out, err = given(recording(tmp_path).read_bytes())
     assert (status in (0, 3), err) == (True, "")
     assert "standard input" in out
-    monkeypatch.setattr(sys, "stdin", Standard(b""))
-    status, out, err = run(command, "-")
+    status, out, err = given(b"")
     assert (status, out) == (2, "")
     assert "standard input: the file is empty" in err
 
 
-@pytest.mark.parametrize("how", ["file", "pipe"])
-def test_another_program_may_give_the_standard_input(tmp_path, how):
-    path = recording(tmp_path)
-    with path.open("rb") as file:
-        source = {"stdin": file} if how == "file" else {"input": path.read_bytes()}
-        code = "import palpate; r = palpate.open_recording('-'); print(len(r.rows), r.source)"
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, **source)
+def test_another_program_may_give_the_standard_input(tmp_path):
+    content = recording(tmp_path).read_bytes()
+    code = "import palpate; r = palpate.open_recording('-'); print(len(r.rows), r.source)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, input=content)
     assert (done.stdout.decode().strip(), done.stderr) == ("600 standard input", b"")
 
 
-@pytest.mark.parametrize("left", range(2, 4000, 173))
-def test_of_a_file_that_was_cut_off_every_whole_row_is_read(tmp_path, left):
+def test_of_a_file_that_was_cut_off_every_whole_row_is_read(tmp_path):
     """Wherever a writer was stopped: each row is one that it wrote, or it is not there."""
-    plain = text_of(rows_of())
-    begin = len(plain.splitlines()[0]) + 25 * 70
-    content = plain.encode()[: begin + left]
-    read = open_recording(written(tmp_path / "t.csv", content))
-    whole = content.count(b"\n") - 1
-    assert len(read.rows) in (whole, whole + 1)
-    wrote = open_recording(written(tmp_path / "w.csv", plain))
-    for name in ("time_s", "penetration_m", "force_N"):
-        assert np.array_equal(read.channels[name][:whole], wrote.channels[name][:whole])
+    content = text_of(rows_of()).encode()
+    wrote = open_recording(written(tmp_path / "t.csv", content))
+    for left in range(1800, 5800, 173):
+        read = open_recording(written(tmp_path / "t.csv", content[:left]))
+        whole = content[:left].count(b"\n") - 1
+        assert len(read.rows) in (whole, whole + 1)
+        for name in HEADER:
+            assert np.array_equal(read.channels[name][:whole], wrote.channels[name][:whole])

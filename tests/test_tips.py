@@ -9,17 +9,7 @@ import pytest
 from cases import exciting
 
 import palpate
-from palpate import (
-    Cone,
-    Contact,
-    FlatPunch,
-    HuntCrossley,
-    InvalidParameterError,
-    KelvinVoigt,
-    Sphere,
-    Wanted,
-    identify,
-)
+from palpate import Cone, Contact, FlatPunch, InvalidParameterError, Sphere, Wanted, identify
 from palpate.cli.deriving import tip_of
 
 MODULUS, POISSON = 40e3, 0.45  # Pa
@@ -28,18 +18,13 @@ BALL = Sphere(0.1)  # so large that 15 mm are a small depth
 TIPS = [BALL, FlatPunch(0.2), Cone(math.radians(70.0))]
 
 
-def pressed(tip, *, noise=0.02, exponent=None, seed=0) -> Contact:
+def pressed(tip, exponent=None) -> Contact:
     """Three sines into the material by a tip, with a Hunt–Crossley damper."""
     power = tip.exponent if exponent is None else exponent
     stiffness = REDUCED * tip.factor * 10e-3 ** (tip.exponent - power)  # the same at 10 mm
-    law = HuntCrossley(stiffness, stiffness, power)
-    signals = exciting(law, seconds=3.0, noise=noise, seed=seed)
-    return Contact(
-        signals.time,
-        penetration=signals.penetration,
-        velocity=signals.velocity,
-        force=signals.force,
-    )
+    law = palpate.HuntCrossley(stiffness, stiffness, power)
+    x = exciting(law, seconds=3.0, noise=0.02)
+    return Contact(x.time, penetration=x.penetration, velocity=x.velocity, force=x.force)
 
 
 @cache
@@ -47,19 +32,15 @@ def identified(tip) -> palpate.Identification:
     return identify(pressed(tip))
 
 
-# By hand from F = 4/3 E* √R x^(3/2), 2 E* R x and (2/π) E* tan α x².
-@pytest.mark.parametrize(
-    "tip, force",
-    [
-        (Sphere(0.01), 4.0 / 3.0 * 1e4 * 0.1 * 1e-3),
-        (FlatPunch(0.01), 2.0 * 1e4 * 0.01 * 0.01),
-        (Cone(math.pi / 4.0), 2.0 / math.pi * 1e4 * 1e-4),
-    ],
-    ids=lambda each: each.kind if isinstance(each, palpate.Tip) else "",
-)
-def test_the_force_is_that_of_elasticity(tip, force):
-    assert tip.force(1e4, 0.01) == pytest.approx(force, rel=1e-14)
-    assert tip.force(1e4, -0.01) == 0.0
+def test_the_force_is_that_of_elasticity():
+    """By hand from F = 4/3 E* √R x^(3/2), 2 E* R x and (2/π) E* tan α x²."""
+    for tip, force in {
+        Sphere(0.01): 4.0 / 3.0 * 1e4 * 0.1 * 1e-3,
+        FlatPunch(0.01): 2.0 * 1e4 * 0.01 * 0.01,
+        Cone(math.pi / 4.0): 2.0 / math.pi * 1e4 * 1e-4,
+    }.items():
+        assert tip.force(1e4, 0.01) == pytest.approx(force, rel=1e-14)
+        assert tip.force(1e4, -0.01) == 0.0
 
 
 def test_hertz_is_more_than_the_true_sphere_by_what_is_said():
@@ -79,9 +60,8 @@ def test_the_modulus_of_the_material_is_found(tip):
     result = identified(tip)
     found = result.elastic_modulus(tip, POISSON)
     assert found.refused is None
-    assert abs(found.value.value - MODULUS) < 4.0 * found.value.standard_error + (
-        0.002 * MODULUS  # of the exponent's 0.001 or so, which the systematic part holds
-    )
+    off = 0.002 * MODULUS  # of the exponent's 0.001 or so, which the systematic part holds
+    assert abs(found.value.value - MODULUS) < 4.0 * found.value.standard_error + off
     # The paraboloid for a ball, 15 mm/(10 · 100 mm), is in the systematic part and in no other.
     assert found.value.systematic < 0.02 * MODULUS
     assert found.exponent.value == pytest.approx(tip.exponent, abs=0.01)
@@ -104,6 +84,10 @@ def test_an_exponent_that_is_nearly_the_tips_costs_an_error_bar_and_no_modulus()
     hertz = BALL.departure(result.diagnosis.working_depth.depth) * MODULUS
     assert found.value.systematic == pytest.approx(math.hypot(apart, hertz), rel=0.05)
     assert abs(found.value.value - MODULUS) < found.value.systematic
+    # A law without an exponent has that of its own slope.
+    found = identify(pressed(TIPS[1]), "kelvin-voigt").elastic_modulus(TIPS[1], POISSON)
+    assert found.exponent.value == 1.0
+    assert found.value.value == pytest.approx(MODULUS, rel=0.02)
 
 
 @pytest.mark.parametrize("of, taken_for", [(2, 0), (0, 1), (1, 0), (0, 2)])
@@ -112,39 +96,23 @@ def test_the_modulus_of_another_shape_is_refused_with_the_reason(of, taken_for):
     assert math.isnan(found.value.value)
     assert f"and under a {TIPS[taken_for].kind} to the power" in found.refused
     assert found.as_dict()["value"] is None
-
-
-def test_a_tip_deeper_than_its_radius_is_no_sphere():
-    found = identified(BALL).elastic_modulus(Sphere(5e-3))
-    assert found.refused.startswith("at the working depth")
-    assert found.refused.endswith("there is no sphere left")
+    # A tip deeper than its radius is none.
+    refused = identified(BALL).elastic_modulus(Sphere(5e-3)).refused
+    assert refused.startswith("at the working depth")
+    assert refused.endswith("there is no sphere left")
 
 
 @pytest.mark.parametrize(
     "tip, words",
     [
+        (BALL, "1 % of the depth moves the modulus by 1.5 %"),  # the surface is assumed
         (Sphere(0.05), "depths far below the radius"),
         (FlatPunch(0.05), "linear elasticity is for small strains"),
         (Cone(math.radians(30.0)), "below this cone they are 0.35 at any depth"),
     ],
-    ids=lambda each: each.kind if isinstance(each, palpate.Tip) else "",
 )
 def test_strains_that_are_not_small_are_said(tip, words):
-    remarks = identified(tip).elastic_modulus(tip).remarks
-    assert words in "; ".join(remarks)
-
-
-def test_a_surface_that_is_assumed_is_said():
-    remarks = identified(BALL).elastic_modulus(BALL).remarks
-    assert "1 % of the depth moves the modulus by 1.5 %" in remarks[0]
-
-
-def test_a_law_without_an_exponent_has_that_of_its_own_slope():
-    result = identify(pressed(TIPS[1]), "kelvin-voigt")
-    assert isinstance(result.law, KelvinVoigt)
-    found = result.elastic_modulus(TIPS[1], POISSON)
-    assert found.exponent.value == 1.0
-    assert found.value.value == pytest.approx(MODULUS, rel=0.02)
+    assert words in "; ".join(identified(tip).elastic_modulus(tip).remarks)
 
 
 def test_the_modulus_is_in_the_json_object_where_a_tip_is_wanted():
@@ -158,24 +126,18 @@ def test_the_modulus_is_in_the_json_object_where_a_tip_is_wanted():
         identified(BALL).elastic_modulus()
 
 
-@pytest.mark.parametrize(
-    "make, words",
-    [
-        (lambda: Sphere(0.0), "radius must be in"),
-        (lambda: Sphere(math.nan), "radius must be finite"),
-        (lambda: FlatPunch("wide"), "radius must be a number"),
-        (lambda: Cone(60.0), r"half_angle must be in \(0, 1.57\]"),
-        (lambda: Wanted(tip="ball"), "tip must be a Tip"),
-        (lambda: Wanted(poisson_ratio=0.6), "poisson_ratio must be in"),
-        (lambda: Wanted(impact_speed=0.0), "impact_speed must be in"),
-    ],
-)
-def test_a_tip_that_cannot_be_is_refused(make, words):
-    with pytest.raises(InvalidParameterError, match=words):
-        make()
-
-
-# On the command line
+def test_a_tip_that_cannot_be_is_refused():
+    for kind, arguments, words in (
+        (Sphere, {"radius": 0.0}, "radius must be in"),
+        (Sphere, {"radius": math.nan}, "radius must be finite"),
+        (FlatPunch, {"radius": "wide"}, "radius must be a number"),
+        (Cone, {"half_angle": 60.0}, r"half_angle must be in \(0, 1.57\]"),
+        (Wanted, {"tip": "ball"}, "tip must be a Tip"),
+        (Wanted, {"poisson_ratio": 0.6}, "poisson_ratio must be in"),
+        (Wanted, {"impact_speed": 0.0}, "impact_speed must be in"),
+    ):
+        with pytest.raises(InvalidParameterError, match=words):
+            kind(**arguments)
 
 
 def test_a_tip_is_told_by_its_radius_or_diameter_and_a_cone_by_half_its_opening():
@@ -201,7 +163,6 @@ def test_a_tip_is_told_by_its_radius_or_diameter_and_a_cone_by_half_its_opening(
         (["--impact-speed", "fast"], "--impact-speed must be a number and one of m/s"),
         (["--impact-speed", "0m/s"], "--impact-speed must be in (0, 1e+06]"),
     ],
-    ids=lambda each: " ".join(each) if isinstance(each, list) else "",
 )
 def test_what_cannot_be_is_one_line_before_the_file_is_read(run, options, words):
     status, out, err = run("identify", "no such file.csv", *options)
@@ -210,31 +171,27 @@ def test_what_cannot_be_is_one_line_before_the_file_is_read(run, options, words)
     assert err.count("\n") == 1
 
 
-@pytest.fixture
-def recording(tmp_path):
-    path = tmp_path / "ball.csv"
-    palpate.write_contact(pressed(BALL), path)
-    return path
+def test_the_table_ends_with_a_line_each_and_those_of_a_tip_and_a_speed(run, tmp_path):
+    recording = tmp_path / "ball.csv"
+    palpate.write_contact(pressed(BALL), recording)
 
+    def printed(*options):
+        return " ".join(run("identify", recording, *options)[1].split())  # wherever it is folded
 
-def test_the_table_ends_with_a_line_each(run, recording):
-    out = " ".join(run("identify", recording)[1].split())  # wherever its lines are folded
+    out = printed()
     assert "restitution from 0.05" in out
     assert ", the fastest approach: 0.9" in out
     assert "(approximations say 0.9" in out
     assert "energy lost a cycle: " in out
     assert "the law would pull on withdrawals faster than 0.99" in out
     assert "elastic modulus" not in out
-
-
-def test_with_a_tip_and_a_speed_there_are_the_modulus_and_every_approximation(run, recording):
-    options = ["--tip", "sphere:radius=100mm", "--poisson", "0.45", "--impact-speed", "0.5m/s"]
-    out = " ".join(run("identify", recording, *options)[1].split())
+    speed = ["--impact-speed", "0.5m/s"]
+    out = printed("--tip", "sphere:radius=100mm", "--poisson", "0.45", *speed)
     assert "restitution from 0.5 m/s: 0.7" in out
     assert "an extrapolation" in out
     for name in ("Hunt–Crossley 0.6", "Lankarani–Nikravesh 0.5", "Gonthier", "Flores", "Martins"):
         assert name in out
     assert "elastic modulus for a sphere of 100 mm radius: 40" in out
     assert " kPa with a Poisson's ratio of 0.45" in out
-    cone = " ".join(run("identify", recording, "--tip", "cone:opening=60deg")[1].split())
+    cone = printed("--tip", "cone:opening=60deg")
     assert "elastic modulus for a cone of 30° between axis and side: none, for the force" in cone
