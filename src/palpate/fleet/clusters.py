@@ -101,7 +101,7 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
     }
     quiet = os.environ.get("PALPATE_DASK_LOGS") is None
     with dask.config.set(settings):
-        with _ignoring_interrupts():
+        with ignoring_interrupts():
             cluster = distributed.LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
@@ -154,7 +154,7 @@ def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
 
 
 @contextmanager
-def _ignoring_interrupts() -> Iterator[None]:
+def ignoring_interrupts() -> Iterator[None]:
     """Start processes that ignore Ctrl-C, which a terminal sends to them too."""
     if threading.current_thread() is not threading.main_thread():
         yield
