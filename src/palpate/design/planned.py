@@ -5,18 +5,17 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from palpate.design.motion import PAPER_MOTION, Motion
+from palpate.design.motion import PAPER_MOTION as PAPER_MOTION
+from palpate.design.motion import Motion as Motion
 from palpate.design.precision import HORIZON, Measurement
 from palpate.design.predicted_precision import PredictedPrecision, predict_precision
-from palpate.design.rounding import effective_noise
+from palpate.design.rounding import effective_noise as effective_noise
 from palpate.design.search import Limits, find_better, limits_around
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import HuntCrossley
 from palpate.stages import timed
 from palpate.validation import instance, number_in
-
-__all__ = ["DURATIONS", "PAPER_MOTION", "Design", "Motion", "design", "effective_noise"]
 
 #: When the precision is predicted, s.
 DURATIONS = (0.5, 1.0, 5.0, 20.0)

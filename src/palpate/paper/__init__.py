@@ -5,10 +5,11 @@ says of each, and ``judging.py`` when that holds.
 """
 
 from palpate.paper import changes, methods, motions, trials
-from palpate.paper.experiment import Claim, Experiment, Outcome, Table
-from palpate.paper.judging import Finding
-
-__all__ = ["EXPERIMENTS", "Claim", "Experiment", "Finding", "Outcome", "Table"]
+from palpate.paper.experiment import Claim as Claim
+from palpate.paper.experiment import Experiment as Experiment
+from palpate.paper.experiment import Outcome as Outcome
+from palpate.paper.experiment import Table as Table
+from palpate.paper.judging import Finding as Finding
 
 _MODULES = (trials, methods, motions, changes)
 _ALL: list[Experiment] = [each for module in _MODULES for each in module.EXPERIMENTS]
