@@ -21,6 +21,11 @@ def shown(value: Any) -> str:
     return words if len(words) <= 80 else words[:77] + "…"
 
 
+def arguments(given: dict[str, Any]) -> dict[str, Any]:
+    """What a constructor was given, by name: of its ``locals()``, before it has any of its own."""
+    return {name: value for name, value in given.items() if name not in ("self", "__class__")}
+
+
 def number(name: str, value: Any) -> float:
     """``value`` as a finite float."""
     if type(value) is float and math.isfinite(value):

@@ -17,7 +17,7 @@ from palpate.settings import (
     Forgetting,
     Scale,
 )
-from palpate.validation import instance, number_in, pair_in, shown
+from palpate.validation import arguments, instance, number_in, pair_in, shown
 
 _DEFAULTS = _core.defaults["VariableProjection"]
 # Where it is not chosen: the probing of a hand-sized robot.
@@ -113,22 +113,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         scale: Scale | None = None,
     ) -> None:
         instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
-        self._settings: dict[str, Any] = {
-            "noise": noise,
-            "forgetting": forgetting,
-            "change_detector": change_detector,
-            "outlier_rejection": outlier_rejection,
-            "offset": offset,
-            "offset_deviation": offset_deviation,
-            "exponent_range": exponent_range,
-            "exponent": exponent,
-            "surface": surface,
-            "surface_range": surface_range,
-            "surface_deviation": surface_deviation,
-            "gate": gate,
-            "sample_time": sample_time,
-            "scale": scale,
-        }
+        self._settings: dict[str, Any] = arguments(locals())
         loop = loop_settings(
             change_detector, outlier_rejection, gate, scale, sample_time, default_scale=PROBING
         )
