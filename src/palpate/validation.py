@@ -21,6 +21,16 @@ def shown(value: Any) -> str:
     return words if len(words) <= 80 else words[:77] + "…"
 
 
+def defined(value: float | None) -> float | None:
+    """A finite number, or None: JSON has no word for others."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def or_nan(value: float | None) -> float:
+    """A number, of which JSON's null is NaN."""
+    return math.nan if value is None else float(value)
+
+
 def arguments(given: dict[str, Any]) -> dict[str, Any]:
     """What a constructor was given, by name: of its ``locals()``, before it has any of its own."""
     return {name: value for name, value in given.items() if name not in ("self", "__class__")}

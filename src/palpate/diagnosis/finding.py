@@ -9,6 +9,7 @@ import numpy as np
 
 from palpate.estimators import LawVerdict
 from palpate.force_laws import ForceLaw
+from palpate.validation import defined
 
 Mark = Literal["trust", "with-care", "do-not-trust"]
 Severity = Literal["note", "with-care", "do-not-trust"]
@@ -255,8 +256,3 @@ class Diagnosis:
             "findings": [finding.as_dict() for finding in self.findings],
             "episodes": [episode.as_dict() for episode in self.episodes],
         }
-
-
-def defined(value: float) -> float | None:
-    """Return a finite number, or None."""
-    return float(value) if math.isfinite(value) else None

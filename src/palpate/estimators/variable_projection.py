@@ -117,9 +117,11 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         loop = loop_settings(
             change_detector, outlier_rejection, gate, scale, sample_time, default_scale=PROBING
         )
+        unit = (scale or PROBING).penetration
+        least, most = _DEFAULTS["surface_range"]
         super().__init__(
             *projection_settings(noise, exponent_range, exponent, offset, offset_deviation),
-            _checked_surfaces(surface, surface_range, scale or PROBING),
+            surfaces_in(surface, surface_range, (least * unit, most * unit), 5.0 * unit),
             _positive("surface_deviation", surface_deviation),
             (forgetting or ConstantForgetting())._plain(),
             *loop,
@@ -148,9 +150,13 @@ def _positive(name: str, value: float | None) -> float:
     return 0.0 if value is None else number_in(name, value, 0.0, 1e30, open_low=True)
 
 
-def _checked_surfaces(
-    surface: str | None, surface_range: tuple[float, float] | None, scale: Scale
+def surfaces_in(
+    surface: str | None,
+    surface_range: tuple[float, float] | None,
+    usual: tuple[float, float],
+    widest: float,
 ) -> tuple[float, float] | None:
+    """Check where a surface is looked for, m; None: nowhere."""
     if not (surface is None or (isinstance(surface, str) and surface == "estimate")):
         raise InvalidParameterError(f"surface must be 'estimate' or None, not {shown(surface)}")
     if surface is None:
@@ -159,10 +165,8 @@ def _checked_surfaces(
                 "surface_range is for surface='estimate'; without it the surface is at 0"
             )
         return None
-    widest = 5.0 * scale.penetration
     if surface_range is None:
-        least, most = _DEFAULTS["surface_range"]
-        return least * scale.penetration, most * scale.penetration
+        return usual
     low, high = pair_in("surface_range", surface_range, -widest, widest)
     if not high > low:
         raise InvalidParameterError(

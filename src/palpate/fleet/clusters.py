@@ -11,7 +11,7 @@ from typing import Any
 
 import palpate
 from palpate.errors import FleetError
-from palpate.fleet.extras import cores, needed
+from palpate.fleet.extras import cores, line_of, needed
 
 #: s that a scheduler has to answer.
 PATIENCE = 10.0
@@ -62,10 +62,9 @@ def _named(distributed: Any, scheduler: str) -> Iterator[Any]:
         _check_address(scheduler)
         client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError, TimeoutError) as error:
-        words = " ".join(str(error).split()) or type(error).__name__
         raise FleetError(
-            f"{scheduler}: no scheduler of Dask answers ({words}); start one by dask scheduler, or "
-            "leave --scheduler out to use the cores of this machine"
+            f"{scheduler}: no scheduler of Dask answers ({line_of(error)}); start one by dask "
+            "scheduler, or leave --scheduler out to use the cores of this machine"
         ) from None
     try:
         yield client
@@ -187,8 +186,7 @@ def _check_workers(client: Any, scheduler: str) -> None:
     try:
         found = client.run(version)
     except Exception as error:
-        words = " ".join(str(error).split()) or type(error).__name__
-        raise FleetError(f"{scheduler}: its workers cannot be asked: {words}") from None
+        raise FleetError(f"{scheduler}: its workers cannot be asked: {line_of(error)}") from None
     for worker, answer in sorted(found.items()):
         if answer != palpate.__version__:
             has = answer if answer.startswith("no ") else f"palpate {answer}"

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from palpate.diagnosis.finding import Quantity, WorkingDepth, defined
+from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ViscoelasticContact
 from palpate.estimators.law_verdicts import band_about
 from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
-from palpate.validation import number, number_in
+from palpate.validation import defined, number, number_in
 
 if TYPE_CHECKING:
     from palpate.identification import Identification

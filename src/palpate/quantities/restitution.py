@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from palpate.diagnosis.finding import Quantity, WorkingDepth, defined
+from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.quantities.approximations import APPROXIMATIONS
 from palpate.quantities.impact import restitution, restitution_slope
-from palpate.validation import Floats
+from palpate.validation import Floats, defined
 
 UNKNOWN = Quantity(math.nan, math.nan, math.nan)
 UNTRUSTED = "the diagnosis does not trust the damping"

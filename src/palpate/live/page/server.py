@@ -132,27 +132,17 @@ class Server:
     async def _look(self, _: Any) -> Response:
         return Response(style_sheet(), media_type="text/css")
 
-    async def feed(
-        self, ended: Callable[[], bool], noted: Callable[[dict[str, Any]], None]
-    ) -> None:
-        """Take what is new and wake the clients, until the run has ended.
-
-        Parameters
-        ----------
-        ended : callable
-            Whether there is nobody any more who writes.
-        noted : callable
-            Is given the counts, a few times a second.
-        """
+    async def feed(self) -> None:
+        """Take what is new and wake the clients, until the run has ended."""
         looked = 0.0
         while True:
             now = time.monotonic()
-            last = ended() or self.watch.stopped
+            last = self.watch.run.over
             self.watch.take()
             if now - looked >= WORDS_TIME or last:
                 looked = now
                 self.watch.look()
-                noted(self.counts())
+                self.watch.run.tell(self.counts())
                 if self.served.clients or last:
                     page = self.watch.page(self.counts())
                     self._text = json.dumps({"kind": "page", **page, "ended": last})

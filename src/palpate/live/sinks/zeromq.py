@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
 from palpate.live.ring import MOST_PARAMETERS
-from palpate.live.sinks.publishing import Publisher
-from palpate.live.wires.addresses import WireAddress, parsed
+from palpate.live.wires.addresses import parsed
 from palpate.live.wires.estimates import AFTER, BEFORE
 from palpate.validation import shown
 
@@ -24,24 +23,18 @@ WAITING = 20_000
 BINARY = struct.Struct(f"<Q{len(BEFORE) + 2 * MOST_PARAMETERS}d")
 
 
-def open_publisher(address: str) -> Publisher:
-    """Return the sink of an address such as ``tcp://127.0.0.1:5556?format=binary``."""
-    publisher = Publisher(ZeroMQWire(parsed("zmq", address, OPTIONS)))
-    publisher.check()
-    return publisher
-
-
 class ZeroMQWire:
     """A PUB socket: frames ``estimate`` and the numbers, or ``status`` and words, in JSON.
 
     Parameters
     ----------
-    address : WireAddress
+    text : str
         An endpoint, and options: ``bind`` (``yes`` or ``no``), and ``format`` of the estimates:
-        ``json`` or ``binary``, :data:`BINARY`.
+        ``json`` or ``binary``, :data:`BINARY`; such as ``tcp://127.0.0.1:5556?format=binary``.
     """
 
-    def __init__(self, address: WireAddress) -> None:
+    def __init__(self, text: str) -> None:
+        address = parsed("zmq", text, OPTIONS)
         self._endpoint = address.target
         self._bind = address.one_of("bind", ("yes", "no")) == "yes"
         self._binary = address.one_of("format", ("json", "binary")) == "binary"
