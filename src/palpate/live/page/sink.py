@@ -103,14 +103,14 @@ class Page:
     async def _serve(self, session: Session, commands: Connection) -> None:
         from uvicorn import Config
 
-        from palpate.live.page.protocol import Malformed, protocols
+        from palpate.live.page.protocol import protocols
         from palpate.live.page.requests import MOST_BYTES
         from palpate.live.page.server import Server
         from palpate.live.page.watch import Watch
 
-        watch, malformed = Watch(session), Malformed()
-        server = Server(watch, _sender(commands), malformed)
-        http, websockets = protocols(malformed)
+        watch = Watch(session)
+        server = Server(watch, _sender(commands))
+        http, websockets = protocols(server.served)
         config = Config(
             server.app(self.token),
             http=http,

@@ -17,7 +17,7 @@ from palpate.live.sinks.sink import Session
 from palpate.live.sinks.watching import Watching
 from palpate.live.states import State
 from palpate.live.verdict_on_laws import verdict_on
-from palpate.validation import Floats
+from palpate.validation import Floats, plain
 
 ALIVE = 2.0  # s: the loop writes its board four times a second
 MOST_CHANGES = 20
@@ -211,14 +211,3 @@ class Watch:
     def close(self) -> None:
         """Let go of the memory."""
         self.run.close()
-
-
-def plain(value: Any) -> Any:
-    """The same with None for numbers that JSON has no word for."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(name): plain(each) for name, each in value.items()}
-    if isinstance(value, list | tuple | deque):
-        return [plain(each) for each in value]
-    return value
