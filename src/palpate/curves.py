@@ -256,22 +256,9 @@ class _Answers(NamedTuple):
         )
 
     def fits(self) -> CurveFits:
-        columns = (np.ascontiguousarray(self.numbers[:, i]) for i in range(7))
-        stiffness, damping, exponent, offset, surface, noise, cost = columns
-        flags, status = (np.ascontiguousarray(self.codes[:, i]) for i in range(2))
-        return CurveFits(
-            stiffness,
-            damping,
-            exponent,
-            offset,
-            surface,
-            self.covariance,
-            noise,
-            cost,
-            self.taken,
-            flags,
-            status,
-        )
+        columns: list[Any] = [np.ascontiguousarray(self.numbers[:, i]) for i in range(7)]
+        codes: list[Any] = [np.ascontiguousarray(self.codes[:, i]) for i in range(2)]
+        return CurveFits(*[*columns[:5], self.covariance, *columns[5:], self.taken, *codes])
 
 
 def _fitted(

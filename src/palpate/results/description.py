@@ -48,16 +48,8 @@ def described(files: Sequence[Path], results: "Sequence[Identification]") -> dic
         "remarks": [asdict(remark) for remark in contact.remarks],
         "tare_deviation": contact.tare_deviation,
         "surface_deviation": contact.surface_deviation,
-        "gate": {
-            "minimum_penetration": gate.minimum_penetration,
-            "make_force": gate.make_force,
-            "break_force": gate.break_force,
-        },
-        "scale": {
-            "penetration": scale.penetration,
-            "velocity": scale.velocity,
-            "force": scale.force,
-        },
+        "gate": asdict(gate),
+        "scale": asdict(scale),
         "results": [result.as_dict() for result in results],
         **({"ranking": _ranking(results)} if len(results) > 1 else {}),
     }
