@@ -126,12 +126,6 @@ def curves_of(name: str, first: int, count: int) -> Curves:
     )
 
 
-def read_gently() -> None:
-    """Let arrays be decoded by the thread that reads them: each worker has a core of its own."""
-    zarr = needed("zarr", "an array of contacts")
-    zarr.config.set({"threading.max_workers": 1, "async.concurrency": 4})
-
-
 @contextmanager
 def on_this_machine(name: str) -> Iterator[Path]:
     """A source as a file here: itself, or a copy of an object, which is gone afterwards.

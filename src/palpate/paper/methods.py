@@ -390,7 +390,6 @@ OTHERWISE: dict[str, dict[str, Any]] = {
     "0.1, P₀ = 10": {"initial_covariance": (10.0, 10.0, 10.0)},
     "0.1, in cm": {"scale": palpate.Scale(10e-3, 10e-3, 1.0)},
 }
-CASES = (*(f"{away:g}" for away in OFF), *OTHERWISE, "0.5, n right", "0.5, single stage")
 LIMITS = {"K": (0.0, 6000.0), "B": (0.0, 6000.0), "n": (0.6, 1.4)}
 #: "≪ 1" in (5), read as for condition 10; the paper's is in N, for x^n is in mⁿ.
 MUCH_LESS = 0.1
