@@ -12,9 +12,8 @@ from palpate.estimators import DoubleStageRLS, ExtendedKelvinVoigtRLS
 from palpate.figures.style import as_svg
 from palpate.paper import EXPERIMENTS, Outcome, running
 from palpate.paper.changes import correction, palpated
-from palpate.paper.experiment import all_claims
-from palpate.paper.judges import JUDGES
-from palpate.paper.judging import quantities
+from palpate.paper.experiment import Seeds, all_claims
+from palpate.paper.judging import JUDGES, quantities
 from palpate.paper.rig import convergence_times, from_starts, identified, pressed, starts_of
 
 pytest.importorskip("mujoco")
@@ -60,7 +59,8 @@ def test_what_was_measured_can_be_written_down_judged_and_drawn(name, tmp_path):
     assert repr(again) == repr(outcome)
     for finding in experiment.findings(again).values():
         assert finding.ours is None or math.isfinite(finding.ours)
-    for table in experiment.tabulated([again] * 2):
+    say = Seeds([again.numbers] * 2)
+    for table in (*experiment.tables(say), say.every_number()):
         assert table.rows
         assert {len(row) for row in table.rows} == {len(table.header)}
     if name in QUICKEST:

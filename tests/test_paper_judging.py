@@ -116,11 +116,11 @@ def test_numbers_read_with_three_digits(value, words):
     assert readable(value) == words
 
 
-def test_a_table_gives_median_and_range_under_the_name_and_its_unit():
-    seeds = Seeds([{"time [s]": value, "error a K [%]": 1.0} for value in (3.0, 1.0, 2.0)])
-    table = seeds.table("T", ("of",), ["time", "error {} K"], [("a",)])
-    assert table.header == ("of", "time [s]", "error K [%]")
-    assert table.rows == (("a", "2.00 (1.00 to 3.00)", "1.00"),)
+def test_every_number_is_tabulated_with_median_range_and_unit_a_row_for_one_laws_parameters():
+    errors = {"error a K [%]": 1.0, "error a B [%]": 4.0}
+    seeds = Seeds([{"time [s]": value, **errors} for value in (math.nan, 1.0, 2.0)])
+    rows = (("time", "2.00 s (1.00 to never)"), ("error a", "K 1.00 %; B 4.00 %"))
+    assert seeds.every_number().rows == rows
 
 
 CLAIM = Claim("key", "V", "words", unit="mm")

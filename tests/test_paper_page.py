@@ -44,7 +44,7 @@ def test_the_page_says_every_claim_with_its_verdict_table_and_figure(page, repor
             assert words in page.words
         assert each.remark in page.words
     for section in report.sections:
-        for table in section.tables:
+        for table in (*section.experiment.tables(section.say), section.say.every_number()):
             for words in (
                 table.title,
                 table.note,

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from palpate._public import *  # noqa: F403 - they are listed there
-    from palpate._public import __all__ as __all__
 
     __version__: str
 else:
@@ -19,8 +18,9 @@ else:
             return globals().setdefault(name, version("palpate"))  # read from a file
         if find_spec(f"palpate.{name}"):  # a module, for one of the package's own
             return import_module(f"palpate.{name}")
-        public = import_module("palpate._public")
-        globals().update({each: getattr(public, each) for each in (*public.__all__, "__all__")})
+        public = vars(import_module("palpate._public"))
+        offered = {each: public[each] for each in sorted(public) if not each.startswith("_")}
+        globals().update(offered, __all__=list(offered))
         if name in globals():
             return globals()[name]
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

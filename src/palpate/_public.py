@@ -1,136 +1,72 @@
 """The public names, gathered; ``import palpate`` offers them."""
 
-from palpate._core import PreparedSample, Status
-from palpate.contact import Contact
-from palpate.curves import CurveFits, fit_curves
-from palpate.diagnosis import Diagnosis, Finding, Verdict, WorkingDepth
-from palpate.errors import (
-    FleetError,
-    InvalidParameterError,
-    MissingChannelError,
-    MissingExtraError,
-    PalpateError,
-    RecordingError,
-)
-from palpate.estimate import Estimate
-from palpate.estimators import (
-    ESTIMATORS,
-    ContactEstimator,
-    DoubleStageRLS,
-    DriftTracking,
-    ExtendedKelvinVoigtRLS,
-    KelvinVoigtRLS,
-    PythonEstimator,
-    RecursiveLeastSquaresEstimator,
-    SingleStageRLS,
-    VariableProjection,
-    ViscoelasticContact,
-)
-from palpate.fleet.many import identify_many
-from palpate.force_laws import (
-    FORCE_LAWS,
-    ExtendedKelvinVoigt,
-    FlatSpectrum,
-    ForceLaw,
-    GeneralisedHuntCrossley,
-    HuntCrossley,
-    KelvinVoigt,
-    PowerLawRelaxation,
-    SingleRelaxation,
-)
-from palpate.identification import Identification
-from palpate.identifying import compare, diagnose, identify
-from palpate.least_squares import LeastSquares
-from palpate.preparation import Columns, OnlinePreparation, choose_gate, prepare
-from palpate.quantities.elastic_modulus import ElasticModulus
-from palpate.quantities.energy import EnergyLoss
-from palpate.quantities.impact import dissipation_for, restitution
-from palpate.quantities.passivity import Passivity
-from palpate.quantities.restitution import Restitution
-from palpate.quantities.wanted import Wanted
-from palpate.recordings import Recording, open_recording, write_contact
-from palpate.results.loading import SavedResult, load_result
-from palpate.settings import (
-    ChangeDetector,
-    ConstantForgetting,
-    ContactGate,
-    FadingForgetting,
-    OutlierRejection,
-    Scale,
-    SelfPerturbation,
-)
-from palpate.tips import Cone, FlatPunch, Sphere, Tip
-from palpate.trace import Trace
-
-__all__ = [
-    "ESTIMATORS",
-    "FORCE_LAWS",
-    "ChangeDetector",
-    "Columns",
-    "Cone",
-    "ConstantForgetting",
-    "Contact",
-    "ContactEstimator",
-    "ContactGate",
-    "CurveFits",
-    "Diagnosis",
-    "DoubleStageRLS",
-    "DriftTracking",
-    "ElasticModulus",
-    "EnergyLoss",
-    "Estimate",
-    "ExtendedKelvinVoigt",
-    "ExtendedKelvinVoigtRLS",
-    "FadingForgetting",
-    "Finding",
-    "FlatPunch",
-    "FlatSpectrum",
-    "FleetError",
-    "ForceLaw",
-    "GeneralisedHuntCrossley",
-    "HuntCrossley",
-    "Identification",
-    "InvalidParameterError",
-    "KelvinVoigt",
-    "KelvinVoigtRLS",
-    "LeastSquares",
-    "MissingChannelError",
-    "MissingExtraError",
-    "OnlinePreparation",
-    "OutlierRejection",
-    "PalpateError",
-    "Passivity",
-    "PowerLawRelaxation",
-    "PreparedSample",
-    "PythonEstimator",
-    "Recording",
-    "RecordingError",
-    "RecursiveLeastSquaresEstimator",
-    "Restitution",
-    "SavedResult",
-    "Scale",
-    "SelfPerturbation",
-    "SingleRelaxation",
-    "SingleStageRLS",
-    "Sphere",
-    "Status",
-    "Tip",
-    "Trace",
-    "VariableProjection",
-    "Verdict",
-    "ViscoelasticContact",
-    "Wanted",
-    "WorkingDepth",
-    "choose_gate",
-    "compare",
-    "diagnose",
-    "dissipation_for",
-    "fit_curves",
-    "identify",
-    "identify_many",
-    "load_result",
-    "open_recording",
-    "prepare",
-    "restitution",
-    "write_contact",
-]
+from palpate._core import PreparedSample as PreparedSample
+from palpate._core import Status as Status
+from palpate.contact import Contact as Contact
+from palpate.curves import CurveFits as CurveFits
+from palpate.curves import fit_curves as fit_curves
+from palpate.diagnosis import Diagnosis as Diagnosis
+from palpate.diagnosis import Finding as Finding
+from palpate.diagnosis import Verdict as Verdict
+from palpate.diagnosis import WorkingDepth as WorkingDepth
+from palpate.errors import FleetError as FleetError
+from palpate.errors import InvalidParameterError as InvalidParameterError
+from palpate.errors import MissingChannelError as MissingChannelError
+from palpate.errors import MissingExtraError as MissingExtraError
+from palpate.errors import PalpateError as PalpateError
+from palpate.errors import RecordingError as RecordingError
+from palpate.estimate import Estimate as Estimate
+from palpate.estimators import ESTIMATORS as ESTIMATORS
+from palpate.estimators import ContactEstimator as ContactEstimator
+from palpate.estimators import DoubleStageRLS as DoubleStageRLS
+from palpate.estimators import DriftTracking as DriftTracking
+from palpate.estimators import ExtendedKelvinVoigtRLS as ExtendedKelvinVoigtRLS
+from palpate.estimators import KelvinVoigtRLS as KelvinVoigtRLS
+from palpate.estimators import PythonEstimator as PythonEstimator
+from palpate.estimators import RecursiveLeastSquaresEstimator as RecursiveLeastSquaresEstimator
+from palpate.estimators import SingleStageRLS as SingleStageRLS
+from palpate.estimators import VariableProjection as VariableProjection
+from palpate.estimators import ViscoelasticContact as ViscoelasticContact
+from palpate.fleet.many import identify_many as identify_many
+from palpate.force_laws import FORCE_LAWS as FORCE_LAWS
+from palpate.force_laws import ExtendedKelvinVoigt as ExtendedKelvinVoigt
+from palpate.force_laws import FlatSpectrum as FlatSpectrum
+from palpate.force_laws import ForceLaw as ForceLaw
+from palpate.force_laws import GeneralisedHuntCrossley as GeneralisedHuntCrossley
+from palpate.force_laws import HuntCrossley as HuntCrossley
+from palpate.force_laws import KelvinVoigt as KelvinVoigt
+from palpate.force_laws import PowerLawRelaxation as PowerLawRelaxation
+from palpate.force_laws import SingleRelaxation as SingleRelaxation
+from palpate.identification import Identification as Identification
+from palpate.identifying import compare as compare
+from palpate.identifying import diagnose as diagnose
+from palpate.identifying import identify as identify
+from palpate.least_squares import LeastSquares as LeastSquares
+from palpate.preparation import Columns as Columns
+from palpate.preparation import OnlinePreparation as OnlinePreparation
+from palpate.preparation import choose_gate as choose_gate
+from palpate.preparation import prepare as prepare
+from palpate.quantities.elastic_modulus import ElasticModulus as ElasticModulus
+from palpate.quantities.energy import EnergyLoss as EnergyLoss
+from palpate.quantities.impact import dissipation_for as dissipation_for
+from palpate.quantities.impact import restitution as restitution
+from palpate.quantities.passivity import Passivity as Passivity
+from palpate.quantities.restitution import Restitution as Restitution
+from palpate.quantities.wanted import Wanted as Wanted
+from palpate.recordings import Recording as Recording
+from palpate.recordings import open_recording as open_recording
+from palpate.recordings import write_contact as write_contact
+from palpate.results.loading import SavedResult as SavedResult
+from palpate.results.loading import load_result as load_result
+from palpate.settings import ChangeDetector as ChangeDetector
+from palpate.settings import ConstantForgetting as ConstantForgetting
+from palpate.settings import ContactGate as ContactGate
+from palpate.settings import FadingForgetting as FadingForgetting
+from palpate.settings import OutlierRejection as OutlierRejection
+from palpate.settings import Scale as Scale
+from palpate.settings import SelfPerturbation as SelfPerturbation
+from palpate.tips import Cone as Cone
+from palpate.tips import FlatPunch as FlatPunch
+from palpate.tips import Sphere as Sphere
+from palpate.tips import Tip as Tip
+from palpate.trace import Trace as Trace

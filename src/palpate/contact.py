@@ -108,10 +108,7 @@ class Contact:
 
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""
-        borders = np.flatnonzero(np.diff(self.segment)) + 1
-        for start, stop in itertools.pairwise([0, *borders.tolist(), len(self)]):
-            if stop > start:
-                yield slice(start, stop)
+        return slices_of(self.segment)
 
     @property
     def sample_time(self) -> float:
@@ -186,3 +183,11 @@ def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
             "time must be finite and increase within a segment; "
             f"sample {first} is {time[first]} s{before}"
         )
+
+
+def slices_of(segment: NDArray[np.int64]) -> Iterator[slice]:
+    """Slices of equal labels, in order."""
+    borders = np.flatnonzero(np.diff(segment)) + 1
+    for start, stop in itertools.pairwise([0, *borders.tolist(), len(segment)]):
+        if stop > start:
+            yield slice(start, stop)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimate import ADVICE
-from palpate.estimators.variable_projection import projection_settings
+from palpate.estimators.variable_projection import projection_settings, surfaces_in
 from palpate.force_laws import HuntCrossley
 from palpate.settings import Scale
 from palpate.stated_cost import StatedCost
@@ -22,9 +22,7 @@ from palpate.validation import (
     all_good,
     instance,
     number_in,
-    pair_in,
     real_array,
-    shown,
     whole_in,
 )
 
@@ -169,7 +167,7 @@ def fit_curves(
         *_checked_projection(noise, exponent, exponent_range, offset),
         _of_each("offset_deviation", offset_deviation, len(curves[0])),
         _of_each("surface_deviation", surface_deviation, len(curves[0])),
-        _checked_surfaces(surface, surface_range),
+        surfaces_in(surface, surface_range, (0.0, 0.0), 1e30),  # 0: the core chooses it
         _checked_scale(scale),
     )
     return _fitted(curves, settings, whole_in("threads", threads, 1, 1024)).fits()
@@ -207,7 +205,9 @@ def stated_cost(
         ),
         _of_each("offset_deviation", settings.pop("offset_deviation", None), 1),
         _of_each("surface_deviation", settings.pop("surface_deviation", None), 1),
-        _checked_surfaces(settings.pop("surface", None), settings.pop("surface_range", None)),
+        surfaces_in(
+            settings.pop("surface", None), settings.pop("surface_range", None), (0.0, 0.0), 1e30
+        ),
         _checked_scale(settings.pop("scale", None)),
     )
     if settings:
@@ -256,22 +256,9 @@ class _Answers(NamedTuple):
         )
 
     def fits(self) -> CurveFits:
-        columns = (np.ascontiguousarray(self.numbers[:, i]) for i in range(7))
-        stiffness, damping, exponent, offset, surface, noise, cost = columns
-        flags, status = (np.ascontiguousarray(self.codes[:, i]) for i in range(2))
-        return CurveFits(
-            stiffness,
-            damping,
-            exponent,
-            offset,
-            surface,
-            self.covariance,
-            noise,
-            cost,
-            self.taken,
-            flags,
-            status,
-        )
+        columns: list[Any] = [np.ascontiguousarray(self.numbers[:, i]) for i in range(7)]
+        codes: list[Any] = [np.ascontiguousarray(self.codes[:, i]) for i in range(2)]
+        return CurveFits(*[*columns[:5], self.covariance, *columns[5:], self.taken, *codes])
 
 
 def _fitted(
@@ -320,28 +307,6 @@ def _checked_projection(
         fixed = number_in("exponent", exponent, 0.1, 10.0)
         exponents = fixed, fixed
     return exponents, offset, level
-
-
-def _checked_surfaces(
-    surface: str | None, surface_range: tuple[float, float] | None
-) -> tuple[float, float] | None:
-    if not (surface is None or (isinstance(surface, str) and surface == "estimate")):
-        raise InvalidParameterError(f"surface must be 'estimate' or None, not {shown(surface)}")
-    if surface is None:
-        if surface_range is not None:
-            raise InvalidParameterError(
-                "surface_range is for surface='estimate'; without it the surface is at 0"
-            )
-        return None
-    if surface_range is None:
-        return 0.0, 0.0  # the core chooses it by the unit
-    low, high = pair_in("surface_range", surface_range, -1e30, 1e30)
-    if not high > low:
-        raise InvalidParameterError(
-            f"surface_range must be (lowest, highest) in m, not {shown(surface_range)}: it holds "
-            "nothing"
-        )
-    return low, high
 
 
 def _checked_scale(scale: Scale | None) -> tuple[float, float, float]:

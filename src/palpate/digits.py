@@ -56,19 +56,17 @@ def parameter(value: float, error: float, *, unit: str = "", fixed: bool = False
     return with_error(value, error, unit=unit)
 
 
-def interval(value: float, error: float, factor: float = 1.96) -> str:
-    """Write value ± factor · error as an interval with the digits of the error: ``2500 to 6000``.
+def interval(value: float, error: float) -> str:
+    """Write value ± 1.96 error, a 95 % interval, with the digits of the error: ``2500 to 6000``.
 
     Parameters
     ----------
     value, error : float
         A number and its standard error.
-    factor : float
-        1.96 unless given: 95 of 100.
     """
     if not (math.isfinite(value) and math.isfinite(error) and error > 0.0):
         return "unknown"
-    ends = (value - factor * error, value + factor * error)
+    ends = (value - 1.96 * error, value + 1.96 * error)
     largest, place = _last_place(error)
     power = max(_power(value), _power(largest), *(_power(end) for end in ends))
     if power in PLAIN:

@@ -7,10 +7,11 @@ from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import covariance_matrix, signal
+from palpate.settings import Configured
+from palpate.validation import arguments, covariance_matrix, signal
 
 
-class LeastSquares(_core.LeastSquares):
+class LeastSquares(Configured, _core.LeastSquares):
     """Recursive least squares with forgetting, for any y = φᵀθ that is linear in θ.
 
     g = P φ;  L = g / (λ + φᵀ g);  e = y − φᵀ θ;  θ ← θ + L e;  P ← (P − L gᵀ) / λ   (eq. 13)
@@ -39,6 +40,7 @@ class LeastSquares(_core.LeastSquares):
         initial: "ArrayLike | None" = None,
         initial_covariance: "ArrayLike" = 1e6,
     ) -> None:
+        self._settings: dict[str, Any] = arguments(locals())
         if not isinstance(order, int | np.integer) or not 1 <= order <= 8:
             raise InvalidParameterError(f"order must be a whole number in [1, 8], not {order!r}")
         start = np.zeros(order) if initial is None else signal("initial", initial)
@@ -47,33 +49,9 @@ class LeastSquares(_core.LeastSquares):
                 f"initial must be {order} finite coefficients, not {initial!r}"
             )
         covariance = covariance_matrix("initial_covariance", initial_covariance, int(order))
-        self._settings: tuple[int, Any, Any] = (int(order), initial, initial_covariance)
         super().__init__(int(order), start, covariance.reshape(-1))
 
     def reset(self) -> None:
         """Forget every row taken."""
-        order, initial, covariance = self._settings
-        fresh = LeastSquares(order, initial=initial, initial_covariance=covariance)
+        fresh = LeastSquares(**self._settings)
         self._restore(fresh._state())
-
-    def copy(self) -> "LeastSquares":
-        """Return an engine with the same settings and state, from here on independent."""
-        order, initial, covariance = self._settings
-        return _restored(order, initial, covariance, self._state())
-
-    __copy__ = copy
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> "LeastSquares":
-        return self.copy()
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (*self._settings, self._state())
-
-
-def _restored(order: int, initial: Any, initial_covariance: Any, state: bytes) -> LeastSquares:
-    engine = LeastSquares(order, initial=initial, initial_covariance=initial_covariance)
-    try:
-        engine._restore(state)
-    except (TypeError, ValueError) as error:
-        raise InvalidParameterError(f"LeastSquares: {error}") from None
-    return engine

@@ -1,6 +1,7 @@
 """Settings that estimators share: the gate, how the past is forgotten, the units."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
@@ -249,3 +250,48 @@ class Scale:
 
     def _plain(self) -> tuple[float, float, float]:
         return self.penetration, self.velocity, self.force
+
+
+class Configured:
+    """What keyword arguments make and samples change: copied and pickled, it goes on the same."""
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:  # the compiled class, or one of one's own, brings these
+        _settings: dict[str, Any]
+
+        def _state(self) -> bytes: ...
+        def _restore(self, state: bytes) -> None: ...
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The constructor's arguments."""
+        return dict(self._settings)
+
+    def copy(self) -> Self:
+        """Return one with the same settings and state, from here on independent."""
+        return _restored(type(self), self._settings, self._state())
+
+    __copy__ = copy
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self.copy()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (type(self), self._settings, self._state())
+
+    def __repr__(self) -> str:
+        given = ", ".join(f"{name}={value!r}" for name, value in self._settings.items())
+        return f"{type(self).__name__}({given})"
+
+
+Kind = TypeVar("Kind", bound=Configured)
+
+
+def _restored(kind: type[Kind], settings: dict[str, Any], state: Any) -> Kind:
+    made = kind(**settings)
+    try:
+        made._restore(state)
+    except (TypeError, ValueError) as error:
+        raise InvalidParameterError(f"{kind.__name__}: {error}") from None
+    return made

@@ -1,6 +1,9 @@
 """Checks of arguments, so that every setting refuses nonsense in the same words."""
 
 import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -19,6 +22,46 @@ def shown(value: Any) -> str:
         words = f"<{type(value).__name__}>"
     words = " ".join(words.split())
     return words if len(words) <= 80 else words[:77] + "…"
+
+
+def defined(value: float | None) -> float | None:
+    """A finite number, or None: JSON has no word for others."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def plain(value: Any) -> Any:
+    """What JSON takes: None for numbers that it has no word for, a mapping for a dataclass."""
+    if isinstance(value, float):
+        return defined(value)
+    if isinstance(value, Mapping):
+        return {str(name): plain(each) for name, each in value.items()}
+    if isinstance(value, list | tuple | deque):
+        return [plain(each) for each in value]
+    return value.as_dict() if hasattr(value, "as_dict") else value
+
+
+class Plain:
+    """A dataclass that is written down by its fields."""
+
+    __slots__ = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers and words; what is not defined is None."""
+        found = {each: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
+        return {
+            each.name: defined(value) if each.type is float else plain(value)
+            for each, value in found.items()
+        }
+
+
+def or_nan(value: float | None) -> float:
+    """A number, of which JSON's null is NaN."""
+    return math.nan if value is None else float(value)
+
+
+def arguments(given: dict[str, Any]) -> dict[str, Any]:
+    """What a constructor was given, by name: of its ``locals()``, before it has any of its own."""
+    return {name: value for name, value in given.items() if name not in ("self", "__class__")}
 
 
 def number(name: str, value: Any) -> float:

@@ -5,25 +5,24 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from palpate.design.motion import PAPER_MOTION, Motion
+from palpate.design.motion import PAPER_MOTION as PAPER_MOTION
+from palpate.design.motion import Motion as Motion
 from palpate.design.precision import HORIZON, Measurement
 from palpate.design.predicted_precision import PredictedPrecision, predict_precision
-from palpate.design.rounding import effective_noise
+from palpate.design.rounding import effective_noise as effective_noise
 from palpate.design.search import Limits, find_better, limits_around
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import HuntCrossley
 from palpate.stages import timed
-from palpate.validation import instance, number_in
-
-__all__ = ["DURATIONS", "PAPER_MOTION", "Design", "Motion", "design", "effective_noise"]
+from palpate.validation import Plain, instance, number_in
 
 #: When the precision is predicted, s.
 DURATIONS = (0.5, 1.0, 5.0, 20.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Design:
+class Design(Plain):
     """What a planned motion would identify of a guessed material, and what a better one would.
 
     Attributes
@@ -90,20 +89,8 @@ class Design:
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain numbers and words; what is infinite or undefined is None."""
-        return {
-            "law": {"kind": self.law.kind, **self.law.as_dict()},
-            "noise": self.noise,
-            "resolution": self.resolution,
-            "effective_noise": self.effective_noise,
-            "sample_time": self.sample_time,
-            "offset": self.offset,
-            "surface": self.surface,
-            "speed_limit": self.speed_limit if math.isfinite(self.speed_limit) else None,
-            "limits": asdict(self.limits),
-            "planned": self.planned.as_dict(),
-            "better": None if self.better is None else self.better.as_dict(),
-            "reason": self.reason,
-        }
+        law = {"kind": self.law.kind, **self.law.as_dict()}
+        return {**Plain.as_dict(self), "law": law, "limits": asdict(self.limits)}
 
 
 @timed("design")

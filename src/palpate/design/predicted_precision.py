@@ -10,7 +10,7 @@ from palpate.design.motion import Motion
 from palpate.design.precision import Measurement
 from palpate.design.search import FASTEST_PHASE
 from palpate.digits import rounded
-from palpate.validation import Floats
+from palpate.validation import Floats, defined
 
 TARGETS = (0.05, 0.01)
 
@@ -97,7 +97,7 @@ class PredictedPrecision:
             "leaves_contact": self.leaves_contact,
             "peak_speed": self.peak_speed,
             "rms_speed": self.rms_speed,
-            "violated_fraction": _defined(self.violated_fraction),
+            "violated_fraction": defined(self.violated_fraction),
             "peak_force": self.peak_force,
             "notes": list(self.notes),
         }
@@ -172,8 +172,4 @@ def _rounding_notes(errors: Floats, expected: Floats, duration: float) -> list[s
 
 def _named(row: Floats) -> dict[str, float | None]:
     names = ("stiffness", "damping", "exponent")
-    return {name: _defined(float(value)) for name, value in zip(names, row, strict=True)}
-
-
-def _defined(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    return {name: defined(float(value)) for name, value in zip(names, row, strict=True)}

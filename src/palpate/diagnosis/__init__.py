@@ -5,30 +5,14 @@ beside the fit (``columns``, ``memory``, ``delay``, ``surface``, ``change``); ``
 of them and weighs all. ``docs/diagnosis.md`` says what each sentence means.
 """
 
-from palpate.diagnosis.data import Data
-from palpate.diagnosis.diagnosing import diagnose_parts
-from palpate.diagnosis.finding import (
-    MARKS,
-    Diagnosis,
-    Episode,
-    Finding,
-    Quantity,
-    Verdict,
-    WorkingDepth,
-    stacked,
-)
-from palpate.diagnosis.laws import Laws
-
-__all__ = [
-    "MARKS",
-    "Data",
-    "Diagnosis",
-    "Episode",
-    "Finding",
-    "Laws",
-    "Quantity",
-    "Verdict",
-    "WorkingDepth",
-    "diagnose_parts",
-    "stacked",
-]
+from palpate.diagnosis.data import Data as Data
+from palpate.diagnosis.diagnosing import diagnose_parts as diagnose_parts
+from palpate.diagnosis.finding import MARKS as MARKS
+from palpate.diagnosis.finding import Diagnosis as Diagnosis
+from palpate.diagnosis.finding import Episode as Episode
+from palpate.diagnosis.finding import Finding as Finding
+from palpate.diagnosis.finding import Quantity as Quantity
+from palpate.diagnosis.finding import Verdict as Verdict
+from palpate.diagnosis.finding import WorkingDepth as WorkingDepth
+from palpate.diagnosis.finding import stacked as stacked
+from palpate.diagnosis.laws import Laws as Laws

@@ -38,8 +38,6 @@ class Cause:
         What to do.
     moves : callable
         Gives stiffness and damping for a fit, at its working depth.
-    sure : bool
-        Whether it may be named by itself.
     """
 
     name: str
@@ -51,7 +49,6 @@ class Cause:
     sentence: str
     remedy: str | None
     moves: "Moves"
-    sure: bool = True
 
     def moving(self, fit: Fit, moves: "Moves") -> "Cause":
         """Return the same that moves stiffness and damping otherwise."""

@@ -1,6 +1,5 @@
 """What the checks ask of a recording, worked out once."""
 
-import itertools
 import math
 from collections.abc import Iterator
 from functools import cached_property
@@ -8,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact
+from palpate.contact import Contact, slices_of
 from palpate.diagnosis.finding import Finding
 from palpate.diagnosis.laws import Laws
 from palpate.digits import rounded
@@ -43,10 +42,7 @@ class Data:
 
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""
-        borders = np.flatnonzero(np.diff(self.segment)) + 1
-        for start, stop in itertools.pairwise([0, *borders.tolist(), len(self)]):
-            if stop > start:
-                yield slice(start, stop)
+        return slices_of(self.segment)
 
     @cached_property
     def sample_time(self) -> float:

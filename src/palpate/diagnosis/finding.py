@@ -9,6 +9,7 @@ import numpy as np
 
 from palpate.estimators import LawVerdict
 from palpate.force_laws import ForceLaw
+from palpate.validation import Plain
 
 Mark = Literal["trust", "with-care", "do-not-trust"]
 Severity = Literal["note", "with-care", "do-not-trust"]
@@ -27,7 +28,7 @@ def severity_of(mark: Mark) -> Severity:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(Plain):
     """One sentence about a recording or about what was identified from it.
 
     Attributes
@@ -58,23 +59,9 @@ class Finding:
     moves_stiffness_percent: float = math.nan
     moves_damping_percent: float = math.nan
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers and words; what is not defined is None."""
-        return {
-            "check": self.check,
-            "sentence": self.sentence,
-            "remedy": self.remedy,
-            "z": defined(self.z),
-            "stiffness": self.stiffness,
-            "damping": self.damping,
-            "severity": self.severity,
-            "moves_stiffness_percent": defined(self.moves_stiffness_percent),
-            "moves_damping_percent": defined(self.moves_damping_percent),
-        }
-
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(Plain):
     """Whether to trust the stiffness and the damping at working depth, and the whole.
 
     Attributes
@@ -87,13 +74,9 @@ class Verdict:
     damping: Mark
     overall: Mark
 
-    def as_dict(self) -> dict[str, str]:
-        """Return the three marks."""
-        return {"stiffness": self.stiffness, "damping": self.damping, "overall": self.overall}
-
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class Quantity(Plain):
     """A number with two error bars, SI; or arrays of them.
 
     Attributes
@@ -111,17 +94,9 @@ class Quantity:
     standard_error: float
     systematic: float
 
-    def as_dict(self) -> dict[str, float | None]:
-        """Return it as plain numbers; what is not defined is None."""
-        return {
-            "value": defined(self.value),
-            "standard_error": defined(self.standard_error),
-            "systematic": defined(self.systematic),
-        }
-
 
 @dataclass(frozen=True, slots=True)
-class WorkingDepth:
+class WorkingDepth(Plain):
     """What the law says at one depth and at rest, SI.
 
     Attributes
@@ -140,15 +115,6 @@ class WorkingDepth:
     force: Quantity
     stiffness: Quantity
     damping: Quantity
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers; what is not defined is None."""
-        return {
-            "depth": defined(self.depth),
-            "force": self.force.as_dict(),
-            "stiffness": self.stiffness.as_dict(),
-            "damping": self.damping.as_dict(),
-        }
 
 
 def stacked(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDepth:
@@ -255,8 +221,3 @@ class Diagnosis:
             "findings": [finding.as_dict() for finding in self.findings],
             "episodes": [episode.as_dict() for episode in self.episodes],
         }
-
-
-def defined(value: float) -> float | None:
-    """Return a finite number, or None."""
-    return float(value) if math.isfinite(value) else None

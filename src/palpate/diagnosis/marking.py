@@ -110,7 +110,7 @@ def _in_doubt(named: Cause, rivals: list[Cause]) -> Cause:
     second = max(others, key=lambda cause: cause.gain)
     if named.name == "surface" or _surely(named, second):
         return named
-    return replace(named, sentence=f"{named.sentence}; or {second.sentence}", sure=False)
+    return replace(named, sentence=f"{named.sentence}; or {second.sentence}")
 
 
 def _finding(cause: Cause, weight: float, ratio: float, *, leading: bool) -> Finding:

@@ -1,7 +1,7 @@
 """The face that every estimator of a contact shows."""
 
 import copy
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,11 +10,12 @@ from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimate import Estimate
 from palpate.force_laws import ForceLaw
+from palpate.settings import Configured
 from palpate.trace import Trace
 from palpate.validation import Floats, shown, signal, signals
 
 
-class ContactEstimator:
+class ContactEstimator(Configured):
     """What estimators have in common: samples one at a time, or arrays by the same recursion.
 
     Its subclasses are the methods. Settings are the constructor's keyword arguments; what was
@@ -38,10 +39,6 @@ class ContactEstimator:
     knows_offset: ClassVar[bool] = False
 
     if TYPE_CHECKING:  # the compiled class, or a method of one's own, brings these
-        _settings: dict[str, Any]
-
-        def _state(self) -> bytes: ...
-        def _restore(self, state: bytes) -> None: ...
 
         def update(
             self, penetration: float, velocity: float, force: float, dt: float | None = None
@@ -72,11 +69,6 @@ class ContactEstimator:
             """End the contact; the estimate is held until it is made again."""
 
     @property
-    def settings(self) -> dict[str, Any]:
-        """The constructor's arguments."""
-        return dict(self._settings)
-
-    @property
     def fixed(self) -> tuple[str, ...]:
         """The law's parameters that its settings give, and that are not identified."""
         return ("exponent",) if self._settings.get("exponent") is not None else ()
@@ -84,22 +76,6 @@ class ContactEstimator:
     def replace(self, **changes: Any) -> Self:
         """Return a fresh estimator with these settings changed, which has learned nothing."""
         return type(self)(**{**self._settings, **changes})
-
-    def copy(self) -> Self:
-        """Return an estimator with the same settings and state, from here on independent."""
-        return _restored(type(self), self._settings, self._state())
-
-    __copy__ = copy
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        return self.copy()
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (type(self), self._settings, self._state())
-
-    def __repr__(self) -> str:
-        arguments = ", ".join(f"{name}={value!r}" for name, value in self._settings.items())
-        return f"{type(self).__name__}({arguments})"
 
 
 class CompiledEstimator(ContactEstimator):
@@ -238,15 +214,3 @@ def _rows(at: "ArrayLike | None", samples: int) -> NDArray[np.int64] | None:
             f"at must be samples in their order, whole numbers in [0, {samples}), not {shown(at)}"
         )
     return rows
-
-
-Estimator = TypeVar("Estimator", bound=ContactEstimator)
-
-
-def _restored(kind: type[Estimator], settings: dict[str, Any], state: Any) -> Estimator:
-    estimator = kind(**settings)
-    try:
-        estimator._restore(state)
-    except (TypeError, ValueError) as error:
-        raise InvalidParameterError(f"{kind.__name__}: {error}") from None
-    return estimator

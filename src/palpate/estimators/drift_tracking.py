@@ -10,7 +10,7 @@ from palpate.estimators.registry import register
 from palpate.estimators.variable_projection import PROBING, projection_settings
 from palpate.force_laws import HuntCrossley
 from palpate.settings import SAMPLE_TIME, ChangeDetector, ContactGate, Scale
-from palpate.validation import number_in
+from palpate.validation import arguments, number_in
 
 _DEFAULTS = _core.defaults["DriftTracking"]
 
@@ -68,21 +68,7 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
         sample_time: float = SAMPLE_TIME,
         scale: Scale | None = None,
     ) -> None:
-        self._settings: dict[str, Any] = {
-            "stiffness_drift": stiffness_drift,
-            "dissipation_drift": dissipation_drift,
-            "exponent_drift": exponent_drift,
-            "noise": noise,
-            "offset": offset,
-            "offset_deviation": offset_deviation,
-            "exponent_range": exponent_range,
-            "exponent": exponent,
-            "change_detector": change_detector,
-            "outlier_rejection": outlier_rejection,
-            "gate": gate,
-            "sample_time": sample_time,
-            "scale": scale,
-        }
+        self._settings: dict[str, Any] = arguments(locals())
         drift = (
             number_in("stiffness_drift", stiffness_drift, 0.0, 100.0),
             number_in("dissipation_drift", dissipation_drift, 0.0, 1e6),

@@ -7,6 +7,7 @@ from typing import Any
 
 from palpate import _core
 from palpate.digits import rounded
+from palpate.validation import defined, or_nan
 
 # By the values of the compiled enumerations.
 DAMPINGS = ("none", "hunt-crossley", "half-space")
@@ -115,8 +116,8 @@ class Standing:
             "law": str(self.candidate),
             **self.candidate.as_dict(),
             "parameters": self.candidate.parameters,
-            "score": _defined(self.score),
-            "rms_error": _defined(self.rms_error),
+            "score": defined(self.score),
+            "rms_error": defined(self.rms_error),
         }
 
 
@@ -164,7 +165,7 @@ class LawVerdict:
             "law": str(self.candidate),
             **self.candidate.as_dict(),
             "standings": [each.as_dict() for each in self.standings],
-            **{name: _defined(getattr(self, name)) for name in _NUMBERS},
+            **{name: defined(getattr(self, name)) for name in _NUMBERS},
             "flags": list(self.flags),
         }
 
@@ -193,10 +194,10 @@ class LawVerdict:
             return Candidate(each["damping"], each["memory"], each["linear"])
 
         standings = (
-            Standing(candidate(each), _number(each["score"]), _number(each["rms_error"]))
+            Standing(candidate(each), or_nan(each["score"]), or_nan(each["rms_error"]))
             for each in words["standings"]
         )
-        samples, effective, depth, frequency = (_number(words[name]) for name in _NUMBERS)
+        samples, effective, depth, frequency = (or_nan(words[name]) for name in _NUMBERS)
         flags = tuple(map(str, words["flags"]))
         return cls(candidate(words), tuple(standings), samples, effective, depth, frequency, flags)
 
@@ -243,11 +244,3 @@ class DynamicStiffness:
     def loss_tangent(self) -> float:
         """Tan δ = ω B′/K′."""
         return self.frequency * self.damping / self.stiffness if self.stiffness else math.nan
-
-
-def _defined(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)

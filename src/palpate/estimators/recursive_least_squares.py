@@ -23,7 +23,7 @@ from palpate.settings import (
     Scale,
     SelfPerturbation,
 )
-from palpate.validation import covariance_matrix, instance, number_in, shown
+from palpate.validation import arguments, covariance_matrix, instance, number_in, shown
 
 
 class RecursiveLeastSquaresEstimator(CompiledEstimator):
@@ -76,19 +76,7 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
         sample_time: float = SAMPLE_TIME,
         scale: Scale | None = None,
     ) -> None:
-        self._begin(
-            {
-                "initial": initial,
-                "initial_covariance": initial_covariance,
-                "forgetting": forgetting,
-                "perturbation": perturbation,
-                "change_detector": change_detector,
-                "outlier_rejection": outlier_rejection,
-                "gate": gate,
-                "sample_time": sample_time,
-                "scale": scale,
-            }
-        )
+        self._begin(arguments(locals()))
 
     def _begin(self, settings: dict[str, Any]) -> None:
         """Keep the settings, with what was left to the method, and make the recursion."""
@@ -169,20 +157,7 @@ class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):
         sample_time: float = SAMPLE_TIME,
         scale: Scale | None = None,
     ) -> None:
-        self._begin(
-            {
-                "exponent": exponent,
-                "initial": initial,
-                "initial_covariance": initial_covariance,
-                "forgetting": forgetting,
-                "perturbation": perturbation,
-                "change_detector": change_detector,
-                "outlier_rejection": outlier_rejection,
-                "gate": gate,
-                "sample_time": sample_time,
-                "scale": scale,
-            }
-        )
+        self._begin(arguments(locals()))
 
     def _plain_settings(self) -> tuple[Any, ...]:
         start, covariance, loop = self._checked()

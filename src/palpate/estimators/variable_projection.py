@@ -17,7 +17,7 @@ from palpate.settings import (
     Forgetting,
     Scale,
 )
-from palpate.validation import instance, number_in, pair_in, shown
+from palpate.validation import arguments, instance, number_in, pair_in, shown
 
 _DEFAULTS = _core.defaults["VariableProjection"]
 # Where it is not chosen: the probing of a hand-sized robot.
@@ -113,28 +113,15 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         scale: Scale | None = None,
     ) -> None:
         instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
-        self._settings: dict[str, Any] = {
-            "noise": noise,
-            "forgetting": forgetting,
-            "change_detector": change_detector,
-            "outlier_rejection": outlier_rejection,
-            "offset": offset,
-            "offset_deviation": offset_deviation,
-            "exponent_range": exponent_range,
-            "exponent": exponent,
-            "surface": surface,
-            "surface_range": surface_range,
-            "surface_deviation": surface_deviation,
-            "gate": gate,
-            "sample_time": sample_time,
-            "scale": scale,
-        }
+        self._settings: dict[str, Any] = arguments(locals())
         loop = loop_settings(
             change_detector, outlier_rejection, gate, scale, sample_time, default_scale=PROBING
         )
+        unit = (scale or PROBING).penetration
+        least, most = _DEFAULTS["surface_range"]
         super().__init__(
             *projection_settings(noise, exponent_range, exponent, offset, offset_deviation),
-            _checked_surfaces(surface, surface_range, scale or PROBING),
+            surfaces_in(surface, surface_range, (least * unit, most * unit), 5.0 * unit),
             _positive("surface_deviation", surface_deviation),
             (forgetting or ConstantForgetting())._plain(),
             *loop,
@@ -163,9 +150,13 @@ def _positive(name: str, value: float | None) -> float:
     return 0.0 if value is None else number_in(name, value, 0.0, 1e30, open_low=True)
 
 
-def _checked_surfaces(
-    surface: str | None, surface_range: tuple[float, float] | None, scale: Scale
+def surfaces_in(
+    surface: str | None,
+    surface_range: tuple[float, float] | None,
+    usual: tuple[float, float],
+    widest: float,
 ) -> tuple[float, float] | None:
+    """Check where a surface is looked for, m; None: nowhere."""
     if not (surface is None or (isinstance(surface, str) and surface == "estimate")):
         raise InvalidParameterError(f"surface must be 'estimate' or None, not {shown(surface)}")
     if surface is None:
@@ -174,10 +165,8 @@ def _checked_surfaces(
                 "surface_range is for surface='estimate'; without it the surface is at 0"
             )
         return None
-    widest = 5.0 * scale.penetration
     if surface_range is None:
-        least, most = _DEFAULTS["surface_range"]
-        return least * scale.penetration, most * scale.penetration
+        return usual
     low, high = pair_in("surface_range", surface_range, -widest, widest)
     if not high > low:
         raise InvalidParameterError(

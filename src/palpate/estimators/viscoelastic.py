@@ -28,7 +28,7 @@ from palpate.settings import (
     Forgetting,
     Scale,
 )
-from palpate.validation import instance, number, number_in, shown
+from palpate.validation import arguments, instance, number, number_in, shown
 
 _DEFAULTS = _core.defaults["ViscoelasticContact"]
 _PROBING = Scale(*_DEFAULTS["scale"])
@@ -116,20 +116,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     ) -> None:
         instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
         instance("offset", offset, bool)
-        self._settings: dict[str, Any] = {
-            "damping": damping,
-            "memory": memory,
-            "forgetting": forgetting,
-            "change_detector": change_detector,
-            "outlier_rejection": outlier_rejection,
-            "offset": offset,
-            "offset_deviation": offset_deviation,
-            "surface_deviation": surface_deviation,
-            "exponent": exponent,
-            "gate": gate,
-            "sample_time": sample_time,
-            "scale": scale,
-        }
+        self._settings: dict[str, Any] = arguments(locals())
         low, high = self.exponents
         super().__init__(
             _offered(damping, memory),

@@ -4,28 +4,16 @@ made = exports.export(palpate.load_result("ball"), to="mujoco", mass=1.0)
 made.save("ball-in-mujoco")
 """
 
-from palpate.exports.asked import Asked
-from palpate.exports.comparing import Compared
-from palpate.exports.engine import Engine, Fragment, Replayed
-from palpate.exports.errors import Drop
-from palpate.exports.exporting import Export, export
-from palpate.exports.motion import Motion
-from palpate.exports.pressed import Pressed
-from palpate.exports.registry import engine_called, engines
-from palpate.exports.statement import Statement
-
-__all__ = [
-    "Asked",
-    "Compared",
-    "Drop",
-    "Engine",
-    "Export",
-    "Fragment",
-    "Motion",
-    "Pressed",
-    "Replayed",
-    "Statement",
-    "engine_called",
-    "engines",
-    "export",
-]
+from palpate.exports.asked import Asked as Asked
+from palpate.exports.comparing import Compared as Compared
+from palpate.exports.engine import Engine as Engine
+from palpate.exports.engine import Fragment as Fragment
+from palpate.exports.engine import Replayed as Replayed
+from palpate.exports.errors import Drop as Drop
+from palpate.exports.exporting import Export as Export
+from palpate.exports.exporting import export as export
+from palpate.exports.motion import Motion as Motion
+from palpate.exports.pressed import Pressed as Pressed
+from palpate.exports.registry import engine_called as engine_called
+from palpate.exports.registry import engines as engines
+from palpate.exports.statement import Statement as Statement

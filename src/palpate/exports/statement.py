@@ -10,6 +10,7 @@ from palpate.exports.engine import Engine, Fragment
 from palpate.exports.nearest import Nearest
 from palpate.exports.source import Source
 from palpate.exports.text import length, percent
+from palpate.validation import defined
 
 #: Below it, %, an error is the arithmetic's: single precision in an engine leaves 10⁻⁵.
 EXACT = 1e-3
@@ -148,13 +149,13 @@ class Statement:
             "standard_errors": (
                 None
                 if errors is None
-                else {name: _defined(float(e)) for name, e in zip(law, errors, strict=True)}
+                else {name: defined(float(e)) for name, e in zip(law, errors, strict=True)}
             ),
             "exported_law": self._exported(),
-            "numbers": {name: _defined(value) for name, value in self.fragment.numbers.items()},
+            "numbers": {name: defined(value) for name, value in self.fragment.numbers.items()},
             "mass": asked.mass,
             "time_step": asked.time_step,
-            "largest_time_step": _defined(self.fragment.largest_step),
+            "largest_time_step": defined(self.fragment.largest_step),
             "source": source.name or None,
             "motion": source.motion.source,
             "verdict": None if source.verdict is None else source.verdict.as_dict(),
@@ -167,22 +168,22 @@ class Statement:
     def _errors(self) -> dict[str, float | None]:
         found = self.compared
         return {
-            "against_law": _defined(found.percent),
-            "predicted": _defined(found.predicted_percent),
-            "against_measured": _defined(found.against_measured_percent),
-            "law_leaves": _defined(found.law_leaves_percent),
-            "nearest": _defined(self.nearest.error_percent),
+            "against_law": defined(found.percent),
+            "predicted": defined(found.predicted_percent),
+            "against_measured": defined(found.against_measured_percent),
+            "law_leaves": defined(found.law_leaves_percent),
+            "nearest": defined(self.nearest.error_percent),
         }
 
     def _drop(self) -> dict[str, Any]:
         found, drop = self.compared, self.compared.drop
         return {
             "mass": drop.mass,
-            "speed": _defined(drop.speed),
+            "speed": defined(drop.speed),
             "depth": drop.depth,
-            "restitution_of_law": _defined(drop.restitution),
-            "restitution": _defined(found.rebound),
-            "error_percent": _defined(found.rebound_percent),
+            "restitution_of_law": defined(drop.restitution),
+            "restitution": defined(found.rebound),
+            "error_percent": defined(found.rebound_percent),
             "replayed": found.replayed_rebound is not None,
         }
 
@@ -229,7 +230,3 @@ _OWN = ("stiffness", "exponent", "damping", "damping_exponent")
 def _parameter(value: float, error: float, unit: str, *, bare: bool) -> str:
     words = rounded(value, 6) if bare else parameter(value, error)
     return f"{words} {unit}".rstrip()
-
-
-def _defined(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else value

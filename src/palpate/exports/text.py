@@ -12,16 +12,16 @@ def digits(value: float) -> str:
     return f"{value:.0f}" if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 
-def xml_comment(notes: Sequence[str], indent: str = "") -> str:
+def xml_comment(notes: Sequence[str]) -> str:
     """Lines as an XML comment, in which two hyphens may not stand together."""
     lines = [re.sub("-(?=-)", "- ", line) for line in _lines(notes)]
-    inside = "\n".join(f"{indent}  {line}".rstrip() for line in lines)
-    return f"{indent}<!--\n{inside}\n{indent}-->"
+    inside = "\n".join(f"  {line}".rstrip() for line in lines)
+    return f"<!--\n{inside}\n-->"
 
 
-def hash_comment(notes: Sequence[str], indent: str = "") -> str:
+def hash_comment(notes: Sequence[str]) -> str:
     """Lines as comments that begin with #."""
-    return "\n".join(f"{indent}# {line}".rstrip() for line in _lines(notes))
+    return "\n".join(f"# {line}".rstrip() for line in _lines(notes))
 
 
 def _lines(notes: Sequence[str]) -> list[str]:

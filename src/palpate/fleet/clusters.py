@@ -11,7 +11,7 @@ from typing import Any
 
 import palpate
 from palpate.errors import FleetError
-from palpate.fleet.extras import cores, needed
+from palpate.fleet.extras import cores, line_of, needed
 
 #: s that a scheduler has to answer.
 PATIENCE = 10.0
@@ -62,10 +62,9 @@ def _named(distributed: Any, scheduler: str) -> Iterator[Any]:
         _check_address(scheduler)
         client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError, TimeoutError) as error:
-        words = " ".join(str(error).split()) or type(error).__name__
         raise FleetError(
-            f"{scheduler}: no scheduler of Dask answers ({words}); start one by dask scheduler, or "
-            "leave --scheduler out to use the cores of this machine"
+            f"{scheduler}: no scheduler of Dask answers ({line_of(error)}); start one by dask "
+            "scheduler, or leave --scheduler out to use the cores of this machine"
         ) from None
     try:
         yield client
@@ -101,7 +100,7 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
     }
     quiet = os.environ.get("PALPATE_DASK_LOGS") is None
     with dask.config.set(settings):
-        with _ignoring_interrupts():
+        with ignoring_interrupts():
             cluster = distributed.LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
@@ -154,7 +153,7 @@ def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
 
 
 @contextmanager
-def _ignoring_interrupts() -> Iterator[None]:
+def ignoring_interrupts() -> Iterator[None]:
     """Start processes that ignore Ctrl-C, which a terminal sends to them too."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -187,8 +186,7 @@ def _check_workers(client: Any, scheduler: str) -> None:
     try:
         found = client.run(version)
     except Exception as error:
-        words = " ".join(str(error).split()) or type(error).__name__
-        raise FleetError(f"{scheduler}: its workers cannot be asked: {words}") from None
+        raise FleetError(f"{scheduler}: its workers cannot be asked: {line_of(error)}") from None
     for worker, answer in sorted(found.items()):
         if answer != palpate.__version__:
             has = answer if answer.startswith("no ") else f"palpate {answer}"

@@ -29,6 +29,11 @@ def needed(name: str, what: str) -> Any:
         raise MissingExtraError(f"{what} needs {package}: pip install 'palpate[fleet]'") from None
 
 
+def line_of(error: Exception) -> str:
+    """Return what a library says of an error, on one line."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
 def cores() -> int:
     """How many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.errors import MissingExtraError, RecordingError
-from palpate.fleet.extras import needed
+from palpate.fleet.extras import line_of, needed
 from palpate.fleet.results import MANIFEST
 from palpate.fleet.stored import described_array, is_array, stamp_of
 from palpate.fleet.tasks import Source
@@ -159,7 +159,7 @@ def _remote(text: str, leave_out: Path | None) -> Iterator[Source]:
     except ImportError as error:
         raise MissingExtraError(f"{text}: {error}; it goes beside 'palpate[fleet]'") from None
     except Exception as error:
-        raise RecordingError(f"{text}: cannot be listed: {_line(error)}") from None
+        raise RecordingError(f"{text}: cannot be listed: {line_of(error)}") from None
     arrays = _arrays_among(entries)
     for name in sorted(arrays):
         yield _found_array(f"{protocol}://{name}")
@@ -190,7 +190,3 @@ def _arrays_among(entries: Iterable[tuple[str, dict[str, Any]]]) -> set[str]:
         for name in found
         if not any(name.startswith(f"{other}/") for other in found if other != name)
     }
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Finding
+from palpate.estimate import Estimate
 from palpate.fleet.at_depth import AT_DEPTH
 from palpate.fleet.settings import Settings
 from palpate.force_laws import ForceLaw
@@ -86,30 +88,15 @@ def in_words(finding: Finding) -> str:
 
 def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:
     """Force, stiffness and damping at a depth, with errors by the delta method: √(gᵀ C g)."""
+    known = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
     with np.errstate(all="ignore"):
-        errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        slopes = np.zeros((errors.size, 3))
-        # By differences over a hundredth of an error, in which a law is as good as linear. One
-        # without an error is not the law's own: a spectrum that is not there has no neighbours.
-        for k in np.flatnonzero((errors > 0.0) & np.isfinite(errors)).tolist():
-            by = 0.01 * errors[k] * (np.arange(errors.size) == k)
-            high, low = (_three(type(law), law.parameters + s * by, depth) for s in (1.0, -1.0))
-            slopes[k] = (high - low) / (0.02 * errors[k])
-        variances = np.einsum("iq,ij,jq->q", slopes, covariance, slopes)
-        found = np.where(variances >= 0.0, np.sqrt(np.maximum(variances, 0.0)), np.nan)
+        values, errors = known.with_errors(
+            lambda of: (of.force(depth, 0.0), of.stiffness_at(depth), of.damping_at(depth))
+        )
     row: Row = {"depth": depth}
-    values = _three(type(law), law.parameters, depth).tolist()
-    for name, value, error in zip(AT_DEPTH, values, found.tolist(), strict=True):
+    for name, value, error in zip(AT_DEPTH, values.tolist(), errors.tolist(), strict=True):
         row |= {f"{name}_at_depth": value, f"{name}_at_depth_standard_error": error}
     return row
-
-
-def _three(kind: type[ForceLaw], parameters: Floats, depth: float) -> Floats:
-    """Force, stiffness and damping; NaN of parameters that are not finite, which make no law."""
-    if not np.isfinite(parameters).all():
-        return np.full(3, np.nan)
-    law = kind.from_parameters(parameters)
-    return np.array([law.force(depth, 0.0), law.stiffness_at(depth), law.damping_at(depth)])
 
 
 def place_in_notes(notes: "dict[str, str]") -> Row:

@@ -14,7 +14,7 @@ import numpy as np
 
 from palpate.errors import RecordingError
 from palpate.fleet.curves import Curves
-from palpate.fleet.extras import needed
+from palpate.fleet.extras import line_of, needed
 from palpate.fleet.tasks import Source
 from palpate.recordings.units import UNITS, plain_unit
 from palpate.validation import Floats
@@ -109,7 +109,7 @@ def curves_of(name: str, first: int, count: int) -> Curves:
     except RecordingError:
         raise
     except Exception as error:
-        raise RecordingError(f"{name}: cannot be read: {_line(error)}") from None
+        raise RecordingError(f"{name}: cannot be read: {line_of(error)}") from None
     time = found.get("time")
     if time is None:
         time = _even_clock(group, samples, name)
@@ -124,12 +124,6 @@ def curves_of(name: str, first: int, count: int) -> Curves:
         index=np.arange(first, first + len(found["force"]), dtype=np.int64),
         places={axis: found[axis] for axis in "xyz" if axis in found},
     )
-
-
-def read_gently() -> None:
-    """Let arrays be decoded by the thread that reads them: each worker has a core of its own."""
-    zarr = needed("zarr", "an array of contacts")
-    zarr.config.set({"threading.max_workers": 1, "async.concurrency": 4})
 
 
 @contextmanager
@@ -165,7 +159,7 @@ def _fetched(fsspec: Any, name: str) -> Iterator[bytes]:
             while piece := file.read(_PIECE):
                 yield piece
     except Exception as error:
-        raise RecordingError(f"{name}: cannot be fetched: {_line(error)}") from None
+        raise RecordingError(f"{name}: cannot be fetched: {line_of(error)}") from None
 
 
 def _opened(name: str) -> Any:
@@ -174,7 +168,7 @@ def _opened(name: str) -> Any:
         return zarr.open_group(_on_disk(name), mode="r")
     except Exception as error:
         raise RecordingError(
-            f"{name}: is no group of arrays by Zarr that can be opened: {_line(error)}"
+            f"{name}: is no group of arrays by Zarr that can be opened: {line_of(error)}"
         ) from None
 
 
@@ -241,7 +235,3 @@ def _even_clock(group: Any, samples: int, name: str) -> Floats:
         )
     clock: Floats = float(step) * np.arange(float(samples))
     return clock
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__

@@ -1,40 +1,17 @@
 """Contact force laws: what the lab is built from, and what identification gives back."""
 
-from palpate.force_laws.laws import (
-    FORCE_LAWS,
-    ExtendedKelvinVoigt,
-    Floats,
-    ForceLaw,
-    HuntCrossley,
-    KelvinVoigt,
-    law_from,
-    register,
-)
-
-from palpate.force_laws.along import force_over_breaks  # isort: skip
-from palpate.force_laws.generalised import GeneralisedHuntCrossley  # isort: skip
-from palpate.force_laws.relaxation import (  # isort: skip
-    FlatSpectrum,
-    PowerLawRelaxation,
-    Relaxation,
-    RelaxationState,
-    SingleRelaxation,
-)
-
-__all__ = [
-    "FORCE_LAWS",
-    "ExtendedKelvinVoigt",
-    "FlatSpectrum",
-    "Floats",
-    "ForceLaw",
-    "GeneralisedHuntCrossley",
-    "HuntCrossley",
-    "KelvinVoigt",
-    "PowerLawRelaxation",
-    "Relaxation",
-    "RelaxationState",
-    "SingleRelaxation",
-    "force_over_breaks",
-    "law_from",
-    "register",
-]
+from palpate.force_laws.along import force_over_breaks as force_over_breaks
+from palpate.force_laws.generalised import GeneralisedHuntCrossley as GeneralisedHuntCrossley
+from palpate.force_laws.laws import FORCE_LAWS as FORCE_LAWS
+from palpate.force_laws.laws import ExtendedKelvinVoigt as ExtendedKelvinVoigt
+from palpate.force_laws.laws import Floats as Floats
+from palpate.force_laws.laws import ForceLaw as ForceLaw
+from palpate.force_laws.laws import HuntCrossley as HuntCrossley
+from palpate.force_laws.laws import KelvinVoigt as KelvinVoigt
+from palpate.force_laws.laws import law_from as law_from
+from palpate.force_laws.laws import register as register
+from palpate.force_laws.relaxation import FlatSpectrum as FlatSpectrum
+from palpate.force_laws.relaxation import PowerLawRelaxation as PowerLawRelaxation
+from palpate.force_laws.relaxation import Relaxation as Relaxation
+from palpate.force_laws.relaxation import RelaxationState as RelaxationState
+from palpate.force_laws.relaxation import SingleRelaxation as SingleRelaxation

@@ -5,6 +5,4 @@ one comes, and writes what it found into a ring in shared memory. Sinks, such as
 recorder, read it from processes of their own.
 """
 
-from palpate.live.running import run
-
-__all__ = ["run"]
+from palpate.live.running import run as run

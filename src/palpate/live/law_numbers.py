@@ -12,6 +12,7 @@ from palpate.estimators.law_verdicts import STRONG, UNDECIDED
 from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
 from palpate.live.verdict_on_laws import estimate_of
 from palpate.quantities.oscillation import in_hertz
+from palpate.validation import or_nan
 
 #: Of each number its unit, and what it is called in a sentence.
 NUMBERS: Mapping[str, tuple[str, str]] = {
@@ -155,13 +156,13 @@ def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, floa
         "law": str(verdict["law"]) if verdict["parameters"] is not None else "",
         "standing": standing(verdict),
         "lead": lead_of(verdict)[0],
-        "samples": _number(verdict["samples"]),
-        "independent_samples": _number(verdict["effective_samples"]),
+        "samples": or_nan(verdict["samples"]),
+        "independent_samples": or_nan(verdict["effective_samples"]),
         "since": origin + float(verdict["since"]),
         "changes": float(verdict["changes"]),
         # Of a probe that has not moved there is neither.
-        "depth": _number(verdict["depth"] or None),
-        "frequency": _number(verdict["frequency"] or None),
+        "depth": or_nan(verdict["depth"] or None),
+        "frequency": or_nan(verdict["frequency"] or None),
     }
     numbers = numbers_of(verdict)
     for name in NUMBERS:
@@ -199,7 +200,3 @@ def _spectrum(parameters: Sequence[float] | None) -> tuple[float, float] | None:
     if relaxation is None or isinstance(relaxation, SingleRelaxation):
         return None
     return relaxation.spectrum[1:]
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)

@@ -3,11 +3,11 @@
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from palpate.diagnosis.finding import defined
 from palpate.live.choices import main_settings
 from palpate.live.counts import summed
 from palpate.live.states import State
 from palpate.preparation import OnlinePreparation
+from palpate.validation import defined
 
 if TYPE_CHECKING:
     from palpate.live.loop import Loop

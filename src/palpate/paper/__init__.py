@@ -1,16 +1,17 @@
 """The experiments of Haddadi & Hashtrudi-Zaad (2012), on the laboratory's rig.
 
-``trials``, ``methods``, ``motions`` and ``changes`` hold the paper's, ``today`` what its authors
-would see now. ``claims.toml`` has what the paper says of each, and ``judges.py`` when that holds.
+``trials``, ``methods``, ``motions`` and ``changes`` hold them. ``claims.toml`` has what the paper
+says of each, and ``judging.py`` when that holds.
 """
 
-from palpate.paper import changes, methods, motions, today, trials
-from palpate.paper.experiment import Claim, Experiment, Outcome, Table
-from palpate.paper.judging import Finding
+from palpate.paper import changes, methods, motions, trials
+from palpate.paper.experiment import Claim as Claim
+from palpate.paper.experiment import Experiment as Experiment
+from palpate.paper.experiment import Outcome as Outcome
+from palpate.paper.experiment import Table as Table
+from palpate.paper.judging import Finding as Finding
 
-__all__ = ["EXPERIMENTS", "Claim", "Experiment", "Finding", "Outcome", "Table"]
-
-_MODULES = (trials, methods, motions, changes, today)
+_MODULES = (trials, methods, motions, changes)
 _ALL: list[Experiment] = [each for module in _MODULES for each in module.EXPERIMENTS]
 #: By name, in the order of the paper.
 EXPERIMENTS: dict[str, Experiment] = {

@@ -12,7 +12,7 @@ from palpate import lab
 from palpate.force_laws import Floats
 from palpate.paper import drawing
 from palpate.paper.drawing import THEME, UNITS, Figure
-from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, Seeds, Table, by_symbol
+from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, by_symbol
 from palpate.paper.rig import AGREED, GATE, START, Method, ideally_pressed, identified, off, pressed
 
 SECONDS = 27.0
@@ -78,7 +78,9 @@ class _Intermittent(Experiment):
     """K, B, n, force error and penetration over time while the probe changes between two zones
     every five seconds: left of a phantom with a zone three times as stiff, right with one 7 %
     stiffer. Below, millisecond by millisecond about a change, the mean of the four. The regular
-    single stage is lost, the self-perturbing one follows.
+    single stage is lost, the self-perturbing one follows. A mean error leaves out the half second
+    of a change; the error is back where its mean over 5 ms is first below 0.1 N, K where it is
+    within 5 % of the truth for the rest of the stay. Self-perturbing has β = 0.05, γ = 2.5 N⁻².
     """
 
     def measure(self, seed: int) -> Measured:
@@ -110,29 +112,6 @@ class _Intermittent(Experiment):
             _draw_zones(column, outcomes[0].curves, which, hard)
             column[0].set_title(f"second zone {TITLES[which]}", loc="left", fontsize=10)
         drawing.legend_below(figure, grid[0, 0], 3)
-
-    def tables(self, say: Seeds) -> tuple[Table, ...]:
-        columns = ["mean error before {}{}"]
-        columns += [f"mean error after change {{}}{{}} {k}" for k in (1, 2, 3, 4)]
-        columns += ["first 2 ms {}{}", "back {}{}", "time of K {}{}"]
-        note = (
-            "Mean |force error| in each zone, N, without the half second of a change, and of the "
-            "first two samples that are wrong; back: until its mean over 5 ms is first below 0.1 N "
-            "after a change, the slowest of four; K back: until K is within 5 % of the truth for "
-            "the rest of the stay, mean of four. Self-perturbing: β = 0.05, γ = 2.5 N⁻²; constants "
-            "exchanged: β = 2.5, γ = 0.05; γ = 0.25: with β = 0.05; no reset: self-perturbing with "
-            "λ = 1 throughout; λ = 0.99: regular, with λ constant."
-        )
-        tables = []
-        for which, title in TITLES.items():
-            rows = {(name,): (name, which) for name in METHODS}
-            tables.append(say.table(f"Second zone {title}", ("method",), columns, rows, note))
-        title = (
-            "How soon K is back, by β and by how much the zones differ; γ = 2.5 N⁻², ideal probe"
-        )
-        gains = [f"K back with β = {gain:g}, {{}}" for gain in GAINS]
-        contrasts = [(words,) for words in CONTRASTS]
-        return *tables, say.table(title, ("second zone as stiff",), gains, contrasts)
 
 
 def _draw_zones(

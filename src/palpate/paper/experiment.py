@@ -1,6 +1,5 @@
 """What an experiment of the paper is, what the paper says of it, and what it measures."""
 
-import re
 import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,14 +14,13 @@ from numpy.typing import ArrayLike
 import palpate
 from palpate.force_laws import Floats, ForceLaw
 from palpate.paper.drawing import THEME, Figure, style
-from palpate.paper.judges import JUDGES
-from palpate.paper.judging import Finding, Judge, Numbers, named, quantities, said, unit_of
+from palpate.paper.judging import JUDGES, Finding, Judge, Numbers, number, quantities, said, unit_of
 
 Curves = dict[str, Floats]
 #: Numbers by name and curves, as an experiment measures them.
 Measured = tuple[dict[str, float], Curves]
-Columns = Mapping[str, str] | Sequence[str]
-Rows = Mapping[tuple[str, ...], tuple[str, ...]] | Iterable[tuple[str, ...]]
+#: Of the laws' parameters.
+SYMBOLS = ("K", "B", "n", "K₁", "K₂")
 # A pixel of a figure is a thousandth of its width; more digits make a heavy file that looks alike.
 DIGITS_DRAWN = 5
 
@@ -79,27 +77,18 @@ class Seeds:
         """Median over the seeds of one number, or of several alike, and the range in brackets."""
         return said([each.of(numbers) for numbers in self.every for each in quantities(*names)])
 
-    def table(
-        self, title: str, first: tuple[str, ...], names: Columns, rows: Rows, note: str = ""
-    ) -> Table:
-        """Return a table of numbers over the seeds.
-
-        ``first`` heads what a row begins with. The other columns are numbers by ``names``, with
-        places for the words that ``rows`` has by what each row begins with, or for these. Each is
-        headed by its key, or by its name without the places and with the unit.
-        """
-        filled = rows if isinstance(rows, Mapping) else {row: row for row in rows}
-        if not isinstance(names, Mapping):
-            words = next(iter(filled.values()))
-            full = [next(iter(named(name.format(*words), self.every[0]))) for name in names]
-            units = [f" [{unit}]" if (unit := unit_of(each)) else "" for each in full]
-            bare = [re.sub(r",? *\{\d?\} *", " ", name).strip() for name in names]
-            names = {a + b: name for a, b, name in zip(bare, units, names, strict=True)}
-        cells = (
-            (*row, *(self(name.format(*words)) for name in names.values()))
-            for row, words in filled.items()
-        )
-        return Table(title, (*first, *names), tuple(cells), note)
+    def every_number(self) -> Table:
+        """Return the table of all that was measured, one parameter of a law beside the other."""
+        rows: dict[str, list[str]] = {}
+        for key in self.every[0]:
+            name = key.partition(" [")[0]
+            head, _, last = name.rpartition(" ")
+            value = said([number(key).of(numbers) for numbers in self.every], unit_of(key))
+            if last in SYMBOLS:
+                name, value = head, f"{last} {value}"
+            rows.setdefault(name, []).append(value)
+        cells = tuple((name, "; ".join(values)) for name, values in rows.items())
+        return Table("Every number", ("number", "median over the seeds (range)"), cells)
 
 
 @dataclass(frozen=True)
@@ -165,10 +154,6 @@ class Experiment(ABC):
                 # Thousands of little lines, half of a drawing, that nobody reads.
                 axes.minorticks_off()
         return figure
-
-    def tabulated(self, outcomes: Sequence[Outcome]) -> tuple[Table, ...]:
-        """Return the tables of some outcomes."""
-        return self.tables(Seeds([outcome.numbers for outcome in outcomes]))
 
 
 @cache

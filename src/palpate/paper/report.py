@@ -18,7 +18,7 @@ from typing import Any
 
 import palpate
 from palpate import lab
-from palpate.paper.experiment import Claim, Experiment, Outcome, Table, claims_file
+from palpate.paper.experiment import Claim, Experiment, Outcome, Seeds, Table, claims_file
 from palpate.paper.judging import Finding, said
 from palpate.paper.rig import GATE, START
 from palpate.reports import html
@@ -54,12 +54,6 @@ figure .wide:focus-visible { outline-offset: -2px; }
 .claim small { color: var(--soft); }
 @media (max-width: 40rem) {
   figure svg { min-width: 44rem; }
-  #claims thead { position: absolute; clip-path: inset(50%); }
-  #claims table, #claims tbody, #claims tr, #claims th, #claims td { display: block; }
-  #claims caption { display: block; } #claims .none { display: none; }
-  #claims tr { border-bottom: 1px solid var(--line); padding: 0.6rem 0; }
-  #claims th, #claims td { border: 0; padding: 0.1rem 0; }
-  #claims td[data-name]::before { content: attr(data-name) ": "; color: var(--soft); }
 }
 @media print {
   :root { font-size: 75%; } nav { display: none; } section { break-inside: auto; }
@@ -157,14 +151,14 @@ class Section:
     drawn: bool = True
 
     @cached_property
-    def tables(self) -> tuple[Table, ...]:
-        """The experiment's, filled in."""
-        return self.experiment.tabulated(self.outcomes)
+    def say(self) -> Seeds:
+        """The numbers of all seeds."""
+        return Seeds([outcome.numbers for outcome in self.outcomes])
 
     @cached_property
     def judgements(self) -> tuple[Judgement, ...]:
         """What the outcomes say of each claim."""
-        every = [outcome.numbers for outcome in self.outcomes]
+        every = self.say.every
         name, judges = self.experiment.name, self.experiment.judges
         return tuple(
             Judgement(name, claim, tuple(map(judge, every)), judge.words(every))
@@ -345,7 +339,7 @@ def _section_as_dict(section: Section) -> dict[str, Any]:
     return {
         **{"name": name, "title": experiment.title, "caption": experiment.caption},
         "figure": f"{name}.svg" if section.drawn else None,
-        "tables": [asdict(table) for table in section.tables],
+        "tables": [asdict(table) for table in experiment.tables(section.say)],
         "outcomes": outcomes,
     }
 
@@ -436,19 +430,17 @@ def _claims(report: Report) -> Iterator[str]:
         "stands how the words are read, what else was seen, and on what it depends.</p>"
     )
     header = ("figure", "the paper's words", "its number", "ours", "verdict")
-    yield from html.table_start("Every claim", header)
-    for each in report.judgements:
-        figure = f'<a href="#{each.anchor}">{escape(_figure(each.experiment))}</a>'
-        # Each names its column, for where the table is too narrow for columns.
-        cells = (
-            f'<td data-name="{name}">{escape(words)}</td>' if words else '<td class="none">–</td>'
-            for name, words in (("its number", each.claim.number), ("ours", each.ours_words))
+    rows = (
+        (
+            f'<a href="#{each.anchor}">{escape(_figure(each.experiment))}</a>',
+            f"<q>{escape(each.claim.words)}</q>",
+            escape(each.claim.number or "–"),
+            escape(each.ours_words or "–"),
+            _badge(each.verdict, each.verdict_words),
         )
-        yield (
-            f'<tr><th scope="row">{figure}</th><td><q>{escape(each.claim.words)}</q></td>'
-            f"{''.join(cells)}<td>{_badge(each.verdict, each.verdict_words)}</td></tr>"
-        )
-    yield from html.table_end()
+        for each in report.judgements
+    )
+    yield from html.table("Every claim", header, rows)
     yield "</section>"
 
 
@@ -491,5 +483,7 @@ def _section(section: Section, folder: Path) -> Iterator[str]:
             yield f"<p>{escape(said)}</p>"
         yield from (f'<p class="soft">{escape(w)}</p>' for w in (each.words, each.remark) if w)
         yield "</div>"
-    yield from _tables(section.tables)
-    yield "</section>"
+    yield from _tables(section.experiment.tables(section.say))
+    yield "<details><summary>Every number, as it was measured</summary>"
+    yield from _tables([section.say.every_number()])
+    yield "</details>\n</section>"

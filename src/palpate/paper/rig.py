@@ -27,6 +27,7 @@ SMALL = 0.1
 HIGH = 2.5
 #: Starts that differ by less than this have converged, footnote 3.
 AGREED = 0.05
+NO_START = "no start"
 BALL_LAW: palpate.HuntCrossley = lab.BALL.law  # type: ignore[assignment]  # the ball is one
 
 Starts = Mapping[str, palpate.ForceLaw]
@@ -110,7 +111,9 @@ def _high(contact: palpate.Contact, kind: Method, start: palpate.ForceLaw) -> li
 
 
 def names_of_starts(kind: Method) -> tuple[str, ...]:
-    """Return what :func:`starts_of` calls the starts of a method."""
+    """Return what :func:`starts_of` calls the starts of a method, and that one has none."""
+    if kind is palpate.VariableProjection:
+        return (NO_START,)
     return ("I", "II", "III") if kind.law_type is palpate.HuntCrossley else ("low", "high")
 
 

@@ -19,6 +19,7 @@ from typing import Any
 import palpate
 from palpate.figures.slimming import slim
 from palpate.figures.style import as_svg, recoloured
+from palpate.fleet.clusters import ignoring_interrupts
 from palpate.paper.experiment import Experiment, Outcome
 from palpate.paper.report import Report, figures_of, versions, write_report
 from palpate.writing import check_own, make_folder, write_text
@@ -31,7 +32,7 @@ Task = tuple[tuple[Experiment, ...], Given]
 #: What a task gives for each: one seed, a figure for a light and for a dark background, or words.
 Result = Outcome | tuple[str, str] | str
 # What judges and reports measures nothing: a claim is reworded and judged anew without a run.
-NOT_MEASURING = ("cli", "reports", "paper/judges.py", "paper/judging.py", "paper/report.py")
+NOT_MEASURING = ("cli", "reports", "paper/judging.py", "paper/report.py")
 
 
 @cache
@@ -134,18 +135,12 @@ def processes(count: int) -> Iterator[futures.ProcessPoolExecutor]:
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
     pool = futures.ProcessPoolExecutor(count, mp_context=context, initializer=_prepare_worker)
-    # A terminal sends Ctrl-C to the processes too; where this is its main thread, they start deaf.
-    deaf = threading.current_thread() is threading.main_thread()
     try:
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN) if deaf else None
-        try:
-            # A pool starts a process where a submission finds none idle: all of them here, so that
-            # no interrupt is lost later.
+        # A pool starts a process where a submission finds none idle: all of them here, so that no
+        # interrupt is lost later.
+        with ignoring_interrupts():
             for _ in range(count):
                 pool.submit(int)
-        finally:
-            if deaf:
-                signal.signal(signal.SIGINT, before)
         yield pool
     except BaseException:
         for worker in set(multiprocessing.active_children()) - others:

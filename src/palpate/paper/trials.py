@@ -11,12 +11,11 @@ from palpate import lab
 from palpate.force_laws import Floats
 from palpate.paper import drawing
 from palpate.paper.drawing import LABELS, THEME, UNITS, Axes, Figure
-from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, Seeds, Table, by_symbol
-from palpate.paper.judging import named, readable
+from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, by_symbol
 from palpate.paper.rig import GATE, START, identified, off, pressed, session, truth_of
 
 MATERIALS = ("ball", "sponge", "pvc")
-REPETITIONS, THREE = 3, (10.5, 6.2)
+REPETITIONS, THREE = 3, (10.5, 4.0)
 METHODS: Mapping[str, type[palpate.ContactEstimator]] = {
     "single-stage": palpate.SingleStageRLS,
     "variable-projection": palpate.VariableProjection,
@@ -84,37 +83,16 @@ class _Followed(Experiment):
         lower.set(xlabel="time [s]", ylabel="lag [mm]", title="Command minus what was reached")
         lower.set_xlim(time[0], time[-1])
 
-    def tables(self, say: Seeds) -> tuple[Table, ...]:
-        kinds = "mean depth, least depth, peak speed, rms lag, peak force, bias left, largest error"
-        names = [f"{kind} {{}}" for kind in kinds.split(", ")]
-        rows = {(LABELS[name],): (name,) for name in MATERIALS}
-        note = (
-            "Median over the seeds, range in brackets. Peak speed commanded: "
-            f"{say('peak speed commanded')} mm/s. Error: of variable projection, after 10 s."
-        )
-        title = "How the trajectory is followed"
-        return (say.table(title, ("material",), names, rows, note),)
-
 
 @dataclass(frozen=True)
 class _Repetitions(Experiment):
-    """Figs. 5, 11 and 14: three repetitions of one session, with other noise each, from set I.
-
-    What is pressed ``beside`` the material is so as often, to hold it against.
+    """Stiffness, damping and exponent over time in three repetitions by the single stage, and in
+    the first by variable projection; the dotted line is the truth.
     """
 
     material: str
     beside: tuple[str, ...] = ()
     group: str = field(default="pressed three times", kw_only=True)
-
-    @property
-    def caption(self) -> str:
-        return (
-            f"Stiffness, damping and exponent of the {LABELS[self.material]}. Above, over time in "
-            "three repetitions by the single stage, and in the first by variable projection; the "
-            "dotted line is the truth. Below, the final values of every repetition and seed, with "
-            "two standard errors of each method's own."
-        )
 
     def measure(self, seed: int) -> Measured:
         numbers: dict[str, float] = {}
@@ -150,77 +128,37 @@ class _Repetitions(Experiment):
         return numbers, curves
 
     def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
-        axes = figure.subplots(2, 3, height_ratios=(1.5, 1.0))
+        axes = figure.subplots(1, 3)
         titles, truths = ("stiffness", "damping", "exponent"), truth_of(self.material)
         curves, time = outcomes[0].curves, np.array(outcomes[0].curves["time"])
-        methods = {"single-stage": THEME.lines[0], "variable-projection": THEME.ink}
-        for upper, lower, symbol, title, truth in zip(*axes, UNITS, titles, truths, strict=True):
+        for panel, symbol, title, truth in zip(axes, UNITS, titles, truths, strict=True):
             label = f"{symbol} [{UNITS[symbol]}]" if UNITS[symbol] else symbol
             lines = {
                 f"single stage, {k + 1}": curves[f"single-stage {k}/{symbol}"]
                 for k in range(REPETITIONS)
             }
-            drawing.lines(upper, time, lines, linestyle="-", linewidth=1.1)
+            drawing.lines(panel, time, lines, linestyle="-", linewidth=1.1)
             lines["variable projection, 1"] = projected = curves[f"variable-projection 0/{symbol}"]
             looks = {"color": THEME.ink, "linewidth": 1.1}
-            upper.plot(time, projected, "--", label="variable projection, 1", **looks)
-            drawing.truth(upper, truth)
+            panel.plot(time, projected, "--", label="variable projection, 1", **looks)
+            drawing.truth(panel, truth)
             # The start-up leaves any scale: what is shown is where estimates stay, three times.
             settled = np.abs(np.array([*lines.values()])[:, time > time[0] + 1.0] - truth)
             reach = 3.0 * float(np.nanmax(settled, initial=0.02 * abs(truth)))
-            upper.set(ylim=(truth - reach, truth + reach), xlim=(time[0], time[-1]))
-            upper.set(title=title, ylabel=label, xlabel="time [s]")
-            # Final values of two methods, each with two standard errors, beside the truth.
-            for row, (method, colour) in enumerate(methods.items()):
-                values, errors = (
-                    [
-                        value
-                        for outcome in outcomes
-                        for k in range(REPETITIONS)
-                        for value in named(f"{of} {method} {k} {symbol}", outcome.numbers).values()
-                    ]
-                    for of in ("final", "standard error")
-                )
-                places = row + np.linspace(-0.3, 0.3, len(values))
-                looks = {"fmt": "o", "color": colour, "markersize": 3.0, "linewidth": 0.8}
-                lower.errorbar(values, places, xerr=2.0 * np.array(errors), **looks)
-            lower.axvline(truth, color=THEME.ink, linewidth=0.9, linestyle=":")
-            lower.set_yticks(range(len(methods)), [each.replace("-", " ") for each in methods])
-            lower.set(ylim=(len(methods) - 0.4, -0.6), xlabel=label)
-            lower.grid(visible=False, axis="y")
-        axes[1, 0].set_title("final values, all seeds")
-        drawing.legend_below(figure, axes[0, 0], 5)
-
-    def tables(self, say: Seeds) -> tuple[Table, ...]:
-        rows = [("truth, ours", *map(readable, truth_of(self.material)), "")]
-        for method in METHODS:
-            each = [[f"final {method} {k} {s}" for k in range(REPETITIONS)] for s in UNITS]
-            spread = f"{say(f'spread {self.material} {method}')} %"
-            rows.append((method, *(say(*names) for names in each), spread))
-        header = ("method", "K, N/mⁿ", "B, N·s/mⁿ⁺¹", "n", "spread of three repetitions")
-        note = (
-            "Median of all repetitions and seeds, range in brackets. Spread: largest minus least "
-            "of three, relative to their mean, of the parameter with the most; over the seeds."
-        )
-        title = f"{LABELS[self.material].capitalize()}: final values from set I"
-        return (Table(title, header, tuple(rows), note),)
+            panel.set(ylim=(truth - reach, truth + reach), xlim=(time[0], time[-1]))
+            panel.set(title=title, ylabel=label, xlabel="time [s]")
+        drawing.legend_below(figure, axes[0], 5)
 
 
 @dataclass(frozen=True)
 class _Condition(Experiment):
-    """Figs. 6, 12 and 15: condition 10 over a whole contact, by the estimates of the moment."""
+    """Speed over time in contact, and the limit 0.1 K/B of condition 10 by the estimates of the
+    moment: single stage, variable projection, and the truth where there is one. Left the first
+    second, right the whole contact. The band is the range of the single stage's limit over the
+    seeds. The condition holds from when it holds for 2 s without a break.
+    """
 
     materials: tuple[str, ...]  # a row of the figure each
-
-    @property
-    def caption(self) -> str:
-        words = " and, below, of the ".join(LABELS[name] for name in self.materials)
-        return (
-            f"Speed over time in contact with the {words}, and the limit 0.1 K/B of condition 10 "
-            "by the estimates of the moment: single stage, variable projection, and the truth "
-            "where there is one. Left the first second, right the whole contact. The band is the "
-            "range of the single stage's limit over the seeds."
-        )
 
     def measure(self, seed: int) -> Measured:
         numbers: dict[str, float] = {}
@@ -248,39 +186,10 @@ class _Condition(Experiment):
                 _draw_limits(panel, outcomes, name)
             start = outcomes[0].numbers[f"contact at {name} [s]"]
             left.set(xlim=(start - 0.03, start + 1.0), title=LABELS[name], ylabel="speed [mm/s]")
-            times = [outcome.numbers[f"holds from {name} [ms]"] for outcome in outcomes]
-            share = np.median([outcome.numbers[f"broken {name} [%]"] for outcome in outcomes])
-            middle = float(np.median(times))
-            held = f"holds from {middle:.0f} ms on" if middle >= 0.0 else "never holds for 2 s"
-            title = f"{held}; broken in {share:.1f} % of the contact"
-            right.set(xlim=(start, 12.0), title=title)
+            right.set(xlim=(start, 12.0))
         for panel in axes[-1]:
             panel.set(xlabel="time [s]")
         drawing.legend_below(figure, axes[0, 1], 4)
-
-    def tables(self, say: Seeds) -> tuple[Table, ...]:
-        rows = {
-            (LABELS[name], f"{covariance:g}", gate): (name, f"{covariance:g}", gate)
-            for name in self.materials
-            for covariance in COVARIANCES
-            for gate in GATES
-        }
-        columns = {"holds from [ms]": "holds from P₀ = {1}, {2} {0}"}
-        columns |= {"broken [%]": "broken P₀ = {1}, {2} {0}"}
-        note = (
-            f"Holds from: time after the first sample taken from which condition 10 holds for "
-            f"{UNBROKEN:g} s without a break. Median over the seeds, range in brackets; “never” "
-            "within the 10 s. The claims are judged by P₀ = 1000 and our samples."
-        )
-        title, first = "From when on condition 10 holds", ("material", "P₀", "samples taken")
-        shown = say.table(title, first, columns, rows, note)
-        if "sponge" not in self.materials:
-            return (shown,)
-        words = ("the paper's", *(f"{slower:g} times slower" for slower in SLOWER[1:]))
-        speeds = {(name,): (f"{slower:g}",) for name, slower in zip(words, SLOWER, strict=True)}
-        errors = {f"error of {symbol} [%]": f"error {{}} times slower {symbol}" for symbol in "KBn"}
-        note = "Single stage on the sponge with B = 10 K. Median over the seeds, range in brackets."
-        return shown, say.table("How the speed matters", ("speed",), errors, speeds, note)
 
 
 def _margin(result: palpate.Identification) -> Floats:

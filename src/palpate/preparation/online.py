@@ -11,14 +11,15 @@ from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
 from palpate.preparation.corrections import FLIPPED
 from palpate.preparation.velocity import window_samples
-from palpate.validation import Floats, number_in, shown, signal, unmasked
+from palpate.settings import Configured
+from palpate.validation import Floats, arguments, number_in, shown, signal, unmasked
 
 _DEFAULTS = _core.defaults["OnlinePreparation"]
 LONGEST_WINDOW: int = _DEFAULTS["longest_window"]  # samples
 WORDS = "quadratic filter of {samples} samples, given {delay:g} ms late with position and force"
 
 
-class OnlinePreparation(_core.OnlinePreparation):
+class OnlinePreparation(Configured, _core.OnlinePreparation):
     """Prepares samples for an estimator as they come: the online twin of :func:`palpate.prepare`.
 
     The velocity is the slope of the parabola, by least squares, through the positions of a window,
@@ -82,17 +83,7 @@ class OnlinePreparation(_core.OnlinePreparation):
         lost_positions: bool = _DEFAULTS["lost_positions"],
         longest_gap: float | None = None,
     ) -> None:
-        self._settings: dict[str, Any] = {
-            "sample_time": sample_time,
-            "velocity_window": velocity_window,
-            "surface": surface,
-            "force_offset": force_offset,
-            "tare_time": tare_time,
-            "flip": flip,
-            "direction": direction,
-            "lost_positions": lost_positions,
-            "longest_gap": longest_gap,
-        }
+        self._settings: dict[str, Any] = arguments(locals())
         step = number_in("sample_time", sample_time, 1e-100, 1e6)
         samples = window_samples(step, velocity_window)
         if samples > LONGEST_WINDOW:
@@ -113,11 +104,6 @@ class OnlinePreparation(_core.OnlinePreparation):
             "force" in turned,
             [0.0, 0.0, 0.0] if direction is None else _unit_vector(direction),
         )
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """The constructor's arguments."""
-        return dict(self._settings)
 
     def replay(
         self, position: "ArrayLike", force: "ArrayLike", time: "ArrayLike | None" = None
@@ -165,31 +151,6 @@ class OnlinePreparation(_core.OnlinePreparation):
     def _words(self) -> str:
         samples = window_samples(self._settings["sample_time"], self._settings["velocity_window"])
         return WORDS.format(samples=samples, delay=1e3 * self.delay)
-
-    def copy(self) -> "OnlinePreparation":
-        """Return a preparation with the same settings and state, from here on independent."""
-        return _restored(self._settings, self._state())
-
-    __copy__ = copy
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> "OnlinePreparation":
-        return self.copy()
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (self._settings, self._state())
-
-    def __repr__(self) -> str:
-        arguments = ", ".join(f"{name}={value!r}" for name, value in self._settings.items())
-        return f"OnlinePreparation({arguments})"
-
-
-def _restored(settings: dict[str, Any], state: bytes) -> OnlinePreparation:
-    preparation = OnlinePreparation(**settings)
-    try:
-        preparation._restore(state)
-    except (TypeError, ValueError) as error:
-        raise InvalidParameterError(f"OnlinePreparation: {error}") from None
-    return preparation
 
 
 def _gap(longest_gap: Any) -> float:

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from palpate.diagnosis.data import in_words
-from palpate.diagnosis.finding import Diagnosis, Quantity, WorkingDepth, defined
+from palpate.diagnosis.finding import Diagnosis, Quantity, WorkingDepth
 from palpate.diagnosis.misfit import WIDEST_STIFFNESS
 from palpate.digits import with_error
 from palpate.force_laws import ForceLaw
 from palpate.quantities.restitution import UNKNOWN
 from palpate.tips import Tip
+from palpate.validation import defined
 
 # Systematic part from the exponent, of the modulus, beyond which there is none: a stiffness that is
 # known no better is not to be trusted either. Half a power of the depth, where the next shape lies,

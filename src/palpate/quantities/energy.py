@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from palpate.diagnosis.finding import Quantity, defined
+from palpate.diagnosis.finding import Quantity
 from palpate.force_laws import ForceLaw
 from palpate.quantities.restitution import UNKNOWN
 from palpate.quantities.work import Loops, Path, put_in
-from palpate.validation import Floats
+from palpate.validation import Floats, defined
 
 # Of the energy lost: the law's loss is off by more than this before it is said.
 UNACCOUNTED = 0.10

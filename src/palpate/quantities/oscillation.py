@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from palpate.diagnosis.finding import Quantity, WorkingDepth, defined
+from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ViscoelasticContact
 from palpate.estimators.law_verdicts import band_about
 from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
-from palpate.validation import number, number_in
+from palpate.validation import Plain, number, number_in
 
 if TYPE_CHECKING:
     from palpate.identification import Identification
@@ -22,7 +22,7 @@ _TURN = 2.0 * math.pi
 
 
 @dataclass(frozen=True, slots=True)
-class SmallOscillation:
+class SmallOscillation(Plain):
     """Dynamic stiffness K′ + iωB′ about a depth.
 
     Attributes
@@ -40,16 +40,6 @@ class SmallOscillation:
     stiffness: Quantity
     damping: Quantity
     loss_tangent: Quantity
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers; what is not defined is None."""
-        return {
-            "depth": defined(self.depth),
-            "frequency": defined(self.frequency),
-            "stiffness": self.stiffness.as_dict(),
-            "damping": self.damping.as_dict(),
-            "loss_tangent": self.loss_tangent.as_dict(),
-        }
 
 
 def oscillation_of(

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.diagnosis.finding import Quantity, WorkingDepth, defined
+from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.force_laws import ForceLaw
 from palpate.quantities.work import Path
-from palpate.validation import Floats
+from palpate.validation import Floats, defined
 
 # Standard deviations of its noise below 0: a recorded force that pulls. Of 10⁵ samples without
 # force white noise makes less than one such.

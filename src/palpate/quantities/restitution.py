@@ -4,22 +4,21 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
-from palpate.diagnosis.finding import Quantity, WorkingDepth, defined
+from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.quantities.approximations import APPROXIMATIONS
 from palpate.quantities.impact import restitution, restitution_slope
-from palpate.validation import Floats
+from palpate.validation import Floats, Plain
 
 UNKNOWN = Quantity(math.nan, math.nan, math.nan)
 UNTRUSTED = "the diagnosis does not trust the damping"
 
 
 @dataclass(frozen=True, slots=True)
-class Restitution:
+class Restitution(Plain):
     """How a free body would rebound from the contact that was identified, at one speed.
 
     Attributes
@@ -44,17 +43,6 @@ class Restitution:
     dissipation: Quantity
     approximations: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     remarks: tuple[str, ...] = ()
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers and words; what is not defined is None."""
-        return {
-            "speed": defined(self.speed),
-            "fastest_approach": defined(self.fastest_approach),
-            "coefficient": self.coefficient.as_dict(),
-            "dissipation": self.dissipation.as_dict(),
-            "approximations": {name: defined(e) for name, e in self.approximations.items()},
-            "remarks": list(self.remarks),
-        }
 
 
 def restitution_of(

@@ -99,9 +99,7 @@ def _as_csv(
     for start in range(0, length, _ROWS):
         # repr: the shortest text that is the same number again.
         cells = [
-            values[start : start + _ROWS].tolist()
-            if values.dtype.kind == "U"
-            else list(map(repr, values[start : start + _ROWS].tolist()))
+            map(str if values.dtype.kind == "U" else repr, values[start : start + _ROWS].tolist())
             for values in columns.values()
         ]
         text.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))

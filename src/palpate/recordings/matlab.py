@@ -75,6 +75,8 @@ class Other:
     kind: str
 
 
+#: Of a matrix: its type, and where its data begin and end.
+Element = tuple[int, int, int]
 #: What a variable holds.
 Value = NDArray[Any] | Struct | Other | str
 
@@ -217,7 +219,7 @@ class _Matrix:
 
     def variable(self) -> tuple[str, Value]:
         """Return the name and the value."""
-        kind, start, stop, _ = self._tag(0, len(self.content))
+        kind, start, stop = next(self._elements(0, len(self.content)))
         if kind != _MATRIX:
             raise _WrongError("it holds no variable")
         return self._matrix(start, stop, 0)
@@ -228,94 +230,80 @@ class _Matrix:
     def _text(self, start: int, stop: int) -> str:
         return self.content[start:stop].partition(b"\0")[0].decode("latin-1")
 
-    def _tag(self, at: int, end: int) -> tuple[int, int, int, int]:
-        """Type, begin and end of the data of an element, and where the next one begins."""
-        if at + 8 > end:
-            raise _WrongError("it ends too early")
-        word = self._int(at)
-        if word >> 16:  # a small one, whose data stand in its tag
-            length, start, after = word >> 16, at + 4, at + 8
-            if length > 4:
-                raise _WrongError("the tag of a small element is wrong")
-            return word & 0xFFFF, start, start + length, after
-        length, start = self._int(at + 4), at + 8
-        if start + length > end:
-            raise _WrongError(f"it claims {in_words(length)} of {in_words(end - start)}")
-        padded = length if word == _MATRIX else -(-length // 8) * 8
-        return word, start, start + length, min(start + padded, end)
+    def _elements(self, at: int, end: int) -> Iterator[Element]:
+        """One element after the other; there has to be each that is asked for."""
+        while True:
+            if at + 8 > end:
+                raise _WrongError("it ends too early")
+            kind, length, start = self._int(at), self._int(at + 4), at + 8
+            if small := kind >> 16:  # whose data stand in its tag
+                kind, length, start = kind & 0xFFFF, small, at + 4
+                if length > 4:
+                    raise _WrongError("the tag of a small element is wrong")
+            elif start + length > end:
+                raise _WrongError(f"it claims {in_words(length)} of {in_words(end - start)}")
+            yield kind, start, start + length
+            padded = length if kind == _MATRIX else -(-length // 8) * 8
+            at = at + 8 if small else min(start + padded, end)
 
     def _matrix(self, at: int, end: int, depth: int) -> tuple[str, Value]:
         if at == end:  # what MATLAB writes for []
             return "", np.empty((0, 0))
         if depth > _DEEPEST:
             raise _WrongError("it is nested too deeply")
-        _, start, _, at = self._tag(at, end)
-        flags = self._int(start)
+        parts = self._elements(at, end)
+        flags = self._int(next(parts)[1])
         kind = flags & 0xFF
         if kind == _OPAQUE:  # three names: the variable's, the system's and that of the class
-            names = []
-            for _ in range(3):
-                _, start, stop, at = self._tag(at, end)
-                names.append(self._text(start, stop))
+            names = [self._text(start, stop) for _, start, stop in (next(parts) for _ in range(3))]
             return names[0], Other(names[2])
-        _, start, stop, at = self._tag(at, end)
+        _, start, stop = next(parts)
         sizes = tuple(self._int(k) for k in range(start, stop - 3, 4))
-        _, start, stop, at = self._tag(at, end)
-        name = self._text(start, stop)
+        name = self._text(*next(parts)[1:])
         if kind in _CLASSES:
-            return name, self._numbers(flags, sizes, at, end)
+            return name, self._numbers(flags, sizes, parts)
         if kind == _CHAR:
-            return name, Other("char") if sizes[:1] > (1,) else self._chars(at, end)
-        if kind in (_STRUCT, _OBJECT):
-            return name, self._struct(kind, math.prod(sizes), at, end, depth)
+            return name, Other("char") if sizes[:1] > (1,) else self._chars(next(parts))
+        if kind == _OBJECT:
+            return name, Other(self._text(*next(parts)[1:]))
+        if kind == _STRUCT:
+            return name, self._struct(math.prod(sizes), parts, end, depth)
         if kind not in _OTHERS:
             raise _WrongError(f"it is of a class that MATLAB does not have, {kind}")
         return name, Other(_OTHERS[kind])
 
-    def _array(self, at: int, end: int) -> NDArray[Any]:
-        """The numbers of one element."""
-        kind, start, stop, _ = self._tag(at, end)
+    def _numbers(self, flags: int, sizes: tuple[int, ...], parts: Iterator[Element]) -> Value:
+        if flags & _COMPLEX:
+            return Other("complex")
+        kind, start, stop = next(parts)
         if kind not in _TYPES:
             raise _WrongError(f"its numbers are of a type that MATLAB does not have, {kind}")
         form = np.dtype(_TYPES[kind]).newbyteorder(self.order)
-        count = (stop - start) // form.itemsize
-        return np.frombuffer(self.content, form, count, start)
-
-    def _numbers(self, flags: int, sizes: tuple[int, ...], at: int, end: int) -> Value:
-        if flags & _COMPLEX:
-            return Other("complex")
-        stored = self._array(at, end)
+        stored = np.frombuffer(self.content, form, (stop - start) // form.itemsize, start)
         if stored.size != math.prod(sizes):
             raise _WrongError(f"it claims {math.prod(sizes)} values, and {stored.size} are there")
-        kind = np.dtype(np.bool_) if flags & _LOGICAL else np.dtype(_CLASSES[flags & 0xFF])
-        return stored.astype(kind, copy=False).reshape(sizes, order="F")
+        held = np.dtype(np.bool_) if flags & _LOGICAL else np.dtype(_CLASSES[flags & 0xFF])
+        return stored.astype(held, copy=False).reshape(sizes, order="F")
 
-    def _chars(self, at: int, end: int) -> Value:
-        kind, start, stop, _ = self._tag(at, end)
-        encoding = {2: "latin-1", 1: "latin-1", 16: "utf-8", 17: "utf-16", 4: "utf-16"}.get(kind)
+    def _chars(self, element: Element) -> Value:
+        kind, start, stop = element
+        utf16 = "utf-16-be" if self.order == "big" else "utf-16-le"
+        encoding = {2: "latin-1", 1: "latin-1", 16: "utf-8", 17: utf16, 4: utf16}.get(kind)
         if encoding is None:
             return Other("char")
-        if encoding == "utf-16":
-            encoding += "-be" if self.order == "big" else "-le"
         return self.content[start:stop].decode(encoding, "replace")
 
-    def _struct(self, kind: int, count: int, at: int, end: int, depth: int) -> Value:
-        if kind == _OBJECT:
-            _, start, stop, at = self._tag(at, end)
-            return Other(self._text(start, stop))
-        _, start, _, at = self._tag(at, end)
-        longest = self._int(start)
-        _, start, stop, at = self._tag(at, end)
+    def _struct(self, count: int, parts: Iterator[Element], end: int, depth: int) -> Value:
+        longest = self._int(next(parts)[1])
+        _, start, stop = next(parts)
         if not longest or (stop - start) % longest:
             raise _WrongError("the names of its fields are damaged")
         fields = [self._text(k, k + longest) for k in range(start, stop, longest)]
-        if count * len(fields) * 8 > end - at or (not fields and count > 1):
-            raise _WrongError(f"it claims {count} structs of {in_words(end - at)}")
-        items = []
-        for _ in range(count):
-            item: dict[str, Any] = {}
-            for field in fields:
-                _, start, stop, at = self._tag(at, end)
-                item[field] = self._matrix(start, stop, depth + 1)[1]
-            items.append(item)
-        return Struct(tuple(items))
+        if count * len(fields) * 8 > end - stop or (not fields and count > 1):
+            raise _WrongError(f"it claims {count} structs of {in_words(end - stop)}")
+        return Struct(
+            tuple(
+                {name: self._matrix(*next(parts)[1:], depth + 1)[1] for name in fields}
+                for _ in range(count)
+            )
+        )

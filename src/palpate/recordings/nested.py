@@ -20,6 +20,8 @@ MOST_COLUMNS = 256
 _OWN_CLOCKS = ("{}_time", "{}_time_s", "{}_t", "{}_timestamps", "{}_stamps", "time_{}", "t_{}")
 
 _MOST_NOTES = 60
+# What a library raises where it meets damage.
+_FAULTS = (ArithmeticError, LookupError, OSError, RuntimeError, TypeError, ValueError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,14 +152,7 @@ class Findings:
     def _read(self, leaf: Leaf, clock: Leaf | None, request: Request) -> None:
         try:
             values = leaf.read()
-        except (
-            ArithmeticError,
-            LookupError,
-            OSError,
-            RuntimeError,
-            TypeError,
-            ValueError,
-        ) as error:
+        except _FAULTS as error:
             self.lose(leaf.channel, f"cannot be read: {first_line(error)}")
             return
         unit = leaf.unit

@@ -159,21 +159,18 @@ class Recording:
         return f"{words}, row {self.rows[sample]}"
 
     def _numbers_of_text(self, name: str, values: NDArray[Any], *, strict: bool) -> Floats:
-        numbers = np.empty(values.size)
-        first = None
-        wrong = 0
-        for sample, value in enumerate(values):
-            try:
-                numbers[sample] = number_in_text(value) if isinstance(value, str) else float(value)
-            except (TypeError, ValueError, OverflowError):
-                numbers[sample] = np.nan
-                first = sample if first is None else first
-                wrong += 1
-                if strict:
-                    break
-        if first is not None and (strict or wrong > MOST_TEXT * values.size):
-            raise RecordingError(f"{self.place(name, first)}: {_fault(values[first])}")
-        return numbers
+        found = [_number_of(value) for value in values]
+        wrong = [sample for sample, number in enumerate(found) if number is None]
+        if wrong and (strict or len(wrong) > MOST_TEXT * values.size):
+            raise RecordingError(f"{self.place(name, wrong[0])}: {_fault(values[wrong[0]])}")
+        return np.array([np.nan if number is None else number for number in found])
+
+
+def _number_of(value: Any) -> float | None:
+    try:
+        return number_in_text(value) if isinstance(value, str) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        return None
 
 
 def number_in_text(text: str) -> float:

@@ -640,17 +640,14 @@ def _by_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArr
 
 
 def _by_numpy(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
-    same = len(set(dtypes)) == 1
     table = np.loadtxt(
         io.TextIOWrapper(io.BytesIO(block), "ascii"),
         delimiter=delimiter,
-        dtype=dtypes[0] if same else [(f"f{k}", dtype) for k, dtype in enumerate(dtypes)],
-        ndmin=2 if same else 1,
+        dtype=[(f"f{k}", dtype) for k, dtype in enumerate(dtypes)],
+        ndmin=1,
         comments=None,
     )
-    if same:
-        return [column.copy() for column in table.T]
-    return [table[f"f{k}"].copy() for k in range(len(dtypes))]
+    return [table[name].copy() for name in table.dtype.names or ()]
 
 
 @cache

@@ -73,28 +73,19 @@ def fleet_page(folder: Path) -> str:
         *_tiles(table),
         "</header>",
         "<main>",
-        *_section("distributions", "What was identified", _distributions(table)),
-        *_section("map", "Over the material", _map(table)),
-        *_section("repeats", "Repeats", _repeats(table)),
-        *_section("flags", "Flags", _flags(table)),
-        *_section("findings", "Findings of the diagnosis", _findings(table)),
-        *_section("outliers", "Outliers", _outliers(table)),
-        *_section("failures", "Failures", _failures(table)),
-        *_section("slowest", "What took longest", _slowest(times)),
-        *_section("made", "How it was made", _made(folder)),
+        *html.section("distributions", "What was identified", _distributions(table)),
+        *html.section("map", "Over the material", _map(table)),
+        *html.section("repeats", "Repeats", _repeats(table)),
+        *html.section("flags", "Flags", _flags(table)),
+        *html.section("findings", "Findings of the diagnosis", _findings(table)),
+        *html.section("outliers", "Outliers", _outliers(table)),
+        *html.section("failures", "Failures", _failures(table)),
+        *html.section("slowest", "What took longest", _slowest(times)),
+        *html.section("made", "How it was made", _made(folder)),
         "</main>",
     ]
     style = STYLE + DRAWINGS + REPORT_STYLE + _OWN
     return html.document(f"{name}: what a fleet found", style, parts)
-
-
-def _section(name: str, title: str, parts: Iterator[str]) -> Iterator[str]:
-    """A section; none where it would be empty."""
-    inside = list(parts)
-    if inside:
-        yield f'<section id="{name}"><h2>{escape(title)}</h2>'
-        yield from inside
-        yield "</section>"
 
 
 def _tiles(table: "pa.Table") -> Iterator[str]:

@@ -96,3 +96,12 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> I
 def cells(contents: Iterable[str]) -> str:
     """Cells of HTML."""
     return "".join(f"<td>{cell}</td>" for cell in contents)
+
+
+def section(name: str, title: str, parts: Iterable[str]) -> Iterator[str]:
+    """A section; none where it would be empty."""
+    inside = list(parts)
+    if inside:
+        yield f'<section id="{name}"><h2>{escape(title)}</h2>'
+        yield from inside
+        yield "</section>"

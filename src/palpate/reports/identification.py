@@ -67,28 +67,19 @@ def page(
         *sections.tiles(result),
         "</header>",
         "<main>",
-        *_section("numbers", "What was identified", sections.numbers(result)),
-        *_section("law", "Which law it is", which_law(result, compared)),
-        *_section("following", "What follows from the law", sections.follows(result)),
-        *_section("figure", "Figure", _figure(result)),
-        *_section("residuals", "What the law leaves", _residuals(result)),
-        *_section("findings", "Findings", sections.findings(result)),
-        *_section("parts", "Stretches and places", sections.parts(result)),
-        *_section("comparison", "Other laws and methods", sections.comparison(compared or {})),
-        *_section("contact", "How the contact was prepared", sections.preparation(result)),
-        *_section("again", "To do it again", _again(circumstances)),
+        *html.section("numbers", "What was identified", sections.numbers(result)),
+        *html.section("law", "Which law it is", which_law(result, compared)),
+        *html.section("following", "What follows from the law", sections.follows(result)),
+        *html.section("figure", "Figure", _figure(result)),
+        *html.section("residuals", "What the law leaves", _residuals(result)),
+        *html.section("findings", "Findings", sections.findings(result)),
+        *html.section("parts", "Stretches and places", sections.parts(result)),
+        *html.section("comparison", "Other laws and methods", sections.comparison(compared or {})),
+        *html.section("contact", "How the contact was prepared", sections.preparation(result)),
+        *html.section("again", "To do it again", _again(circumstances)),
         "</main>",
     ]
     return html.document(f"{name}: what was identified", STYLE + DRAWINGS + REPORT, parts)
-
-
-def _section(name: str, title: str, parts: Iterator[str]) -> Iterator[str]:
-    """A section; none where it would be empty."""
-    inside = list(parts)
-    if inside:
-        yield f'<section id="{name}"><h2>{escape(title)}</h2>'
-        yield from inside
-        yield "</section>"
 
 
 def _figure(result: Identification) -> Iterator[str]:

@@ -3,7 +3,6 @@
 ``docs/results.md`` says what each field means.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import version
@@ -16,7 +15,7 @@ from palpate.diagnosis import Episode
 from palpate.preparation.touches import touches_of
 from palpate.quantities.derived import derived
 from palpate.ranking import rank
-from palpate.validation import Floats
+from palpate.validation import Floats, defined
 
 if TYPE_CHECKING:
     from palpate.identification import Identification
@@ -49,16 +48,8 @@ def described(files: Sequence[Path], results: "Sequence[Identification]") -> dic
         "remarks": [asdict(remark) for remark in contact.remarks],
         "tare_deviation": contact.tare_deviation,
         "surface_deviation": contact.surface_deviation,
-        "gate": {
-            "minimum_penetration": gate.minimum_penetration,
-            "make_force": gate.make_force,
-            "break_force": gate.break_force,
-        },
-        "scale": {
-            "penetration": scale.penetration,
-            "velocity": scale.velocity,
-            "force": scale.force,
-        },
+        "gate": asdict(gate),
+        "scale": asdict(scale),
         "results": [result.as_dict() for result in results],
         **({"ranking": _ranking(results)} if len(results) > 1 else {}),
     }
@@ -84,9 +75,9 @@ def of_one(result: "Identification") -> dict[str, Any]:
         **beside,
         **derived(result),
         **({"law_verdict": result.law_verdict.as_dict()} if result.law_verdict else {}),
-        "prediction_rmse_percent": _defined(result.prediction_rmse_percent),
-        "fit_rmse_percent": _defined(result.fit_rmse_percent),
-        "violated_fraction": _defined(result.violated_fraction),
+        "prediction_rmse_percent": defined(result.prediction_rmse_percent),
+        "fit_rmse_percent": defined(result.fit_rmse_percent),
+        "violated_fraction": defined(result.violated_fraction),
         "changes": result.changes.tolist(),
         "contact_samples": int(np.count_nonzero(trace.taken)),
         "rejected_samples": int(np.count_nonzero(trace.rejected)),
@@ -137,8 +128,4 @@ def _ranking(results: "Sequence[Identification]") -> dict[str, Any]:
 
 
 def _correlations(matrix: Floats) -> list[list[float | None]]:
-    return [[_defined(value) for value in row] for row in matrix.tolist()]
-
-
-def _defined(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    return [[defined(value) for value in row] for row in matrix.tolist()]

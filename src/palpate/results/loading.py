@@ -19,7 +19,7 @@ from palpate.remarks import Remark
 from palpate.results.columns import contact_and_trace
 from palpate.results.description import SCHEMA_VERSION
 from palpate.trace import Trace
-from palpate.validation import Floats
+from palpate.validation import Floats, or_nan
 
 RESULT = "result.json"
 TRACES = ("trace.parquet", "trace.csv")  # the second where there is no pyarrow
@@ -193,19 +193,15 @@ def _verdict(words: Mapping[str, Any]) -> Verdict:
 
 def _finding(words: Mapping[str, Any]) -> Finding:
     numbers = ("z", "moves_stiffness_percent", "moves_damping_percent")
-    return Finding(**{**words, **{name: _number(words[name]) for name in numbers}})
+    return Finding(**{**words, **{name: or_nan(words[name]) for name in numbers}})
 
 
 def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:
     quantities = {
-        name: Quantity(**{part: _number(value) for part, value in words[name].items()})
+        name: Quantity(**{part: or_nan(value) for part, value in words[name].items()})
         for name in ("force", "stiffness", "damping")
     }
-    return WorkingDepth(_number(words["depth"]), **quantities)
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
+    return WorkingDepth(or_nan(words["depth"]), **quantities)
 
 
 def _numbers(values: Any) -> Floats:

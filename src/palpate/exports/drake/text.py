@@ -173,32 +173,26 @@ class Parts:
 
 def sdf(parts: Parts, comment: str) -> str:
     """Return both bodies in SDFormat."""
-    tips = [
-        SDF_TIP.format(
-            name=tip.name,
-            lift=digits(tip.lift),
-            radius=digits(tip.radius),
-            material=_properties(tip.material, "        ", "<drake:{0}>{1}</drake:{0}>"),
-        )
-        for tip in parts.tips
-    ]
-    surface = _properties(parts.surface, "        ", "<drake:{0}>{1}</drake:{0}>")
-    return SDF.format(comment=comment, surface=surface, tips="\n".join(tips), **_sizes(parts))
+    return _written(parts, comment, SDF, SDF_TIP, "        ", "<drake:{0}>{1}</drake:{0}>")
 
 
 def urdf(parts: Parts, comment: str) -> str:
     """Return the same in URDF."""
+    return _written(parts, comment, URDF, URDF_TIP, "      ", '<drake:{0} value="{1}"/>')
+
+
+def _written(parts: Parts, comment: str, whole: str, one: str, indent: str, line: str) -> str:
     tips = [
-        URDF_TIP.format(
+        one.format(
             name=tip.name,
             lift=digits(tip.lift),
             radius=digits(tip.radius),
-            material=_properties(tip.material, "      ", '<drake:{0} value="{1}"/>'),
+            material=_properties(tip.material, indent, line),
         )
         for tip in parts.tips
     ]
-    surface = _properties(parts.surface, "      ", '<drake:{0} value="{1}"/>')
-    return URDF.format(comment=comment, surface=surface, tips="\n".join(tips), **_sizes(parts))
+    surface = _properties(parts.surface, indent, line)
+    return whole.format(comment=comment, surface=surface, tips="\n".join(tips), **_sizes(parts))
 
 
 def _sizes(parts: Parts) -> dict[str, str]:

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,10 +36,13 @@ class _InMuJoCo(Fragment):
         Â, 1/kg; of the scene's body it is 1/mass.
     robot : Robot, optional
         The user's own model.
+    runs : bool
+        Whether the installed engine has what it takes.
     """
 
     mobility: float
     robot: Robot | None = None
+    runs: bool = True
 
     @property
     def tip(self) -> str:
@@ -71,6 +75,22 @@ class _InMuJoCo(Fragment):
         """Return the user's model with the fragment in it, or the small scene."""
         raise NotImplementedError
 
+    def installed(self, model: Any) -> AbstractContextManager[Any]:
+        """Have in force, meanwhile, what the scene itself does not say."""
+        return nullcontext()
+
+    def rebound(self, drop: Drop) -> float | None:
+        """Restitution in the small scene, of a body of Â's mass."""
+        if not self.runs or not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
+            return None
+        try:
+            mujoco = engine_here()
+        except MissingExtraError:
+            return None
+        model = mujoco.MjModel.from_xml_string(self.scene(drop.speed))
+        with self.installed(model):
+            return _thrown(mujoco, model)
+
     def _small(self, count: int) -> Pressed:
         mujoco = engine_here()
         model = mujoco.MjModel.from_xml_string(self.scene(0.0))
@@ -100,12 +120,9 @@ class InRows(_InMuJoCo):
     ----------
     rows : Rows
         Their numbers.
-    runs : bool
-        Whether the installed engine has what they need.
     """
 
     rows: Rows
-    runs: bool = True
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the pads and pairs, and scenes that have them."""
@@ -138,17 +155,6 @@ class InRows(_InMuJoCo):
             return Replayed(self.pressed().along_motion(motion), self.how)
         except MissingExtraError:
             return None
-
-    def rebound(self, drop: Drop) -> float | None:
-        """Restitution in the small scene, of a body of Â's mass."""
-        if not self.runs or not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
-            return None
-        try:
-            mujoco = engine_here()
-        except MissingExtraError:
-            return None
-        model = mujoco.MjModel.from_xml_string(self.scene(drop.speed))
-        return _thrown(mujoco, model)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -195,17 +201,9 @@ class AsCallback(_InMuJoCo):
                 force[k] = contact.force
         return Replayed(force, self.how)
 
-    def rebound(self, drop: Drop) -> float | None:
-        """Restitution in the small scene, with the callback installed."""
-        if not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
-            return None
-        try:
-            mujoco = engine_here()
-        except MissingExtraError:
-            return None
-        model = mujoco.MjModel.from_xml_string(self.scene(drop.speed))
-        with callback.ExactContact(model, self._contact(TIP)):
-            return _thrown(mujoco, model)
+    def installed(self, model: Any) -> AbstractContextManager[Any]:
+        """Install the callback."""
+        return callback.ExactContact(model, self._contact(TIP))
 
 
 def _thrown(mujoco: Any, model: Any) -> float:

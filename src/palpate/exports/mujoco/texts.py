@@ -70,13 +70,13 @@ class Place:
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
-def pads(count: int, place: Place, indent: str = "    ") -> str:
+def pads(count: int, place: Place) -> str:
     """The surfaces, one a row: massless, static, and met by the pairs alone."""
     # To a picometre: what is beyond is rounding.
     position, normal = _numbers(np.round(place.position, 12).tolist()), _numbers(place.normal)
     turned = "" if place.normal == (0.0, 0.0, 1.0) else f' zaxis="{normal}"'
     return "\n".join(
-        f'{indent}<geom name="{name}" type="plane" pos="{position}"{turned} size="0.1 0.1 0.01" '
+        f'    <geom name="{name}" type="plane" pos="{position}"{turned} size="0.1 0.1 0.01" '
         'contype="0" conaffinity="0"/>'
         for name in PADS[:count]
     )

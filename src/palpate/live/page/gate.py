@@ -10,6 +10,8 @@ from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
+from palpate.live.page.protocol import Served
+
 COOKIE = "palpate-token"
 #: Nothing comes from elsewhere, nothing goes elsewhere, and no other page may frame this one.
 HEADERS = {
@@ -40,13 +42,13 @@ class Gate:
     token : str, optional
         Every request needs it, in its address or in the cookie that this sets. Without one, the
         page listens on loopback only.
-    refused : int
-        Requests that were not let in for want of the token or of the origin.
+    counted : Served
+        Where it counts whom it refuses.
     """
 
     app: ASGIApp
     token: str | None
-    refused: int = 0
+    counted: Served
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer, or refuse."""
@@ -61,10 +63,10 @@ class Gate:
         given = asked.query_params.get("token", "")
         answer: ASGIApp = self.app
         if not self._is_token(given or asked.cookies.get(_cookie_name(asked), "")):
-            self.refused += 1
+            self.counted.refused += 1
             answer = WebSocketClose(1008) if socket else PlainTextResponse(_WITHOUT_TOKEN, 403)
         elif socket and not _same_origin(asked):
-            self.refused += 1
+            self.counted.refused += 1
             answer = WebSocketClose(1008)  # before accept: 403
         elif given and self.token is not None and not socket:
             # The browser remembers the token, and it is taken out of the address.

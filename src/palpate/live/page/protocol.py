@@ -18,23 +18,34 @@ MOST_UNREAD = 1 << 20  # bytes
 
 
 @dataclass(slots=True)
-class Malformed:
-    """What was no HTTP, and no WebSocket frame; each ends its connection.
+class Served:
+    """What the page counted.
 
     Attributes
     ----------
-    requests, frames : int
-        That were none.
+    clients : int
+        That watch now.
     turned_away : int
-        Connections that there was no room for, or that asked for nothing in :data:`PATIENCE`.
+        There was no room for, or asked for nothing in :data:`PATIENCE`.
+    stalled : int
+        Closed since they took nothing.
+    skipped : int
+        Rows that a slow client did not get.
+    malformed : int
+        What was no HTTP, no WebSocket frame, each of which ends its connection, or no request.
+    refused : int
+        Without the token or from another origin; or for what does not exist, or too often.
     """
 
-    requests: int = 0
-    frames: int = 0
+    clients: int = 0
     turned_away: int = 0
+    stalled: int = 0
+    skipped: int = 0
+    malformed: int = 0
+    refused: int = 0
 
 
-def protocols(counted: Malformed) -> tuple[type[H11Protocol], type[WebSocketsSansIOProtocol]]:
+def protocols(counted: Served) -> tuple[type[H11Protocol], type[WebSocketsSansIOProtocol]]:
     """Return both protocols; what they refuse is counted there."""
 
     class Http(H11Protocol):
@@ -53,7 +64,7 @@ def protocols(counted: Malformed) -> tuple[type[H11Protocol], type[WebSocketsSan
                 self.transport.abort()
 
         def send_400_response(self, msg: str) -> None:
-            counted.requests += 1
+            counted.malformed += 1
             super().send_400_response(msg)
 
     class WebSockets(WebSocketsSansIOProtocol):
@@ -79,11 +90,11 @@ def protocols(counted: Malformed) -> tuple[type[H11Protocol], type[WebSocketsSan
 
         def _abort(self) -> None:
             if not self.transport.is_closing():  # what came with it is still gone through
-                counted.frames += 1
+                counted.malformed += 1
                 self.transport.abort()
 
         def handle_parser_exception(self) -> None:
-            counted.frames += 1
+            counted.malformed += 1
             super().handle_parser_exception()
 
     return Http, WebSockets

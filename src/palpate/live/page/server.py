@@ -22,7 +22,7 @@ from palpate.live.page.channels import CHANNELS
 from palpate.live.page.gate import Gate
 from palpate.live.page.history import MOST_ROWS, History
 from palpate.live.page.look import STATIC, style_sheet
-from palpate.live.page.protocol import ABORT, Malformed
+from palpate.live.page.protocol import ABORT, Served
 from palpate.live.page.requests import (
     VIEWS,
     Allowance,
@@ -40,34 +40,6 @@ MOST_CLIENTS = 8
 STALLED = 15.0
 MOST_BEHIND = 2000  # rows: one that is further behind goes on with the newest
 MOST_REQUESTS = 2000  # a second and client: its next ones wait unread
-
-
-@dataclass(slots=True)
-class Served:
-    """What the server counted.
-
-    Attributes
-    ----------
-    clients : int
-        That watch now.
-    turned_away : int
-        There was no room for.
-    stalled : int
-        Closed since they took nothing.
-    skipped : int
-        Rows that a slow client did not get.
-    malformed : int
-        Requests that were no requests.
-    refused : int
-        Requests for what does not exist, or came too often.
-    """
-
-    clients: int = 0
-    turned_away: int = 0
-    stalled: int = 0
-    skipped: int = 0
-    malformed: int = 0
-    refused: int = 0
 
 
 @dataclass(slots=True)
@@ -94,13 +66,9 @@ class Server:
         The run.
     send : callable
         Takes commands to the loop.
-    malformed : Malformed, optional
-        What the protocols below counted.
     """
 
-    def __init__(
-        self, watch: Watch, send: Callable[[Command], None], malformed: Malformed | None = None
-    ) -> None:
+    def __init__(self, watch: Watch, send: Callable[[Command], None]) -> None:
         self.watch, self._send = watch, send
         self.served = Served()
         self._text, self._version, self._over = "{}", 0, False
@@ -108,8 +76,6 @@ class Server:
         self._allowance = Allowance()
         self._tick = asyncio.Event()
         self._methods = offered()
-        self._malformed = malformed
-        self._gate: Gate | None = None
 
     def app(self, token: str | None) -> Gate:
         """Return the ASGI application."""
@@ -123,8 +89,7 @@ class Server:
                 Mount("/static", StaticFiles(directory=STATIC)),
             ]
         )
-        self._gate = Gate(inner, token)
-        return self._gate
+        return Gate(inner, token, self.served)
 
     async def _index(self, _: Any) -> Response:
         return FileResponse(STATIC / "index.html")
@@ -132,27 +97,17 @@ class Server:
     async def _look(self, _: Any) -> Response:
         return Response(style_sheet(), media_type="text/css")
 
-    async def feed(
-        self, ended: Callable[[], bool], noted: Callable[[dict[str, Any]], None]
-    ) -> None:
-        """Take what is new and wake the clients, until the run has ended.
-
-        Parameters
-        ----------
-        ended : callable
-            Whether there is nobody any more who writes.
-        noted : callable
-            Is given the counts, a few times a second.
-        """
+    async def feed(self) -> None:
+        """Take what is new and wake the clients, until the run has ended."""
         looked = 0.0
         while True:
             now = time.monotonic()
-            last = ended() or self.watch.stopped
+            last = self.watch.run.over
             self.watch.take()
             if now - looked >= WORDS_TIME or last:
                 looked = now
                 self.watch.look()
-                noted(self.counts())
+                self.watch.run.tell(self.counts())
                 if self.served.clients or last:
                     page = self.watch.page(self.counts())
                     self._text = json.dumps({"kind": "page", **page, "ended": last})
@@ -168,12 +123,7 @@ class Server:
 
     def counts(self) -> dict[str, Any]:
         """Return what was counted, as plain numbers."""
-        below = self._malformed or Malformed()
-        counts = asdict(self.served)
-        counts["malformed"] += below.frames + below.requests
-        counts["turned_away"] += below.turned_away
-        counts["refused"] += self._gate.refused if self._gate else 0
-        return counts
+        return asdict(self.served)
 
     async def _serve(self, socket: WebSocket) -> None:
         if self.served.clients >= MOST_CLIENTS:

@@ -3,7 +3,6 @@
 import asyncio
 import ipaddress
 import logging
-import multiprocessing
 import secrets
 import select
 import socket
@@ -14,7 +13,6 @@ from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError
-from palpate.live.board import Board
 from palpate.live.commands import Command
 from palpate.live.sinks.printing import printed
 from palpate.live.sinks.sink import Session
@@ -105,14 +103,14 @@ class Page:
     async def _serve(self, session: Session, commands: Connection) -> None:
         from uvicorn import Config
 
-        from palpate.live.page.protocol import Malformed, protocols
+        from palpate.live.page.protocol import protocols
         from palpate.live.page.requests import MOST_BYTES
         from palpate.live.page.server import Server
         from palpate.live.page.watch import Watch
 
-        watch, own, malformed = Watch(session), Board(session.own), Malformed()
-        server = Server(watch, _sender(commands), malformed)
-        http, websockets = protocols(malformed)
+        watch = Watch(session)
+        server = Server(watch, _sender(commands))
+        http, websockets = protocols(server.served)
         config = Config(
             server.app(self.token),
             http=http,
@@ -130,13 +128,12 @@ class Page:
         if self._open_browser:
             asyncio.get_running_loop().run_in_executor(None, webbrowser.open, self.url)
         try:
-            await server.feed(_orphaned, own.write)
+            await server.feed()
         finally:
             serving.cancel()
             with suppress(asyncio.CancelledError):
                 await serving
             watch.close()
-            own.close()
 
 
 async def _quietly(config: "Config", listening: socket.socket) -> None:
@@ -175,12 +172,6 @@ def _takes(commands: Connection) -> bool:
         return bool(select.select([], [commands.fileno()], [], 0)[1])
     except (OSError, ValueError):  # it has ended, which sending says; or it is no file here
         return True
-
-
-def _orphaned() -> bool:
-    """Whether the loop's process is gone, without a word."""
-    parent = multiprocessing.parent_process()
-    return parent is not None and not parent.is_alive()
 
 
 def _listening(host: str, port: int) -> socket.socket:

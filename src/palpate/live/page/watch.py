@@ -10,15 +10,14 @@ import numpy as np
 
 from palpate._core import Status
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
-from palpate.live.board import Board
 from palpate.live.law_numbers import told
 from palpate.live.page.channels import at_depth, column, parameters_of
 from palpate.live.page.history import SHOWN, History
-from palpate.live.ring import Reader
 from palpate.live.sinks.sink import Session
+from palpate.live.sinks.watching import Watching
 from palpate.live.states import State
 from palpate.live.verdict_on_laws import verdict_on
-from palpate.validation import Floats
+from palpate.validation import Floats, plain
 
 ALIVE = 2.0  # s: the loop writes its board four times a second
 MOST_CHANGES = 20
@@ -39,22 +38,20 @@ class Watch:
 
     Attributes
     ----------
+    run : Watching
+        Ring and boards.
     history : History
         The last seconds.
     recast : int
         How often all of the history was worked out again: then every client gets it anew.
-    dropped : int
-        Rows that the ring no longer held when they were looked for.
     """
 
     def __init__(self, session: Session) -> None:
-        self._ring = Reader(session.ring)
-        self._board = Board(session.board)
-        self._others = {name: Board(of) for name, of in session.boards.items() if of != session.own}
-        self.loop = self._board.read()
+        self.run = Watching(session)
+        self.loop = self.run.status()
         self.history = History(1e-3)
         self._begun = False
-        self.recast = self.dropped = 0
+        self.recast = 0
         self.depth, self.chosen_depth = math.nan, math.nan
         self.changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
         self._law: type[ForceLaw] | None = None
@@ -68,13 +65,12 @@ class Watch:
         """Take what the loop wrote since the last time."""
         if not self._begun and not self._begin():
             return
-        taken = self._ring.take()
-        self.dropped += taken.dropped
-        if len(taken.rows):
+        rows = self.run.take().rows
+        if len(rows):
             first = self.history.total
-            self.history.add(taken.rows, float(self.loop.get("delay") or 0.0))
-            self._note_changes(taken.rows, first)
-            self._last = taken.rows[-1:]
+            self.history.add(rows, float(self.loop.get("delay") or 0.0))
+            self._note_changes(rows, first)
+            self._last = rows[-1:]
 
     def _begin(self) -> bool:
         """Make room for the source's rate, as soon as the loop has said it; the rows wait."""
@@ -88,8 +84,7 @@ class Watch:
     def look(self) -> None:
         """Read the boards, and choose the depth: a few times a second."""
         self._read()
-        sign = (self._board.version, self._ring.count)
-        if sign != self._sign:
+        if (sign := self.run.sign) != self._sign:
             self._sign, self._moved = sign, time.monotonic()
         self._choose_depth()
         generation = float(self.loop.get("generation", math.nan))
@@ -97,7 +92,7 @@ class Watch:
             self.recast += 1
 
     def _read(self) -> None:
-        self.loop = self._board.read() or self.loop
+        self.loop = self.run.status() or self.loop
         law = self.loop.get("law") or {}
         self._law = FORCE_LAWS.get(law.get("kind", ""))
 
@@ -105,11 +100,6 @@ class Watch:
     def alive(self) -> bool:
         """Whether the loop has written anything lately, or its source is still being opened."""
         return not self._begun or time.monotonic() - self._moved < ALIVE
-
-    @property
-    def stopped(self) -> bool:
-        """Whether the loop said that it has ended."""
-        return bool(self.loop.get("stopped"))
 
     def _choose_depth(self) -> None:
         """The median penetration in contact, or what a person chose, to two digits."""
@@ -207,30 +197,17 @@ class Watch:
         said: dict[str, Any] = plain(
             {
                 "loop": {**self.loop, "verdict": self._verdict()},
-                "others": {name: board.read() for name, board in self._others.items()},
+                "others": self.run.others(),
                 "alive": self.alive,
                 "shown": SHOWN,
                 "depth": {"value": self.depth, "chosen": math.isfinite(self.chosen_depth)},
                 "now": now,
                 "changes": list(self.changes),
-                "page": {**served, "dropped": self.dropped},
+                "page": {**served, "dropped": self.run.dropped},
             }
         )
         return said
 
     def close(self) -> None:
         """Let go of the memory."""
-        self._ring.close()
-        for board in (self._board, *self._others.values()):
-            board.close()
-
-
-def plain(value: Any) -> Any:
-    """The same with None for numbers that JSON has no word for."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(name): plain(each) for name, each in value.items()}
-    if isinstance(value, list | tuple | deque):
-        return [plain(each) for each in value]
-    return value
+        self.run.close()

@@ -3,16 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-from palpate.live.sinks.publishing import Publisher, RosWire
+from palpate.live.sinks.publishing import RosWire
 from palpate.live.wires.addresses import parsed, topics_of
 from palpate.live.wires.dds_domain import DEPTH, OPTIONS, PATIENCE, participant, raw_type
-
-
-def open_publisher(address: str) -> Publisher:
-    """Return the sink of an address such as ``/palpate?domain=3&interface=eth0``."""
-    publisher = Publisher(DDSWire(address))
-    publisher.check()
-    return publisher
 
 
 class DDSWire(RosWire):

@@ -8,12 +8,12 @@ from palpate.live.sinks.sink import Sink
 from palpate.live.sources.opening import NO_ROS1
 from palpate.validation import shown
 
-#: Where estimates are published back, by what stands before the colon of an address: a module that
-#: has ``open_publisher(address)``, which returns a :class:`~palpate.live.sinks.sink.Sink`.
-PUBLISHERS: Mapping[str, str] = {
-    "zmq": "palpate.live.sinks.zeromq",
-    "dds": "palpate.live.sinks.dds",
-    "zenoh": "palpate.live.sinks.zenoh",
+#: Where estimates are published back, by what stands before the colon of an address: a module, and
+#: its :class:`~palpate.live.sinks.publishing.Wire`, which is made of the rest of the address.
+PUBLISHERS: Mapping[str, tuple[str, str]] = {
+    "zmq": ("palpate.live.sinks.zeromq", "ZeroMQWire"),
+    "dds": ("palpate.live.sinks.dds", "DDSWire"),
+    "zenoh": ("palpate.live.sinks.zenoh", "ZenohWire"),
 }
 
 
@@ -33,5 +33,9 @@ def open_publisher(address: str) -> Sink:
     if not colon or scheme not in PUBLISHERS:
         known = ", ".join(f"{name}:…" for name in PUBLISHERS)
         raise InvalidParameterError(f"--publish must be one of {known}, not {shown(address)}")
-    sink: Sink = import_module(PUBLISHERS[scheme]).open_publisher(rest)
-    return sink
+    from palpate.live.sinks.publishing import Publisher
+
+    module, wire = PUBLISHERS[scheme]
+    publisher = Publisher(getattr(import_module(module), wire)(rest))
+    publisher.check()
+    return publisher

@@ -78,6 +78,11 @@ class Watching:
         self.dropped += taken.dropped
         return taken
 
+    @property
+    def sign(self) -> tuple[int, int]:
+        """What is another one as soon as the loop has written anything."""
+        return self._board.version, self._reader.count
+
     def go_back(self, to: int) -> None:
         """Take the rows from a count on again."""
         self._reader.go_back(to)

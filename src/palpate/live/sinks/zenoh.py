@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import PalpateError
-from palpate.live.sinks.publishing import Publisher, RosWire
+from palpate.live.sinks.publishing import RosWire
 from palpate.live.wires.addresses import parsed, topics_of
 from palpate.live.wires.ros_topics import dds_type
 from palpate.live.wires.zenoh_session import OPTIONS, attachment, key_of, opened
@@ -15,20 +15,14 @@ if TYPE_CHECKING:
     import zenoh
 
 
-def open_publisher(address: str) -> Publisher:
-    """Return the sink of an address such as ``/palpate?connect=tcp/192.168.1.2:7447``."""
-    publisher = Publisher(ZenohWire(address))
-    publisher.check()
-    return publisher
-
-
 class ZenohWire(RosWire):
     """Two topics under rmw_zenoh's keys, which wait where there is no room.
 
     Parameters
     ----------
     address : str
-        The topics' prefix, and options: ``domain``, ``connect``, ``listen`` and ``scouting``.
+        The topics' prefix, and options: ``domain``, ``connect``, ``listen`` and ``scouting``, such
+        as ``/palpate?connect=tcp/192.168.1.2:7447``.
     """
 
     def __init__(self, address: str) -> None:

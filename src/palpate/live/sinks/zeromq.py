@@ -6,15 +6,14 @@ import struct
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
 from palpate.live.ring import MOST_PARAMETERS
-from palpate.live.sinks.publishing import Publisher
-from palpate.live.wires.addresses import WireAddress, parsed
+from palpate.live.wires.addresses import parsed
 from palpate.live.wires.estimates import AFTER, BEFORE
-from palpate.validation import shown
+from palpate.live.wires.packets import Endpoint
+from palpate.validation import plain
 
 if TYPE_CHECKING:
-    import zmq
+    pass
 
 OPTIONS = ("bind", "format")
 # Messages that wait for each subscriber, 20 s at 1 kHz; what is beyond them is counted.
@@ -24,58 +23,27 @@ WAITING = 20_000
 BINARY = struct.Struct(f"<Q{len(BEFORE) + 2 * MOST_PARAMETERS}d")
 
 
-def open_publisher(address: str) -> Publisher:
-    """Return the sink of an address such as ``tcp://127.0.0.1:5556?format=binary``."""
-    publisher = Publisher(ZeroMQWire(parsed("zmq", address, OPTIONS)))
-    publisher.check()
-    return publisher
-
-
-class ZeroMQWire:
+class ZeroMQWire(Endpoint):
     """A PUB socket: frames ``estimate`` and the numbers, or ``status`` and words, in JSON.
 
     Parameters
     ----------
-    address : WireAddress
+    text : str
         An endpoint, and options: ``bind`` (``yes`` or ``no``), and ``format`` of the estimates:
-        ``json`` or ``binary``, :data:`BINARY`.
+        ``json`` or ``binary``, :data:`BINARY`; such as ``tcp://127.0.0.1:5556?format=binary``.
     """
 
-    def __init__(self, address: WireAddress) -> None:
-        self._endpoint = address.target
-        self._bind = address.one_of("bind", ("yes", "no")) == "yes"
+    def __init__(self, text: str) -> None:
+        address = parsed("zmq", text, OPTIONS)
+        super().__init__(address, "tcp://127.0.0.1:5556 or ipc:///tmp/estimates", binds=True)
         self._binary = address.one_of("format", ("json", "binary")) == "binary"
-        if "://" not in self._endpoint:
-            raise InvalidParameterError(
-                "zmq: an endpoint must be such as tcp://127.0.0.1:5556 or ipc:///tmp/estimates, "
-                f"not {shown(self._endpoint)}"
-            )
         self._number = 0
-        self._context: zmq.Context[zmq.Socket[bytes]] | None = None
-        self._socket: zmq.Socket[bytes] | None = None
-
-    @property
-    def name(self) -> str:
-        """Scheme and endpoint."""
-        return f"zmq:{self._endpoint}"
 
     def open(self) -> None:
         """Bind or connect."""
-        try:
-            import zmq
-        except ImportError:
-            raise MissingExtraError("ZeroMQ needs pyzmq: pip install 'palpate[live]'") from None
-        self._context = zmq.Context()
-        self._socket = self._context.socket(zmq.PUB)
-        self._socket.linger = 200  # ms: for what waits at the end
-        self._socket.sndhwm = WAITING
-        # Where there is no room it says so, where it would drop without a word.
-        self._socket.setsockopt(zmq.XPUB_NODROP, 1)
-        try:
-            (self._socket.bind if self._bind else self._socket.connect)(self._endpoint)
-        except zmq.ZMQError as error:
-            self.close()
-            raise PalpateError(f"{self.name}: {zmq.strerror(error.errno or 0).lower()}") from None
+        # 200 ms for what waits at the end. Where there is no room it says so, where it would drop
+        # without a word.
+        self._open("PUB", {"LINGER": 200, "SNDHWM": WAITING, "XPUB_NODROP": 1})
 
     def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
         """Send estimates; return how many there was no room for."""
@@ -109,19 +77,7 @@ class ZeroMQWire:
             return False
         return True
 
-    def close(self) -> None:
-        """Close the socket."""
-        if self._socket is not None:
-            self._socket.close()
-        if self._context is not None:
-            self._context.term()
-        self._socket = self._context = None
-
 
 def _json(page: dict[str, Any]) -> bytes:
     """JSON has no NaN: what is not known is null."""
-    known = {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in page.items()
-    }
-    return json.dumps(known).encode()
+    return json.dumps(plain(page)).encode()

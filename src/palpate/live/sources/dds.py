@@ -3,8 +3,8 @@
 import time
 from typing import TYPE_CHECKING, Any
 
-from palpate.errors import InvalidParameterError, PalpateError
-from palpate.live.arrivals import Arrival, Counts
+from palpate.errors import PalpateError
+from palpate.live.arrivals import Arrival
 from palpate.live.sources.opening import SourceOptions
 from palpate.live.wires import ros_topics
 from palpate.live.wires.addresses import WireAddress, parsed
@@ -27,7 +27,7 @@ def open_source(address: str, options: SourceOptions | None = None) -> "DDS":
     return DDS(parsed("dds", address, OPTIONS), options or SourceOptions())
 
 
-class DDS:
+class DDS(RosTopics):
     """Topics of ROS 2, found by discovery; a reader begins as soon as its topic's type is known.
 
     Parameters
@@ -40,33 +40,13 @@ class DDS:
     """
 
     def __init__(self, address: WireAddress, options: SourceOptions) -> None:
-        self._topics = RosTopics(address, options)
+        super().__init__(address, options)
         self._domain = address.whole("domain", 0, 0, 230)
         self._interface = address.options.get("interface")
         self._participant: DomainParticipant | None = None
         self._discovery: BuiltinDataReader | None = None
         self._waits: WaitSet | None = None
         self._readers: dict[int, DataReader[Any]] = {}
-
-    @property
-    def name(self) -> str:
-        """Scheme and topics."""
-        return f"dds:{','.join(self._topics.names)}"
-
-    @property
-    def sample_time(self) -> float:
-        """Nominal time between samples, s."""
-        return self._topics.sample_time
-
-    @property
-    def counts(self) -> Counts:
-        """What was lost, repeated, malformed or unpaired so far."""
-        return self._topics.counts
-
-    @property
-    def origin(self) -> int:
-        """What times are counted from, ns by the sender's clock."""
-        return self._topics.origin.value or 0
 
     def open(self) -> None:
         """Join the domain and look for the topics; one that comes later is waited for."""
@@ -80,10 +60,10 @@ class DDS:
         self._discovery = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._wake_for(self._discovery)
         until = time.monotonic() + PATIENCE
-        while len(self._readers) < len(self._topics.topics) and time.monotonic() < until:
+        while len(self._readers) < len(self.topics) and time.monotonic() < until:
             self._waits.wait(max(round(1e9 * (until - time.monotonic())), 0))
             self._discover()
-        self._topics.await_topics()
+        self.await_topics()
 
     def _wake_for(self, reader: Any) -> None:
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
@@ -100,20 +80,18 @@ class DDS:
         for found in self._discovery.take(_AT_ONCE):
             if found.sample_info.instance_state != InstanceState.Alive:
                 continue
-            for index, name in enumerate(self._topics.names):
+            for index, name in enumerate(self.names):
                 if found.topic_name == f"rt{name}":
                     self._meet(index, found)
 
     def _meet(self, index: int, found: "DcpsEndpoint") -> None:
         type_name = ros_topics.ros2_type(found.type_name)
-        topic = self._topics.topics[index]
+        topic = self.topics[index]
         if index in self._readers:
             if type_name != topic.type_name:
-                self._topics.refuse(
-                    f"{topic.name}: a publisher of the type {type_name} is not followed"
-                )
+                self.refuse(f"{topic.name}: a publisher of the type {type_name} is not followed")
             return
-        self._topics.accept(index, type_name)
+        self.accept(index, type_name)
         self._readers[index] = self._reader(topic.name, type_name, found.qos)
 
     def _reader(self, name: str, type_name: str, offered: Any) -> "DataReader[Any]":
@@ -147,7 +125,7 @@ class DDS:
         if self._waits is None:
             raise PalpateError(f"{self.name} is not open")
         until, waited = time.monotonic() + timeout, False
-        ready = self._topics.ready
+        ready = self.ready
         while not ready:
             if self._receive(waited=waited):
                 if not ready and time.monotonic() >= until:
@@ -155,7 +133,7 @@ class DDS:
                 continue
             left = until - time.monotonic()
             if left <= 0.0:
-                self._topics.settle()
+                self.settle()
                 return None
             waited = True
             self._waits.wait(round(1e9 * left))
@@ -175,20 +153,12 @@ class DDS:
                 sent = Message(
                     index, message.raw, info.source_timestamp, sender=info.publication_handle
                 )
-                self._topics.receive(sent, waited=first)
+                self.receive(sent, waited=first)
                 first = False
         return something
 
-    def news(self) -> list[str]:
-        """What is to be said since the last call: topics that were found."""
-        return self._topics.news()
-
-    def ask(self, options: dict[str, Any]) -> str:
-        """A robot cannot be asked for anything."""
-        raise InvalidParameterError("a robot on the wire moves as it does: nothing can be chosen")
-
     def close(self) -> None:
         """Leave the domain."""
-        self._topics.settle()
+        self.settle()
         self._readers.clear()
         self._waits = self._discovery = self._participant = None

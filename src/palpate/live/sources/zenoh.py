@@ -4,8 +4,8 @@ import time
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from palpate.errors import InvalidParameterError, PalpateError
-from palpate.live.arrivals import Arrival, Counts
+from palpate.errors import PalpateError
+from palpate.live.arrivals import Arrival
 from palpate.live.sources.opening import SourceOptions
 from palpate.live.wires import ros_topics, zenoh_session
 from palpate.live.wires.addresses import WireAddress, parsed
@@ -35,7 +35,7 @@ class _Came(NamedTuple):
     length: int
 
 
-class Zenoh:
+class Zenoh(RosTopics):
     """Topics of ROS 2; their types are known by the keys of the messages.
 
     Parameters
@@ -49,43 +49,23 @@ class Zenoh:
     """
 
     def __init__(self, address: WireAddress, options: SourceOptions) -> None:
-        self._topics = RosTopics(address, options)
+        super().__init__(address, options)
         self._address = address
         self._domain = address.whole("domain", 0, 0, 1_000_000)
         self._queue: SimpleQueue[_Came] = SimpleQueue()
         self._session: zenoh.Session | None = None
-
-    @property
-    def name(self) -> str:
-        """Scheme and topics."""
-        return f"zenoh:{','.join(self._topics.names)}"
-
-    @property
-    def sample_time(self) -> float:
-        """Nominal time between samples, s."""
-        return self._topics.sample_time
-
-    @property
-    def counts(self) -> Counts:
-        """What was lost, repeated, malformed or unpaired so far."""
-        return self._topics.counts
-
-    @property
-    def origin(self) -> int:
-        """What times are counted from, ns by the sender's clock."""
-        return self._topics.origin.value or 0
 
     def open(self) -> None:
         """Open the session; a topic that comes later is waited for."""
         self._session = zenoh_session.opened(self._address)
         import zenoh
 
-        for index, name in enumerate(self._topics.names):
+        for index, name in enumerate(self.names):
             key = zenoh_session.key_of(self._domain, name, "*", "*")
             # In Zenoh's own thread: another one between would cost each message a change of thread.
             took = zenoh.handlers.Callback(self._taker(index), lambda: None, indirect=False)
             self._session.declare_subscriber(key, took)
-        self._topics.await_topics()
+        self.await_topics()
 
     def _taker(self, index: int) -> Any:
         queue = self._queue
@@ -112,13 +92,13 @@ class Zenoh:
         """Return the next sample, or None where none came in time [s]."""
         if self._session is None:
             raise PalpateError(f"{self.name} is not open")
-        until, ready = time.monotonic() + timeout, self._topics.ready
+        until, ready = time.monotonic() + timeout, self.ready
         while not ready:
             waited = self._queue.empty()
             try:
                 came = self._queue.get(timeout=max(until - time.monotonic(), 0.0))
             except Empty:
-                self._topics.settle()
+                self.settle()
                 return None
             self._receive(came, waited=waited)
             if not ready and time.monotonic() >= until:
@@ -126,40 +106,31 @@ class Zenoh:
         return ready.popleft()
 
     def _receive(self, came: _Came, *, waited: bool) -> None:
-        topics = self._topics
-        topic = topics.topics[came.topic]
+        topic = self.topics[came.topic]
         type_name = ros_topics.ros2_type(came.key.split("/")[-2])
         if topic.type_name and type_name != topic.type_name:
-            topics.refuse(f"{topic.name}: a publisher of the type {type_name} is not followed")
+            self.refuse(f"{topic.name}: a publisher of the type {type_name} is not followed")
             return
-        topics.accept(came.topic, type_name)
+        self.accept(came.topic, type_name)
         if came.payload is None:
-            topics.refuse(f"{topic.name}: a message of {came.length} bytes")
+            self.refuse(f"{topic.name}: a message of {came.length} bytes")
             return
         written, number, sender = came.written, None, b""
         if came.attachment is not None:
             known = zenoh_session.attached(came.attachment)
             if known is None:
-                topics.refuse(
+                self.refuse(
                     f"{topic.name}: an attachment of {len(came.attachment)} bytes that is not "
                     "rmw_zenoh's"
                 )
                 return
             number, written, sender = known
         message = Message(came.topic, came.payload, written, number, sender)
-        topics.receive(message, waited=waited)
-
-    def news(self) -> list[str]:
-        """What is to be said since the last call: topics that were found."""
-        return self._topics.news()
-
-    def ask(self, options: dict[str, Any]) -> str:
-        """A robot cannot be asked for anything."""
-        raise InvalidParameterError("a robot on the wire moves as it does: nothing can be chosen")
+        self.receive(message, waited=waited)
 
     def close(self) -> None:
         """Close the session."""
-        self._topics.settle()
+        self.settle()
         if self._session is not None:
             self._session.close()  # type: ignore[no-untyped-call]
         self._session = None

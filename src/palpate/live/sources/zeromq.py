@@ -3,13 +3,12 @@
 import time
 from typing import TYPE_CHECKING, Any
 
-from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
+from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.arrivals import Arrival, Counts
 from palpate.live.sources.opening import SourceOptions
 from palpate.live.wires.addresses import WireAddress, parsed
 from palpate.live.wires.ordering import Order, Origin, Receipt, Verdict
-from palpate.live.wires.packets import PacketError, unpacked
-from palpate.validation import shown
+from palpate.live.wires.packets import Endpoint, PacketError, unpacked
 
 if TYPE_CHECKING:
     import zmq
@@ -25,7 +24,7 @@ def open_source(address: str, options: SourceOptions | None = None) -> "ZeroMQ":
     return ZeroMQ(parsed("zmq", address, OPTIONS), options or SourceOptions())
 
 
-class ZeroMQ:
+class ZeroMQ(Endpoint):
     """A SUB or PULL socket, that connects or binds.
 
     Parameters
@@ -39,27 +38,15 @@ class ZeroMQ:
 
     def __init__(self, address: WireAddress, options: SourceOptions) -> None:
         self._pull = address.one_of("socket", ("sub", "pull")) == "pull"
-        self._bind = address.one_of("bind", ("no", "yes")) == "yes"
         self._topic = address.text("topic", "")
         if self._pull and self._topic:
             raise InvalidParameterError("zmq: topic is for socket=sub; a PULL socket takes all")
-        self._endpoint, self._vectors = address.target, options.vectors
-        if "://" not in self._endpoint:
-            raise InvalidParameterError(
-                "zmq: an endpoint must be such as tcp://127.0.0.1:5555 or ipc:///tmp/robot, not "
-                f"{shown(self._endpoint)}"
-            )
+        super().__init__(address, "tcp://127.0.0.1:5555 or ipc:///tmp/robot", binds=False)
+        self._vectors = options.vectors
         self.sample_time = options.sample_time or 1e-3
         self.counts, self._origin, self._receipt = Counts(), Origin(), Receipt()
         self._order = Order(self.counts)
-        self._context: zmq.Context[zmq.Socket[bytes]] | None = None
-        self._socket: zmq.Socket[bytes] | None = None
         self._poller: zmq.Poller | None = None
-
-    @property
-    def name(self) -> str:
-        """The address."""
-        return f"zmq:{self._endpoint}"
 
     @property
     def origin(self) -> int:
@@ -68,24 +55,15 @@ class ZeroMQ:
 
     def open(self) -> None:
         """Bind or connect; a peer that is not there yet is waited for in the background."""
-        try:
-            import zmq
-        except ImportError:
-            raise MissingExtraError("ZeroMQ needs pyzmq: pip install 'palpate[live]'") from None
-        self._context = zmq.Context()
-        self._socket = socket = self._context.socket(zmq.PULL if self._pull else zmq.SUB)
+        # No MAXMSGSIZE: it would end the connection for good, and the loop would hear nothing more.
+        options: dict[str, int | bytes] = {"LINGER": 0, "RCVHWM": WAITING}
+        if not self._pull:
+            options["SUBSCRIBE"] = self._topic.encode()
+        socket = self._open("PULL" if self._pull else "SUB", options)
+        import zmq
+
         self._poller = zmq.Poller()
         self._poller.register(socket, zmq.POLLIN)
-        socket.linger = 0
-        socket.rcvhwm = WAITING
-        # No maxmsgsize: it would end the connection for good, and the loop would hear nothing more.
-        if not self._pull:
-            socket.setsockopt(zmq.SUBSCRIBE, self._topic.encode())
-        try:
-            (socket.bind if self._bind else socket.connect)(self._endpoint)
-        except zmq.ZMQError as error:
-            self.close()
-            raise PalpateError(f"{self.name}: {zmq.strerror(error.errno or 0).lower()}") from None
 
     def take(self, timeout: float) -> Arrival | None:
         """Return the next sample, or None where none came in time [s]."""
@@ -135,8 +113,4 @@ class ZeroMQ:
     def close(self) -> None:
         """Close the socket."""
         self._order.settle()
-        if self._socket is not None:
-            self._socket.close()
-        if self._context is not None:
-            self._context.term()
-        self._socket = self._context = None
+        super().close()

@@ -7,10 +7,16 @@ Little-endian: number uint64, time float64 [s], position 1 or 3 float64 [m], for
 import json
 import math
 import struct
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from palpate.errors import PalpateError
+from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
 from palpate.live.arrivals import Value
+from palpate.live.wires.addresses import WireAddress
+from palpate.validation import shown
+
+if TYPE_CHECKING:
+    import zmq
 
 NUMBERS = struct.Struct("<Qddd")
 VECTORS = struct.Struct("<Qd3d3d")
@@ -122,3 +128,57 @@ def _other_kind(vectors: bool) -> PacketError:
     if vectors:
         return PacketError("position and force are numbers, where a direction asks for vectors")
     return PacketError("position and force are vectors: say --direction, such as 0,0,-1")
+
+
+class Endpoint:
+    """A socket of ZeroMQ that connects or binds.
+
+    Parameters
+    ----------
+    address : WireAddress
+        An endpoint of ZeroMQ, and the option ``bind``.
+    example : str
+        What an endpoint is such as.
+    binds : bool
+        Whether it binds where ``bind`` does not say.
+    """
+
+    def __init__(self, address: WireAddress, example: str, *, binds: bool) -> None:
+        choices = ("yes", "no") if binds else ("no", "yes")
+        self._endpoint, self._bind = address.target, address.one_of("bind", choices) == "yes"
+        if "://" not in self._endpoint:
+            raise InvalidParameterError(
+                f"zmq: an endpoint must be such as {example}, not {shown(self._endpoint)}"
+            )
+        self._context: zmq.Context[zmq.Socket[bytes]] | None = None
+        self._socket: zmq.Socket[bytes] | None = None
+
+    @property
+    def name(self) -> str:
+        """Scheme and endpoint."""
+        return f"zmq:{self._endpoint}"
+
+    def _open(self, kind: str, options: Mapping[str, int | bytes]) -> "zmq.Socket[bytes]":
+        """Bind or connect; a peer that is not there yet is waited for in the background."""
+        try:
+            import zmq
+        except ImportError:
+            raise MissingExtraError("ZeroMQ needs pyzmq: pip install 'palpate[live]'") from None
+        self._context = zmq.Context()
+        self._socket = socket = self._context.socket(getattr(zmq, kind))
+        for name, value in options.items():
+            socket.setsockopt(getattr(zmq, name), value)
+        try:
+            (socket.bind if self._bind else socket.connect)(self._endpoint)
+        except zmq.ZMQError as error:
+            self.close()
+            raise PalpateError(f"{self.name}: {zmq.strerror(error.errno or 0).lower()}") from None
+        return socket
+
+    def close(self) -> None:
+        """Close the socket."""
+        if self._socket is not None:
+            self._socket.close()
+        if self._context is not None:
+            self._context.term()
+        self._socket = self._context = None

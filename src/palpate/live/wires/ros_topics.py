@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.arrivals import Arrival, Counts, Value
@@ -56,7 +57,7 @@ class _Topic:
 
 
 class RosTopics:
-    """Takes messages, gives arrivals.
+    """Takes messages, gives arrivals: a source, but for the wire that the messages come on.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ class RosTopics:
     def __init__(self, address: WireAddress, options: SourceOptions) -> None:
         names = topics_of(address, 2)
         self.sample_time = options.sample_time or 1e-3
-        self.counts, self.origin = Counts(), Origin()
+        self.counts, self._origin = Counts(), Origin()
         self.ready: deque[Arrival] = deque()
         self._news: list[str] = []
         self._vectors, self._scheme = options.vectors, address.scheme
@@ -93,6 +94,16 @@ class RosTopics:
     def names(self) -> list[str]:
         """The topics' names."""
         return [topic.name for topic in self.topics]
+
+    @property
+    def name(self) -> str:
+        """Scheme and topics."""
+        return f"{self._scheme}:{','.join(self.names)}"
+
+    @property
+    def origin(self) -> int:
+        """What times are counted from, ns by the sender's clock."""
+        return self._origin.value or 0
 
     def accept(self, index: int, type_name: str) -> None:
         """Learn the type of a topic.
@@ -165,12 +176,16 @@ class RosTopics:
         self._give(pair.stamp, first, second, pair.there)
 
     def _give(self, stamp: int, position: Value, force: Value, there: float) -> None:
-        self.ready.append(Arrival(self.origin.seconds(stamp), position, force, there))
+        self.ready.append(Arrival(self._origin.seconds(stamp), position, force, there))
 
     def refuse(self, words: str, count: int = 1) -> None:
         """Count messages that hold no sample."""
         self.counts.malformed += count
         self.counts.last_fault = words[:LONGEST_WORDS]  # a peer's own may be in it
+
+    def ask(self, options: dict[str, Any]) -> str:
+        """A robot cannot be asked for anything."""
+        raise InvalidParameterError("a robot on the wire moves as it does: nothing can be chosen")
 
     def settle(self) -> None:
         """Count what is missing so far."""

@@ -32,6 +32,11 @@ class Collection:
         self.losses: list[str] = []
         self.omissions: list[str] = []
         self.notes: dict[str, str] = {}
+        self.values: dict[str, NDArray[Any]] = {}
+        self.units: dict[str, str] = {}
+        self.clocks: dict[str, str] = {}
+        self.frames: dict[str, str] = {}
+        self.faults: dict[str, Faults] = {}
         self._topics: dict[Hashable, Topic] = {}
         self._types: dict[str, str] = {}
 
@@ -88,24 +93,26 @@ class Collection:
         RecordingError
             It is nothing; or something was asked for that there is not.
         """
-        channels = _Channels(self.notes, self.omissions)
+        types = {}
         for topic in self._topics.values():
             self._say(topic)
-            channels.add(topic)
+            for name, found in topic.found.items():
+                self._add(topic.name + name, found)
+                types[topic.name] = topic.type_name
         unread = {topic.name for topic in self._topics.values() if topic.omitted == NOT_ASKED}
         if unread:
             self.omissions.append(f"not asked for: {_few(unread)}")
-        self._check(list(channels.values))
+        self._check(list(self.values))
         self.request.report(1.0)
         return Recording(
-            channels.values,
-            units=channels.units,
+            self.values,
+            units=self.units,
             source=self.source,
             notes=self.notes,
-            clocks=channels.clocks,
-            frames=channels.frames,
-            types=channels.types,
-            faults=channels.faults,
+            clocks=self.clocks,
+            frames=self.frames,
+            types=types,
+            faults=self.faults,
             losses=tuple(self.losses),
             omissions=tuple(self.omissions),
         )
@@ -128,46 +135,6 @@ class Collection:
             self.omissions.append(f"{what} holds no numbers{asked}")
         if topic.found and topic.skipped:
             self.omissions.append(f"{topic.name}: long lists are not read: {_few(topic.skipped)}")
-
-    def _check(self, names: list[str]) -> None:
-        for wanted in self.request.channels or ():
-            if not any(within(name, wanted) for name in names):
-                there = sorted({topic.name for topic in self._topics.values()})
-                why = [each for each in self.omissions if each.startswith(f"{wanted} ")]
-                reason = f"no numbers are read of {wanted!r}" + "".join(f" ({w})" for w in why[:1])
-                raise self.error(reason, f"there are the topics {_few(there)}")
-        if not names:
-            why = [*self.losses, *self.omissions][:2]
-            raise self.error(
-                "no topic has numbers that can be read" + "".join(f". {each}" for each in why),
-                "record a topic of forces and one of positions",
-            )
-
-
-def _few(names: set[str] | list[str]) -> str:
-    shown = sorted(names)
-    more = f" and {len(shown) - 10} more" if len(shown) > 10 else ""
-    return ", ".join(shown[:10]) + more
-
-
-class _Channels:
-    """Channels of all topics, and what is known of each."""
-
-    def __init__(self, notes: dict[str, str], omissions: list[str]) -> None:
-        self.values: dict[str, NDArray[Any]] = {}
-        self.units: dict[str, str] = {}
-        self.clocks: dict[str, str] = {}
-        self.frames: dict[str, str] = {}
-        self.types: dict[str, str] = {}
-        self.faults: dict[str, Faults] = {}
-        self.notes, self.omissions = notes, omissions
-
-    def add(self, topic: Topic) -> None:
-        """Take the channels of a topic out of it."""
-        for name, found in topic.found.items():
-            self._add(topic.name + name, found)
-        if topic.found:
-            self.types[topic.name] = topic.type_name
 
     def _add(self, above: str, found: Found) -> None:
         times = set(found.times)
@@ -215,6 +182,26 @@ class _Channels:
             for path in names:
                 if path.startswith("twist."):
                     self.frames[names[path]] = moving[0]
+
+    def _check(self, names: list[str]) -> None:
+        for wanted in self.request.channels or ():
+            if not any(within(name, wanted) for name in names):
+                there = sorted({topic.name for topic in self._topics.values()})
+                why = [each for each in self.omissions if each.startswith(f"{wanted} ")]
+                reason = f"no numbers are read of {wanted!r}" + "".join(f" ({w})" for w in why[:1])
+                raise self.error(reason, f"there are the topics {_few(there)}")
+        if not names:
+            why = [*self.losses, *self.omissions][:2]
+            raise self.error(
+                "no topic has numbers that can be read" + "".join(f". {each}" for each in why),
+                "record a topic of forces and one of positions",
+            )
+
+
+def _few(names: set[str] | list[str]) -> str:
+    shown = sorted(names)
+    more = f" and {len(shown) - 10} more" if len(shown) > 10 else ""
+    return ", ".join(shown[:10]) + more
 
 
 _FRAMES = ("header.frame_id", "frame_id", "parent_frame_id")
