@@ -5,15 +5,10 @@ import subprocess
 import sys
 
 import pytest
-from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
+from recordings import HEADER, SIGNALS, rows_of, text_of, written
 
 import palpate
 from palpate.digits import with_error
-
-
-@pytest.fixture
-def good(tmp_path):
-    return recording(tmp_path)
 
 
 @pytest.fixture

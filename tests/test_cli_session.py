@@ -10,15 +10,10 @@ from pathlib import Path
 
 import pytest
 from cyclopts.completion.detect import ShellDetectionError
-from recordings import recording, text_of, written
+from recordings import text_of, written
 
 from palpate.lab import BALL, THREE_SINES, Bench, IdealProbe
 from palpate.results.toml import as_toml
-
-
-@pytest.fixture
-def good(tmp_path):
-    return recording(tmp_path)
 
 
 def test_verbose_says_on_standard_error_what_is_done_and_how_long_it_took(run, good):

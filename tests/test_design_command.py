@@ -3,21 +3,11 @@
 import json
 import re
 
-import pytest
-
 from palpate import lab
 from palpate.design import Motion, design
 
 BALL = lab.BALL.law
 GUESS = ["--stiffness", "2000", "--damping", "2000", "--exponent", "1"]
-
-
-def test_a_damping_of_almost_nothing_has_no_speed_limit(run):
-    guess = [*GUESS, "--noise", "0.05", "--json"]
-    guess[3] = "1e-320"
-    status, out, err = run("design", *guess)
-    assert (status, err) == (0, "")
-    assert json.loads(out)["speed_limit"] is None
 
 
 def test_the_command_prints_precision_times_limit_and_a_command_to_run_next(run):
@@ -55,22 +45,5 @@ def test_what_is_never_reached_is_null(run):
     _, out, _ = run("design", *GUESS, "--noise", "1", *held)
     assert "> 1000 s" in out
     assert "unknown" in out
-
-
-@pytest.mark.parametrize(
-    "options, words",
-    [
-        ([], "--noise"),
-        (["--noise", "0"], "noise must be in"),
-        (["--noise", "loud"], "loud"),
-        (["--noise", "1", "--amplitudes", "1e-3"], "as many, not 1 and 3"),
-        (["--noise", "1", "--depth", "-1"], "depth must be in"),
-        (["--noise", "1", "--max-speed", "0"], "max_speed must be in"),
-        (["--noise", "1", "--sample-time", "1"], "frequencies[0] must be in"),
-    ],
-)
-def test_an_error_is_one_line_that_names_it(run, options, words):
-    status, out, err = run("design", *GUESS, *options)
-    assert (status, out, err.count("\n")) == (2, "", 1)
-    assert err.startswith("palpate: ")
-    assert words in err
+    almost_undamped = [*GUESS[:3], "1e-320", *GUESS[4:], "--noise", "0.05", "--json"]
+    assert json.loads(run("design", *almost_undamped)[1])["speed_limit"] is None

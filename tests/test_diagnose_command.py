@@ -164,22 +164,6 @@ def test_what_cannot_be_identified_ends_with_the_findings_sentence(run, write):
     assert "--flip-force" in err
 
 
-@pytest.mark.parametrize(
-    "options, words",
-    [
-        (["--at", "3kg"], "--at must be a number and one of m, cm, mm"),
-        (["--at", "0mm"], "--at must be in (0"),
-        (["--delay", "soon"], "--delay must be a number and one of s, ms"),
-        (["--tare", "2"], "--tare must be START:STOP"),
-        (["--unit", "mm"], "--unit must be CHANNEL=UNIT"),
-        (["--unit", "force=MPa"], "unit of the force must be one of N"),
-    ],
-)
-def test_a_wrong_option_is_one_line(run, write, options, words):
-    status, out, err = run("identify", write(faults.clean()), *options)
-    assert (status, out, err.count("\n"), words in err) == (2, "", 1, True)
-
-
 def test_compare_ranks_and_recommends_nothing_where_nothing_is_to_be_trusted(run, write):
     path = write(faults.remembering(0.3, 0.2))
     status, out, _ = run("compare", path, "--json", "--fail-on", "with-care")

@@ -64,8 +64,6 @@ def test_what_an_oscillation_feels_is_shown_beside_the_truth_of_what_remembers(r
 
 
 REMEMBERING = lab.TISSUE.law
-
-
 NAMES = set(REMEMBERING.names())
 
 
@@ -158,39 +156,3 @@ def test_the_rig_is_pictured(run, tmp_path, ending):
     assert (status, err) == (0, "")
     assert str(picture) in out
     assert picture.stat().st_size > 5000
-
-
-@pytest.mark.parametrize(
-    "arguments, words",
-    [
-        (("bal",), "MATERIAL must be one of ball, sponge"),
-        (("ball", "--trajectory", "sines"), "--trajectory must be one of three-sines, two-sines"),
-        (("ball", "--trajectory", "gone.csv"), "gone.csv: No such file"),
-        (("ball", "--probe", "finger"), "finger"),
-        (("ball", "--seconds", 0), "seconds must be in"),
-        (("ball", "--seed", -1), "seed must be in"),
-        (("ball", "--noise", -1), "force_noise must be in"),
-        (("ball", "--stiffness", 3), "--stiffness goes with a law of one's own"),
-        (("hunt-crossley", "--stiffness", 3), "needs --stiffness, --damping, --exponent"),
-        ((*HALF_SPACE[:-2],), "--damping-exponent, may have --relaxation-stiffness"),
-        ((*HALF_SPACE, "--relaxation-stiffness", 3), "longest_time must be above 0"),
-        (("ball", "--picture", "rig.bmp"), "must end in .svg, .pdf or .png"),
-        (("ball", "--picture", "rig.svg", "--probe", "ideal"), "an ideal probe has none"),
-    ],
-)
-def test_bad_input_is_one_line_and_nothing_is_written(run, tmp_path, arguments, words):
-    file = tmp_path / "x.csv"
-    status, out, err = run("lab", *arguments, "-o", file)
-    assert (status, out) == (2, "")
-    assert err.count("\n") == 1
-    assert words in err
-    assert not file.exists()
-
-
-def test_a_folder_that_cannot_be_written_to_is_said_before_the_work(run, tmp_path):
-    status, _, err = run("lab", "ball", "-o", tmp_path / "absent" / "x.csv", "--seconds", "90000")
-    assert status == 2
-    assert "absent" in err
-    status, _, err = run("lab", "ball", "-o", tmp_path, "--seconds", "90000")
-    assert status == 2
-    assert "this is a folder" in err

@@ -28,27 +28,6 @@ def test_the_diagnosis_is_of_the_law_that_is_asked_for(run):
     assert result["method"] == "viscoelastic"
 
 
-@pytest.mark.parametrize(
-    "arguments, words",
-    [
-        (("--law", "springy"), "law must be one of hunt-crossley, auto, any"),
-        (("--law", "auto", "--method", "single-stage"), "do not go together"),
-        (("--law", "auto", "--surface", "estimate"), "--surface estimate is for a method that can"),
-        (("--method", "single-stage", "--surface", "estimate"), "not for single-stage"),
-        (("--frequency", "5parsec"), "--frequency must be a number and one of Hz, rad/s"),
-        (("--frequency", "0Hz"), "--frequency must be"),
-        (("--law", "auto", "--frequency", "500Hz"), "band of the motion"),
-        (("--frequency", "500Hz"), "band of the motion"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_a_line(run, tmp_path, arguments, words):
-    folder = tmp_path / "out"
-    status, out, err = run("identify", BALL, *arguments, "-o", folder)
-    assert (status, out) == (2, "")
-    assert (words in err, err.count("\n")) == (True, 1)
-    assert not (folder / "result.json").exists()
-
-
 def test_what_an_oscillation_feels_is_printed_with_what_the_everyday_laws_say(run):
     own = palpate.identify(BALL, trace=False).dynamic_stiffness().frequency
     status, out, _ = run("identify", BALL, "--frequency", f"{own:.6f}rad/s")

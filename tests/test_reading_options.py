@@ -13,11 +13,6 @@ from palpate.preparation.wrenches import turned
 from palpate.results.toml import as_toml
 
 
-@pytest.fixture
-def good(tmp_path):
-    return recording(tmp_path)
-
-
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory):
     """A robot's table, with units in the names."""
