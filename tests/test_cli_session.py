@@ -5,8 +5,8 @@ import os
 import shutil
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from cyclopts.completion.detect import ShellDetectionError
@@ -33,11 +33,6 @@ def test_verbose_says_on_standard_error_what_is_done_and_how_long_it_took(run, g
         assert "channel force_N" in more
         assert "search for delay" in more
     assert logging.getLogger("palpate").level == logging.NOTSET
-
-
-def test_after_two_hyphens_there_are_files_alone(run):
-    status, _, err = run("identify", "--", "-v")
-    assert (status, err) == (2, "palpate: -v: No such file or directory; check the path\n")
 
 
 def test_a_position_is_prepared_step_by_step(run, tmp_path):
@@ -110,18 +105,8 @@ def test_each_shell_gets_its_completion_where_it_looks_for_it(run, home, shell):
     assert str(path) in out
 
 
-def test_a_completion_that_cannot_be_made_is_one_line(run, good, home, monkeypatch):
-    monkeypatch.setattr("cyclopts.completion.detect.detect_shell", unknown_shell)
-    for given in (["--shell", "bash", "-o", good / "x"], []):
-        status, out, err = run("--install-completion", *given)
-        assert (status, out, err.count("\n")) == (2, "", 1)
-    assert "name it by --shell" in err
-
-
-def unknown_shell():
-    raise ShellDetectionError
-
-
-def test_control_characters_of_a_name_do_not_spoil_the_options():
-    text = as_toml({"force": "a\x7f\x01"}, ["of a\x01b\x7f.csv", "two\nlines"])
-    assert tomllib.loads(text) == {"force": "a\x7f\x01"}
+def test_a_completion_that_cannot_be_made_is_one_line(refused, good, home, monkeypatch):
+    unknown = Mock(side_effect=ShellDetectionError)
+    monkeypatch.setattr("cyclopts.completion.detect.detect_shell", unknown)
+    refused("--install-completion", "--shell", "bash", "-o", good / "x")
+    assert "name it by --shell" in refused("--install-completion")

@@ -52,20 +52,6 @@ def test_no_line_is_wider_than_the_terminal_and_no_number_is_lost(
     assert set(NUMBER.findall(out)) == set(NUMBER.findall(wide[command]))
 
 
-@pytest.mark.slow
-def test_stretches_between_changes_fit_too(run, monkeypatch, tmp_path):
-    file = tmp_path / "changed.csv"
-    run("lab", "soft-then-hard", "--probe", "ideal", "-o", file)
-    printed = {}
-    for columns in (60, 120):
-        monkeypatch.setenv("COLUMNS", str(columns))
-        out = run("identify", file, "--changes")[1].replace(str(file), "")
-        assert max(cell_len(line.rstrip()) for line in out.split("\n")) <= columns
-        printed[columns] = set(NUMBER.findall(out))
-    assert printed[60] == printed[120]
-    assert "·10⁵ N·s/mⁿ⁺¹" in out
-
-
 def test_what_goes_into_a_pipe_has_a_width_of_its_own(run, monkeypatch):
     monkeypatch.delenv("COLUMNS", raising=False)
     out = run("info", BALL)[1]

@@ -63,9 +63,8 @@ def test_channels_may_be_chosen(run, tmp_path):
         tmp_path / "a.h5", {f"g{k}/{n}": np.arange(9.0) for k in range(3) for n in ("time", "f")}
     )
     found = json.loads(run("info", path, "--channel", "g1", "--channel", "g2/f", "--json")[1])
-    assert {channel["name"] for channel in found["channels"]} == {
-        "g1/time", "g1/f", "g2/time", "g2/f",
-    }  # fmt: skip
+    names = {channel["name"] for channel in found["channels"]}
+    assert names == {"g1/time", "g1/f", "g2/time", "g2/f"}
 
 
 def test_a_curve_of_a_map_is_chosen_or_asked_for(run, tmp_path):
@@ -85,13 +84,6 @@ def test_many_channels_are_cut_off_and_said(run, tmp_path):
     path = write_hdf5(tmp_path / "a.h5", {f"c{k:03}": np.arange(9.0) for k in range(100)})
     out = run("info", path)[1]
     assert "and 40 more channels: --channel NAME or --json" in out
-
-
-def test_a_file_that_cannot_be_read_is_one_line(run, tmp_path):
-    path = tmp_path / "bad.h5"
-    path.write_bytes(bytes(1000))
-    status, out, err = run("info", path)
-    assert (status, out, err.count("\n"), "no HDF5 file" in err) == (2, "", 1, True)
 
 
 def test_a_strip_chart_has_a_strip_for_each_channel_that_varies(run, tmp_path):
@@ -160,11 +152,9 @@ def test_faults_types_and_frames_are_printed(run, tmp_path, monkeypatch):
     assert all(words in out for words in ("geometry_msgs/msg/WrenchStamped", "tool", fault))
 
 
-def test_without_matplotlib_the_extra_is_named_before_anything_is_read(run, tmp_path, monkeypatch):
+def test_without_matplotlib_the_extra_is_named_before_anything_is_read(refused, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    status, _, err = run("info", tmp_path / "absent.h5", "--figure", "a.svg")
-    assert status == 2
-    assert "palpate[figures]" in err
+    assert "palpate[figures]" in refused("info", "absent.h5", "--figure", "a.svg")
 
 
 def test_the_description_that_is_shown_is_the_one_that_is_printed(run, tmp_path, monkeypatch):

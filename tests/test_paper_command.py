@@ -34,14 +34,6 @@ def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path, monkeyp
     assert "2 claims" in out
 
 
-def test_a_folder_below_a_file_is_one_line(run, tiny, tmp_path):
-    pytest.importorskip("mujoco")
-    (tmp_path / "file").write_text("", encoding="utf-8")
-    status, out, err = run("-o", tmp_path / "file" / "below")
-    assert (status, out, err.count("\n"), "file/below" in err) == (2, "", 1, True)
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
-
-
 @pytest.mark.parametrize("module, extra", [("matplotlib", "figures"), ("mujoco", "lab")])
 def test_a_missing_extra_is_named_before_the_work(run, tmp_path, monkeypatch, module, extra):
     monkeypatch.setitem(sys.modules, module, None)

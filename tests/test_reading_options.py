@@ -115,24 +115,13 @@ def test_options_come_from_a_file_and_the_command_line_has_the_last_word(run, tm
         ("delay = '5 parsecs'", "--delay must be a number and one of s"),
     ],
 )
-def test_a_wrong_file_of_options_is_refused_by_name(run, good, tmp_path, text, words):
-    path = written(tmp_path / "run.toml", text)
-    status, out, err = run("identify", good, "--config", path)
-    assert (status, out) == (2, "")
-    assert words in err
-    assert err.count("\n") == 1
-
-
-def test_a_file_of_options_that_is_not_there_is_one_line(run, good, tmp_path):
-    for given in (["--config", tmp_path / "none.toml"], ["--config", tmp_path], ["--config"]):
-        status, _, err = run("identify", good, *given)
-        assert status == 2
-        assert err.count("\n") == 1
+def test_a_wrong_file_of_options_is_refused_by_name(refused, good, tmp_path, text, words):
+    assert words in refused("identify", good, "--config", written(tmp_path / "run.toml", text))
 
 
 def test_every_text_survives_a_file_of_options():
-    options = {"time": 'quote " back \\ tab \t é 漢 \U0001f600', "unit": ["a", "b"], "rate": 1e-3}
-    assert tomllib.loads(as_toml({**options, "strict": True}, ["of two\nlines"])) == {
+    options = {"time": 'quote " back \\ tab \t é 漢 \U0001f600', "unit": ["\x7f\x01"], "rate": 1e-3}
+    assert tomllib.loads(as_toml({**options, "strict": True}, ["of\x01 two\nlines"])) == {
         **options, "strict": True,
     }  # fmt: skip
 
@@ -167,8 +156,5 @@ def test_a_velocity_column_can_be_left_out(run, tmp_path):
         (("--force-frame", "world"), "force-frame"),
     ],
 )
-def test_a_wrong_option_is_one_line(run, robot, option, words):
-    status, out, err = run("identify", robot, *option)
-    assert (status, out) == (2, "")
-    assert words in err
-    assert err.count("\n") == 1
+def test_a_wrong_option_is_one_line(refused, robot, option, words):
+    assert words in refused("identify", robot, *option)
