@@ -109,4 +109,4 @@ def test_a_completion_that_cannot_be_made_is_one_line(refused, good, home, monke
     unknown = Mock(side_effect=ShellDetectionError)
     monkeypatch.setattr("cyclopts.completion.detect.detect_shell", unknown)
     refused("--install-completion", "--shell", "bash", "-o", good / "x")
-    assert "name it by --shell" in refused("--install-completion")
+    assert "name it with --shell" in refused("--install-completion")

@@ -70,15 +70,13 @@ def application() -> App:
         try:
             shell = shell or detect_shell()
         except ShellDetectionError:
-            raise InvalidParameterError(
-                "which shell this is cannot be seen; name it by --shell"
-            ) from None
+            raise InvalidParameterError("cannot detect the shell; name it with --shell") from None
         if output is not None:
             write_text(output, app.generate_completion(shell=shell))
         console = Terminal()
         say_path(console, f"completion: {output or app.install_completion(shell=shell)}")
         if output is None:
-            say(console, "begin a new shell to use it; after an upgrade of palpate, do so again")
+            say(console, "start a new shell to use it; after upgrading palpate, install it again")
 
     @app.meta.default
     def any_command(
