@@ -57,7 +57,8 @@ def test_any_encoding_carries_the_tables(printing, good, words, encoding, errors
 
 def test_the_c_locale_carries_what_is_printed_and_written(good):
     locale = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": ""}
-    command = [*PALPATE, "identify", "probe.csv", "-o", "report"]
+    written = ["--figure", "probe.svg", "--save-config", "run.toml"]
+    command = [*PALPATE, "identify", "probe.csv", *written]
     done = subprocess.run(command, capture_output=True, env=locale, check=False, timeout=60)
     assert (done.returncode, done.stderr, done.stdout.isascii()) == (0, b"", True)
     assert b"N*s/m^n+1" in done.stdout
@@ -65,7 +66,7 @@ def test_the_c_locale_carries_what_is_printed_and_written(good):
 
 @pytest.mark.parametrize(
     "command, columns",
-    [("identify", 1), ("compare", 1), ("diagnose", 1), ("info", 1), ("--help", 1), ("compare", 20)],
+    [("identify", 1), ("compare", 1), ("diagnose", 1), ("info", 1), ("--help", 1), ("info", 20)],
 )
 def test_any_width_carries_the_tables(run, good, monkeypatch, command, columns):
     monkeypatch.setenv("COLUMNS", str(columns))

@@ -1,18 +1,21 @@
 """The command ``palpate identify``."""
 
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from cyclopts import Parameter
 
 from palpate.cli.options import Choosing, Deriving, Drawing, Judging, ResultFolder
-from palpate.cli.printing import AsJson, counted
+from palpate.cli.printing import AsJson, bar
 from palpate.cli.reading import Files, Reading
 
 if TYPE_CHECKING:
     from palpate.identification import Identification
     from palpate.reports.saving import Destination
+
+Item = TypeVar("Item")
 
 
 def identify(
@@ -65,7 +68,7 @@ def identify(
     if destination is not None:
         options = {**choosing.options, **({"changes": True} if changes else {})}
         options |= {**judging.options, **deriving.options, **reading.options}
-        watch = partial(counted, words="comparing with every method")
+        watch = partial(_counted, words="comparing with every method")
         destination.save(result, options=options, compared=reading.compared(contact, watch=watch))
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
     return judging.status([result.diagnosis.verdict])
@@ -86,5 +89,13 @@ def _in_parts(result: "Identification", *, changes: bool) -> "Identification":
         return result.by_stretch()
     prepared = result.contact.prepared
     if prepared is not None and prepared.places:
-        return result.by_place(partial(counted, words="identifying each place"))
+        return result.by_place(partial(_counted, words="identifying each place"))
     return result
+
+
+def _counted(items: Sequence[Item], words: str) -> Iterable[Item]:
+    """Go through items, with a bar."""
+    with bar(words) as progress:
+        for k, item in enumerate(items):
+            yield item
+            progress(k + 1, len(items))

@@ -6,10 +6,10 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from cyclopts import Parameter
 from rich.cells import cell_len
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from palpate.recordings import Recording
 
 Cell: TypeAlias = str | Text
-Item = TypeVar("Item")
 
 AsJson = Annotated[bool, Parameter(name="--json", negative="", group=OUTPUT)]
 
@@ -163,14 +162,6 @@ def opened(
 
     with bar(f"reading {file}") as progress:
         return open_recording(file, channels, strict=strict, curve=curve, progress=progress)
-
-
-def counted(items: Sequence[Item], words: str) -> Iterable[Item]:
-    """Go through items, with a bar."""
-    with bar(words) as progress:
-        for k, item in enumerate(items):
-            yield item
-            progress(k + 1, len(items))
 
 
 @contextmanager
