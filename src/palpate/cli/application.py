@@ -6,7 +6,6 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -30,8 +29,8 @@ _ANY = Group("Any command", sort_key=10)
 _VERBOSE = Parameter(name=["--verbose", "-v"], count=True, show_default=False, group=_ANY)
 
 
-def application() -> App:
-    """Return the command line with every command."""
+def application(words: Sequence[str] = ()) -> App:
+    """Return the command line; where words name a command, no other's module is imported."""
     app = App(
         name="palpate",
         help_format="markdown",
@@ -44,7 +43,9 @@ def application() -> App:
         result_action="return_value",
     )
     for name in COMMANDS:
-        app.command(getattr(import_module(f"palpate.cli.{name}"), name))
+        app.command(f"palpate.cli.{name}:{name}", name=name)
+        if not set(COMMANDS) & set(words):
+            app[name]  # imports it
 
     @app.command(name="--install-completion")
     def install_completion(
@@ -119,7 +120,7 @@ def run(arguments: Sequence[str]) -> int:
     if "--no-color" in words:  # before help is printed
         os.environ["NO_COLOR"] = "1"
     try:
-        status = application().meta(words)
+        status = application(words).meta(words)
     except CycloptsError as error:
         raise InvalidParameterError(str(error)) from None
     return status if isinstance(status, int) else 0
