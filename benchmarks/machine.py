@@ -6,6 +6,8 @@ import os
 import platform
 from pathlib import Path
 
+import palpate
+
 PACKAGES = (
     "palpate",
     "numpy",
@@ -53,6 +55,8 @@ def _system() -> str:
 
 
 def _version(package: str) -> str:
+    if package == "palpate":
+        return palpate.__version__
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:

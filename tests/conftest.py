@@ -8,6 +8,7 @@ import sys
 import hypothesis
 import pytest
 from cases import KINDS, MATERIALS, Signals, exciting, tapping
+from recordings import recording
 
 from palpate import cli
 
@@ -86,6 +87,7 @@ def run(monkeypatch, capsys):
 
     def call(*arguments) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["palpate", *map(str, arguments)])
+        monkeypatch.setenv("NO_COLOR", os.environ.get("NO_COLOR", ""))  # --no-color sets it
         status = 0
         try:
             cli.main()
@@ -95,3 +97,24 @@ def run(monkeypatch, capsys):
         return status, out, err
 
     return call
+
+
+@pytest.fixture
+def refused(run):
+    """Runs a command that is refused in one line, which is returned."""
+
+    def call(*arguments) -> str:
+        status, out, err = run(*arguments)
+        assert (status, out, err.count("\n"), err[-1:]) == (2, "", 1, "\n")
+        assert err.startswith("palpate: ")
+        assert err[:-1].isprintable()
+        return err
+
+    return call
+
+
+@pytest.fixture
+def good(tmp_path, monkeypatch):
+    """A recording of 600 samples, ``probe.csv`` in an empty folder, which is where palpate runs."""
+    monkeypatch.chdir(tmp_path)
+    return recording(tmp_path)

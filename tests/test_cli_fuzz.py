@@ -7,8 +7,6 @@ import sys
 import pytest
 from recordings import recording
 
-from palpate import cli
-
 WORDS = [
     "", "-", "--", "-1", "0", "0.5", "3", "1e-320", "1e308", "1e400", "-1e400", "nan", "inf",
     "9" * 400, "9" * 5000, "0x10", "1_000", "١٢", "½", "true", "None", "a" * 300, "a/" * 3000,
@@ -61,7 +59,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def check_some(folder, monkeypatch, capsys, seed: int, count: int) -> None:
+def check_some(folder, monkeypatch, run, seed: int, count: int) -> None:
     chance = random.Random(seed)
     file = folder / "probe.csv"
     content = file.read_bytes()
@@ -69,16 +67,9 @@ def check_some(folder, monkeypatch, capsys, seed: int, count: int) -> None:
         words = typed(chance)
         stream = io.TextIOWrapper(io.BytesIO(), chance.choice(["utf-8", "ascii", "cp1252"]))
         with monkeypatch.context() as patched:
-            patched.setattr(sys, "argv", ["palpate", *words])
             patched.setattr(sys, "stdout", stream)
-            status = 0
-            try:
-                cli.main()
-            except SystemExit as end:
-                status = end.code
-            except Exception as error:
-                raise AssertionError(f"a traceback of {words}") from error
-        lines = capsys.readouterr().err.splitlines()
+            status, _, err = run(*words)
+        lines = err.splitlines()
         assert status in (0, 2), words
         assert len(lines) == (status == 2), (words, lines)
         assert not list(folder.glob(".*")), words
@@ -88,11 +79,11 @@ def check_some(folder, monkeypatch, capsys, seed: int, count: int) -> None:
             file.write_bytes(content)
 
 
-def test_a_word_in_the_wrong_place_ends_in_a_line(folder, monkeypatch, capsys):
-    check_some(folder, monkeypatch, capsys, seed=0, count=50)
+def test_a_word_in_the_wrong_place_ends_in_a_line(folder, monkeypatch, run):
+    check_some(folder, monkeypatch, run, seed=0, count=50)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 9))
-def test_no_words_end_in_a_traceback(folder, monkeypatch, capsys, seed):
-    check_some(folder, monkeypatch, capsys, seed, count=800)
+def test_no_words_end_in_a_traceback(folder, monkeypatch, run, seed):
+    check_some(folder, monkeypatch, run, seed, count=800)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from uncertainties import ufloat
 
-from palpate.cli.printing import prepare_output
+from palpate.cli import prepare_output
 from palpate.digits import interval, rounded, with_error
 
 

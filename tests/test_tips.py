@@ -10,7 +10,7 @@ from cases import exciting
 
 import palpate
 from palpate import Cone, Contact, FlatPunch, InvalidParameterError, Sphere, Wanted, identify
-from palpate.cli.deriving import tip_of
+from palpate.cli.options import tip_of
 
 MODULUS, POISSON = 40e3, 0.45  # Pa
 REDUCED = MODULUS / (1.0 - POISSON**2)

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+import palpate
 from benchmarks.accuracy.table import Group, Line
 
 
@@ -21,7 +22,7 @@ def circumstances(seeds: int) -> dict[str, Any]:
         "cpu": f"{_cpu()}, {os.cpu_count()} cores",
         "system": _system(),
         "python": platform.python_version(),
-        "palpate": version("palpate"),
+        "palpate": palpate.__version__,
         "numpy": version("numpy"),
         "date": datetime.now(UTC).date().isoformat(),
         "seeds": seeds,

@@ -2,6 +2,7 @@
 
 NB_MODULE(_core, module) {
   module.doc() = "The compiled recursion of palpate.";
+  module.attr("__version__") = PALPATE_VERSION;
   // The settings' defaults, by class and name, so that they stand once: in the headers.
   module.attr("defaults") = palpate::bindings::nb::dict();
   palpate::bindings::bind_force_laws(module);

@@ -13,9 +13,9 @@ else:
     # interrupt, without NumPy.
     def __getattr__(name: str) -> object:
         if name == "__version__":
-            from importlib.metadata import version
+            from palpate._core import __version__
 
-            return globals().setdefault(name, version("palpate"))  # read from a file
+            return globals().setdefault(name, __version__)
         if find_spec(f"palpate.{name}"):  # a module, for one of the package's own
             return import_module(f"palpate.{name}")
         public = vars(import_module("palpate._public"))

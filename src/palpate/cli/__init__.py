@@ -1,14 +1,120 @@
-"""The command line: a module per command, each of which parses, calls and prints."""
+"""The command line: a module per command, each of which parses, calls and prints.
 
+Here is what surrounds every command: its streams, how it ends, and what it prints of an error. No
+library is needed for that, and ``palpate --version`` imports none.
+"""
+
+import codecs
+import io
+import os
+import re
 import sys
+from contextlib import suppress
+
+from palpate.errors import PalpateError, printable
+
+# A word of a person or a file that is no word is shown by its beginning and its end; a path of the
+# usual length is shown whole.
+_TOO_LONG = re.compile(r"(\S{60})\S{121,}(\S{20})")
+_LONGEST_LINE = 2000
+
+# What palpate prints beyond ASCII, for terminals that have no more than that.
+_PLAIN = {
+    "µ": "u", "°": " deg", "₁": "1", "₂": "2", "·": "*", "±": "+-", "Σ": "sum of",
+    "–": "-", "−": "-", "×": "x", "√": "sqrt", "≥": ">=", "≤": "<=", "…": "...", "“": '"',
+    "”": '"', "é": "e", "ó": "o", "σ": "sigma", "✓": "+", "✗": "-", "◐": "~",
+    "≈": "~", "→": "->", "λ": "lambda", "₀": "0", "α": "alpha", "τ": "tau",
+}  # fmt: skip
+# Of several in a row only the first needs the sign that says what they are: 10⁻¹² is 10^-12.
+_SUPERSCRIPTS = dict(zip("ⁿᵖ⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "np+-0123456789", strict=True))
 
 
 def main() -> None:
-    """Run the command line; an error is one line on standard error and exit status 2."""
-    try:
-        # Here, so that an interrupt while importing ends as quietly as any other.
-        from palpate.cli.application import run
+    """Run the command line; an error is one line on standard error and exit status 2.
 
-        run(sys.argv[1:])
+    Raises
+    ------
+    SystemExit
+        What the command returns, if anything: 3 for a verdict that was to fail; 2 after an error;
+        130 after an interrupt; 141 where the reader of the output is gone.
+    """
+    prepare_output()
+    try:
+        status = _run(sys.argv[1:])
+        sys.stdout.flush()  # what cannot be written is known before the end
     except KeyboardInterrupt:
-        sys.exit(130)
+        status = 130
+    except PalpateError as error:
+        complain(str(error))
+        status = 2
+    except BrokenPipeError:
+        _abandon_output()
+        status = 141  # as of a program that SIGPIPE ended
+    except OSError as error:
+        _abandon_output()
+        complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
+        status = 2
+    if status:
+        sys.exit(status)
+
+
+def _run(words: list[str]) -> int:
+    if "--version" in (words[: words.index("--")] if "--" in words else words):
+        from palpate import __version__
+
+        print(__version__)
+        return 0
+    # Here, so that an interrupt while importing ends as quietly as any other.
+    from palpate.cli.application import run
+
+    return run(words)
+
+
+def prepare_output() -> None:
+    """Let what the output's encoding lacks be printed in other signs, instead of failing.
+
+    A stream that is closed leads nowhere: no file that is opened later takes its descriptor, into
+    which libraries print.
+    """
+    while (nowhere := os.open(os.devnull, os.O_RDWR)) < 3:
+        pass
+    os.close(nowhere)
+    for descriptor, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(descriptor, "w", encoding="utf-8", errors="replace"))
+    codecs.register_error("palpate.plain", _in_plain_signs)
+    # In the C locale Python lets bytes of file names through, and other signs fail all the same.
+    failing = ("strict", "surrogateescape")
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in failing:
+        sys.stdout.reconfigure(errors="palpate.plain")
+
+
+def complain(words: str) -> None:
+    """Print one line on standard error, whatever the words are made of."""
+    line = _TOO_LONG.sub(r"\1…\2", printable(" ".join(words.split())))
+    with suppress(OSError):  # there is nobody left to tell
+        print(f"palpate: {line[:_LONGEST_LINE]}", file=sys.stderr)
+
+
+def _abandon_output() -> None:
+    """Let go of what cannot be written: Python would try again on its way out, and complain."""
+    with suppress(OSError, ValueError, AttributeError):  # it may have no descriptor
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
+def _in_plain_signs(error: UnicodeError) -> tuple[str | bytes, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    signs = error.object[error.start : error.end]
+    plain, raised = "", False
+    for sign in signs:
+        if sign in _SUPERSCRIPTS:
+            plain += _SUPERSCRIPTS[sign] if raised else f"^{_SUPERSCRIPTS[sign]}"
+        elif sign in _PLAIN:
+            plain += _PLAIN[sign]
+        else:
+            return codecs.backslashreplace_errors(error)
+        raised = sign in _SUPERSCRIPTS
+    return plain, error.end

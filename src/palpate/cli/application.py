@@ -1,110 +1,176 @@
-"""All commands together, and how each ends: its exit status, and what is said of an error."""
+"""All commands together, and the options that each of them takes: their file, colour and logs."""
 
+import logging
+import os
 import sys
-from collections.abc import Sequence
-from importlib import import_module
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Group, Parameter
+from cyclopts.config import Toml
 
-from palpate.cli.completion import OPTION, install_completion
-from palpate.cli.groups import COMMANDS as COMMANDS_SHOWN
-from palpate.cli.groups import WHAT
-from palpate.cli.help import Help
-from palpate.cli.printing import (
-    Terminal,
-    abandon_output,
-    complain,
-    finish_output,
-    prepare_output,
-)
-from palpate.cli.session import ANY_COMMANDS, Hints, in_a_session, session_of, speaking
-from palpate.errors import PalpateError
+from palpate.cli.options import KEPT, WHAT, OutputFile
+from palpate.cli.printing import Terminal, say, say_path
+from palpate.errors import InvalidParameterError, printable
+from palpate.writing import write_text
 
 #: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
 COMMANDS = (
     "identify", "diagnose", "compare", "info", "fleet", "map", "design", "lab", "export",
     "live", "paper",
 )  # fmt: skip
+_NOT_IN_A_FILE = ("config", "save-config", "no-color", "verbose")
+_Shell: TypeAlias = Literal["bash", "zsh", "fish", "powershell"]
+_NARROWEST_HELP = 20  # rich folds frames forever where they have no room for a word
+_ANY = Group("Any command", sort_key=10)
+_VERBOSE = Parameter(name=["--verbose", "-v"], count=True, show_default=False, group=_ANY)
 
 
-def application(hints: Hints | None = None) -> App:
-    """Return the command line with every command.
-
-    Parameters
-    ----------
-    hints : mapping, optional
-        Types of parameters by command, in place of those of its signature.
-    """
+def application(words: Sequence[str] = ()) -> App:
+    """Return the command line; where words name a command, no other's module is imported."""
     app = App(
         name="palpate",
-        help="Identify what a probe touches: contact models from penetration, velocity and force.",
-        help_format="plaintext",
-        version=_version,
-        version_flags=["--version"],
-        console=Terminal(),
-        help_formatter=Help(),
+        help_format="markdown",
+        console=Terminal(least=_NARROWEST_HELP),
         group_parameters=WHAT,
-        group_commands=COMMANDS_SHOWN,
+        group_commands=Group("Commands", sort_key=0),
+        default_parameter=Parameter(negative_iterable=(), show_default=_default),
+        exit_on_error=False,
+        print_error=False,
+        result_action="return_value",
     )
     for name in COMMANDS:
-        command = getattr(import_module(f"palpate.cli.{name}"), name)
-        app.command(in_a_session(command, (hints or {}).get(name, {})))
-    app.command(install_completion, name=OPTION)
+        app.command(f"palpate.cli.{name}:{name}", name=name)
+        if not set(COMMANDS) & set(words):
+            app[name]  # imports it
+
+    @app.command(name="--install-completion")
+    def install_completion(
+        *, shell: _Shell | None = None, output: OutputFile | None = None
+    ) -> None:
+        """Complete commands, options and their values in the shell.
+
+        For example:
+
+            palpate --install-completion
+            palpate --install-completion --shell zsh
+
+        Parameters
+        ----------
+        shell
+            Which shell; the one that runs this unless given.
+        output
+            File to write the completion to, and nothing else; unless given, where the shell looks
+            for it, with a line in its startup file where it needs one.
+        """
+        from cyclopts.completion.detect import ShellDetectionError, detect_shell
+
+        try:
+            shell = shell or detect_shell()
+        except ShellDetectionError:
+            raise InvalidParameterError("cannot detect the shell; name it with --shell") from None
+        if output is not None:
+            write_text(output, app.generate_completion(shell=shell))
+        console = Terminal()
+        say_path(console, f"completion: {output or app.install_completion(shell=shell)}")
+        if output is None:
+            say(console, "start a new shell to use it; after upgrading palpate, install it again")
+
+    @app.meta.default
+    def any_command(
+        *rest: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
+        config: Annotated[Path | None, Parameter(group=KEPT)] = None,
+        no_color: Annotated[bool, Parameter(negative="", group=_ANY)] = False,
+        verbose: Annotated[int, _VERBOSE] = 0,
+    ) -> Any:
+        """Identify what a probe touches: contact models from penetration, velocity and force.
+
+        Parameters
+        ----------
+        config
+            Take options from this TOML file; those on the command line have the last word.
+        no_color
+            Print without colour, as NO_COLOR in the environment does.
+        verbose
+            Say on standard error what is read, taken and done, with seconds; -vv says more.
+        """
+        if config is not None:
+            app.config = OptionsFile(
+                config, source=str(config), must_exist=True, use_commands_as_keys=False
+            )
+        with _logged(min(verbose, 2)):
+            return app(rest)
+
     return app
 
 
-def run(arguments: Sequence[str]) -> None:
-    """Run a command.
+def run(arguments: Sequence[str]) -> int:
+    """Run a command and return its exit status.
 
     Raises
     ------
-    SystemExit
-        What the command returns, if anything: 3 for a verdict that was to fail; 2 after an error,
-        which is one line on standard error; 141 where the reader of the output is gone.
+    InvalidParameterError
+        The arguments are not those of a command, or the file that they name not one of options.
     """
-    prepare_output()
     # Standard input: cyclopts takes a lone hyphen for an option, and Path makes it of this again.
     words = ["./-" if word == "-" else word for word in arguments]
-    plain, loudness, words = session_of(words)
+    if "--no-color" in words:  # before help is printed
+        os.environ["NO_COLOR"] = "1"
     try:
-        with speaking(plain, loudness):
-            app = application()
-            status = app(
-                _with_config(app, words),
-                exit_on_error=False,
-                print_error=False,
-                result_action="return_value",
-            )
-        finish_output()
-    except (PalpateError, CycloptsError) as error:
-        complain(str(error))
-        sys.exit(2)
-    except BrokenPipeError:
-        abandon_output()
-        sys.exit(141)  # as of a program that SIGPIPE ended
-    except OSError as error:
-        abandon_output()
-        complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
-        sys.exit(2)
-    if isinstance(status, int) and status:
-        sys.exit(status)
+        status = application(words).meta(words)
+    except CycloptsError as error:
+        raise InvalidParameterError(str(error)) from None
+    return status if isinstance(status, int) else 0
 
 
-def _with_config(app: App, arguments: Sequence[str]) -> Sequence[str]:
-    """The arguments, with the options of a file that they name."""
-    from palpate.cli.config import READ, expanded
+class OptionsFile(Toml):
+    """The file of ``--config``: what is wrong with it is refused by its name."""
 
-    if not any(argument.partition("=")[0] == READ for argument in arguments):
-        return arguments
-    name = arguments[0] if arguments else ""
-    if name not in COMMANDS:
-        return arguments
-    known = [option for each in app[name].assemble_argument_collection() for option in each.names]
-    own = [option for option in known if option not in ANY_COMMANDS]
-    return [name, *expanded(arguments[1:], own)]
+    def _load_config(self, path: Path) -> dict[str, Any]:
+        try:
+            options = super()._load_config(path)
+        except (OSError, ValueError, RecursionError) as error:
+            why = "it nests too deeply" if isinstance(error, RecursionError) else error
+            raise CycloptsError(msg=f"{self.path}: not TOML of options: {why}") from None
+        for key in options:  # cyclopts passes over what could be meant for another command
+            if key in (*COMMANDS, *_NOT_IN_A_FILE):
+                raise CycloptsError(msg=f"{self.path}: {key!r} is no option of a file")
+        return options
 
 
-def _version() -> str:
-    import palpate
+def _default(value: Any) -> str | None:
+    """A default as help shows it: none of what is off."""
+    if value is None or value is False or value == ():
+        return None
+    return "on" if value is True else f"{value:g}" if isinstance(value, float) else str(value)
 
-    return palpate.__version__
+
+class _Lines(logging.Handler):
+    """A line for each record: seconds, where it comes from, and what it says."""
+
+    begun = time.perf_counter()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        words = " ".join(record.getMessage().split())
+        where = record.name.removeprefix("palpate.")
+        line = printable(f"{time.perf_counter() - self.begun:7.3f} s  {where}: {words}")
+        with suppress(OSError):  # there is nobody left to tell
+            print(line, file=sys.stderr)
+
+
+@contextmanager
+def _logged(loudness: int) -> Iterator[None]:
+    """Print what palpate's modules say: at 1 what is done, at 2 how, too."""
+    logger, handler = logging.getLogger("palpate"), _Lines()
+    level = logger.level
+    if loudness:
+        logger.addHandler(handler)
+        logger.setLevel((logging.INFO, logging.DEBUG)[loudness - 1])
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)

@@ -1,9 +1,9 @@
 """The command ``palpate compare``."""
 
-from palpate.cli.drawing import Drawing
-from palpate.cli.judging import Judging
+from palpate.cli.options import Drawing, Judging
 from palpate.cli.printing import AsJson
 from palpate.cli.reading import Files, Reading
+from palpate.errors import InvalidParameterError
 
 
 def compare(
@@ -11,9 +11,9 @@ def compare(
     /,
     *,
     as_json: AsJson = False,
-    drawing: Drawing | None = None,
-    judging: Judging | None = None,
-    reading: Reading | None = None,
+    drawing: Drawing = Drawing(),
+    judging: Judging = Judging(),
+    reading: Reading = Reading(),
 ) -> int:
     """Identify a recording with every method, side by side.
 
@@ -29,11 +29,7 @@ def compare(
         Print one JSON object instead of a table.
     """
     from palpate.cli.tables import print_identifications
-    from palpate.errors import InvalidParameterError
-    from palpate.identifying import compare as run
 
-    reading, judging = reading or Reading(), judging or Judging()
-    drawing = drawing or Drawing()
     depth = judging.depth
     if reading.surface == "estimate":
         raise InvalidParameterError(
@@ -41,12 +37,7 @@ def compare(
         )
     drawing.check(list(files))
     contact = reading.contact(files)
-    results = run(
-        contact,
-        gate=reading.gate(contact),
-        outlier_rejection=None if reading.reject_outliers else False,
-        exponent=reading.exponent,
-    )
+    results = reading.compared(contact)
     if depth is not None:
         results = {name: result.at_depth(depth) for name, result in results.items()}
     drawing.save("draw_comparison", results, list(files))

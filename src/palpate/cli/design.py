@@ -4,19 +4,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
-from palpate.cli.drawing import Drawing
-from palpate.cli.groups import GUESSED, MEASURED, OUTPUT, PLANNED
-from palpate.cli.printing import AsJson, Terminal, print_json
+from palpate.cli.options import OUTPUT, Drawing, OutputFile
+from palpate.cli.printing import AsJson, Terminal, print_json, say_command, say_path
+from palpate.errors import InvalidParameterError
+from palpate.writing import check_outputs, is_standard_output
 
 if TYPE_CHECKING:
     from palpate.design import Design, MotionCommand
 
-Several = Annotated[tuple[float, ...] | None, Parameter(consume_multiple=True, negative="")]
+Several = Annotated[tuple[float, ...] | None, Parameter(consume_multiple=True)]
 
 
-@Parameter(name="*", group=GUESSED)
+@Parameter(name="*", group=Group("The material, as guessed", sort_key=0.5))
 @dataclass(frozen=True)
 class Guess:
     """The material as guessed; an order of magnitude is a start."""
@@ -29,7 +30,7 @@ class Guess:
     "n, 1 to 2 for most materials."
 
 
-@Parameter(name="*", group=MEASURED)
+@Parameter(name="*", group=Group("The sensor", sort_key=0.6))
 @dataclass(frozen=True)
 class Sensor:
     """What the force is measured with."""
@@ -42,7 +43,7 @@ class Sensor:
     "Time between samples, s."
 
 
-@Parameter(name="*", group=PLANNED)
+@Parameter(name="*", group=Group("The motion", sort_key=0.7))
 @dataclass(frozen=True)
 class Plan:
     """The motion, and what a better one has to keep to."""
@@ -64,7 +65,7 @@ class Plan:
 class Written:
     """The file that the motion to play is written to."""
 
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None
+    output: OutputFile | None = None
     "CSV of the better motion, time_s, penetration_m, velocity_m_s: for a robot, or palpate lab."
     seconds: float | None = None
     "How long its sines last at least, s; 20 unless given."
@@ -73,9 +74,6 @@ class Written:
 
     def check(self, figure: Path | None, *, as_json: bool) -> None:
         """Say before the work what could not be written after it."""
-        from palpate.errors import InvalidParameterError
-        from palpate.writing import check_outputs, is_standard_output
-
         for name, value in (("seconds", self.seconds), ("rate", self.rate)):
             if value is not None and self.output is None:
                 raise InvalidParameterError(f"--{name} is of the motion's file: name it with -o")
@@ -88,12 +86,12 @@ def design(
     *,
     guess: Guess,
     sensor: Sensor,
-    plan: Plan | None = None,
+    plan: Plan = Plan(),
     offset: bool = True,
     surface: bool = False,
     as_json: AsJson = False,
-    written: Written | None = None,
-    drawing: Drawing | None = None,
+    written: Written = Written(),
+    drawing: Drawing = Drawing(),
 ) -> None:
     """Tell what a planned motion would identify, how soon, and find a better motion.
 
@@ -114,13 +112,10 @@ def design(
         Print one JSON object instead of a table; what is infinite is null.
     """
     from palpate.cli.design_tables import command_line, print_design
-    from palpate.cli.layout import say_command, say_path
     from palpate.design import PAPER_MOTION, Motion
     from palpate.design import design as run
     from palpate.force_laws import HuntCrossley
-    from palpate.writing import is_standard_output
 
-    plan, written, drawing = plan or Plan(), written or Written(), drawing or Drawing()
     drawing.check()
     written.check(drawing.figure, as_json=as_json)
     motion = Motion(

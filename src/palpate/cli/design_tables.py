@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable
-from importlib.metadata import version
 
 import numpy as np
 from rich.console import Console
 
-from palpate.cli.layout import Column, fits, print_table, say, say_command
+from palpate import __version__
+from palpate.cli.printing import print_table, say, say_command
 from palpate.design.planned import Design
 from palpate.design.precision import HORIZON
 from palpate.design.predicted_precision import PredictedPrecision
@@ -49,7 +49,7 @@ def notes_of(design: Design) -> dict[str, str]:
     errors = zip(law.symbols, chosen.expected_errors[-1], strict=True)
     precision = ", ".join(f"{symbol} {_percent(float(error))}" for symbol, error in errors)
     return {
-        "made by": f"palpate design; palpate {version('palpate')}",
+        "made by": f"palpate design; palpate {__version__}",
         "motion": f"{name}, {' + '.join([f'{motion.depth:.6g}', *terms])} m from the sines' start",
         "guessed material": repr(law),
         "sensor": _sensor(design),
@@ -101,19 +101,9 @@ def _sensor(design: Design) -> str:
 
 
 def _print_precision(design: Design, console: Console) -> None:
-    """Standard errors after each duration, and the time to each target: in one table, or two."""
-    both = _columns(design)
-    tables = [both] if fits(console, *_precision(design, both)) else [[each] for each in both]
-    for shown in tables:
-        print_table(console, *_precision(design, shown))
-
-
-def _precision(
-    design: Design, shown: list[tuple[PredictedPrecision, str]]
-) -> tuple[list[Column], list[list[str]]]:
-    columns = [Column("")]
-    for _, name in shown:
-        columns += [Column(f"{name}\n{symbol}", right=True) for symbol in design.law.symbols]
+    """Standard errors after each duration, and the time to each target."""
+    shown = _columns(design)
+    headings = [f">{name}\n{symbol}" for _, name in shown for symbol in design.law.symbols]
     rows: list[list[str]] = []
     for row, duration in enumerate(design.planned.durations):
         errors = [e for predicted, _ in shown for e in predicted.relative_errors[row].tolist()]
@@ -126,12 +116,11 @@ def _precision(
     for row, target in enumerate(design.planned.targets):
         times = [t for predicted, _ in shown for t in predicted.times[row].tolist()]
         rows.append([f"within {target:.0%} after", *map(_seconds, times)])
-    return columns, rows
+    print_table(console, ["", *headings], rows)
 
 
 def _print_motions(design: Design, console: Console) -> None:
-    columns = [Column("motion")]
-    columns += [Column(name, right=True) for _, name in _columns(design)]
+    headings = ["motion", *(f">{name}" for _, name in _columns(design))]
     words: dict[str, Callable[[PredictedPrecision], str]] = {
         "mean depth": lambda o: f"{rounded(1e3 * o.motion.depth, 4)} mm",
         "sines": _sines,
@@ -145,7 +134,7 @@ def _print_motions(design: Design, console: Console) -> None:
         ),
     }
     rows = [[label, *(word(o) for o, _ in _columns(design))] for label, word in words.items()]
-    print_table(console, columns, rows)
+    print_table(console, headings, rows)
 
 
 def _sines(predicted: PredictedPrecision) -> str:

@@ -1,8 +1,7 @@
 """The command ``palpate diagnose``."""
 
-from palpate.cli.choosing import Choosing
-from palpate.cli.judging import Judging
-from palpate.cli.printing import AsJson
+from palpate.cli.options import Choosing, Judging
+from palpate.cli.printing import AsJson, print_json
 from palpate.cli.reading import Files, Reading
 
 
@@ -10,11 +9,10 @@ def diagnose(
     files: Files,
     /,
     *,
-    law: str | None = None,
-    method: str | None = None,
+    choosing: Choosing = Choosing(),
     as_json: AsJson = False,
-    judging: Judging | None = None,
-    reading: Reading | None = None,
+    judging: Judging = Judging(),
+    reading: Reading = Reading(),
 ) -> int:
     """Say what may be wrong with a recording and its identification, and how far to trust it.
 
@@ -26,21 +24,13 @@ def diagnose(
     ----------
     files
         A recording, or several contacts with one object, as for palpate identify.
-    law
-        The law: auto, the everyday one that explains the samples best; any, the best of all; or
-        one, such as half-space, flat or half-space+single; Hunt-Crossley's unless given.
-    method
-        The estimator, such as single-stage; the usual one of the law unless given.
     as_json
         Print one JSON object instead of a table.
     """
-    from palpate.cli.printing import print_json
-    from palpate.cli.verdicts import print_diagnosis
+    from palpate.cli.tables import print_diagnosis
     from palpate.identifying import identify as run
     from palpate.results.description import described
 
-    reading, judging = reading or Reading(), judging or Judging()
-    choosing = Choosing(law, method)
     depth, kind = judging.depth, choosing.kind
     contact = reading.contact(files, choosing.options)
     settings = reading.settings(contact, kind) | choosing.settings

@@ -4,18 +4,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
-from palpate.cli.groups import ENGINE, OUTPUT
-from palpate.cli.judging import UNTRUSTED
-from palpate.cli.printing import AsJson
-from palpate.cli.values import Depth, Duration, Folder
+from palpate.cli import complain
+from palpate.cli.options import UNTRUSTED, Depth, Duration, ResultFolder, quantity
+from palpate.cli.printing import AsJson, Terminal, print_json, say, say_path
+from palpate.errors import ExportRefusedError
 
 if TYPE_CHECKING:
     from palpate.exports import Statement
 
 
-@Parameter(name="*", group=ENGINE)
+@Parameter(name="*", group=Group("The engine", sort_key=1.4))
 @dataclass(frozen=True)
 class Into:
     """What presses, and how the engine simulates it."""
@@ -35,14 +35,7 @@ class Into:
 
     def options(self) -> dict[str, Any]:
         """What is asked for, SI."""
-        from palpate.cli.quantities import quantity
-
-        found: dict[str, Any] = {
-            "mass": self.mass,
-            "model": self.model,
-            "geom": self.geom,
-            "form": self.form,
-        }
+        found = vars(self).copy()
         if self.tip_radius is not None:
             found["tip_radius"] = quantity("--tip-radius", self.tip_radius, "penetration")
         if self.time_step is not None:
@@ -55,11 +48,11 @@ def export(
     /,
     *,
     to: str,
-    output: Annotated[Folder | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
+    output: ResultFolder | None = None,
     allow: Annotated[bool, Parameter(negative="")] = False,
     replay: bool = True,
     as_json: AsJson = False,
-    into: Into | None = None,
+    into: Into = Into(),
 ) -> int:
     """Write an identified law in the numbers of a simulation engine, with its error.
 
@@ -89,16 +82,14 @@ def export(
     as_json
         Print the statement as one JSON object.
     """
-    from palpate.cli.printing import complain
-    from palpate.errors import ExportRefusedError
     from palpate.exports.exporting import export as run
     from palpate.exports.exporting import save_refusal
     from palpate.results.loading import RESULT, TRACES, load_result
 
     saved = load_result(result)
-    inputs = [*(saved.folder / name for name in (RESULT, *TRACES)), *_given(into)]
+    inputs = [*(saved.folder / name for name in (RESULT, *TRACES)), *filter(None, [into.model])]
     try:
-        made = run(saved, to, allow=allow, replay=replay, **(into or Into()).options())
+        made = run(saved, to, allow=allow, replay=replay, **into.options())
     except ExportRefusedError as refused:
         if refused.statement is None:  # nothing was made that a statement could be about
             complain(str(refused))
@@ -111,14 +102,7 @@ def export(
     return 0
 
 
-def _given(into: Into | None) -> list[Path]:
-    return [] if into is None or into.model is None else [into.model]
-
-
 def _print(statement: "Statement", paths: list[Path], *, as_json: bool) -> None:
-    from palpate.cli.layout import say, say_path
-    from palpate.cli.printing import Terminal, print_json
-
     if as_json:
         print_json({**statement.as_dict(), "files": [str(path) for path in paths]})
         return

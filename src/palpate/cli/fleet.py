@@ -2,34 +2,33 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
-from palpate.cli.choosing import Choosing
-from palpate.cli.groups import OUTPUT, RUN
-from palpate.cli.printing import AsJson, complain
+from palpate.cli import complain
+from palpate.cli.options import OUTPUT, Address, Choosing, ResultFolder
+from palpate.cli.printing import AsJson, Terminal, bar, print_json, say, say_path
 from palpate.cli.reading import Reading
-from palpate.cli.values import Address, Folder, SourceName
+from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
     from palpate.fleet.running import Fleet
     from palpate.fleet.settings import Settings
 
-Sources = Annotated[tuple[SourceName, ...], Parameter(allow_leading_hyphen=True, negative="")]
-Output = Annotated[Folder, Parameter(name=["--output", "-o"], group=OUTPUT)]
+Sources: TypeAlias = tuple[str, ...]
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=Group("Where it runs", sort_key=1.6))
 @dataclass(frozen=True)
 class Running:
     """Where a fleet runs."""
 
-    workers: Annotated[int | None, Parameter(group=RUN)] = None
+    workers: int | None = None
     "Processes on this machine; one a core unless given."
-    scheduler: Annotated[Address | None, Parameter(group=RUN)] = None
+    scheduler: Address | None = None
     "A scheduler of Dask, such as tcp://10.0.0.7:8786, in place of processes here."
-    dashboard: Annotated[bool, Parameter(group=RUN, negative="")] = False
+    dashboard: Annotated[bool, Parameter(negative="")] = False
     "Show Dask's page at http://127.0.0.1:8787, on this machine alone."
 
 
@@ -37,14 +36,13 @@ def fleet(
     sources: Sources,
     /,
     *,
-    output: Output,
-    law: str | None = None,
-    method: str | None = None,
+    output: ResultFolder,
+    choosing: Choosing = Choosing(),
     diagnosis: Literal["none", "input", "full"] = "input",
     report: Annotated[bool, Parameter(negative="", group=OUTPUT)] = False,
     as_json: AsJson = False,
-    running: Running | None = None,
-    reading: Reading | None = None,
+    running: Running = Running(),
+    reading: Reading = Reading(),
 ) -> int:
     """Identify many contacts: a row for each, in a dataset of Parquet.
 
@@ -63,11 +61,6 @@ def fleet(
         Files, patterns, folders, force maps, Zarr arrays, or addresses such as s3://bucket/folder.
     output
         Folder for the results.
-    law
-        The law: auto, the everyday one that explains the samples best; any, the best of all; or
-        one, such as half-space, flat or half-space+single; Hunt-Crossley's unless given.
-    method
-        The estimator, such as single-stage; the usual one of the law unless given.
     diagnosis
         Check the data (input), everything, with a verdict for each (full), or nothing (none).
     report
@@ -75,22 +68,20 @@ def fleet(
     as_json
         Print one JSON object instead of text.
     """
-    from palpate.cli.progress import rated
     from palpate.fleet.running import run_fleet
 
-    settings = _settings(Choosing(law, method), diagnosis, reading or Reading())
-    where = running or Running()
+    settings = _settings(choosing, diagnosis, reading)
     if report:
-        _require_figures()
+        require_figures()
     try:
-        with rated("identifying") as progress:
+        with bar("identifying") as progress:
             found = run_fleet(
                 sources,
                 output,
                 settings,
-                workers=where.workers,
-                scheduler=where.scheduler,
-                dashboard=where.dashboard,
+                workers=running.workers,
+                scheduler=running.scheduler,
+                dashboard=running.dashboard,
                 progress=progress,
             )
     except KeyboardInterrupt:
@@ -108,7 +99,6 @@ def _settings(
     choosing: Choosing, diagnosis: Literal["none", "input", "full"], reading: Reading
 ) -> "Settings":
     """What was asked for, without what is so anyhow."""
-    from palpate.errors import InvalidParameterError
     from palpate.fleet.settings import Settings
 
     for option in ("save_config", "curve"):
@@ -117,16 +107,9 @@ def _settings(
             raise InvalidParameterError(f"--{name} is of one recording; leave it out for a fleet")
     usual = Reading().preparation
     own = {name: value for name, value in reading.preparation.items() if value != usual[name]}
-    estimator: dict[str, Any] = dict(choosing.settings)
-    if not reading.reject_outliers:
-        estimator["outlier_rejection"] = False
-    if reading.surface == "estimate":
-        estimator["surface"] = "estimate"
-    if reading.exponent is not None:
-        estimator["exponent"] = reading.exponent
     return Settings(
         method=choosing.kind.method,
-        estimator=estimator,
+        estimator={**choosing.settings, **reading.chosen(choosing.kind)},
         preparation=own,
         diagnosis=diagnosis,
         minimum_penetration=reading.min_penetration,
@@ -134,14 +117,14 @@ def _settings(
     )
 
 
-def _require_figures() -> None:
+def require_figures() -> None:
+    """Say before the work that what draws is not installed."""
     from palpate.figures.style import LIGHT, style
 
     style(LIGHT)
 
 
 def _report(folder: Path) -> Path:
-    from palpate.cli.progress import bar
     from palpate.reports.fleet import save_report
 
     with bar("writing the report"):
@@ -149,23 +132,11 @@ def _report(folder: Path) -> Path:
 
 
 def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
-    from palpate.cli.layout import say, say_path
-    from palpate.cli.printing import Terminal, print_json
-
     if as_json:
-        print_json(
-            {
-                "folder": str(found.folder),
-                "contacts": found.contacts,
-                "reused": found.reused,
-                "rows": found.rows,
-                "identified": found.identified,
-                "failures": found.failures,
-                "reasons": found.reasons,
-                "seconds": found.seconds,
-                "report": None if page is None else str(page),
-            }
-        )
+        names = ["contacts", "reused", "rows", "identified", "failures", "reasons", "seconds"]
+        numbers = {name: getattr(found, name) for name in names}
+        paths = {"folder": str(found.folder), "report": None if page is None else str(page)}
+        print_json({**paths, **numbers})
         return
     console = Terminal()
     new = found.contacts - found.reused

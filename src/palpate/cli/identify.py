@@ -1,38 +1,35 @@
 """The command ``palpate identify``."""
 
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from cyclopts import Parameter
 
-from palpate.cli.choosing import Choosing
-from palpate.cli.deriving import Deriving
-from palpate.cli.drawing import Drawing
-from palpate.cli.judging import Judging
-from palpate.cli.printing import AsJson
+from palpate.cli.options import Choosing, Deriving, Drawing, Judging, ResultFolder
+from palpate.cli.printing import AsJson, bar
 from palpate.cli.reading import Files, Reading
-from palpate.cli.values import ResultFolder
 
 if TYPE_CHECKING:
-    from palpate.contact import Contact
     from palpate.identification import Identification
     from palpate.reports.saving import Destination
+
+Item = TypeVar("Item")
 
 
 def identify(
     files: Files,
     /,
     *,
-    law: str | None = None,
-    method: str | None = None,
+    choosing: Choosing = Choosing(),
     changes: Annotated[bool, Parameter(negative="")] = False,
-    output: ResultFolder = None,
+    output: ResultFolder | None = None,
     as_json: AsJson = False,
-    drawing: Drawing | None = None,
-    judging: Judging | None = None,
-    deriving: Deriving | None = None,
-    reading: Reading | None = None,
+    drawing: Drawing = Drawing(),
+    judging: Judging = Judging(),
+    deriving: Deriving = Deriving(),
+    reading: Reading = Reading(),
 ) -> int:
     """Identify the contact model of a recording.
 
@@ -48,11 +45,6 @@ def identify(
     files
         A recording, or several contacts with one object; - is standard input. CSV, Parquet, HDF5,
         MATLAB, ROS bags, MCAP, force curves: palpate info FILE shows what is in it.
-    law
-        The law: auto, the everyday one that explains the samples best; any, the best of all; or
-        one, such as half-space, flat or half-space+single; Hunt-Crossley's unless given.
-    method
-        The estimator, such as single-stage; the usual one of the law unless given.
     changes
         Identify each stretch between changes of the material by itself.
     output
@@ -63,9 +55,6 @@ def identify(
     from palpate.cli.tables import print_identifications
     from palpate.identifying import identify as run
 
-    reading, judging = reading or Reading(), judging or Judging()
-    deriving, drawing = deriving or Deriving(), drawing or Drawing()
-    choosing = Choosing(law, method)
     wanted, depth, kind = deriving.wanted, judging.depth, choosing.kind
     drawing.check(list(files))
     destination = _destination(output, files)
@@ -79,7 +68,8 @@ def identify(
     if destination is not None:
         options = {**choosing.options, **({"changes": True} if changes else {})}
         options |= {**judging.options, **deriving.options, **reading.options}
-        destination.save(result, options=options, compared=_compared(contact, reading))
+        watch = partial(_counted, words="comparing with every method")
+        destination.save(result, options=options, compared=reading.compared(contact, watch=watch))
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
     return judging.status([result.diagnosis.verdict])
 
@@ -95,25 +85,17 @@ def _destination(output: Path | None, files: Files) -> "Destination | None":
 
 def _in_parts(result: "Identification", *, changes: bool) -> "Identification":
     """With each stretch between changes by itself, or each place of a probe that travels."""
-    from palpate.cli.progress import counted
-
     if changes:
         return result.by_stretch()
     prepared = result.contact.prepared
     if prepared is not None and prepared.places:
-        return result.by_place(partial(counted, words="identifying each place"))
+        return result.by_place(partial(_counted, words="identifying each place"))
     return result
 
 
-def _compared(contact: "Contact", reading: Reading) -> "dict[str, Identification]":
-    """Every method on the same samples, for the report."""
-    from palpate.cli.progress import counted
-    from palpate.identifying import compare
-
-    return compare(
-        contact,
-        gate=reading.gate(contact),
-        outlier_rejection=None if reading.reject_outliers else False,
-        exponent=reading.exponent,
-        watch=partial(counted, words="comparing with every method"),
-    )
+def _counted(items: Sequence[Item], words: str) -> Iterable[Item]:
+    """Go through items, with a bar."""
+    with bar(words) as progress:
+        for k, item in enumerate(items):
+            yield item
+            progress(k + 1, len(items))

@@ -1,19 +1,16 @@
 """The command ``palpate info``."""
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from palpate.cli.printing import AsJson
-from palpate.cli.values import Dark, FigureFile
+from palpate.cli.options import Dark, FigureFile
+from palpate.cli.printing import AsJson, opened, print_json
 
 
 def info(
-    file: Annotated[Path, Parameter(allow_leading_hyphen=True)],
+    file: Path,
     /,
     *,
-    channel: Annotated[tuple[str, ...], Parameter(negative="")] = (),
+    channel: tuple[str, ...] = (),
     curve: int | None = None,
     figure: FigureFile = None,
     dark: Dark = False,
@@ -41,8 +38,6 @@ def info(
         Print one JSON object instead of tables.
     """
     from palpate.cli.info_tables import as_dict, print_recording
-    from palpate.cli.printing import print_json
-    from palpate.cli.progress import opened
     from palpate.recordings.survey import survey
 
     if figure is not None:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -9,8 +10,7 @@ from typing import Any, TypeAlias
 from rich.console import Console
 from rich.text import Text
 
-from palpate.cli.layout import Cell, Column, print_table, say, say_path
-from palpate.cli.printing import Terminal
+from palpate.cli.printing import Cell, Terminal, print_table, say, say_path
 from palpate.digits import rounded
 from palpate.errors import RecordingError, printable
 from palpate.preparation import roles_of
@@ -27,8 +27,10 @@ _MOST_LINES = 12
 # Times from 2001 on are dates: as seconds since 1970 nobody reads them.
 _DATES = 1e9
 
-#: Columns and rows of a table.
-Section: TypeAlias = tuple[list[Column], list[list[Cell]]]
+_BECAUSE = "because"
+
+#: Headings and rows of a table.
+Section: TypeAlias = tuple[list[str], list[list[Cell]]]
 
 
 def print_recording(recording: Recording, surveyed: Survey) -> None:
@@ -74,44 +76,22 @@ def as_dict(file: Path, recording: Recording, surveyed: Survey) -> dict[str, Any
 
 
 def _clock_dict(clock: ClockSurvey) -> dict[str, Any]:
-    return {
-        "name": clock.name or None,
-        "samples": clock.samples,
-        "start": _known(clock.start),
-        "stop": _known(clock.stop),
-        "step": _known(clock.step),
-        "rate": _known(clock.rate),
-        "gaps": clock.gaps,
-        "largest_gap": clock.largest_gap,
-        "repeated": clock.repeated,
-        "backward": clock.backward,
-        "unknown": clock.unknown,
-        "channels": list(clock.channels),
-    }
+    known = {name: _known(value) for name, value in asdict(clock).items()}
+    return {**known, "name": clock.name or None, "rate": _known(clock.rate)}
 
 
 def _channel_dict(recording: Recording, channel: ChannelSurvey) -> dict[str, Any]:
+    known = {name: _known(value) for name, value in asdict(channel).items()}
     fault = recording.faults.get(channel.name)
-    return {
-        "name": channel.name,
-        "kind": channel.kind,
-        "unit": channel.unit or None,
-        "frame": channel.frame or None,
-        "samples": channel.samples,
-        "known": channel.known,
-        "minimum": _known(channel.minimum),
-        "maximum": _known(channel.maximum),
-        "faults": fault and {"count": fault.count, "sample": fault.sample, "text": fault.text},
-    }
+    empty = {"unit": channel.unit or None, "frame": channel.frame or None}
+    return {**known, **empty, "faults": fault and asdict(fault)}
 
 
 def _roles_table(recording: Recording) -> Section:
     """Which channels would be taken for what, and why; or why they cannot be chosen."""
-    columns = [Column("taken as"), Column("channel"), Column("because", prose=True)]
-    rows: list[list[Cell]] = [
-        [role, printable(names), printable(reason)] for role, names, reason in _roles(recording)
+    return ["taken as", "channel", _BECAUSE], [
+        list(map(printable, role)) for role in _roles(recording)
     ]
-    return columns, rows
 
 
 def _roles(recording: Recording) -> list[tuple[str, str, str]]:
@@ -144,17 +124,16 @@ def _types_table(recording: Recording, surveyed: Survey) -> Section:
     for topic, kind in recording.types.items():
         count = sum(channel.name.startswith(f"{topic}.") for channel in surveyed.channels)
         rows.append([printable(topic), printable(kind), str(count)])
-    return [Column("topic"), Column("type"), Column("channels", right=True)], rows
+    return ["topic", "type", ">channels"], rows
 
 
 def _clocks_table(surveyed: Survey) -> Section:
-    headings = ("samples", "rate", "begins", "span", "gaps", "repeated", "backward")
-    columns = [Column("clock"), *(Column(heading, right=True) for heading in headings)]
+    headings = ["clock", ">samples", ">rate", ">begins", ">span", ">gaps", ">repeated", ">backward"]
     rows: list[list[Cell]] = []
     for clock in surveyed.clocks[:_MOST_ROWS]:
         if not clock.name:
-            none: Cell = Text("none: samples only", style="dim")
-            rows.append([none, str(clock.samples), *("" for _ in headings[1:])])
+            none = Text("none: samples only", style="dim")
+            rows.append([none, str(clock.samples), *("" for _ in headings[2:])])
             continue
         gaps = f"{clock.gaps} (≤ {_quantity(clock.largest_gap, 's')})" if clock.gaps else "–"
         rows.append(
@@ -169,15 +148,13 @@ def _clocks_table(surveyed: Survey) -> Section:
                 str(clock.backward or "–"),
             ]
         )
-    return columns, rows
+    return headings, rows
 
 
 def _channels_table(channels: Sequence[ChannelSurvey]) -> Section:
     shown = channels[:_MOST_ROWS]
     framed = ["frame"] * any(channel.frame for channel in shown)
-    columns = [Column(heading) for heading in ("channel", "holds", "unit", *framed)]
-    numbers = ("samples", "unknown", "least", "greatest")
-    columns += [Column(heading, right=True) for heading in numbers]
+    headings = ["channel", "holds", "unit", *framed, ">samples", ">unknown", ">least", ">greatest"]
     rows: list[list[Cell]] = []
     for channel in shown:
         frame = [channel.frame or "–"] * len(framed)
@@ -192,14 +169,14 @@ def _channels_table(channels: Sequence[ChannelSurvey]) -> Section:
                 _number(channel.maximum),
             ]
         )
-    return columns, rows
+    return headings, rows
 
 
 def _print_section(console: Console, section: Section) -> None:
-    columns, rows = section
+    headings, rows = section
     if rows:
         console.print()
-        print_table(console, columns, rows, compact=True)
+        print_table(console, headings, rows, prose=[_BECAUSE])
 
 
 def _print_lines(console: Console, word: str, lines: Sequence[str], style: str) -> None:
@@ -213,8 +190,8 @@ def _count(number: int, noun: str) -> str:
     return f"{number or 'no'} {noun}{'' if number == 1 else 's'}"
 
 
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _known(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _number(value: float) -> str:

@@ -3,24 +3,28 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
-from palpate.cli.groups import RIG
-from palpate.cli.printing import Terminal
-from palpate.cli.progress import bar
+from palpate.cli.options import OutputFile, names_in
+from palpate.cli.printing import Terminal, bar, say, say_path
+from palpate.errors import InvalidParameterError
+from palpate.writing import check_outputs, is_standard_output
 
 if TYPE_CHECKING:
     from palpate.lab import Bench, Material, Measurement, Probe, Trajectory
 
+_MATERIALS = names_in("palpate.lab.MATERIALS", "palpate.force_laws.FORCE_LAWS")
+_TRAJECTORIES = names_in("palpate.lab.TRAJECTORIES")
 
-@Parameter(name="*", group=RIG)
+
+@Parameter(name="*", group=Group("The probe and the sensors", sort_key=1.5))
 @dataclass(frozen=True)
 class Instruments:
     """What carries the probe, and what measures."""
 
-    probe: str = "twin-pantograph"
+    probe: Literal["twin-pantograph", "ideal"] = "twin-pantograph"
     "twin-pantograph (needs the extra lab), or ideal: a tip that is where the command says."
     noise: float = 0.05
     "Standard deviation of the force, N; 0 switches it off."
@@ -33,15 +37,15 @@ class Instruments:
 
 
 def lab(
-    material: str,
+    material: Annotated[str, Parameter(completer=_MATERIALS)],
     /,
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    trajectory: str = "three-sines",
+    output: OutputFile,
+    trajectory: Annotated[str, Parameter(completer=_TRAJECTORIES)] = "three-sines",
     seconds: float = 10.0,
     seed: int = 0,
     picture: Path | None = None,
-    instruments: Instruments | None = None,
+    instruments: Instruments = Instruments(),
     **law: float,
 ) -> None:
     """Press a material of known truth, and write the recording.
@@ -80,9 +84,7 @@ def lab(
     """
     from palpate import lab as laboratory
     from palpate.recordings import write_contact
-    from palpate.writing import check_outputs, is_standard_output
 
-    instruments = instruments or Instruments()
     bench = laboratory.Bench(
         _material(material, law),
         _trajectory(trajectory),
@@ -107,7 +109,6 @@ def lab(
     console = Terminal(stderr=is_standard_output(output))
     _print(measurement, output, console)
     if picture is not None:
-        from palpate.cli.layout import say_path
         from palpate.figures.rig import save_rig
 
         say_path(console, f"picture, {save_rig(bench, picture)}: {picture}")
@@ -115,7 +116,6 @@ def lab(
 
 def _check_picture(picture: Path, instruments: Instruments) -> None:
     """Say before the work what could not be drawn after it."""
-    from palpate.errors import InvalidParameterError
     from palpate.figures import check_figure
 
     check_figure(picture)
@@ -124,7 +124,6 @@ def _check_picture(picture: Path, instruments: Instruments) -> None:
 
 
 def _material(name: str, given: dict[str, float]) -> "Material":
-    from palpate.errors import InvalidParameterError
     from palpate.force_laws import FORCE_LAWS, law_from
     from palpate.lab import MATERIALS, Homogeneous
 
@@ -162,7 +161,6 @@ def _options(names: Iterable[str]) -> str:
 
 
 def _trajectory(name: str) -> "Trajectory":
-    from palpate.errors import InvalidParameterError
     from palpate.lab import TRAJECTORIES, SplineTrajectory
 
     if name in TRAJECTORIES:
@@ -175,30 +173,25 @@ def _trajectory(name: str) -> "Trajectory":
 
 
 def _probe(instruments: Instruments) -> "Probe":
-    from palpate.errors import InvalidParameterError
     from palpate.lab import IdealProbe, TwinPantograph
 
     if instruments.probe == "ideal":
         return IdealProbe()
-    if instruments.probe == "twin-pantograph":
-        return TwinPantograph(counts_per_turn=instruments.counts)
-    raise InvalidParameterError(
-        f"--probe must be one of twin-pantograph, ideal, not {instruments.probe!r}"
-    )
+    return TwinPantograph(counts_per_turn=instruments.counts)
 
 
 def _versions(bench: "Bench") -> dict[str, str]:
     from importlib.metadata import version
 
+    from palpate import __version__
     from palpate.lab import TwinPantograph
 
-    names = ["palpate", "numpy"] + ["mujoco"] * isinstance(bench.probe, TwinPantograph)
-    return {"made by": "palpate lab; " + ", ".join(f"{name} {version(name)}" for name in names)}
+    names = ["numpy"] + ["mujoco"] * isinstance(bench.probe, TwinPantograph)
+    words = [f"palpate lab; palpate {__version__}", *(f"{name} {version(name)}" for name in names)]
+    return {"made by": ", ".join(words)}
 
 
 def _print(measurement: "Measurement", output: Path, console: Terminal) -> None:
-    from palpate.cli.layout import say, say_path
-
     contact, truth = measurement.contact, measurement.truth
     say(console, f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s")
     say_path(console, f"truth: {contact.provenance['truth']}")

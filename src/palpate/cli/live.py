@@ -5,11 +5,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
-from palpate.cli.choosing import Choosing
-from palpate.cli.groups import LOOP, OUTPUT, PAGE, PREPARED, READ
-from palpate.cli.values import Address, Channels, Depth, Direction, Duration, Unit
+from palpate.cli.options import (
+    OUTPUT,
+    PREPARED,
+    READ,
+    Address,
+    Channels,
+    Choosing,
+    Depth,
+    Direction,
+    Duration,
+    Law,
+    Method,
+    Unit,
+    names_in,
+    quantity,
+    units_of,
+)
+from palpate.cli.reading import flipped, kept_exponent
+from palpate.errors import InvalidParameterError, RecordingError
 
 if TYPE_CHECKING:
     from palpate.estimators import ContactEstimator
@@ -19,6 +35,7 @@ if TYPE_CHECKING:
 
 # Of the rest that a source begins with, what is sure to be without contact.
 _OF_REST = 0.8
+_SOURCE = Parameter(completer=names_in("palpate.lab.MATERIALS", prefix="lab:"))
 _READ = Parameter(group=READ)
 _PREPARED = Parameter(group=PREPARED)
 _FLAG = Parameter(group=PREPARED, negative="")
@@ -38,7 +55,7 @@ class Incoming:
     "The channel of a recording that is the position; looked for unless given."
     force: Annotated[Channels | None, _READ] = None
     "The channel of a recording that is the force; looked for unless given."
-    unit: Annotated[tuple[Unit, ...], Parameter(group=READ, negative="")] = ()
+    unit: Annotated[tuple[Unit, ...], Parameter(group=READ)] = ()
     "Units of a recording's channels, such as penetration=mm,force=mN."
     tare: Annotated[Duration | None, _PREPARED] = None
     "Take off the mean force of so long at the start, such as 1s; of the laboratory it always is."
@@ -55,7 +72,6 @@ class Incoming:
 
     def source(self, address: str) -> "Source":
         """Return the source of an address."""
-        from palpate.cli.quantities import units_of
         from palpate.live.sources import SourceOptions, open_source
         from palpate.preparation import Columns
         from palpate.validation import number_in
@@ -77,7 +93,6 @@ class Incoming:
 
     def _check(self, address: str) -> None:
         """Refuse what would have no effect."""
-        from palpate.errors import InvalidParameterError
         from palpate.live.sources import SOURCES
 
         recording = address.partition(":")[0] not in SOURCES
@@ -89,7 +104,6 @@ class Incoming:
 
     def preparation(self, source: "Source") -> "OnlinePreparation":
         """Return what makes samples of what the source delivers."""
-        from palpate.cli.quantities import quantity
         from palpate.preparation import OnlinePreparation
 
         given: dict[str, Any] = {"velocity_window": self.velocity_window}
@@ -101,12 +115,11 @@ class Incoming:
             given["surface"] = quantity("--surface", self.surface, "penetration")
         if self.direction is not None:
             given["direction"] = _direction(self.direction)
-        turned = {"force": self.flip_force, "penetration": self.flip_penetration}
-        given["flip"] = tuple(channel for channel, turn in turned.items() if turn)
+        given["flip"] = flipped(self)
         return OnlinePreparation(sample_time=source.sample_time, **given)
 
 
-@Parameter(name="*", group=PAGE)
+@Parameter(name="*", group=Group("The page", sort_key=8))
 @dataclass(frozen=True)
 class Page:
     """Where the page is served."""
@@ -120,16 +133,8 @@ class Page:
     open: Annotated[bool, Parameter(negative="")] = False
     "Open the page in a browser."
 
-    def sinks(self) -> "list[Sink]":
-        """Return the page, where one is wanted."""
-        if not self.page:
-            return []
-        from palpate.live.page import Page as PageSink
 
-        return [PageSink(host=self.host, port=self.port, open_browser=self.open)]
-
-
-@Parameter(name="*", group=LOOP)
+@Parameter(name="*", group=Group("The loop", sort_key=7))
 @dataclass(frozen=True)
 class Looping:
     """How the loop runs."""
@@ -143,18 +148,18 @@ class Looping:
 
 
 def live(
-    source: Address,
+    source: Annotated[str, _SOURCE],
     /,
     *,
-    law: str | None = None,
-    method: str | None = None,
+    law: Law = None,
+    method: Method = None,
     exponent: Annotated[float | None, Parameter(group=PREPARED)] = None,
     record: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
-    publish: Annotated[tuple[Address, ...], Parameter(group=OUTPUT, negative="")] = (),
+    publish: Annotated[tuple[Address, ...], Parameter(group=OUTPUT)] = (),
     console: Annotated[bool, Parameter(group=OUTPUT)] = True,
-    page: Page | None = None,
-    looping: Looping | None = None,
-    incoming: Incoming | None = None,
+    page: Page = Page(),
+    looping: Looping = Looping(),
+    incoming: Incoming = Incoming(),
 ) -> None:
     """Identify while a robot moves, each sample before the next one comes.
 
@@ -190,17 +195,15 @@ def live(
     console
         Show a line of figures.
     """
-    from palpate.errors import RecordingError
     from palpate.live.running import run
     from palpate.validation import number_in
 
-    looping, incoming = looping or Looping(), incoming or Incoming()
     seconds = looping.seconds
     if seconds is not None:
         seconds = number_in("--seconds", seconds, 0.0, 1e9)
     chosen = _estimator(Choosing(law, method), exponent)
     taken = incoming.source(source)
-    sinks = _sinks(record, publish, page or Page(), console=console, diagnosis=looping.diagnosis)
+    sinks = _sinks(record, publish, page, console=console, diagnosis=looping.diagnosis)
     found = run(
         taken,
         chosen,
@@ -217,7 +220,6 @@ def live(
 
 
 def _estimator(choosing: Choosing, exponent: float | None) -> "ContactEstimator":
-    from palpate.cli.reading import kept_exponent
     from palpate.live.running import default_estimator
 
     found = default_estimator(choosing.kind, **choosing.settings)
@@ -247,13 +249,15 @@ def _sinks(
         sinks.append(Diagnosing())
     if record is not None or page.page:
         sinks.append(Recorder(record))
-    return [*sinks, *page.sinks()]
+    if page.page:
+        from palpate.live.page import Page as PageSink
+
+        sinks.append(PageSink(host=page.host, port=page.port, open_browser=page.open))
+    return sinks
 
 
 def _direction(text: str) -> list[float]:
     """Three numbers with commas between them."""
-    from palpate.errors import InvalidParameterError
-
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:

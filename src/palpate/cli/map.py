@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from palpate.cli.drawing import Drawing
-from palpate.cli.values import Depth, Folder
+from palpate.cli.options import Depth, Drawing, Folder, quantity
+from palpate.cli.printing import Terminal, say, say_path
 
 _FIGURE = Path("map.svg")
 
@@ -17,7 +17,7 @@ def map(
     by: str = "x,y",
     of: Literal["stiffness", "damping", "force", "exponent"] = "stiffness",
     at: Depth | None = None,
-    drawing: Drawing | None = None,
+    drawing: Drawing = Drawing(),
 ) -> None:
     """Draw what a fleet found over where it was found, with its error beside it.
 
@@ -37,13 +37,9 @@ def map(
     at
         One depth for all, such as 2mm: only so are places compared that were pressed differently.
     """
-    from palpate.cli.layout import say, say_path
-    from palpate.cli.printing import Terminal
-    from palpate.cli.quantities import quantity
     from palpate.fleet.maps import map_of
     from palpate.fleet.results import read_results
 
-    drawing = drawing or Drawing()
     if drawing.figure is None:
         drawing = replace(drawing, figure=_FIGURE)
     drawing.check()

@@ -8,14 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from palpate.cli.printing import Terminal, complain
+from palpate.cli import complain
+from palpate.cli.fleet import require_figures
+from palpate.cli.options import names_in
+from palpate.cli.printing import Terminal, bar, print_table, say, say_path
+from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
     from palpate.paper import Experiment
     from palpate.paper.report import Report
     from palpate.paper.running import Progress
 
-Names = Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")]
+_ONLY = Parameter(consume_multiple=True, completer=names_in("palpate.paper.EXPERIMENTS"))
+Names = Annotated[tuple[str, ...], _ONLY]
 
 
 def paper(
@@ -48,7 +53,7 @@ def paper(
     from palpate.paper.running import run_paper
     from palpate.validation import number_in
 
-    _require_figures()
+    require_figures()
     require_mujoco()
     experiments = _chosen(only)
     seeds = int(number_in("--seeds", seeds, 1, 10_000))
@@ -72,14 +77,7 @@ def paper(
     _print(report, output)
 
 
-def _require_figures() -> None:
-    from palpate.figures.style import LIGHT, style
-
-    style(LIGHT)
-
-
 def _chosen(only: tuple[str, ...]) -> "list[Experiment]":
-    from palpate.errors import InvalidParameterError
     from palpate.paper import EXPERIMENTS
 
     for name in only:
@@ -99,37 +97,21 @@ def _say_what_is_reused(report: "Report") -> None:
 @contextmanager
 def _progress() -> "Iterator[Progress]":
     """A bar where a person looks on; elsewhere a line for each figure."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
+    with bar("pressing") as shown:
 
-    if not sys.stderr.isatty():
-
-        def line(words: str, done: int, total: int) -> None:
-            if words.endswith("figure"):
+        def advance(words: str, done: int, total: int) -> None:
+            shown(done, total)
+            if words.endswith("figure") and not sys.stderr.isatty():
                 print(f"{words}: {done} of {total} tasks", file=sys.stderr)
 
-        yield line
-        return
-    columns = (
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.description}", style="dim"),
-    )
-    with Bar(*columns, console=Terminal(stderr=True), transient=True) as bar:
-        task = bar.add_task("pressing", total=None)
-        yield lambda words, done, total: bar.update(
-            task, description=words, completed=done, total=total
-        )
+        yield advance
 
 
 def _print(report: "Report", folder: Path) -> None:
-    from palpate.cli.layout import Column, print_table, say, say_path
     from palpate.paper.report import SIGNS
 
     console = Terminal()
-    columns = [Column("figure"), Column("claim")]
-    columns += [Column(heading, prose=True) for heading in ("the paper's", "ours", "verdict")]
+    headings = ["figure", "claim", "the paper's", "ours", "verdict"]
     rows = [
         [
             each.experiment,
@@ -140,6 +122,6 @@ def _print(report: "Report", folder: Path) -> None:
         ]
         for each in report.judgements
     ]
-    print_table(console, columns, rows)
+    print_table(console, headings, rows, prose=headings[2:])
     say(console, report.summary)
     say_path(console, f"page: {folder / 'report.html'}")

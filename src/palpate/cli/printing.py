@@ -1,53 +1,39 @@
-"""What goes to standard output: one JSON object or text, in whatever its encoding can carry."""
+"""What is printed, in the width that there is: words fold, and every number stays whole."""
 
-import codecs
-import io
 import json
 import os
 import re
+import shutil
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from contextvars import ContextVar
-from typing import Annotated, Any
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from cyclopts import Parameter
-from rich.console import Console
+from rich.cells import cell_len
+from rich.console import Console, JustifyMethod
+from rich.text import Text
 
-from palpate.cli.groups import OUTPUT
+from palpate.cli.options import OUTPUT
 from palpate.errors import printable
+
+if TYPE_CHECKING:
+    from palpate.recordings import Recording
+
+Cell: TypeAlias = str | Text
 
 AsJson = Annotated[bool, Parameter(name="--json", negative="", group=OUTPUT)]
 
-#: Of a line that goes to a file or a pipe, unless COLUMNS says otherwise.
-PIPE_WIDTH = 100
-
-# A word of a person or a file that is no word is shown by its beginning and its end; a path of the
-# usual length is shown whole.
-_TOO_LONG = re.compile(r"(\S{60})\S{121,}(\S{20})")
-_LONGEST_LINE = 2000
-
-_COLOURLESS = ContextVar("palpate.colourless", default=False)
-
-# What the tables print beyond ASCII, for terminals that have no more than that.
-_PLAIN = {
-    "µ": "u", "°": " deg", "₁": "1", "₂": "2", "·": "*", "±": "+-",
-    "–": "-", "−": "-", "×": "x", "√": "sqrt", "≥": ">=", "≤": "<=", "…": "...", "“": '"',
-    "”": '"', "é": "e", "ó": "o", "σ": "sigma", "✓": "+", "✗": "-", "◐": "~",
-    "≈": "~", "→": "->", "λ": "lambda", "₀": "0", "α": "alpha", "τ": "tau",
-}  # fmt: skip
-# Of several in a row only the first needs the sign that says what they are: 10⁻¹² is 10^-12.
-_SUPERSCRIPTS = dict(zip("ⁿᵖ⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "np+-0123456789", strict=True))
-
-
-@contextmanager
-def colourless(plain: bool) -> Iterator[None]:
-    """Let every terminal that is made inside write without colour, if so asked."""
-    token = _COLOURLESS.set(plain)
-    try:
-        yield
-    finally:
-        _COLOURLESS.reset(token)
+#: Width and height of what goes to a file or a pipe, unless COLUMNS says otherwise. A dumb terminal
+#: has a width only where it has a height too.
+_PIPE = 100, 25
+#: A column of prose that is narrower takes many lines for few words.
+_NARROWEST_PROSE = 28
+_NARROWEST_LABEL = 8
+_GAP = 2
+_NOTHING = ("", "–")
 
 
 class Terminal(Console):
@@ -57,16 +43,15 @@ class Terminal(Console):
     environment's NO_COLOR (no-color.org) or by TERM=dumb.
     """
 
-    def __init__(self, *, stderr: bool = False) -> None:
-        plain = _COLOURLESS.get() or os.environ.get("NO_COLOR", "") != ""
+    def __init__(self, *, stderr: bool = False, least: int = 1) -> None:
+        columns = max(shutil.get_terminal_size(_PIPE).columns, least)
+        width, height = (None, None) if stderr else (columns, _PIPE[1])
         super().__init__(
             stderr=stderr,
             highlight=False,
-            color_system=None if plain else "auto",
-            # A bar on standard error follows the window. A dumb terminal has a width only where
-            # there is a height too.
-            width=None if stderr else _width(),
-            height=None if stderr else 25,
+            color_system=None if os.environ.get("NO_COLOR") else "auto",
+            width=width,
+            height=height,
         )
 
     def on_broken_pipe(self) -> None:
@@ -74,83 +59,124 @@ class Terminal(Console):
         raise BrokenPipeError
 
 
-def _width() -> int:
-    """Of a line on standard output: COLUMNS, else the window's, else that of a pipe."""
-    columns = os.environ.get("COLUMNS", "")
-    if columns.isdecimal() and int(columns) > 0:
-        return int(columns)
-    with suppress(OSError, ValueError, AttributeError):  # no terminal, or no descriptor
-        return os.get_terminal_size(sys.stdout.fileno()).columns or PIPE_WIDTH
-    return PIPE_WIDTH
-
-
 def print_json(whole: dict[str, Any]) -> None:
-    """Print one JSON object on a line of its own; escaped where the output is not UTF-8."""
-    text = json.dumps(whole, ensure_ascii=False, allow_nan=False)
-    if not _carried(text) or any("\x7f" <= sign <= "\x9f" for sign in text):
-        text = json.dumps(whole, allow_nan=False)
-    print(text)
+    """Print one JSON object on a line of its own, in signs that any encoding carries."""
+    print(json.dumps(whole, allow_nan=False))
 
 
-def prepare_output() -> None:
-    """Let what the output's encoding lacks be printed in other signs, instead of failing.
+def as_text(words: Cell) -> Text:
+    """Lines of text, of which the terminal shows every sign and obeys none."""
+    given = words if isinstance(words, Text) else Text(words)
+    plain = "\n".join(map(printable, str(words).split("\n")))
+    return given.copy() if plain == given.plain else Text(plain, given.style)
 
-    A stream that is closed leads nowhere: no file that is opened later takes its descriptor, into
-    which libraries print.
+
+def say(console: Console, words: Cell, style: str = "") -> None:
+    """Print words, folded between them; all lines but the first are indented."""
+    text = as_text(words)
+    text.stylize_before(style)
+    for line in text.split("\n", allow_blank=True):
+        width = console.width - _GAP if line.cell_len > console.width else console.width
+        for k, part in enumerate(line.wrap(console, max(width, 1))):
+            part.rstrip()
+            console.print(Text(" " * _GAP * (k > 0)).append_text(part), soft_wrap=True)
+
+
+def say_path(console: Console, words: str, style: str = "") -> None:
+    """Print what is there to be copied, such as a file's name: in one line, however long."""
+    console.print(Text(printable(words), style), soft_wrap=True)
+
+
+def say_command(console: Console, words: str, style: str = "") -> None:
+    r"""Print a command to be copied: broken before its options, with a \ that the shell joins."""
+    joined = re.sub(" (?!--)", "\xa0", words)  # is no place to break at
+    folder = textwrap.TextWrapper(max(console.width - _GAP, 1), subsequent_indent="  ")
+    folder.break_long_words = folder.break_on_hyphens = False
+    for line in " \\\n".join(folder.wrap(joined)).split("\n"):
+        say_path(console, line.replace("\xa0", " "), style)
+
+
+def print_table(
+    console: Console,
+    headings: Sequence[str],
+    rows: Sequence[Sequence[Cell]],
+    *,
+    prose: Sequence[str] = (),
+) -> None:
+    """Print rows side by side where that fits, else one below the other; nothing is cut off.
+
+    Parameters
+    ----------
+    console : Console
+        Its width counts.
+    headings : sequence of str
+        Those that begin with ``>`` stand above numbers, flush right. The first column names the
+        row. A column in which no cell has anything is not shown.
+    rows : sequence of sequences of str or Text
+        A cell for each column; it may have several lines.
+    prose : sequence of str
+        Headings of the columns of which the words may be folded; anything else stays whole.
     """
-    while (nowhere := os.open(os.devnull, os.O_RDWR)) < 3:
-        pass
-    os.close(nowhere)
-    for descriptor, name in ((1, "stdout"), (2, "stderr")):
-        if getattr(sys, name) is None:
-            setattr(sys, name, os.fdopen(descriptor, "w", encoding="utf-8", errors="replace"))
-    codecs.register_error("palpate.plain", _in_plain_signs)
-    # In the C locale Python lets bytes of file names through, and other signs fail all the same.
-    failing = ("strict", "surrogateescape")
-    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in failing:
-        sys.stdout.reconfigure(errors="palpate.plain")
+    from rich.table import Table  # here, so that help, which has none, comes at once
+
+    texts = [[as_text(cell) for cell in row] for row in rows]
+    shown = [k for k in range(len(headings)) if any(row[k].plain not in _NOTHING for row in texts)]
+    plain = {k: headings[k].removeprefix(">") for k in shown}
+    widths = {k: max(map(_width, [plain[k], *(row[k].plain for row in texts)])) for k in shown}
+    least = {k: min(w, _NARROWEST_PROSE if headings[k] in prose else w) for k, w in widths.items()}
+    if sum(least.values()) + _GAP * (len(shown) - 1) <= console.width:
+        table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0), header_style="bold")
+        for k in shown:
+            justify: JustifyMethod = "left" if plain[k] == headings[k] else "right"
+            folded = headings[k] in prose
+            table.add_column(plain[k], justify=justify, no_wrap=not folded, overflow="fold")
+        for row in texts:
+            table.add_row(*(row[k] for k in shown))
+        console.print(table)
+        return
+    flat = {k: plain[k].replace("\n", ", ").strip() for k in shown}
+    labels = {k: flat[k] for k in shown[1:]}
+    widest = max(least[k] for k in labels) if labels else 0
+    room = max(console.width - widest - 2 * _GAP, _NARROWEST_LABEL)
+    for row in texts:
+        block = Table(box=None, show_header=False, padding=(0, 0, 0, _GAP))
+        block.add_column(width=min(room, max(map(cell_len, labels.values()), default=0)))
+        block.add_column(overflow="fold")
+        for k, label in labels.items():
+            if row[k].plain not in _NOTHING:
+                block.add_row(Text(label, "dim"), row[k])
+        unit = Text(f"{flat[shown[0]]} " if headings[shown[0]].startswith(">") else "")
+        say(console, unit.append_text(row[shown[0]]), "bold")
+        console.print(block)
 
 
-def finish_output() -> None:
-    """Write out what is waiting, so that what cannot be written is known before the end."""
-    sys.stdout.flush()
+def _width(words: str) -> int:
+    return max(map(cell_len, words.split("\n")))
 
 
-def abandon_output() -> None:
-    """Let go of what cannot be written: Python would try again on its way out, and complain."""
-    with suppress(OSError, ValueError, AttributeError):  # it may have no descriptor
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
+def opened(
+    file: Path, channels: Sequence[str] | None, *, strict: bool, curve: int | None
+) -> "Recording":
+    """Open a recording, with a bar while it is read."""
+    from palpate.recordings import open_recording
+
+    with bar(f"reading {file}") as progress:
+        return open_recording(file, channels, strict=strict, curve=curve, progress=progress)
 
 
-def complain(words: str) -> None:
-    """Print one line on standard error, whatever the words are made of."""
-    line = _TOO_LONG.sub(r"\1…\2", printable(" ".join(words.split())))
-    with suppress(OSError):  # there is nobody left to tell
-        print(f"palpate: {line[:_LONGEST_LINE]}", file=sys.stderr)
+@contextmanager
+def bar(words: str) -> Iterator[Callable[..., None]]:
+    """Show how much of something is done, and the time left.
 
+    What it yields takes the number done and of how many: a fraction alone is one of 1. Nothing is
+    shown where standard error is no terminal.
+    """
+    if not sys.stderr.isatty():
+        yield lambda done, total=1: None
+        return
+    from rich.markup import escape
+    from rich.progress import Progress
 
-def _carried(text: str) -> bool:
-    encoding = getattr(sys.stdout, "encoding", None) or "ascii"
-    try:
-        text.encode("utf-8")  # a file's name may hold bytes that are not
-    except UnicodeEncodeError:
-        return False
-    return codecs.lookup(encoding).name == "utf-8"
-
-
-def _in_plain_signs(error: UnicodeError) -> tuple[str | bytes, int]:
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    signs = error.object[error.start : error.end]
-    plain, raised = "", False
-    for sign in signs:
-        if sign in _SUPERSCRIPTS:
-            plain += _SUPERSCRIPTS[sign] if raised else f"^{_SUPERSCRIPTS[sign]}"
-        elif sign in _PLAIN:
-            plain += _PLAIN[sign]
-        else:
-            return codecs.backslashreplace_errors(error)
-        raised = sign in _SUPERSCRIPTS
-    return plain, error.end
+    with Progress(console=Terminal(stderr=True), transient=True) as shown:
+        task = shown.add_task(escape(printable(words)), total=None)
+        yield lambda done, total=1: shown.update(task, completed=done, total=total)

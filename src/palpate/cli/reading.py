@@ -3,42 +3,43 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import Parameter
 
-from palpate.cli.groups import KEPT, PREPARED, READ
-from palpate.cli.values import (
-    FORCE,
-    PENETRATION,
-    TIME,
-    VELOCITY,
-    Axis,
+from palpate.cli.options import (
+    KEPT,
+    PREPARED,
+    READ,
     Channel,
     Channels,
-    Depth,
-    Direction,
-    Duration,
-    Span,
-    SurfaceWord,
     Unit,
-    Weight,
+    quantity,
+    units_of,
 )
+from palpate.cli.printing import opened
+from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
 
 if TYPE_CHECKING:
     from palpate.contact import Contact
     from palpate.estimators import ContactEstimator
+    from palpate.identification import Identification
     from palpate.settings import ContactGate
 
 #: One file or several.
-Files = Annotated[tuple[Path, ...], Parameter(allow_leading_hyphen=True, negative="")]
+Files: TypeAlias = tuple[Path, ...]
 
 _READ = Parameter(group=READ)
 _PREPARED = Parameter(group=PREPARED)
 _FLAG = Parameter(group=PREPARED, negative="")
-#: A text that may begin with a minus sign: -3ms is no option.
-_SIGNED = Parameter(group=PREPARED, allow_leading_hyphen=True)
-_KEPT = Parameter(group=KEPT)
+
+_Axis: TypeAlias = Literal["x", "y", "z", "-x", "-y", "-z"]
+_Surface: TypeAlias = Literal["threshold", "baseline", "fit", "estimate"]
+
+
+def _signed(metavar: str) -> Parameter:
+    """A text that may begin with a minus sign, as -3ms; its own words stand in its help."""
+    return Parameter(group=PREPARED, allow_leading_hyphen=True, metavar=metavar, show_choices=False)
 
 
 @Parameter(name="*")
@@ -46,19 +47,19 @@ _KEPT = Parameter(group=KEPT)
 class Reading:
     """How a file is read, and which of its samples are used."""
 
-    time: Annotated[Channel, _READ] = TIME
+    time: Annotated[Channel, _READ] = "time_s"
     "The time; a channel that is not named, and not there, is looked for."
-    penetration: Annotated[Channel, _READ] = PENETRATION
+    penetration: Annotated[Channel, _READ] = "penetration_m"
     "The penetration, positive inside the material."
-    force: Annotated[Channel, _READ] = FORCE
+    force: Annotated[Channel, _READ] = "force_N"
     "The force, compression positive; or x,y,z, or a topic such as /ft."
-    velocity: Annotated[Channel, _READ] = VELOCITY
+    velocity: Annotated[Channel, _READ] = "velocity_m_s"
     "The velocity, or none; where there is none it is worked out from the penetration."
     position: Annotated[Channels | None, _READ] = None
     "The probe's position in place of the penetration; or x,y,z, or a topic."
     orientation: Annotated[Channels | None, _READ] = None
     "The probe's orientation, a quaternion x,y,z,w; or a topic."
-    unit: Annotated[tuple[Unit, ...], Parameter(group=READ, negative="")] = ()
+    unit: Annotated[tuple[Unit, ...], _READ] = ()
     "Units of channels, such as penetration=mm,force=mN; else as the file or its names say, or SI."
     rate: Annotated[float | None, _READ] = None
     "Samples a second, where the file has no time."
@@ -81,28 +82,26 @@ class Reading:
     "Turn the sign of the force: compression is to be positive."
     flip_penetration: Annotated[bool, _FLAG] = False
     "Turn the sign of the penetration: into the material is to be positive."
-    tare: Annotated[Literal["find"] | Span | None, _SIGNED] = None
+    tare: Annotated[Literal["find"] | str | None, _signed("find|SPAN")] = None
     "Take off the mean force between these times, START:STOP, s; or find such times: find."
-    delay: Annotated[Duration | None, _SIGNED] = None
+    delay: Annotated[str | None, _signed("DURATION")] = None
     "How late the force is, such as 5ms; negative where it is early."
     reject_outliers: Annotated[bool, _PREPARED] = True
     "Leave lost positions, spikes and the end of the sensor's range out."
-    surface: Annotated[SurfaceWord | Depth | None, _SIGNED] = None
+    surface: Annotated[_Surface | str | None, _signed("DEPTH")] = None
     "Where the material begins: a penetration such as 0.7mm, threshold, baseline, fit, or estimate."
     exponent: Annotated[float | None, _PREPARED] = None
     "Exponent of the law where the shape of the tip tells it, such as 1.5 under a sphere; kept."
-    normal: Annotated[Axis | Direction | None, _SIGNED] = None
+    normal: Annotated[_Axis | str | None, _signed("DIRECTION")] = None
     "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers; else it is found."
     force_frame: Annotated[Literal["tool", "base"] | None, _PREPARED] = None
     "Frame of the force: the tool's, which its orientation turns, or the position's."
-    tool_weight: Annotated[Weight | None, _PREPARED] = None
+    tool_weight: Annotated[str | None, Parameter(group=PREPARED, metavar="WEIGHT")] = None
     "Weight that the sensor carries, such as 1.2N, along -z of the position's frame."
-    spot: Annotated[Literal["inf"] | Depth | None, _PREPARED] = None
+    spot: Annotated[Literal["inf"] | str | None, _signed("DEPTH")] = None
     "How far a travelling probe may go within an episode, such as 5mm; or inf; 2 mm unless given."
 
-    config: Annotated[Path | None, _KEPT] = None
-    "Take options from this TOML file; those on the command line have the last word."
-    save_config: Annotated[Path | None, _KEPT] = None
+    save_config: Annotated[Path | None, Parameter(group=KEPT)] = None
     "Write the options to this TOML file, with what was found as comments."
 
     def contact(self, files: Sequence[Path], choice: Mapping[str, str] | None = None) -> "Contact":
@@ -120,8 +119,6 @@ class Reading:
         return contact
 
     def _contact(self, file: Path) -> "Contact":
-        from palpate.cli.progress import opened
-        from palpate.errors import MissingChannelError, RecordingError
         from palpate.preparation import prepare
 
         try:
@@ -145,21 +142,20 @@ class Reading:
     @property
     def preparation(self) -> dict[str, Any]:
         """What :func:`palpate.prepare` is to do."""
-        from palpate.cli.quantities import quantity, span, units_of
         from palpate.preparation import Columns
 
         names = ("time", "penetration", "force", "velocity", "position", "orientation")
         given: dict[str, Any] = {
             "columns": Columns(**{name: getattr(self, name) for name in names}),
             "units": units_of("--unit", self.unit),
-            "flip": self._turned,
+            "flip": flipped(self),
             "surface": self._surface,
             "window": (self.start, self.stop),
         }
         for name in ("velocity_window", "rate", "normal", "force_frame", "strict"):
             given[name] = getattr(self, name)
         if self.tare is not None:
-            given["tare"] = self.tare if self.tare == "find" else span("--tare", self.tare)
+            given["tare"] = self.tare if self.tare == "find" else _span("--tare", self.tare)
         if self.delay is not None:
             given["delay"] = quantity("--delay", self.delay, "time")
         if self.tool_weight is not None:
@@ -170,15 +166,7 @@ class Reading:
         return given
 
     @property
-    def _turned(self) -> tuple[str, ...]:
-        turned = {"force": self.flip_force, "penetration": self.flip_penetration}
-        return tuple(channel for channel, turn in turned.items() if turn)
-
-    @property
     def _surface(self) -> Any:
-        from palpate.cli.quantities import quantity
-        from palpate.errors import InvalidParameterError
-
         if self.surface in (None, "estimate", "fit", "baseline", "threshold"):
             return self.surface
         try:
@@ -189,12 +177,10 @@ class Reading:
     @property
     def options(self) -> dict[str, Any]:
         """The options that were given, by their names without dashes before them."""
-        usual = Reading()
         return {
-            field.name.replace("_", "-"): getattr(self, field.name)
-            for field in dataclasses.fields(self)
-            if field.name not in ("config", "save_config")
-            and getattr(self, field.name) != getattr(usual, field.name)
+            name.replace("_", "-"): value
+            for name, value in vars(self).items()
+            if name != "save_config" and value != getattr(Reading, name)
         }
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
@@ -205,14 +191,31 @@ class Reading:
         if gate is not None and kind.chooses_samples:  # nothing beside what is asked for
             force = self.min_force or 0.0
             gate = ContactGate(self.min_penetration or 0.0, force, force)
-        settings: dict[str, Any] = {"gate": gate}
+        return {"gate": gate, **self.chosen(kind)}
+
+    def chosen(self, kind: "type[ContactEstimator]") -> dict[str, Any]:
+        """Return the settings of an estimator that options ask for, but for its gate."""
+        settings: dict[str, Any] = {}
         if not self.reject_outliers:
             settings["outlier_rejection"] = False
         if self.surface == "estimate":
-            settings["surface"] = searched_surface(kind)
+            settings["surface"] = "estimate"
+            if "surface" not in kind().settings:
+                raise InvalidParameterError(
+                    f"--surface estimate is for a method that can, not for {kind.method}: "
+                    "--surface fit finds it before the law is looked for"
+                )
         if self.exponent is not None:
             settings["exponent"] = kept_exponent(self.exponent, kind)
         return settings
+
+    def compared(self, contact: "Contact", **watched: Any) -> "dict[str, Identification]":
+        """Identify by every method on the same samples."""
+        from palpate.identifying import compare
+
+        outliers = None if self.reject_outliers else False
+        settings = {"outlier_rejection": outliers, "exponent": self.exponent, **watched}
+        return compare(contact, gate=self.gate(contact), **settings)
 
     def gate(self, contact: "Contact") -> "ContactGate | None":
         """Return the gate asked for, the rest of it chosen from the data; None where none is."""
@@ -220,28 +223,26 @@ class Reading:
 
         if self.min_penetration is None and self.min_force is None:
             return None
-
         return choose_gate(
             contact, minimum_penetration=self.min_penetration, minimum_force=self.min_force
         )
 
 
-def searched_surface(kind: "type[ContactEstimator]") -> str:
-    """The setting by which a method searches for the surface, where it can."""
-    from palpate.errors import InvalidParameterError
+def flipped(options: Any) -> tuple[str, ...]:
+    """The channels of which the sign is to be turned."""
+    return tuple(name for name in ("force", "penetration") if getattr(options, f"flip_{name}"))
 
-    if "surface" not in kind().settings:
-        raise InvalidParameterError(
-            f"--surface estimate is for a method that can, not for {kind.method}: "
-            "--surface fit finds it before the law is looked for"
-        )
-    return "estimate"
+
+def _span(option: str, text: str) -> tuple[float, float]:
+    """Two times, START:STOP, s."""
+    start, colon, stop = text.partition(":")
+    if not colon:
+        raise InvalidParameterError(f"{option} must be START:STOP in seconds, not {text!r}")
+    return quantity(option, start, "time"), quantity(option, stop, "time")
 
 
 def kept_exponent(exponent: float, kind: "type[ContactEstimator]") -> float:
     """The exponent that was given, for a method whose law has one."""
-    from palpate.errors import InvalidParameterError
-
     if "exponent" not in kind().settings:
         raise InvalidParameterError(
             f"--exponent is for a method that can keep one; the law of {kind.method} has none"

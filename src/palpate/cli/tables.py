@@ -1,24 +1,48 @@
 """Identifications as tables that a person reads, or as one JSON object."""
 
+import itertools
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from rich.console import Console
 from rich.text import Text
 
-from palpate.cli.comparison import print_comparison
-from palpate.cli.laws import print_law
-from palpate.cli.layout import say, say_path
-from palpate.cli.printing import Terminal, print_json
-from palpate.cli.standings import verdict_on_laws
-from palpate.cli.stretches import print_places, print_stretches, stretches_of, when
-from palpate.cli.verdicts import percent, print_verdict, share
-from palpate.cli.working_depths import print_working_depths
-from palpate.contact import Contact
-from palpate.digits import rounded
+from palpate.cli.printing import Cell, Terminal, print_json, print_table, say, say_path
+from palpate.cli.truths import (
+    LEGEND,
+    beside_truth,
+    comparable,
+    felt_beside_truth,
+    stated_truth,
+    truth_at_rest,
+)
+from palpate.diagnosis import Episode, Quantity, WorkingDepth
+from palpate.diagnosis.data import in_words
+from palpate.diagnosis.fit import DEEP
+from palpate.digits import rounded, with_error
+from palpate.estimators import ViscoelasticContact
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification import Identification
 from palpate.preparation.touches import touches_of
+from palpate.ranking import rank
 from palpate.results.description import described
-from palpate.results.following import following
+from palpate.results.following import following, with_prefix
+from palpate.results.parameters import correlated, parameter_rows
+from palpate.results.summary import felt, felt_at
+
+_BARS = "± repeatable ± what the findings would move"
+_RELAXED = "once the material has relaxed"
+_ROWS = (("force", "N"), ("stiffness", "N/m"), ("damping", "N·s/m"))
+_SCORE = (
+    "score: N_eff ln(RSS/N) + 2 p ln N_eff over the best, p numbers; from 10 on strong evidence"
+)
+_NUMBERS = (">stiffness\nN/m", ">damping\nN·s/m")
+_COLOURS = {"trust": "green", "with-care": "yellow", "do-not-trust": "red", "note": "dim"}
+_QUALITY = (
+    "predicted, fit: RMSE% of force, a priori after 0.2 s and of the final law; "
+    "cond. 10: contact in which |v| < 0.1 K/B does not hold"
+)
 
 
 def print_identifications(
@@ -94,21 +118,17 @@ def _noticed(result: Identification) -> str:
 
 def _samples(first: Identification) -> str:
     contact, gate, scale = first.contact, first.gate, first.scale
-    chosen = first.estimator.chooses_samples and not gate.make_force
-    force = "chosen by the force around each"
-    if not chosen:
-        force = f"force > {rounded(gate.make_force, 3)} N"
+    touches = len(touches_of(contact))
+    force = f"force > {rounded(gate.make_force, 3)} N"
+    if first.estimator.chooses_samples and not gate.make_force:
+        force = "chosen by the force around each"
     units = ((scale.penetration, "m"), (scale.velocity, "m/s"), (scale.force, "N"))
     return (
-        f"{len(contact)} samples, {_touches(contact)}, {first.estimate.samples} in contact "
-        f"(penetration > {rounded(gate.minimum_penetration, 3)} m, {force}); computed in units of "
-        f"{', '.join(f'{rounded(size, 3)} {unit}' for size, unit in units)}"
+        f"{len(contact)} samples, {touches} {'touch' if touches == 1 else 'touches'}, "
+        f"{first.estimate.samples} in contact "
+        f"(penetration > {rounded(gate.minimum_penetration, 3)} m, {force}); "
+        f"computed in units of {', '.join(f'{rounded(size, 3)} {unit}' for size, unit in units)}"
     )
-
-
-def _touches(contact: Contact) -> str:
-    count = len(touches_of(contact))
-    return "1 touch" if count == 1 else f"{count} touches"
 
 
 def _print_remarks(first: Identification, console: Terminal) -> None:
@@ -127,3 +147,350 @@ def _print_surface(result: Identification, console: Terminal) -> None:
     for finding in result.diagnosis.findings:
         if finding.check == "surface" and finding.severity == "note":
             say(console, f"note: {finding.sentence}")
+
+
+def print_working_depths(result: Identification, console: Console) -> None:
+    """Print the three with both error bars, and with the truth where the file states it."""
+    truth, depths = truth_at_rest(result), result.working_depths
+    names = ["median" if result.depth is None else "as asked", f"{DEEP:.0f}th percentile"]
+    headings = [
+        f"at {in_words(there.depth, 'm', digits=4)}\n{name}"
+        for there, name in zip(depths, names, strict=False)
+    ]
+    rows = [[name, *(_cell(there, name, unit, truth) for there in depths)] for name, unit in _ROWS]
+    print_table(console, ["", *headings], rows)
+    words = [_BARS, *([_RELAXED] if result.law.remembers else []), *([LEGEND] if truth else [])]
+    say(console, "; ".join(words), "dim")
+
+
+def whole_error(quantity: Quantity) -> float:
+    """Return what repeats and what the findings would move together; NaN where one is unknown."""
+    return math.hypot(quantity.standard_error, quantity.systematic)
+
+
+def _cell(there: WorkingDepth, name: str, unit: str, truth: ForceLaw | None) -> str:
+    found: Quantity = getattr(there, name)
+    words = with_error(found.value, found.standard_error, found.systematic, unit=unit)
+    if truth is None:
+        return words
+    real = at_rest(truth, there.depth)[name]
+    return f"{words}\n{beside_truth(found.value, real, whole_error(found))}"
+
+
+def at_rest(law: ForceLaw, depth: float) -> dict[str, float]:
+    """Return force, stiffness and damping of a law at a depth, SI."""
+    return {
+        "force": float(law.force(depth, 0.0)),
+        "stiffness": float(law.stiffness_at(depth)),
+        "damping": float(law.damping_at(depth)),
+    }
+
+
+def print_law(result: Identification, console: Console) -> None:
+    """Print each parameter with its standard error, what correlates, and what is known beside."""
+    lines, truths = parameters(result), _truths(result)
+    rows = [list(row) for row in zip(lines, truths, strict=True)]
+    print_table(console, ["contact model", ""], rows)
+    if words := _correlations(result):
+        say(console, f"correlation {words}")
+    for line in _beside(result):
+        say(console, line)
+
+
+def parameters(result: Identification) -> list[str]:
+    """Return a line for each parameter: ``K = 2002.0 ± 1.9 N/mⁿ``."""
+    return [str(row) for row in parameter_rows(result)]
+
+
+def _truths(result: Identification) -> list[str]:
+    """The truth beside each parameter, where it is a law of the same kind."""
+    law, truth, rows = result.law, stated_truth(result), parameter_rows(result)
+    if truth is not None and isinstance(law, GeneralisedHuntCrossley):
+        alike = law.simplest()
+        law = alike if alike.kind == truth.kind else law
+    if truth is None or truth.kind != law.kind:
+        return [""] * len(rows)
+    # How far it is from the truth only where the two mean the same.
+    same = comparable(law, truth)
+    values, real, errors = law.as_dict(), truth.as_dict(), result.standard_errors
+    return [
+        beside_truth(
+            values[row.name],
+            real[row.name],
+            float(errors[row.index]) if row.name in same else 0.0,
+        )
+        if row.name in real and row.estimated
+        else ""
+        for row in rows
+    ]
+
+
+def _correlations(result: Identification) -> str:
+    found, pairs = result.correlations, itertools.combinations(correlated(result), 2)
+    return ", ".join(
+        f"{one}–{other} {_correlation(found[i, j])}"
+        for (i, one), (j, other) in pairs
+        if math.isfinite(found[i, j])
+    )
+
+
+def _correlation(value: float) -> str:
+    """With as many digits as keep it apart from one, up to four."""
+    words = next((w for w in (f"{value:.{k}f}" for k in (2, 3, 4)) if abs(float(w)) < 1.0), "")
+    return words or f"{value:.4f}"
+
+
+def _beside(result: Identification) -> list[str]:
+    """What was estimated beside the law."""
+    estimate, lines = result.estimate, []
+    if estimate.offset_standard_error > 0.0:
+        words = with_error(estimate.offset, estimate.offset_standard_error, unit="N")
+        lines.append(f"force offset {words}")
+    if estimate.surface_standard_error > 0.0:
+        error = 1e3 * estimate.surface_standard_error
+        lines.append(f"surface at {with_error(1e3 * estimate.surface, error, unit='mm')}")
+    if felt := felt_beside_truth(result):
+        lines.append(felt)
+    return lines
+
+
+def verdict_on_laws(result: Identification) -> str:
+    """Return the verdict in a line; nothing where there is none."""
+    verdict = result.law_verdict
+    if verdict is None or not verdict.known:
+        return ""
+    if isinstance(result.estimator, ViscoelasticContact):
+        return str(verdict)
+    return f"of the everyday laws, by the same samples: {str(verdict).removeprefix('law: ')}"
+
+
+def print_standings(results: Sequence[Identification], console: Console) -> None:
+    """Print how the laws stand that the samples were asked about, the best first."""
+    # That of the method which chooses a law, else of any.
+    ordered = sorted(results, key=lambda each: not isinstance(each.estimator, ViscoelasticContact))
+    verdict = next(filter(None, (each.law_verdict for each in ordered)), None)
+    if verdict is None or not verdict.known:
+        return
+    headings = ["which law", ">score", ">rms error", ">numbers", "which means"]
+    rows: list[list[Cell]] = [
+        [
+            Text(str(each.candidate), style="" if row else "bold"),
+            rounded(each.score, 3),
+            in_words(each.rms_error, "N"),
+            str(each.candidate.parameters),
+            each.words,
+        ]
+        for row, each in enumerate(verdict.standings)
+    ]
+    print_table(console, headings, rows)
+    say(
+        console,
+        f"{_SCORE}; {rounded(verdict.effective_samples, 3)} independent samples of "
+        f"{rounded(verdict.samples, 4)}",
+        "dim",
+    )
+    for flag in verdict.flags:
+        say(console, f"{verdict.candidate}: {flag}", "dim")
+
+
+def stretches_of(result: Identification) -> list[Identification]:
+    """Return those between changes of the material."""
+    return [part for part in result.stretches if part.place is None]
+
+
+def when(part: Identification) -> str:
+    """Return the times of a stretch."""
+    time = part.contact.time
+    return f"{rounded(float(time[0]), 4)} s to {rounded(float(time[-1]), 4)} s"
+
+
+def print_stretches(result: Identification, console: Console) -> None:
+    """Print what was identified between changes, each with its law, at one working depth."""
+    headings = ["time\ns", *_NUMBERS, "contact model", ">fit"]
+    rows = []
+    for part in stretches_of(result):
+        there = part.diagnosis.working_depth
+        rows.append(
+            [
+                when(part).replace(" s to ", "\nto ").removesuffix(" s"),
+                _number(there.stiffness),
+                _number(there.damping),
+                "\n".join(parameters(part)),
+                percent(part.fit_rmse_percent),
+            ]
+        )
+    print_table(console, headings, rows)
+
+
+def print_places(result: Identification, console: Console) -> None:
+    """Print what was identified at each place: stiffness and damping at its own working depth."""
+    places = [part for part in result.stretches if part.place is not None]
+    if not places:
+        return
+    console.print()
+    headings = [">time\ns", ">at x, y, z\nmm", ">depth\nmm", *_NUMBERS]
+    headings += [*([">Young's\nmodulus"] if result.wanted.tip else []), "verdict"]
+    print_table(console, headings, [_place(part) for part in places])
+
+
+def _place(part: Identification) -> list[str | Text]:
+    found, time = part.diagnosis, part.contact.time
+    there, verdict = found.working_depth, found.verdict.overall
+    place = [] if part.place is None else part.place.position.tolist()
+    return [
+        f"{time[0]:.1f}–{time[-1]:.1f}",
+        ", ".join(f"{1e3 * each:.1f}" for each in place),
+        _depth(1e3 * there.depth),
+        _number(there.stiffness),
+        _number(there.damping),
+        *([_modulus(part)] if part.wanted.tip else []),
+        Text(verdict, style=_COLOURS[verdict]),
+    ]
+
+
+def _depth(millimetres: float) -> str:
+    """Three digits, with a zero at their end where there is one: they stand in a column."""
+    plain = 0.01 <= millimetres < 1000.0
+    return f"{millimetres:#.3g}".rstrip(".") if plain else rounded(millimetres, 3)
+
+
+def _modulus(part: Identification) -> str:
+    """With its whole error; the JSON says why there is none."""
+    found = part.elastic_modulus()
+    whole = Quantity(found.value.value, whole_error(found.value), 0.0)
+    return "refused" if found.refused else with_prefix(whole, "Pa")
+
+
+def _number(quantity: Quantity) -> str:
+    """A number and its whole error: what repeats, and what the findings would move."""
+    return with_error(quantity.value, whole_error(quantity))
+
+
+def print_verdict(result: Identification, console: Console, *, name: str = "") -> None:
+    """Print the verdict of an identification, its reason, and what to do about it."""
+    found = result.diagnosis
+    verdict = found.verdict
+    words = Text(f"{name}: " if name else "")
+    words.append(verdict.overall, f"bold {_COLOURS[verdict.overall]}")
+    words.append(f" (stiffness: {verdict.stiffness}, damping: {verdict.damping}): {found.reason}")
+    if found.remedy:
+        words.append(f" ({found.remedy})", "dim")
+    say(console, words)
+
+
+def print_diagnosis(result: Identification) -> None:
+    """Print the verdict, the numbers that it is about, and every finding with its remedy."""
+    console, found = Terminal(), result.diagnosis
+    say_path(console, result.contact.source or "contact", "bold")
+    print_verdict(result, console)
+    console.print()
+    print_working_depths(result, console)
+    console.print()
+    headings = ["check", "what was found", ">z", ">moves S, C"]
+    rows: list[list[Cell]] = []
+    for finding in found.findings:
+        remedy = f"\n→ {finding.remedy}" if finding.remedy else ""
+        rows.append(
+            [
+                Text(finding.check, style=_COLOURS[finding.severity]),
+                f"{finding.sentence}{remedy}",
+                "–" if math.isnan(finding.z) else rounded(finding.z, 3),
+                _moves(finding.moves_stiffness_percent, finding.moves_damping_percent),
+            ]
+        )
+    print_table(console, headings, rows, prose=headings[1:2])
+    say(console, "z: standard errors; S, C: stiffness and damping at working depth", "dim")
+    for episode in found.episodes:
+        say(console, _episode(episode))
+
+
+def percent(value: float) -> str:
+    """Return a percentage of the force; a dash where it is not defined."""
+    return "–" if math.isnan(value) else f"{value:.2f} %"
+
+
+def share(value: float) -> str:
+    """Return a fraction as a percentage; a dash where it is not defined."""
+    return "–" if math.isnan(value) else f"{value:.1%}"
+
+
+def _episode(episode: Episode) -> str:
+    law = ", ".join(f"{name} = {rounded(v, 4)}" for name, v in episode.law.as_dict().items())
+    stiffness = rounded(episode.working_depth.stiffness.value, 4)
+    times = f"{rounded(episode.start, 4)} to {rounded(episode.stop, 4)} s"
+    return f"{times}: {law}; stiffness {stiffness} N/m"
+
+
+def _moves(stiffness: float, damping: float) -> str:
+    if math.isnan(stiffness) or math.isnan(damping):
+        return "–"
+    return f"{_signed(stiffness)} %, {_signed(damping)} %"
+
+
+def _signed(value: float) -> str:
+    if abs(value) < 1000.0:
+        return f"{value:+.1f}"
+    return f"{'-' if value < 0.0 else '+'}{rounded(abs(value), 3)}"
+
+
+def print_comparison(results: Sequence[Identification], console: Console) -> None:
+    """Print the recommended method, and all of them, the best first."""
+    ranking = rank({result.method: result for result in results})
+    by_name = {result.method: result for result in results}
+    ordered = [by_name[name] for name in ranking.order]
+    say(console, f"recommended: {ranking.recommended or 'none of them'}", "bold")
+    _print_numbers(ordered, console)
+    for result in ordered:
+        if result.diagnosis.verdict.overall != "trust":
+            print_verdict(result, console, name=result.method)
+    for words in ranking.exclusions:
+        say(console, words, "yellow")
+    console.print()
+    print_standings(results, console)
+    console.print()
+    _print_laws(ordered, console)
+
+
+def _print_numbers(results: Sequence[Identification], console: Console) -> None:
+    """Stiffness and damping at each method's working depth, with the whole error."""
+    headings = ["method", "verdict", ">depth\nmm", *_NUMBERS]
+    rows: list[list[str | Text]] = []
+    for result in results:
+        there, verdict = result.diagnosis.working_depth, result.diagnosis.verdict.overall
+        rows.append(
+            [
+                result.method,
+                Text(verdict, style=_COLOURS[verdict]),
+                rounded(1e3 * there.depth, 4),
+                *(with_error(each.value, whole_error(each)) for each in felt(result)),
+            ]
+        )
+    if truth := stated_truth(results[0]):
+        depth = results[0].diagnosis.working_depth.depth
+        real = at_rest(truth, depth)
+        numbers = [1e3 * depth, real["stiffness"], real["damping"]]
+        rows.append(["truth", "", *(rounded(each, 4) for each in numbers)])
+    print_table(console, headings, rows)
+    say(console, "± all of the error: what repeats, and what the findings would move", "dim")
+    if words := felt_at(results):
+        say(console, words, "dim")
+
+
+def _print_laws(results: Sequence[Identification], console: Console) -> None:
+    headings = ["method", "contact model", ">predicted", ">fit", ">cond. 10"]
+    rows = [
+        [
+            result.method,
+            "\n".join(parameters(result)),
+            percent(result.prediction_rmse_percent),
+            percent(result.fit_rmse_percent),
+            share(result.violated_fraction),
+        ]
+        for result in results
+    ]
+    if truth := stated_truth(results[0]):
+        named = zip(truth.symbols, truth.parameters, truth.units, strict=True)
+        lines = [f"{name} = {rounded(value, 5)} {unit}".rstrip() for name, value, unit in named]
+        rows.append(["truth", "\n".join(lines), "", "", ""])
+    print_table(console, headings, rows)
+    say(console, _QUALITY, "dim")

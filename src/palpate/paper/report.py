@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import palpate
-from palpate import lab
+from palpate import __version__, lab
 from palpate.paper.experiment import Claim, Experiment, Outcome, Seeds, Table, claims_file
 from palpate.paper.judging import Finding, said
 from palpate.paper.rig import GATE, START
@@ -242,8 +242,9 @@ def not_held() -> dict[str, list[list[str]]]:
 
 def versions() -> dict[str, str]:
     """Return the versions of what the numbers depend on."""
-    names = ("palpate", "numpy", "scipy", "mujoco", "matplotlib")
-    return {"Python": platform.python_version()} | {name: version(name) for name in names}
+    names = ("numpy", "scipy", "mujoco", "matplotlib")
+    ours = {"Python": platform.python_version(), "palpate": __version__}
+    return ours | {name: version(name) for name in names}
 
 
 def circumstances() -> dict[str, str]:

@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from palpate import __version__
 from palpate.errors import MissingExtraError
 from palpate.figures.style import LIGHT, style
 from palpate.identification import Identification
@@ -24,7 +25,7 @@ from palpate.stages import timed
 from palpate.writing import check_own, check_writable, make_folder, write_text
 
 REPORT, OPTIONS = "report.html", "run.toml"
-_PACKAGES = ("palpate", "numpy", "matplotlib", "pyarrow")
+_PACKAGES = ("numpy", "matplotlib", "pyarrow")
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +101,7 @@ class Destination:
             versions=_versions(),
         )
         write_text(self.folder / REPORT, page(result, circumstances, compared), self.inputs)
-        notes = {"made by": f"palpate {version('palpate')}", "source": result.contact.source}
+        notes = {"made by": f"palpate {__version__}", "source": result.contact.source}
         write_columns(
             columns.columns,
             self.folder / self.trace,
@@ -129,7 +130,7 @@ def _has_a_result(folder: Path) -> bool:
 
 
 def _versions() -> dict[str, str]:
-    found = {"Python": ".".join(map(str, sys.version_info[:3]))}
+    found = {"Python": ".".join(map(str, sys.version_info[:3])), "palpate": __version__}
     for name in _PACKAGES:
         try:
             found[name] = version(name)

@@ -5,12 +5,12 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from palpate import __version__
 from palpate.diagnosis import Episode
 from palpate.preparation.touches import touches_of
 from palpate.quantities.derived import derived
@@ -39,7 +39,7 @@ def described(files: Sequence[Path], results: "Sequence[Identification]") -> dic
     gate, scale, contact = _gate(results), first.scale, first.contact
     return {
         "schema_version": SCHEMA_VERSION,
-        "palpate_version": version("palpate"),
+        "palpate_version": __version__,
         "file": ", ".join(map(str, files)) or contact.source,
         **({"files": [str(file) for file in files]} if len(files) > 1 else {}),
         "samples": len(contact),
