@@ -201,3 +201,10 @@ def test_a_force_law_gives_its_equation_and_its_number(law):
 
 def test_no_name_is_offered_twice():
     assert len(set(palpate.__all__)) == len(palpate.__all__)
+
+
+def test_methods_stand_in_the_order_of_their_table():
+    """The default first, the paper's next: tables, choices and figures follow it."""
+    paper = ["single-stage", "double-stage", "kelvin-voigt", "extended-kelvin-voigt"]
+    own = [name for name, kind in palpate.ESTIMATORS.items() if kind.__module__[:7] == "palpate"]
+    assert own == ["variable-projection", *paper, "drift-tracking", "viscoelastic"]

@@ -1,22 +1,39 @@
 """The estimators: a method is a file, and a line here, in the order of a table."""
 
-from palpate.estimators.contact_estimator import CompiledEstimator as CompiledEstimator
-from palpate.estimators.contact_estimator import ContactEstimator as ContactEstimator
-from palpate.estimators.contact_estimator import PythonEstimator as PythonEstimator
-from palpate.estimators.drift_tracking import DriftTracking as DriftTracking
-from palpate.estimators.law_verdicts import DynamicStiffness as DynamicStiffness
-from palpate.estimators.law_verdicts import LawVerdict as LawVerdict
-from palpate.estimators.recursive_least_squares import DoubleStageRLS as DoubleStageRLS
-from palpate.estimators.recursive_least_squares import (
-    ExtendedKelvinVoigtRLS as ExtendedKelvinVoigtRLS,
+from palpate.estimators.contact_estimator import (
+    CompiledEstimator,
+    ContactEstimator,
+    PythonEstimator,
 )
-from palpate.estimators.recursive_least_squares import KelvinVoigtRLS as KelvinVoigtRLS
-from palpate.estimators.recursive_least_squares import (
-    RecursiveLeastSquaresEstimator as RecursiveLeastSquaresEstimator,
+from palpate.estimators.law_verdicts import DynamicStiffness, LawVerdict
+from palpate.estimators.registry import ESTIMATORS, estimator_named, register
+
+from palpate.estimators.variable_projection import VariableProjection  # isort: skip
+from palpate.estimators.recursive_least_squares import (  # isort: skip
+    DoubleStageRLS,
+    ExtendedKelvinVoigtRLS,
+    KelvinVoigtRLS,
+    RecursiveLeastSquaresEstimator,
+    SingleStageRLS,
 )
-from palpate.estimators.recursive_least_squares import SingleStageRLS as SingleStageRLS
-from palpate.estimators.registry import ESTIMATORS as ESTIMATORS
-from palpate.estimators.registry import estimator_named as estimator_named
-from palpate.estimators.registry import register as register
-from palpate.estimators.variable_projection import VariableProjection as VariableProjection
-from palpate.estimators.viscoelastic import ViscoelasticContact as ViscoelasticContact
+from palpate.estimators.drift_tracking import DriftTracking  # isort: skip
+from palpate.estimators.viscoelastic import ViscoelasticContact  # isort: skip
+
+__all__ = [
+    "ESTIMATORS",
+    "CompiledEstimator",
+    "ContactEstimator",
+    "DoubleStageRLS",
+    "DriftTracking",
+    "DynamicStiffness",
+    "ExtendedKelvinVoigtRLS",
+    "KelvinVoigtRLS",
+    "LawVerdict",
+    "PythonEstimator",
+    "RecursiveLeastSquaresEstimator",
+    "SingleStageRLS",
+    "VariableProjection",
+    "ViscoelasticContact",
+    "estimator_named",
+    "register",
+]
