@@ -256,9 +256,22 @@ class _Answers(NamedTuple):
         )
 
     def fits(self) -> CurveFits:
-        columns: list[Any] = [np.ascontiguousarray(self.numbers[:, i]) for i in range(7)]
-        codes: list[Any] = [np.ascontiguousarray(self.codes[:, i]) for i in range(2)]
-        return CurveFits(*[*columns[:5], self.covariance, *columns[5:], self.taken, *codes])
+        columns = (np.ascontiguousarray(self.numbers[:, i]) for i in range(7))
+        stiffness, damping, exponent, offset, surface, noise, cost = columns
+        flags, status = (np.ascontiguousarray(self.codes[:, i]) for i in range(2))
+        return CurveFits(
+            stiffness,
+            damping,
+            exponent,
+            offset,
+            surface,
+            self.covariance,
+            noise,
+            cost,
+            self.taken,
+            flags,
+            status,
+        )
 
 
 def _fitted(

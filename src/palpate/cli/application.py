@@ -117,6 +117,9 @@ def run(arguments: Sequence[str]) -> int:
     """
     # Standard input: cyclopts takes a lone hyphen for an option, and Path makes it of this again.
     words = ["./-" if word == "-" else word for word in arguments]
+    # --help after a misspelt command would be that of palpate; __complete is the shell's.
+    if words and words[0] not in COMMANDS and not words[0].startswith(("-", "__")):
+        words = words[:1]
     if "--no-color" in words:  # before help is printed
         os.environ["NO_COLOR"] = "1"
     try:

@@ -23,7 +23,6 @@ from palpate.preparation.wrenches import ForceFrame
 from palpate.recordings import Recording, open_recording
 from palpate.remarks import Remark
 from palpate.stages import stage
-from palpate.validation import arguments
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -39,7 +38,6 @@ class Frame(Protocol):
         """Return a column."""
 
 
-_ARRAYS = ("time", "penetration", "force", "velocity", "segment")
 #: What a contact can be prepared from: a recording, a file, or a pandas or polars frame.
 Recorded: TypeAlias = Recording | str | os.PathLike[str] | Frame
 
@@ -147,12 +145,25 @@ def prepare(
         Arrays are missing, of another type or of different lengths, or their time does not increase
         within a segment; or a setting is outside its range.
     """
-    asked = arguments(locals())
-    arrays = {name: asked.pop(name) for name in _ARRAYS}
+    settings = Preparation(
+        columns=Columns() if columns is None else columns,
+        velocity_window=velocity_window,
+        units=units or {},
+        flip=flip,
+        tare=tare,
+        delay=delay,
+        surface=surface,
+        normal=normal,
+        force_frame=force_frame,
+        tool_weight=tool_weight,
+        rate=rate,
+        spot=spot,
+        window=window,
+        strict=strict,
+    )
+    arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
+    arrays["segment"] = segment
     given = {name: values for name, values in arrays.items() if values is not None}
-    made = {"columns": Columns() if columns is None else columns, "units": units or {}}
-    about = ("recording", "source", "provenance")
-    settings = Preparation(**{k: v for k, v in asked.items() if k not in about} | made)
     if recording is None:
         contact = contact_of_arrays(given, settings)
     elif given:

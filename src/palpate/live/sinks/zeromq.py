@@ -4,16 +4,13 @@ import json
 import math
 import struct
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.wires.addresses import parsed
 from palpate.live.wires.estimates import AFTER, BEFORE
 from palpate.live.wires.packets import Endpoint
 from palpate.validation import plain
-
-if TYPE_CHECKING:
-    pass
 
 OPTIONS = ("bind", "format")
 # Messages that wait for each subscriber, 20 s at 1 kHz; what is beyond them is counted.
