@@ -23,7 +23,7 @@ from palpate.recordings import open_recording
 
 app = App(name="python -m benchmarks.reading_text", help_format="plaintext", version_flags=[])
 WRITTEN = 100_000  # rows at once
-LIMITS = {"pyarrow": 10.0, "NumPy": 30.0}  # s for 1e7 rows of four numbers
+LIMITS = {"pyarrow": 6.0, "NumPy": 20.0}  # s for 1e7 rows of four numbers
 
 
 def write_table(path: Path, rows: int, label: bool = False) -> None:
