@@ -17,7 +17,7 @@ NAMED = {
 REFUSED = {
     "identify": ["FILES"],
     "press": ["press"],
-    "idenify --help": ["idenify", 'Did you mean "identify"?'],
+    "identif --help": ["identif", 'Did you mean "identify"?'],
     "identify absent.csv": ["absent.csv: No such file or directory"],
     "identify 'two\nlines.csv'": ["No such file"],
     "identify folder.svg": ["folder.svg: the folder holds no bag"],
