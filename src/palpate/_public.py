@@ -38,8 +38,7 @@ from palpate.force_laws import (
     PowerLawRelaxation,
     SingleRelaxation,
 )
-from palpate.identification import Identification
-from palpate.identifying import compare, diagnose, identify
+from palpate.identifying import Identification, compare, diagnose, identify
 from palpate.least_squares import LeastSquares
 from palpate.preparation import Columns, OnlinePreparation, choose_gate, prepare
 from palpate.quantities.elastic_modulus import ElasticModulus

@@ -12,7 +12,7 @@ from palpate.cli.truths import stated_truth
 from palpate.cli.verdicts import COLOURS, percent, print_verdict, share
 from palpate.cli.working_depths import at_rest, whole_error
 from palpate.digits import rounded, with_error
-from palpate.identification import Identification
+from palpate.identifying import Identification
 from palpate.ranking import rank
 from palpate.results.summary import felt, felt_at
 

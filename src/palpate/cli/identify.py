@@ -16,7 +16,7 @@ from palpate.cli.values import ResultFolder
 
 if TYPE_CHECKING:
     from palpate.contact import Contact
-    from palpate.identification import Identification
+    from palpate.identifying import Identification
     from palpate.reports.saving import Destination
 
 

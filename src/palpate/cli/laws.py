@@ -9,7 +9,7 @@ from palpate.cli.layout import Column, print_table, say
 from palpate.cli.truths import beside_truth, comparable, felt_beside_truth, stated_truth
 from palpate.digits import with_error
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.identification import Identification
+from palpate.identifying import Identification
 from palpate.results.parameters import correlated, parameter_rows
 
 

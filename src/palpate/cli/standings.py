@@ -9,7 +9,7 @@ from palpate.cli.layout import Cell, Column, print_table, say
 from palpate.diagnosis.data import in_words
 from palpate.digits import rounded
 from palpate.estimators import LawVerdict, ViscoelasticContact
-from palpate.identification import Identification
+from palpate.identifying import Identification
 
 LEGEND = (
     "score: N_eff ln(RSS/N) + 2 p ln N_eff over the best, p numbers; from 10 on strong evidence"

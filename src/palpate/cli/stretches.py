@@ -9,7 +9,7 @@ from palpate.cli.verdicts import COLOURS, percent
 from palpate.cli.working_depths import whole_error
 from palpate.diagnosis import Quantity
 from palpate.digits import rounded, with_error
-from palpate.identification import Identification
+from palpate.identifying import Identification
 from palpate.results.following import with_prefix
 
 _NUMBERS = (Column("stiffness\nN/m", right=True), Column("damping\nN·s/m", right=True))

@@ -15,7 +15,7 @@ from palpate.cli.verdicts import percent, print_verdict, share
 from palpate.cli.working_depths import print_working_depths
 from palpate.contact import Contact
 from palpate.digits import rounded
-from palpate.identification import Identification
+from palpate.identifying import Identification
 from palpate.preparation.touches import touches_of
 from palpate.results.description import described
 from palpate.results.following import following

@@ -10,7 +10,7 @@ from palpate.cli.printing import Terminal
 from palpate.cli.working_depths import print_working_depths
 from palpate.diagnosis import Episode
 from palpate.digits import rounded
-from palpate.identification import Identification
+from palpate.identifying import Identification
 
 COLOURS = {"trust": "green", "with-care": "yellow", "do-not-trust": "red", "note": "dim"}
 

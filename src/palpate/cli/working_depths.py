@@ -11,7 +11,7 @@ from palpate.diagnosis.data import in_words
 from palpate.diagnosis.fit import DEEP
 from palpate.digits import with_error
 from palpate.force_laws import ForceLaw
-from palpate.identification import Identification
+from palpate.identifying import Identification
 
 _BARS = "± repeatable ± what the findings would move"
 _RELAXED = "once the material has relaxed"

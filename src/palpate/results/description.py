@@ -5,6 +5,7 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -13,20 +14,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from palpate.diagnosis import Episode
+from palpate.errors import InvalidParameterError
 from palpate.preparation.touches import touches_of
-from palpate.quantities.derived import derived
 from palpate.ranking import rank
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
-    from palpate.identification import Identification
+    from palpate.identification import Identified
     from palpate.settings import ContactGate
 
 #: A field that goes, or means another thing, makes it the next.
 SCHEMA_VERSION = 1
 
 
-def described(files: Sequence[Path], results: "Sequence[Identification]") -> dict[str, Any]:
+def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[str, Any]:
     """Return what files gave, by one method or by several.
 
     Parameters
@@ -59,12 +60,12 @@ def described(files: Sequence[Path], results: "Sequence[Identification]") -> dic
             "velocity": scale.velocity,
             "force": scale.force,
         },
-        "results": [result.as_dict() for result in results],
+        "results": [of_one(result) for result in results],
         **({"ranking": _ranking(results)} if len(results) > 1 else {}),
     }
 
 
-def of_one(result: "Identification") -> dict[str, Any]:
+def of_one(result: "Identified") -> dict[str, Any]:
     """Return what one method gave; what is not defined is None."""
     law, estimate, trace = result.law, result.estimate, result.trace
     beside: dict[str, float] = {}
@@ -82,7 +83,7 @@ def of_one(result: "Identification") -> dict[str, Any]:
         **({"fixed": list(result.fixed)} if result.fixed else {}),
         "correlations": _correlations(result.correlations),
         **beside,
-        **derived(result),
+        **_derived(result),
         **({"law_verdict": result.law_verdict.as_dict()} if result.law_verdict else {}),
         "prediction_rmse_percent": _defined(result.prediction_rmse_percent),
         "fit_rmse_percent": _defined(result.fit_rmse_percent),
@@ -94,7 +95,7 @@ def of_one(result: "Identification") -> dict[str, Any]:
     }
 
 
-def _episodes(result: "Identification") -> list[dict[str, Any]]:
+def _episodes(result: "Identified") -> list[dict[str, Any]]:
     """Each stretch by its own law; or as the change was found, with the verdict on it alone."""
     if result.stretches:
         return [_episode(stretch) for stretch in result.stretches]
@@ -105,7 +106,7 @@ def _episodes(result: "Identification") -> list[dict[str, Any]]:
     ]
 
 
-def _episode(stretch: "Identification") -> dict[str, Any]:
+def _episode(stretch: "Identified") -> dict[str, Any]:
     """One of the episodes of a longer contact."""
     found, time = stretch.diagnosis, stretch.contact.time
     own = Episode(float(time[0]), float(time[-1]), stretch.law, found.working_depth)
@@ -116,17 +117,17 @@ def _episode(stretch: "Identification") -> dict[str, Any]:
         **own.as_dict(),
         "verdict": found.verdict.as_dict(),
         **there,
-        **derived(stretch),
+        **_derived(stretch),
     }
 
 
-def _gate(results: "Sequence[Identification]") -> "ContactGate":
+def _gate(results: "Sequence[Identified]") -> "ContactGate":
     """Return the gate of those methods that need one."""
     gated = (result.gate for result in results if result.estimator.settings.get("gate"))
     return next(gated, results[0].gate)
 
 
-def _ranking(results: "Sequence[Identification]") -> dict[str, Any]:
+def _ranking(results: "Sequence[Identified]") -> dict[str, Any]:
     ranking = rank({result.method: result for result in results})
     return {
         "recommended": ranking.recommended,
@@ -142,3 +143,20 @@ def _correlations(matrix: Floats) -> list[list[float | None]]:
 
 def _defined(value: float) -> float | None:
     return value if math.isfinite(value) else None
+
+
+def _derived(result: "Identified") -> dict[str, Any]:
+    """Return what follows from a law as plain numbers and words, a key each."""
+    modulus = {}
+    if result.wanted.tip is not None:
+        modulus = {"elastic_modulus": result.elastic_modulus().as_dict()}
+    felt: dict[str, Any] | None = None
+    with suppress(InvalidParameterError):  # of a probe held still, or beyond the band of a part
+        felt = result.dynamic_stiffness(result.wanted.frequency).as_dict()
+    return {
+        "restitution": result.restitution().as_dict(),
+        "energy": result.energy.as_dict(),
+        "passivity": result.passivity.as_dict(),
+        "small_oscillation": felt,
+        **modulus,
+    }
