@@ -83,7 +83,7 @@ def of_one(result: "Identified") -> dict[str, Any]:
         **({"fixed": list(result.fixed)} if result.fixed else {}),
         "correlations": _correlations(result.correlations),
         **beside,
-        **_derived(result),
+        **derived(result),
         **({"law_verdict": result.law_verdict.as_dict()} if result.law_verdict else {}),
         "prediction_rmse_percent": _defined(result.prediction_rmse_percent),
         "fit_rmse_percent": _defined(result.fit_rmse_percent),
@@ -117,7 +117,7 @@ def _episode(stretch: "Identified") -> dict[str, Any]:
         **own.as_dict(),
         "verdict": found.verdict.as_dict(),
         **there,
-        **_derived(stretch),
+        **derived(stretch),
     }
 
 
@@ -145,7 +145,7 @@ def _defined(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _derived(result: "Identified") -> dict[str, Any]:
+def derived(result: "Identified") -> dict[str, Any]:
     """Return what follows from a law as plain numbers and words, a key each."""
     modulus = {}
     if result.wanted.tip is not None:
