@@ -53,7 +53,7 @@ from palpate.quantities.passivity import Passivity
 from palpate.quantities.restitution import Restitution
 from palpate.quantities.wanted import Wanted
 from palpate.refusals import check_approach, why_nothing
-from palpate.relaxing import suggest_sample_time
+from palpate.relaxing import placed
 from palpate.replaying import choices, estimator_of, replayed
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.tips import Tip
@@ -109,7 +109,7 @@ class Identified:
         chosen = choices(contact, given)
         fresh = given.replace(**chosen)
         if isinstance(fresh, ViscoelasticContact) and "sample_time" in chosen:
-            chosen["sample_time"] = suggest_sample_time(contact, fresh)
+            chosen["sample_time"] = placed(contact, fresh).settings["sample_time"]
             fresh = given.replace(**chosen)
         known = ", ".join(f"{name}={value}" for name, value in chosen.items() if value is not None)
         _LOGGER.info("%s: chosen from the data: %s", fresh.method, known or "nothing")
