@@ -77,8 +77,8 @@ def changes(fit: Fit) -> Changes | None:
     for count in range(1, MOST_CHANGES + 1):
         if duration / (count + 1) <= FEWEST_PERIODS * fit.period:
             break
-        cuts = [_best_cut(fit, n, cost, count) for n, cost in costs.items()]
-        best = min(cuts, key=lambda cut: cut.energy)
+        cuts = [_least_squares(fit, _rows(fit, _programme(c, count)), n) for n, c in costs.items()]
+        best = _refined(fit, min(cuts, key=_energy), count)
         if best.energy > (1.0 - WORTH_ANOTHER) * energy and found is not None:
             break
         found, energy = best, best.energy
@@ -95,15 +95,18 @@ def _basis(fit: Fit, exponent: float) -> Floats:
     return fit.powers[exponent]
 
 
-def _best_cut(fit: Fit, exponent: float, cost: Floats, count: int) -> Cut:
-    """The best borders of so many changes; borders and exponent in turn."""
-    blocks = _programme(cost, count)
-    cut = _refitted(fit, blocks, exponent)
+def _energy(cut: Cut) -> float:
+    return cut.energy
+
+
+def _refined(fit: Fit, start: Cut, count: int) -> Cut:
+    """The best borders of so many changes, near a start; exponent and borders in turn."""
+    cut = _fitted(fit, start.borders, start.exponent)
     for _ in range(2):
-        before, blocks = blocks, _programme(_cost(fit, cut.exponent, cut.offset), count)
-        if blocks == before:
+        borders = _rows(fit, _programme(_cost(fit, cut.exponent, cut.offset), count))
+        if borders == cut.borders:
             break
-        again = _refitted(fit, blocks, cut.exponent)
+        again = _fitted(fit, borders, cut.exponent)
         if again.energy >= cut.energy * (1.0 - 1e-6):
             break
         cut = again
@@ -142,9 +145,9 @@ def _programme(cost: Floats, count: int) -> list[int]:
     return sorted(set(borders) - {0, BLOCKS})
 
 
-def _refitted(fit: Fit, blocks: list[int], exponent: float) -> Cut:
+def _rows(fit: Fit, blocks: list[int]) -> list[int]:
     edges = np.linspace(0, len(fit.band), BLOCKS + 1).astype(int)
-    return _fitted(fit, [int(edges[block]) for block in blocks], exponent)
+    return [int(edges[block]) for block in blocks]
 
 
 def _columns(fit: Fit, borders: list[int], exponent: float) -> Floats:
@@ -207,7 +210,7 @@ def _fitted(fit: Fit, borders: list[int], exponent: float) -> Cut:
         else:
             low, a = a.exponent, b
             b = cut(low + golden * (high - low))
-    return min(a, b, key=lambda each: each.energy)
+    return min(a, b, key=_energy)
 
 
 def _sharpened(fit: Fit, cut: Cut) -> Cut:
@@ -232,7 +235,7 @@ def _without_slivers(fit: Fit, cut: Cut) -> Cut:
             return cut
         near = int(np.argmin(np.diff(times)))
         kept = [[b for k, b in enumerate(cut.borders) if k != drop] for drop in (near, near + 1)]
-        cut = min((_fitted(fit, each, cut.exponent) for each in kept), key=lambda c: c.energy)
+        cut = min((_fitted(fit, each, cut.exponent) for each in kept), key=_energy)
 
 
 def _judged(fit: Fit, cut: Cut) -> Changes | None:
