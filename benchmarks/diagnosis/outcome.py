@@ -9,7 +9,7 @@ from benchmarks.diagnosis.faults import Fault
 from benchmarks.diagnosis.probing import Probing, measured, probing
 from palpate import RecordingError, identify
 from palpate.diagnosis import Diagnosis
-from palpate.identification import Identification
+from palpate.identifying import Identification
 
 ERRORS, LEAST = 3.0, 0.05  # a lie is wrong by more of its own standard errors, and by this part
 

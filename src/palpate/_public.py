@@ -37,7 +37,7 @@ from palpate.force_laws import HuntCrossley as HuntCrossley
 from palpate.force_laws import KelvinVoigt as KelvinVoigt
 from palpate.force_laws import PowerLawRelaxation as PowerLawRelaxation
 from palpate.force_laws import SingleRelaxation as SingleRelaxation
-from palpate.identification import Identification as Identification
+from palpate.identifying import Identification as Identification
 from palpate.identifying import compare as compare
 from palpate.identifying import diagnose as diagnose
 from palpate.identifying import identify as identify

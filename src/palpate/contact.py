@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,9 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.remarks import Remark
 from palpate.validation import Floats, number, number_in, signals
-
-if TYPE_CHECKING:
-    from palpate.preparation.prepared import Prepared
 
 # s. A metre within less is a velocity beyond 1e100 m/s, which no estimator takes.
 SHORTEST_STEP = 1e-100
@@ -68,7 +65,7 @@ class Contact:
     tare_deviation: float | None
     surface_deviation: float | None
     remarks: tuple[Remark, ...]
-    prepared: "Prepared | None"
+    prepared: Any
 
     def __init__(
         self,
@@ -83,7 +80,7 @@ class Contact:
         tare_deviation: float | None = None,
         surface_deviation: float | None = None,
         remarks: Sequence[Remark] = (),
-        prepared: "Prepared | None" = None,
+        prepared: Any = None,
     ) -> None:
         t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
         labels = _numbered(segment, t.size)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,9 +53,8 @@ from palpate.quantities.passivity import Passivity
 from palpate.quantities.restitution import Restitution
 from palpate.quantities.wanted import Wanted
 from palpate.refusals import check_approach, why_nothing
-from palpate.relaxing import suggest_sample_time
+from palpate.relaxing import placed
 from palpate.replaying import choices, estimator_of, replayed
-from palpate.results.presentation import Presented
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.tips import Tip
 from palpate.trace import Trace, Traced, checked_trace
@@ -68,36 +67,10 @@ _Placed: TypeAlias = tuple[Place, Contact]
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # no slots: the diagnosis is kept in the instance
-class Identification(Presented):
-    """What a whole contact gave.
+class Identified:
+    """What a whole contact gave, in numbers; :class:`palpate.Identification` shows them.
 
-    Attributes
-    ----------
-    contact : Contact
-        What was identified.
-    estimator : ContactEstimator
-        As it stood after the last sample; it can go on.
-    trace : Trace
-        Every sample, on the contact's clock, with the estimates that :func:`palpate.identify` was
-        asked for.
-    flags : tuple of str
-        What a reader should know before trusting the numbers.
-    data : Data, optional
-        The contact with the checks of its channels, where several methods share them.
-    depth : float, optional
-        The working depth of the diagnosis, m; the median penetration taken unless given.
-    stretches : tuple of Identification
-        One for each stretch between changes of the material, by :meth:`by_stretch`.
-    noticed : Trace, optional
-        With a change detector, by :meth:`by_stretch`.
-    place : Place, optional
-        Where on the material it is, by :meth:`by_place`.
-    chosen : tuple of str
-        The settings that were left open, and chosen from the data.
-    wanted : Wanted
-        The impact and the tip that derived numbers are for, by :meth:`wanting`.
-    traced : int, float, "full" or False
-        How much of a trace was requested; of its stretches and places too.
+    That class says what each field is.
     """
 
     contact: Contact
@@ -106,7 +79,7 @@ class Identification(Presented):
     flags: tuple[str, ...] = ()
     data: Data | None = field(default=None, repr=False)
     depth: float | None = None
-    stretches: tuple["Identification", ...] = ()
+    stretches: tuple["Identified", ...] = ()
     noticed: Trace | None = field(default=None, repr=False)
     place: Place | None = field(default=None, repr=False)
     chosen: tuple[str, ...] = ()
@@ -120,7 +93,7 @@ class Identification(Presented):
         estimator: ContactEstimator | str | None = None,
         *,
         trace: Traced = 2000,
-    ) -> "Identification":
+    ) -> Self:
         """Identify a contact that is prepared; :func:`palpate.identify` says the rest.
 
         Parameters
@@ -136,7 +109,7 @@ class Identification(Presented):
         chosen = choices(contact, given)
         fresh = given.replace(**chosen)
         if isinstance(fresh, ViscoelasticContact) and "sample_time" in chosen:
-            chosen["sample_time"] = suggest_sample_time(contact, fresh)
+            chosen["sample_time"] = placed(contact, fresh).settings["sample_time"]
             fresh = given.replace(**chosen)
         known = ", ".join(f"{name}={value}" for name, value in chosen.items() if value is not None)
         _LOGGER.info("%s: chosen from the data: %s", fresh.method, known or "nothing")
@@ -277,11 +250,11 @@ class Identification(Presented):
         """The law's one relaxation time, s; None of a law that has none, or a spectrum of many."""
         return relaxation_time_of(self)
 
-    def at_depth(self, depth: float) -> "Identification":
+    def at_depth(self, depth: float) -> Self:
         """Return the same with another working depth, m, for its diagnosis."""
         return replace(self, depth=number_in("depth", depth, 0.0, 1e100, open_low=True))
 
-    def wanting(self, wanted: Wanted) -> "Identification":
+    def wanting(self, wanted: Wanted) -> Self:
         """Return the same with derived numbers for an impact and a tip."""
         return replace(self, wanted=wanted)
 
@@ -324,7 +297,7 @@ class Identification(Presented):
         """
         return elastic_modulus_from(self, tip, poisson_ratio)
 
-    def by_stretch(self) -> "Identification":
+    def by_stretch(self) -> Self:
         """Return the same with each stretch between the changes that were found by itself.
 
         Each is identified afresh with the same settings, and diagnosed at the same working depth; a
@@ -336,9 +309,7 @@ class Identification(Presented):
         found = tuple(part for part in parts if part is not None)
         return replace(self, stretches=found, noticed=self._watched())
 
-    def by_place(
-        self, watch: "Callable[[Sequence[_Placed]], Iterable[_Placed]]" = iter
-    ) -> "Identification":
+    def by_place(self, watch: "Callable[[Sequence[_Placed]], Iterable[_Placed]]" = iter) -> Self:
         """Return the same with each place of a probe that travels by itself.
 
         Each is identified afresh with the same settings, and diagnosed at its own working depth; a
@@ -352,7 +323,7 @@ class Identification(Presented):
         found = []
         for place, contact in watch(list(at_places(self.contact))):
             with suppress(RecordingError):
-                part = Identification.of(Data(contact), self._fresh(), trace=self.traced)
+                part = self.of(Data(contact), self._fresh(), trace=self.traced)
                 found.append(replace(part, place=place, wanted=self.wanted))
         return replace(self, stretches=tuple(found))
 
@@ -360,12 +331,12 @@ class Identification(Presented):
         """An estimator of the same settings, but for those that were chosen from these data."""
         return self.estimator.replace(**dict.fromkeys(self.chosen))
 
-    def stretch(self, episode: Episode) -> "Identification | None":
+    def stretch(self, episode: Episode) -> Self | None:
         """Identify an episode of the diagnosis by itself; None where that cannot be."""
         smear = window_samples(self.contact.sample_time) * self.contact.sample_time
         with suppress(RecordingError):
             part = self.contact.window(episode.start + smear, episode.stop - smear)
-            found = Identification.of(Data(part), self.estimator.replace(), trace=self.traced)
+            found = self.of(Data(part), self.estimator.replace(), trace=self.traced)
             there = self.diagnosis.working_depth
             return replace(found.at_depth(there.depth), wanted=self.wanted)
         return None

@@ -1,6 +1,8 @@
 """Identify a whole contact, with one estimator or with all of them side by side."""
 
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis
@@ -8,11 +10,124 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators import ESTIMATORS, ContactEstimator
 from palpate.estimators.by_law import estimator_by_law
 from palpate.estimators.loop_settings import Rejection, known_exponent
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.suggestions import choose_gate
+from palpate.results.description import of_one
+from palpate.results.frames import to_pandas, to_xarray
+from palpate.results.summary import line, summary
 from palpate.settings import ContactGate
 from palpate.trace import Traced, checked_trace
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
+
+
+class Identification(Identified):
+    """What a whole contact gave.
+
+    Attributes
+    ----------
+    contact : Contact
+        What was identified.
+    estimator : ContactEstimator
+        As it stood after the last sample; it can go on.
+    trace : Trace
+        Every sample, on the contact's clock, with the estimates that :func:`palpate.identify` was
+        asked for.
+    flags : tuple of str
+        What a reader should know before trusting the numbers.
+    data : Data, optional
+        The contact with the checks of its channels, where several methods share them.
+    depth : float, optional
+        The working depth of the diagnosis, m; the median penetration taken unless given.
+    stretches : tuple of Identification
+        One for each stretch between changes of the material, by :meth:`by_stretch`.
+    noticed : Trace, optional
+        With a change detector, by :meth:`by_stretch`.
+    place : Place, optional
+        Where on the material it is, by :meth:`by_place`.
+    chosen : tuple of str
+        The settings that were left open, and chosen from the data.
+    wanted : Wanted
+        The impact and the tip that derived numbers are for, by :meth:`wanting`.
+    traced : int, float, "full" or False
+        How much of a trace was requested; of its stretches and places too.
+    """
+
+    stretches: tuple["Identification", ...]
+
+    def __repr__(self) -> str:
+        return line(self)
+
+    def _repr_html_(self) -> str:
+        """Shown by a notebook: verdict, numbers at working depth, and the law."""
+        from palpate.reports.card import card
+
+        return card(self)
+
+    def summary(self) -> str:
+        """Return verdict, numbers, 95 % intervals, correlations and findings, as text."""
+        return summary(self)
+
+    def plot(self, *, dark: bool = False, width: float | None = None) -> "Figure":
+        """Draw it: :func:`palpate.figures.draw`."""
+        from palpate.figures import draw
+
+        return draw(self, dark=dark, width=width)
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """Return every sample, and what was known after it, as a frame indexed by time.
+
+        ``penetration``, ``velocity``, ``force``, ``segment``, ``predicted_force`` (a priori),
+        ``fitted_force`` (by the final law), ``status``, ``validity_margin``, and each parameter
+        with the ``…_standard_error`` of that moment, SI; units are in ``attrs["units"]``. NaN
+        where a thinned trace has no estimate. Needs pandas, of the extra ``notebook``.
+
+        Raises
+        ------
+        MissingExtraError
+            pandas is not installed.
+        """
+        return to_pandas(self)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the same along ``time``, the law's parameters along ``parameter``.
+
+        Raises
+        ------
+        MissingExtraError
+            xarray, of the extra ``notebook``, is not installed.
+        """
+        return to_xarray(self)
+
+    def save(self, folder: str | Path) -> None:
+        """Write report, numbers, trace and options to a folder; :func:`load_result` reads it back.
+
+        ``report.html``, ``result.json``, ``trace.parquet`` (``.csv`` without pyarrow) and
+        ``run.toml``, each whole or not at all.
+
+        Parameters
+        ----------
+        folder : str or Path
+            It is made where it is not there.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be made or written to.
+        MissingExtraError
+            matplotlib, which the report needs, is not installed.
+        """
+        from palpate.reports.saving import Destination
+
+        Destination(Path(folder)).save(self)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as plain numbers and words; what is not defined is None."""
+        return of_one(self)
 
 
 def identify(

@@ -16,7 +16,7 @@ from palpate.estimators import ViscoelasticContact
 from palpate.metrics import rmse_percent
 
 if TYPE_CHECKING:
-    from palpate.identification import Identification
+    from palpate.identification import Identified
 
 EXCLUDED = 3.0  # standard errors of the difference
 
@@ -44,7 +44,7 @@ class Ranking:
     exclusions: tuple[str, ...]
 
 
-def rank(results: "Mapping[str, Identification]") -> Ranking:
+def rank(results: "Mapping[str, Identified]") -> Ranking:
     """Rank what :func:`palpate.compare` returned.
 
     Parameters
@@ -66,18 +66,18 @@ def rank(results: "Mapping[str, Identification]") -> Ranking:
     return Ranking(order, best, failing, tuple(each for each in words if each))
 
 
-def fails(result: "Identification") -> bool:
+def fails(result: "Identified") -> bool:
     """Whether the method's answer is not the least squares of its own law on these samples."""
     return any(f.check == "method" and f.severity != "note" for f in result.diagnosis.findings)
 
 
-def _left(result: "Identification", common: NDArray[np.bool_]) -> float:
+def _left(result: "Identified", common: NDArray[np.bool_]) -> float:
     """RMSE% on the samples that every method took: variable projection takes light ones too."""
     fit = rmse_percent(result.contact.force[common], result.fitted_force[common])
     return fit if math.isfinite(fit) else math.inf
 
 
-def _outdone(results: "Mapping[str, Identification]", left: Mapping[str, float]) -> set[str]:
+def _outdone(results: "Mapping[str, Identified]", left: Mapping[str, float]) -> set[str]:
     """Methods that leave clearly more than the one that chooses a law, where one was named."""
     chosen = left.get(ViscoelasticContact.method)
     named = any(f.check == "law" for each in results.values() for f in each.diagnosis.findings)
@@ -86,7 +86,7 @@ def _outdone(results: "Mapping[str, Identification]", left: Mapping[str, float])
     return {name for name, fit in left.items() if chosen <= BETTER * fit}
 
 
-def _badness(result: "Identification", left: float, outdone: bool) -> tuple[float, ...]:
+def _badness(result: "Identified", left: float, outdone: bool) -> tuple[float, ...]:
     verdict = result.diagnosis.verdict
     overall, *others = (
         MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)
@@ -95,7 +95,7 @@ def _badness(result: "Identification", left: float, outdone: bool) -> tuple[floa
     return overall, outdone, *others, round(left, 1)
 
 
-def _exclusion(one: "Identification", other: "Identification") -> str | None:
+def _exclusion(one: "Identified", other: "Identified") -> str | None:
     if one.law.remembers or other.law.remembers:
         return None  # the stiffness of a relaxed material is no other's
     first, second = one.diagnosis.working_depth, other.diagnosis.working_depth

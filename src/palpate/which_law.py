@@ -8,8 +8,8 @@ from palpate.contact import Contact
 from palpate.diagnosis import Data, Laws
 from palpate.estimators import ContactEstimator, ViscoelasticContact
 from palpate.force_laws import HuntCrossley, KelvinVoigt
-from palpate.relaxing import suggest_sample_time
-from palpate.replaying import choices, replayed
+from palpate.relaxing import placed
+from palpate.replaying import choices
 from palpate.stages import timed
 
 
@@ -51,7 +51,4 @@ def _compared(contact: Contact, given: dict[str, Any], surface: float) -> Viscoe
         exponent=kept if kept is not None and low <= kept <= high else None,
     )
     below = replace(contact, penetration=contact.penetration - surface) if surface else contact
-    bank = bank.replace(**choices(below, bank))
-    bank = bank.replace(sample_time=suggest_sample_time(below, bank))
-    replayed(below, bank, trace=False)
-    return bank
+    return placed(below, bank.replace(**choices(below, bank)))

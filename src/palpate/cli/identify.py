@@ -12,7 +12,7 @@ from palpate.cli.printing import AsJson, bar
 from palpate.cli.reading import Files, Reading
 
 if TYPE_CHECKING:
-    from palpate.identification import Identification
+    from palpate.identifying import Identification
     from palpate.reports.saving import Destination
 
 Item = TypeVar("Item")

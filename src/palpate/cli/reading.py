@@ -23,7 +23,7 @@ from palpate.errors import InvalidParameterError, MissingChannelError, Recording
 if TYPE_CHECKING:
     from palpate.contact import Contact
     from palpate.estimators import ContactEstimator
-    from palpate.identification import Identification
+    from palpate.identifying import Identification
     from palpate.settings import ContactGate
 
 #: One file or several.

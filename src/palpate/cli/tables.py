@@ -23,7 +23,7 @@ from palpate.diagnosis.fit import DEEP
 from palpate.digits import rounded, with_error
 from palpate.estimators import ViscoelasticContact
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
-from palpate.identification import Identification
+from palpate.identifying import Identification
 from palpate.preparation.touches import touches_of
 from palpate.ranking import rank
 from palpate.results.description import described

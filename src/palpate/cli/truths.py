@@ -8,7 +8,7 @@ from palpate.diagnosis import Quantity
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
-from palpate.identification import Identification
+from palpate.identifying import Identification
 from palpate.recordings.truth import truth_of
 
 #: Beside a table that has such a distance.

@@ -77,8 +77,8 @@ def changes(fit: Fit) -> Changes | None:
     for count in range(1, MOST_CHANGES + 1):
         if duration / (count + 1) <= FEWEST_PERIODS * fit.period:
             break
-        cuts = [_best_cut(fit, n, cost, count) for n, cost in costs.items()]
-        best = min(cuts, key=lambda cut: cut.energy)
+        cuts = [_least_squares(fit, _rows(fit, _programme(c, count)), n) for n, c in costs.items()]
+        best = _refined(fit, min(cuts, key=_energy), count)
         if best.energy > (1.0 - WORTH_ANOTHER) * energy and found is not None:
             break
         found, energy = best, best.energy
@@ -89,16 +89,24 @@ def _basis(fit: Fit, exponent: float) -> Floats:
     """Columns of an episode's own coefficients: xⁿ and xⁿv, or the law's own."""
     if math.isnan(exponent):
         return fit.solution.jacobian[:, : len(fit.solution.law.symbols)]
-    power = np.maximum(fit.x, 1e-12) ** exponent
-    return fit.band.mean(np.column_stack([power, power * fit.v]))
+    if exponent not in fit.powers:  # the searches come back to the same exponents
+        power = np.maximum(fit.x, 1e-12) ** exponent
+        fit.powers[exponent] = fit.band.mean(np.column_stack([power, power * fit.v]))
+    return fit.powers[exponent]
 
 
-def _best_cut(fit: Fit, exponent: float, cost: Floats, count: int) -> Cut:
-    """The best borders of so many changes; borders and exponent in turn."""
-    cut = _refitted(fit, _programme(cost, count), exponent)
+def _energy(cut: Cut) -> float:
+    return cut.energy
+
+
+def _refined(fit: Fit, start: Cut, count: int) -> Cut:
+    """The best borders of so many changes, near a start; exponent and borders in turn."""
+    cut = _fitted(fit, start.borders, start.exponent)
     for _ in range(2):
-        borders = _programme(_cost(fit, cut.exponent, cut.offset), count)
-        again = _refitted(fit, borders, cut.exponent)
+        borders = _rows(fit, _programme(_cost(fit, cut.exponent, cut.offset), count))
+        if borders == cut.borders:
+            break
+        again = _fitted(fit, borders, cut.exponent)
         if again.energy >= cut.energy * (1.0 - 1e-6):
             break
         cut = again
@@ -137,9 +145,9 @@ def _programme(cost: Floats, count: int) -> list[int]:
     return sorted(set(borders) - {0, BLOCKS})
 
 
-def _refitted(fit: Fit, blocks: list[int], exponent: float) -> Cut:
+def _rows(fit: Fit, blocks: list[int]) -> list[int]:
     edges = np.linspace(0, len(fit.band), BLOCKS + 1).astype(int)
-    return _fitted(fit, [int(edges[block]) for block in blocks], exponent)
+    return [int(edges[block]) for block in blocks]
 
 
 def _columns(fit: Fit, borders: list[int], exponent: float) -> Floats:
@@ -156,19 +164,39 @@ def _columns(fit: Fit, borders: list[int], exponent: float) -> Floats:
     return np.hstack(columns)
 
 
+def _least_squares(fit: Fit, borders: list[int], exponent: float) -> Cut:
+    """Coefficients and offset of :func:`_columns`, whose products are sums over each episode."""
+    basis = _basis(fit, exponent)
+    parts = [slice(*limits) for limits in itertools.pairwise([0, *borders, len(basis)])]
+    own, count = basis.shape[1], len(parts)
+    normal = np.zeros((count * own + fit.with_offset,) * 2)
+    right = np.empty(len(normal))
+    for k, part in enumerate(parts):
+        at, columns = slice(k * own, (k + 1) * own), basis[part]
+        normal[at, at] = columns.T @ columns
+        right[at] = columns.T @ fit.force[part]
+        if fit.with_offset:
+            normal[at, -1] = normal[-1, at] = columns.sum(axis=0)
+    if fit.with_offset:
+        normal[-1, -1], right[-1] = len(basis), fit.force.sum()
+    # A dozen well-scaled columns, solved some hundred times.
+    size = np.sqrt(np.diag(normal))
+    unit = np.where(size > 0.0, size, 1.0)
+    solved = np.linalg.lstsq(normal / np.outer(unit, unit), right / unit, rcond=1e-12)[0] / size
+    coefficients = solved[: count * own].reshape(count, own)
+    offset = float(solved[-1]) if fit.with_offset else 0.0
+    energy = 0.0
+    for part, row in zip(parts, coefficients, strict=True):
+        left = fit.force[part] - basis[part] @ row - offset
+        energy += float(left @ left)
+    return Cut(borders, exponent, offset, coefficients, energy)
+
+
 def _fitted(fit: Fit, borders: list[int], exponent: float) -> Cut:
     """Coefficients and offset by least squares; the exponent by golden section around its start."""
 
     def cut(n: float) -> Cut:
-        columns = _columns(fit, borders, n)
-        size = np.linalg.norm(columns, axis=0)
-        unit = columns / np.where(size > 0.0, size, 1.0)
-        # The normal equations: a dozen well-scaled columns, solved some hundred times.
-        solved = np.linalg.lstsq(unit.T @ unit, unit.T @ fit.force, rcond=1e-12)[0] / size
-        left = fit.force - columns @ solved
-        own = solved[: len(solved) - fit.with_offset].reshape(len(borders) + 1, -1)
-        offset = float(solved[-1]) if fit.with_offset else 0.0
-        return Cut(borders, n, offset, own, float(left @ left))
+        return _least_squares(fit, borders, n)
 
     if math.isnan(exponent) or fit.fixed:
         return cut(exponent)
@@ -182,7 +210,7 @@ def _fitted(fit: Fit, borders: list[int], exponent: float) -> Cut:
         else:
             low, a = a.exponent, b
             b = cut(low + golden * (high - low))
-    return min(a, b, key=lambda each: each.energy)
+    return min(a, b, key=_energy)
 
 
 def _sharpened(fit: Fit, cut: Cut) -> Cut:
@@ -207,7 +235,7 @@ def _without_slivers(fit: Fit, cut: Cut) -> Cut:
             return cut
         near = int(np.argmin(np.diff(times)))
         kept = [[b for k, b in enumerate(cut.borders) if k != drop] for drop in (near, near + 1)]
-        cut = min((_fitted(fit, each, cut.exponent) for each in kept), key=lambda c: c.energy)
+        cut = min((_fitted(fit, each, cut.exponent) for each in kept), key=_energy)
 
 
 def _judged(fit: Fit, cut: Cut) -> Changes | None:

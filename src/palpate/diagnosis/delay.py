@@ -14,6 +14,7 @@ from palpate.validation import Floats
 LONGEST = 25e-3  # s; beyond that a recording is out of step, not late
 LEAST = 0.3  # samples; less is the sampling itself
 MOST_ROWS = 700  # on which whole shifts are tried
+ROUGHLY = 1e-3  # of the energy, to which a shift is tried: one sample more changes it by more
 
 
 def delay(fit: Fit) -> list[Cause]:
@@ -120,7 +121,8 @@ def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:
     def energy(shift: int) -> float:
         if shift not in energies:
             law, offset = fit.solution.law, fit.solution.offset
-            energies[shift] = fit.solve(law, offset, _motion(fit, shift, every)).energy
+            moved = _motion(fit, shift, every)
+            energies[shift] = fit.solve(law, offset, moved, enough=ROUGHLY).energy
         return energies[shift]
 
     coarse = max(reach // 6, 1)

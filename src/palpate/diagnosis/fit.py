@@ -120,6 +120,7 @@ class Fit:
         self.band: Band = self._band()
         self.x = self.penetration[self.band.samples] / self.units.depth
         self.v = data.velocity[self.band.samples] / self.units.speed
+        self.powers: dict[float, Floats] = {}  # xⁿ and xⁿv in the band, by n
         self.time = self.band.mean(data.time[self.band.samples])
         self.force = self.band.mean(data.force[self.band.samples])
 
@@ -170,14 +171,21 @@ class Fit:
         motion = moved or Motion(self.x, self.v, self.band, self.force)
         x = np.maximum(motion.x, 1e-12)
         gradient = motion.band.mean(law.parameter_gradient(x, motion.v))
+        # The force is linear in all parameters but the exponent.
+        linear = 2 if isinstance(law, HuntCrossley) else len(law.symbols)
+        model = gradient[:, :linear] @ law.parameters[:linear]
         gradient[:, self.fixed] = 0.0  # what was given no least squares moves
         if self.with_offset:
             gradient = np.column_stack([gradient, np.ones(len(gradient))])
-        model = motion.band.mean(law.force(x, motion.v))
         return Solution(law, offset, gradient, motion.force - model - offset)
 
-    def solve(self, law: ForceLaw, offset: float, moved: "Motion | None" = None) -> Solution:
-        """Levenberg–Marquardt from a law in local units; one step where the law is linear."""
+    def solve(
+        self, law: ForceLaw, offset: float, moved: "Motion | None" = None, enough: float = 1e-9
+    ) -> Solution:
+        """Levenberg–Marquardt from a law in local units; one step where the law is linear.
+
+        Until a step gains less than ``enough`` of the energy.
+        """
         best, damping = self.at(law, offset, moved), 1e-9
         for _ in range(MOST_STEPS):
             change = _step(best.jacobian, best.residual, damping)
@@ -189,7 +197,7 @@ class Fit:
                 continue
             gained = best.energy - trial.energy
             best, damping = trial, damping / 10.0
-            if gained < 1e-9 * best.energy:
+            if gained < enough * best.energy:
                 break
         return best
 

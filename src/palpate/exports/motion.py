@@ -11,7 +11,7 @@ from palpate.force_laws import ForceLaw, force_over_breaks
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
-    from palpate.identification import Identification
+    from palpate.identifying import Identification
     from palpate.results.loading import SavedResult
 
 #: An engine is asked for the force at so many states at most, unless it is slow.

@@ -13,7 +13,7 @@ from palpate.tips import Sphere
 from palpate.validation import Floats, shown
 
 if TYPE_CHECKING:
-    from palpate.identification import Identification
+    from palpate.identifying import Identification
     from palpate.results.loading import SavedResult
 
 #: What can be exported.

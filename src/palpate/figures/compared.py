@@ -11,7 +11,7 @@ from palpate.figures.residuals import draw_residual_rows
 from palpate.figures.sheet import head, set_titles, stack
 from palpate.figures.style import style
 from palpate.figures.words import JOINED, name_of
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.ranking import rank
 from palpate.stages import timed
 
@@ -31,7 +31,7 @@ CAPTION = (
 
 @timed("figure")
 def draw_comparison(
-    results: Mapping[str, Identification], *, dark: bool = False, width: float | None = None
+    results: Mapping[str, Identified], *, dark: bool = False, width: float | None = None
 ) -> "Figure":
     """Draw several identifications of one contact, a row for each, the best first.
 
@@ -68,7 +68,7 @@ def draw_comparison(
     return figure
 
 
-def _on_a_page(new_figure: "type[Figure]", ordered: list[Identification], look: Look) -> "Figure":
+def _on_a_page(new_figure: "type[Figure]", ordered: list[Identified], look: Look) -> "Figure":
     heights = 2.3, 1.3 * len(ordered) + 0.3
     figure = new_figure(figsize=look.sheet.size(sum(heights) + 1.1), layout="constrained")
     grid = figure.add_gridspec(2, 1, height_ratios=heights)
@@ -86,7 +86,7 @@ def _on_a_page(new_figure: "type[Figure]", ordered: list[Identification], look: 
     return figure
 
 
-def _in_a_column(new_figure: "type[Figure]", ordered: list[Identification], look: Look) -> "Figure":
+def _in_a_column(new_figure: "type[Figure]", ordered: list[Identified], look: Look) -> "Figure":
     heights = 0.9 + 0.19 * len(ordered), 1.15 * len(ordered) + 0.3
     figure = new_figure(figsize=look.sheet.size(sum(heights) + 1.8), layout="constrained")
     grid = figure.add_gridspec(2, 1, height_ratios=heights)
@@ -98,7 +98,7 @@ def _in_a_column(new_figure: "type[Figure]", ordered: list[Identification], look
     return figure
 
 
-def _draw_rows(rows: "list[Axes]", ordered: list[Identification], look: Look) -> None:
+def _draw_rows(rows: "list[Axes]", ordered: list[Identified], look: Look) -> None:
     """The residual of each method, with its name and what it came to."""
     draw_residual_rows(rows, ordered, _colours(look, len(ordered)), look)
     for row, (axes, result) in enumerate(zip(rows, ordered, strict=True)):

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from palpate.estimate import Estimate
 from palpate.force_laws import ForceLaw
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.validation import Floats
 
 # So many times a replay is stopped to look at the covariance, which a trace does not hold.
@@ -39,7 +39,7 @@ class Course:
     damping_error: Floats
 
 
-def course_of(result: Identification, depth: float) -> Course:
+def course_of(result: Identified, depth: float) -> Course:
     """Replay a contact, and stop at times to look at what is known.
 
     Parameters

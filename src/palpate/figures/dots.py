@@ -10,7 +10,7 @@ from palpate.figures.look import Look
 from palpate.figures.parameters import Final
 from palpate.figures.scales import scale_as_written, scale_of
 from palpate.figures.sheet import head
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.results.summary import felt
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ _SAME_DEPTH = 0.01
 def draw_values(
     stiffness: "Axes",
     damping: "Axes",
-    results: Sequence[Identification],
+    results: Sequence[Identified],
     names: Sequence[str],
     look: Look,
 ) -> None:

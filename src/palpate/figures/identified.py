@@ -12,7 +12,7 @@ from palpate.figures.residuals import draw_residual
 from palpate.figures.sheet import head, set_titles, stack
 from palpate.figures.style import style
 from palpate.figures.words import at_depth, fit_of, force_at_depth, parameters_of, verdict_of
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.results.parameters import Row, parameter_rows
 from palpate.stages import timed
 
@@ -25,9 +25,7 @@ _IN_A_ROW = 4
 
 
 @timed("figure")
-def draw(
-    identification: Identification, *, dark: bool = False, width: float | None = None
-) -> "Figure":
+def draw(identification: Identified, *, dark: bool = False, width: float | None = None) -> "Figure":
     """Draw what was identified: force, stiffness and damping at working depth, and the parameters.
 
     Force over time and over penetration; stiffness and damping at working depth and each parameter
@@ -59,7 +57,7 @@ def draw(
         return arrange(new_figure, identification, look)
 
 
-def _on_a_page(new_figure: "type[Figure]", result: Identification, look: Look) -> "Figure":
+def _on_a_page(new_figure: "type[Figure]", result: Identified, look: Look) -> "Figure":
     drawn = _drawn_of(result)
     length = math.ceil(len(drawn) / math.ceil(len(drawn) / _IN_A_ROW))
     rows = [drawn[i : i + length] for i in range(0, len(drawn), length)]
@@ -93,7 +91,7 @@ def _on_a_page(new_figure: "type[Figure]", result: Identification, look: Look) -
     return figure
 
 
-def _drawn_of(result: Identification) -> list[Row]:
+def _drawn_of(result: Identified) -> list[Row]:
     """The parameters that have a course: of a law that was chosen those that were looked for."""
     rows = parameter_rows(result)
     if not isinstance(result.estimator, ViscoelasticContact):
@@ -101,7 +99,7 @@ def _drawn_of(result: Identification) -> list[Row]:
     return [row for row in rows if row.estimated]
 
 
-def _in_a_column(new_figure: "type[Figure]", result: Identification, look: Look) -> "Figure":
+def _in_a_column(new_figure: "type[Figure]", result: Identified, look: Look) -> "Figure":
     condition = result.estimator.needs_condition_10
     heights = [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * condition)]
     figure = new_figure(figsize=look.sheet.size(1.7 * sum(heights) + 1.8), layout="constrained")
@@ -122,7 +120,7 @@ def _in_a_column(new_figure: "type[Figure]", result: Identification, look: Look)
     return figure
 
 
-def _caption(result: Identification) -> str:
+def _caption(result: Identified) -> str:
     white = result.estimator.minimises is not None
     taken = ", which takes the noise for white" if white else ""
     if result.stretches:

@@ -14,7 +14,7 @@ from palpate.figures.scales import scale_of
 from palpate.figures.sheet import head, set_titles
 from palpate.figures.style import style
 from palpate.figures.words import name_of
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.quantities.oscillation import SmallOscillation, band_of
 from palpate.results.parameters import law_in_words
 
@@ -33,7 +33,7 @@ CAPTION = (
 
 
 def draw_oscillations(
-    results: Sequence[Identification], *, dark: bool = False, width: float | None = None
+    results: Sequence[Identified], *, dark: bool = False, width: float | None = None
 ) -> "Figure":
     """Draw K′ and B′ over the frequencies of the motion, a line for each law.
 
@@ -74,7 +74,7 @@ def draw_oscillations(
     return figure
 
 
-def _course(result: Identification) -> list[SmallOscillation]:
+def _course(result: Identified) -> list[SmallOscillation]:
     """What is felt over the band of the motion; nothing of a probe that was held still."""
     with suppress(InvalidParameterError):
         low, high = band_of(result)
@@ -85,7 +85,7 @@ def _course(result: Identification) -> list[SmallOscillation]:
 
 def _draw(
     axes: "Axes",
-    courses: Sequence[tuple[Identification, list[SmallOscillation]]],
+    courses: Sequence[tuple[Identified, list[SmallOscillation]]],
     words: tuple[str, str, str],
     look: Look,
 ) -> None:
@@ -127,6 +127,6 @@ def _mark_frequencies(axes: "Axes", drawn: Sequence[float]) -> None:
     axes.set_xticks(hertz, [f"{each:.3g}" for each in hertz])
 
 
-def _label(result: Identification) -> str:
+def _label(result: Identified) -> str:
     chosen = isinstance(result.estimator, ViscoelasticContact)
     return law_in_words(result) if chosen else f"{result.law.kind}, {result.method}"

@@ -10,7 +10,7 @@ from palpate.figures.look import Look
 from palpate.figures.scales import largest, scale_of
 from palpate.figures.sheet import head
 from palpate.figures.thinning import MOST_POINTS, broken, clock, few, shown
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _MOST_CROSSES = 200
 
 
-def draw_force(axes: "Axes", result: Identification, look: Look) -> None:
+def draw_force(axes: "Axes", result: Identified, look: Look) -> None:
     """Force over time, measured and predicted a priori, and the samples that were left out."""
     contact, theme = result.contact, look.theme
     time, label = clock(contact)
@@ -58,7 +58,7 @@ def draw_force(axes: "Axes", result: Identification, look: Look) -> None:
 
 def draw_loop(
     axes: "Axes",
-    result: Identification,
+    result: Identified,
     look: Look,
     *,
     colour: str | None = None,
@@ -93,7 +93,7 @@ def draw_loop(
     axes.set(xlabel=depth.label("penetration"), ylabel=force.label("force"))
 
 
-def _force_range(result: Identification, *, outliers: bool) -> tuple[float, float]:
+def _force_range(result: Identified, *, outliers: bool) -> tuple[float, float]:
     """Forces that a panel shows, N: those in contact, most of those out of it, maybe outliers.
 
     An outlier further away than twice the range is at the panel's edge: it would flatten all else.
@@ -113,7 +113,7 @@ def _ends(values: Floats) -> tuple[float, ...]:
     return (float(values.min()), float(values.max())) if values.size else ()
 
 
-def _error_reach(result: Identification) -> float:
+def _error_reach(result: Identified) -> float:
     """How large a prediction error is but for the first of each start, N."""
     taken = result.trace.taken
     error = np.abs(result.contact.force - result.trace.predicted_force)[taken]
@@ -124,7 +124,7 @@ def _error_reach(result: Identification) -> float:
     return max(min(reach, force), 1e-12 * force, 1e-300)
 
 
-def draw_error(axes: "Axes", result: Identification, look: Look) -> None:
+def draw_error(axes: "Axes", result: Identified, look: Look) -> None:
     """A-priori force error over time."""
     contact = result.contact
     time, label = clock(contact)
@@ -144,7 +144,7 @@ def draw_error(axes: "Axes", result: Identification, look: Look) -> None:
     head(axes, f"Prediction error (a priori){part}")
 
 
-def draw_condition(axes: "Axes", result: Identification, course: Course, look: Look) -> None:
+def draw_condition(axes: "Axes", result: Identified, course: Course, look: Look) -> None:
     """The speed beside what condition 10 allows by the estimates of the moment."""
     contact = result.contact
     time, label = clock(contact)

@@ -13,7 +13,7 @@ from palpate.figures.scales import Scale, largest, scale_as_written, scale_of
 from palpate.figures.sheet import head
 from palpate.figures.thinning import MOST_GAPS, clock
 from palpate.figures.words import JOINED, kept_together
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.results.parameters import Row
 from palpate.validation import Floats
 
@@ -51,9 +51,7 @@ class Final:
         return cls(quantity.value, error, float(np.hypot(error, quantity.systematic)))
 
 
-def draw_parameter(
-    axes: "Axes", result: Identification, course: Course, row: Row, look: Look
-) -> None:
+def draw_parameter(axes: "Axes", result: Identified, course: Course, row: Row, look: Look) -> None:
     """One parameter over time, with a band of two standard errors, and the result."""
     index = row.index
     error = float(result.standard_errors[index])
@@ -64,14 +62,14 @@ def draw_parameter(
     head(axes, f"{row.name.replace('_', ' ').capitalize()} {row.symbol}: {words}")
 
 
-def draw_stiffness(axes: "Axes", result: Identification, course: Course, look: Look) -> None:
+def draw_stiffness(axes: "Axes", result: Identified, course: Course, look: Look) -> None:
     """Stiffness at working depth over time, and what the diagnosis says of it."""
     known = course.stiffness, course.stiffness_error
     quantities = [p.diagnosis.working_depth.stiffness for p in (result, *result.stretches)]
     _draw_at_depth(axes, result, course, known, quantities, ("Stiffness", "N/m", "dF/dx"), look)
 
 
-def draw_damping(axes: "Axes", result: Identification, course: Course, look: Look) -> None:
+def draw_damping(axes: "Axes", result: Identified, course: Course, look: Look) -> None:
     """Damping at working depth over time, and what the diagnosis says of it."""
     known = course.damping, course.damping_error
     quantities = [p.diagnosis.working_depth.damping for p in (result, *result.stretches)]
@@ -80,7 +78,7 @@ def draw_damping(axes: "Axes", result: Identification, course: Course, look: Loo
 
 def _draw_at_depth(
     axes: "Axes",
-    result: Identification,
+    result: Identified,
     course: Course,
     known: tuple[Floats, Floats],
     quantities: list[Quantity],
@@ -105,7 +103,7 @@ def _draw_at_depth(
 
 def _draw_line(
     axes: "Axes",
-    result: Identification,
+    result: Identified,
     samples: NDArray[np.intp],
     known: tuple[Floats, Floats],
     final: Final,
@@ -160,7 +158,7 @@ def _draw_final(axes: "Axes", time: Floats, final: Final, factor: float, look: L
 
 
 def _draw_stretches(
-    axes: "Axes", result: Identification, finals: list[Final], scale: Scale, look: Look
+    axes: "Axes", result: Identified, finals: list[Final], scale: Scale, look: Look
 ) -> None:
     """The result of each stretch from its start to its end, with a box of ±2 s.e."""
     from matplotlib.patches import PathPatch

@@ -12,7 +12,7 @@ from palpate.figures.sheet import head, set_titles
 from palpate.figures.style import style
 from palpate.figures.thinning import BAND_DEVIATIONS, Scatter, clock, in_order, over
 from palpate.figures.words import name_of
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ CAPTION = (
 
 
 def draw_residuals(
-    identification: Identification, *, dark: bool = False, width: float | None = None
+    identification: Identified, *, dark: bool = False, width: float | None = None
 ) -> "Figure":
     """Draw what the final law leaves of the force, over time, depth and velocity.
 
@@ -75,7 +75,7 @@ def draw_residuals(
     return figure
 
 
-def draw_residual(axes: "Axes", result: Identification, look: Look) -> None:
+def draw_residual(axes: "Axes", result: Identified, look: Look) -> None:
     """One panel of the residual over time, with the band of noise alone."""
     draw_residual_rows([axes], [result], [look.theme.lines[0]], look)
     law = "law of each part" if result.stretches else "final law"
@@ -84,7 +84,7 @@ def draw_residual(axes: "Axes", result: Identification, look: Look) -> None:
 
 def draw_residual_rows(
     rows: "Sequence[Axes]",
-    results: Sequence[Identification],
+    results: Sequence[Identified],
     colours: Sequence[str],
     look: Look,
 ) -> None:
@@ -104,7 +104,7 @@ def draw_residual_rows(
         axes.set(xlabel=label, ylabel=unit.label("residual"))
 
 
-def _noise_band(result: Identification) -> float:
+def _noise_band(result: Identified) -> float:
     """Half of the band that noise alone would have, N.
 
     Of a sample's force √(σ² + S²σ_x² + C²σ_v²), at working depth.
@@ -132,7 +132,7 @@ def _draw(axes: "Axes", seen: Scatter, noise: float, unit: Scale, look: Look, co
     axes.set_ylim(-reach, reach)
 
 
-def _scatter(result: Identification, against: Against) -> tuple[str, Scatter]:
+def _scatter(result: Identified, against: Against) -> tuple[str, Scatter]:
     """What the abscissa is called, and where the residual lies over it."""
     contact, taken = result.contact, result.trace.taken
     with np.errstate(all="ignore"):  # absurd samples overflow

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from palpate.digits import with_error
 from palpate.figures.scales import scale_of
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.results.parameters import OFFERED, parameter_rows
 
 JOINED = "\N{NO-BREAK SPACE}"
@@ -15,13 +15,13 @@ def kept_together(value: float, *errors: float, unit: str = "") -> str:
     return with_error(value, *errors, unit=unit).replace(" ", JOINED)
 
 
-def parameters_of(result: Identification) -> str:
+def parameters_of(result: Identified) -> str:
     """The law's parameters and their standard errors; not the spectrum that it was offered."""
     rows = [row for row in parameter_rows(result) if row.name != OFFERED]
     return ", ".join(str(row).replace(" ", JOINED) for row in rows)
 
 
-def at_depth(result: Identification) -> str:
+def at_depth(result: Identified) -> str:
     """Force, stiffness and damping at working depth."""
     there = result.diagnosis.working_depth
     quantities = (
@@ -38,7 +38,7 @@ def at_depth(result: Identification) -> str:
     return f"at {length.factor * there.depth:.4g} {length.unit}{relaxed}: {', '.join(words)}"
 
 
-def force_at_depth(result: Identification) -> str:
+def force_at_depth(result: Identified) -> str:
     """Force at working depth."""
     there = result.diagnosis.working_depth
     length, force = scale_of(there.depth, "m"), there.force
@@ -46,18 +46,18 @@ def force_at_depth(result: Identification) -> str:
     return f"force at {length.factor * there.depth:.4g} {length.unit}: {words}"
 
 
-def name_of(result: Identification) -> str:
+def name_of(result: Identified) -> str:
     """Name of the recording's file; what no font has, such as a byte that is not UTF-8, is �."""
     name = Path(result.contact.source).name
     return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in name)
 
 
-def verdict_of(result: Identification) -> str:
+def verdict_of(result: Identified) -> str:
     """Verdict and its reason."""
     return f"{result.diagnosis.verdict.overall}: {result.diagnosis.reason}"
 
 
-def fit_of(result: Identification) -> str:
+def fit_of(result: Identified) -> str:
     """File, method and how well the law fits."""
     name = name_of(result)
     fitted = "the stretches' own laws fit" if result.stretches else "final law fits"

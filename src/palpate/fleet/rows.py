@@ -15,7 +15,7 @@ from palpate.estimate import Estimate
 from palpate.fleet.at_depth import AT_DEPTH
 from palpate.fleet.settings import Settings
 from palpate.force_laws import ForceLaw
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.preparation.places import at_places
 from palpate.preparation.prepared import Place
 from palpate.validation import Floats
@@ -53,7 +53,7 @@ def row_of(contact: Contact, settings: Settings) -> Row:
         It cannot be identified.
     """
     data = Data(contact)
-    result = Identification.of(data, settings.estimator_for(contact), trace=False)
+    result = Identified.of(data, settings.estimator_for(contact), trace=False)
     estimate, law = result.estimate, result.law
     row: Row = {"fit": "recursion", "samples": len(contact)}
     row |= _parameters(law, result.covariance)
@@ -124,7 +124,7 @@ def _parameters(law: ForceLaw, covariance: Floats) -> Row:
     return row
 
 
-def _diagnosed(result: Identification) -> Row:
+def _diagnosed(result: Identified) -> Row:
     found = result.diagnosis
     there, marks = found.working_depth, found.verdict
     row: Row = {

@@ -1,18 +1,16 @@
 """What a contact was made of, so that it can be made again identically, and what was found."""
 
-from __future__ import annotations
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
+from palpate.contact import Contact
+from palpate.errors import RecordingError
 from palpate.preparation.normals import Normal
 from palpate.preparation.settings import Preparation
 from palpate.preparation.surfaces import Surface
 from palpate.recordings import Recording
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from palpate.contact import Contact
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +67,8 @@ class Prepared:
         Length of the velocity filter, s, where the velocity was worked out.
     places : tuple of Place
         Where the probe travels: one for each segment of the contact.
+    way : callable, optional
+        What makes a contact of the recording by the settings.
     """
 
     recording: Recording
@@ -79,9 +79,16 @@ class Prepared:
     surface: Surface | None = None
     window: float | None = None
     places: tuple[Place, ...] = ()
+    way: Callable[[Recording, Preparation], Contact] | None = field(default=None, repr=False)
 
     def again(self) -> Contact:
-        """Make the contact again: the same, to the last bit."""
-        from palpate.preparation.preparing import prepared_contact  # which makes these
+        """Make the contact again: the same, to the last bit.
 
-        return prepared_contact(self.recording, self.settings)
+        Raises
+        ------
+        RecordingError
+            It was made of arrays, not of a recording.
+        """
+        if self.way is None:
+            raise RecordingError("a contact of arrays has no recording to be made of again")
+        return self.way(self.recording, self.settings)

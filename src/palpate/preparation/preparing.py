@@ -207,6 +207,7 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     return dataclasses.replace(
         contact,
         source=recording.source,
+        prepared=dataclasses.replace(contact.prepared, way=prepared_contact),
         provenance={**notes, **done},
         remarks=(
             *_lost(recording),

@@ -1,9 +1,7 @@
 """From an identification to the numbers that follow from its law and its motion."""
 
 import math
-from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,19 +14,16 @@ from palpate.quantities.elastic_modulus import ElasticModulus, elastic_modulus_o
 from palpate.quantities.energy import EnergyLoss, energy_of
 from palpate.quantities.passivity import Passivity, fastest_of, passivity_of
 from palpate.quantities.restitution import Restitution, dissipation_of, restitution_of
-from palpate.quantities.wanted import Wanted
+from palpate.quantities.wanted import Derivable, Wanted
 from palpate.quantities.work import Path, loops_of
 from palpate.tips import Tip
 from palpate.validation import number_in
-
-if TYPE_CHECKING:
-    from palpate.identification import Identification
 
 # Usual times between samples: the way of a probe over a longer gap is not known.
 LONGEST_GAP = 20.0
 
 
-def path_of(result: "Identification") -> Path:
+def path_of(result: Derivable) -> Path:
     """Return the samples that are finite and were not left out as outliers.
 
     Where the time goes on from one segment to the next, as from the approach of a force curve to
@@ -47,23 +42,6 @@ def path_of(result: "Identification") -> Path:
     )
 
 
-def derived(result: "Identification") -> dict[str, Any]:
-    """Return what follows from a law as plain numbers and words, a key each."""
-    modulus = {}
-    if result.wanted.tip is not None:
-        modulus = {"elastic_modulus": result.elastic_modulus().as_dict()}
-    felt: dict[str, Any] | None = None
-    with suppress(InvalidParameterError):  # of a probe held still, or beyond the band of a part
-        felt = result.dynamic_stiffness(result.wanted.frequency).as_dict()
-    return {
-        "restitution": result.restitution().as_dict(),
-        "energy": result.energy.as_dict(),
-        "passivity": result.passivity.as_dict(),
-        "small_oscillation": felt,
-        **modulus,
-    }
-
-
 def _going_on(contact: Contact) -> NDArray[np.int64]:
     """Numbers of the stretches between which the time jumps, or begins again."""
     usual = np.empty(len(contact))  # time between samples, which each segment may have its own of
@@ -75,7 +53,7 @@ def _going_on(contact: Contact) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(~known)])
 
 
-def restitution_from(result: "Identification", speed: float | None) -> Restitution:
+def restitution_from(result: Derivable, speed: float | None) -> Restitution:
     """Return the restitution at a speed, m/s, or at the one that is wanted."""
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
@@ -91,7 +69,7 @@ def restitution_from(result: "Identification", speed: float | None) -> Restituti
         return restitution_of(law, b, fastest, v0, trusted=trusted)
 
 
-def energy_from(result: "Identification") -> EnergyLoss:
+def energy_from(result: Derivable) -> EnergyLoss:
     """Return the energy lost in the touches, or cycles, of a recording."""
     data, path = result.data or Data(result.contact), path_of(result)
     going_on = replace(result.contact, segment=_going_on(result.contact))
@@ -109,7 +87,7 @@ def energy_from(result: "Identification") -> EnergyLoss:
         )
 
 
-def passivity_from(result: "Identification") -> Passivity:
+def passivity_from(result: Derivable) -> Passivity:
     """Return where the law pulls in the recorded motion."""
     data, there = result.data or Data(result.contact), result.diagnosis.working_depth
     with _absurd_numbers():
@@ -117,7 +95,7 @@ def passivity_from(result: "Identification") -> Passivity:
 
 
 def elastic_modulus_from(
-    result: "Identification", tip: Tip | None, poisson_ratio: float | None
+    result: Derivable, tip: Tip | None, poisson_ratio: float | None
 ) -> ElasticModulus:
     """Return Young's modulus for a tip, or for the one that is wanted."""
     tip = tip or result.wanted.tip

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,10 +13,8 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators import ViscoelasticContact
 from palpate.estimators.law_verdicts import band_about
 from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
+from palpate.quantities.wanted import Derivable
 from palpate.validation import Plain, number, number_in
-
-if TYPE_CHECKING:
-    from palpate.identification import Identification
 
 _TURN = 2.0 * math.pi
 
@@ -43,7 +41,7 @@ class SmallOscillation(Plain):
 
 
 def oscillation_of(
-    result: "Identification", frequency: float | None, depth: float | None
+    result: Derivable, frequency: float | None, depth: float | None
 ) -> SmallOscillation:
     """Return what :meth:`Identification.dynamic_stiffness` says."""
     omega = _in_band(result, frequency)
@@ -64,7 +62,7 @@ def oscillation_of(
     return SmallOscillation(x, omega, stiffness, damping, _tangent(omega, stiffness, damping))
 
 
-def static_of(result: "Identification", depth: float | None, *, relaxed: bool) -> Quantity:
+def static_of(result: Derivable, depth: float | None, *, relaxed: bool) -> Quantity:
     """Return the stiffness ∂F/∂x at a depth before, or after, everything has relaxed, N/m."""
     x = result.diagnosis.working_depth.depth if depth is None else depth
     there = _at(result, number_in("depth", x, 0.0, 1e100, open_low=True)).stiffness
@@ -74,7 +72,7 @@ def static_of(result: "Identification", depth: float | None, *, relaxed: bool) -
     return Quantity(*found, there.systematic)
 
 
-def relaxation_time_of(result: "Identification") -> Quantity | None:
+def relaxation_time_of(result: Derivable) -> Quantity | None:
     """Return the relaxation time, s; None of a law that has none, or many."""
     law = result.law
     if not isinstance(law, GeneralisedHuntCrossley) or not law.remembers:
@@ -85,7 +83,7 @@ def relaxation_time_of(result: "Identification") -> Quantity | None:
     return Quantity(law.relaxation.time, error, 0.0)
 
 
-def band_of(result: "Identification") -> tuple[float, float]:
+def band_of(result: Derivable) -> tuple[float, float]:
     """Return the frequencies that the motion contained, rad/s: half to twice its own."""
     return band_about(_own_frequency(result))
 
@@ -95,7 +93,7 @@ def in_hertz(frequency: float) -> str:
     return f"{rounded(frequency / _TURN, 3)} Hz"
 
 
-def _own_frequency(result: "Identification") -> float:
+def _own_frequency(result: Derivable) -> float:
     """Rms speed over that of the way from the mean depth, rad/s; NaN of a probe held still."""
     if isinstance(result.estimator, ViscoelasticContact):
         verdict = result.estimator.verdict()
@@ -106,7 +104,7 @@ def _own_frequency(result: "Identification") -> float:
     return float(np.sqrt(np.mean(v**2))) / way if way > 0.0 else math.nan
 
 
-def _in_band(result: "Identification", frequency: float | None) -> float:
+def _in_band(result: Derivable, frequency: float | None) -> float:
     low, high = band_of(result)
     if not (low > 0.0 and math.isfinite(high)):
         raise InvalidParameterError(
@@ -126,7 +124,7 @@ def _in_band(result: "Identification", frequency: float | None) -> float:
 
 
 def _by_law(
-    result: "Identification", depth: float, value: Callable[[Any, float], float]
+    result: Derivable, depth: float, value: Callable[[Any, float], float]
 ) -> tuple[float, float]:
     """A number by the law at a depth, with its own error and that of the surface."""
     found, error = result.estimate.with_error(lambda law: value(law, depth))
@@ -135,7 +133,7 @@ def _by_law(
     return found, math.hypot(error, 0.5 * moved)
 
 
-def _at(result: "Identification", depth: float) -> WorkingDepth:
+def _at(result: Derivable, depth: float) -> WorkingDepth:
     """The numbers at a depth; at the working depth those that there are."""
     known = result.diagnosis.working_depth
     return known if known.depth == depth else result.at(depth)

@@ -4,7 +4,7 @@ from html import escape
 from pathlib import Path
 
 from palpate.estimators import ViscoelasticContact
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.reports.html import SIGNS
 from palpate.results.parameters import law_in_words, parameter_rows
 from palpate.results.summary import both, depth_in_words
@@ -14,7 +14,7 @@ _COLOURS = {"trust": "#009e73", "with-care": "#d08a00", "do-not-trust": "#d55e00
 _CELL = "padding:0.2em 0.9em 0.2em 0;text-align:left"
 
 
-def card(result: Identification) -> str:
+def card(result: Identified) -> str:
     """Return the verdict, the numbers at working depth and the law, as HTML."""
     found = result.diagnosis
     mark = found.verdict.overall
@@ -31,7 +31,7 @@ def card(result: Identification) -> str:
     )
 
 
-def _depths(result: Identification) -> str:
+def _depths(result: Identified) -> str:
     rows = [
         [depth_in_words(each.depth), both(each.force), both(each.stiffness), both(each.damping)]
         for each in result.working_depths
@@ -39,7 +39,7 @@ def _depths(result: Identification) -> str:
     return _table(["depth", "force, N", "stiffness, N/m", "damping, N·s/m"], rows)
 
 
-def _law(result: Identification) -> str:
+def _law(result: Identified) -> str:
     rows = [[row.symbol, row.words, row.unit] for row in parameter_rows(result)]
     table = _table([law_in_words(result), "± standard error", "unit"], rows)
     verdict = result.law_verdict

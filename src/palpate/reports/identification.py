@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 
 from palpate import figures
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.reports import html, sections
 from palpate.reports.drawings import drawing
 from palpate.reports.law import which_law
@@ -39,9 +39,9 @@ class Circumstances:
 
 
 def page(
-    result: Identification,
+    result: Identified,
     circumstances: Circumstances,
-    compared: Mapping[str, Identification] | None = None,
+    compared: Mapping[str, Identified] | None = None,
 ) -> str:
     """Return the page.
 
@@ -82,7 +82,7 @@ def page(
     return html.document(f"{name}: what was identified", STYLE + DRAWINGS + REPORT, parts)
 
 
-def _figure(result: Identification) -> Iterator[str]:
+def _figure(result: Identified) -> Iterator[str]:
     words = (
         "Force measured and predicted, the force–penetration loop, and the law's parameters as "
         "they were estimated, with their error bands."
@@ -90,7 +90,7 @@ def _figure(result: Identification) -> Iterator[str]:
     yield from drawing("figure", lambda **options: figures.draw(result, **options), words)
 
 
-def _residuals(result: Identification) -> Iterator[str]:
+def _residuals(result: Identified) -> Iterator[str]:
     words = (
         "Measured less final law, over time, depth and velocity: the median, and the band that "
         "holds most of it. Dotted: the noise of the sensors. Beyond them the law lacks something."

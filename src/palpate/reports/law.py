@@ -9,7 +9,7 @@ from palpate.diagnosis.data import in_words
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.estimators import LawVerdict, ViscoelasticContact
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.quantities.oscillation import band_of
 from palpate.reports import html
 from palpate.reports.drawings import drawing
@@ -19,7 +19,7 @@ _HEADER = ("law", "", "score", "rms error", "numbers")
 
 
 def which_law(
-    result: Identification, compared: Mapping[str, Identification] | None = None
+    result: Identified, compared: Mapping[str, Identified] | None = None
 ) -> Iterator[str]:
     """Which law it is, by what evidence, and what a small oscillation feels by it.
 
@@ -43,7 +43,7 @@ def which_law(
     yield from _oscillations(both)
 
 
-def _sentence(result: Identification, verdict: LawVerdict) -> str:
+def _sentence(result: Identified, verdict: LawVerdict) -> str:
     own = isinstance(result.estimator, ViscoelasticContact)
     if len(verdict.standings) == 1:
         return f"{verdict.candidate}: the law that was asked for, so nothing was chosen."
@@ -76,7 +76,7 @@ def _standings(verdict: LawVerdict) -> Iterator[str]:
     )
 
 
-def _oscillations(results: list[Identification]) -> Iterator[str]:
+def _oscillations(results: list[Identified]) -> Iterator[str]:
     """K′ and B′ where one of them remembers; nothing of a probe that was held still."""
     if not any(result.law.remembers for result in results):
         return  # the same at any frequency

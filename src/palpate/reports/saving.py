@@ -13,7 +13,7 @@ from typing import Any
 from palpate import __version__
 from palpate.errors import MissingExtraError
 from palpate.figures.style import LIGHT, style
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.recordings.columns import has_parquet, write_columns
 from palpate.reports.html import GENERATOR
 from palpate.reports.identification import Circumstances, page
@@ -72,10 +72,10 @@ class Destination:
     @timed("report")
     def save(
         self,
-        result: Identification,
+        result: Identified,
         *,
         options: Mapping[str, Any] | None = None,
-        compared: Mapping[str, Identification] | None = None,
+        compared: Mapping[str, Identified] | None = None,
     ) -> None:
         """Write a result.
 

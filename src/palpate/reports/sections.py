@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.diagnosis import Quantity, WorkingDepth
 from palpate.digits import rounded
-from palpate.identification import Identification
+from palpate.identification import Identified
 from palpate.ranking import rank
 from palpate.recordings.truth import truth_of
 from palpate.reports import html
@@ -17,7 +17,7 @@ from palpate.results.parameters import correlated, law_in_words, parameter_rows
 from palpate.results.summary import both, depth_in_words, felt, felt_at, number, whose_fit
 
 
-def verdict(result: Identification) -> Iterator[str]:
+def verdict(result: Identified) -> Iterator[str]:
     """The verdict, its reason and the remedy, and what each number is worth."""
     found = result.diagnosis
     marks = found.verdict
@@ -30,7 +30,7 @@ def verdict(result: Identification) -> Iterator[str]:
     yield "</div>"
 
 
-def tiles(result: Identification) -> Iterator[str]:
+def tiles(result: Identified) -> Iterator[str]:
     """Stiffness, damping and force at the working depth, large."""
     found, there = result.diagnosis, result.diagnosis.working_depth
     marks = {"stiffness": found.verdict.stiffness, "damping": found.verdict.damping}
@@ -52,7 +52,7 @@ def tiles(result: Identification) -> Iterator[str]:
     yield "</div>"
 
 
-def numbers(result: Identification) -> Iterator[str]:
+def numbers(result: Identified) -> Iterator[str]:
     """Numbers at the working depths, then the law's parameters and their correlations."""
     header = ("depth", "force, N", "stiffness, N/m", "damping, N·s/m")
     rows = [_depth_row(there) for there in result.working_depths]
@@ -70,7 +70,7 @@ def _depth_row(there: WorkingDepth) -> list[str]:
     return [depth_in_words(there.depth), *(escape(both(each)) for each in quantities)]
 
 
-def _law(result: Identification) -> Iterator[str]:
+def _law(result: Identified) -> Iterator[str]:
     law, errors = result.law, result.standard_errors
     truth = truth_of(result.contact.provenance)
     known = truth is not None and type(truth) is type(law)
@@ -103,7 +103,7 @@ def _apart(difference: float, error: float) -> str:
     return f"{difference / error:+.1f} s.e." if error > 0.0 else "–"
 
 
-def _correlations(result: Identification) -> Iterator[str]:
+def _correlations(result: Identified) -> Iterator[str]:
     own = [index for index, _ in correlated(result)]
     symbols = [symbol for _, symbol in correlated(result)]
     matrix = result.correlations[np.ix_(own, own)]
@@ -116,7 +116,7 @@ def _correlations(result: Identification) -> Iterator[str]:
     yield from html.table("Correlations", ["", *symbols], rows)
 
 
-def follows(result: Identification) -> Iterator[str]:
+def follows(result: Identified) -> Iterator[str]:
     """Rebound, energy lost, pulling and elastic modulus."""
     rows = []
     for line in following(result, whole=True):
@@ -125,7 +125,7 @@ def follows(result: Identification) -> Iterator[str]:
     yield from html.table("Of a free impact, of the loops, and of the tip", ("", ""), rows)
 
 
-def findings(result: Identification) -> Iterator[str]:
+def findings(result: Identified) -> Iterator[str]:
     """Every finding with its remedy, and how far it moves the numbers."""
     rows = []
     for finding in result.diagnosis.findings:
@@ -145,7 +145,7 @@ def findings(result: Identification) -> Iterator[str]:
     yield from html.table("What was found, the gravest first", header, rows)
 
 
-def parts(result: Identification) -> Iterator[str]:
+def parts(result: Identified) -> Iterator[str]:
     """Each stretch between changes, or each place, by itself."""
     header = ("time, s", "depth", "stiffness, N/m", "damping, N·s/m", "verdict")
     rows = []
@@ -181,7 +181,7 @@ def parts(result: Identification) -> Iterator[str]:
         yield f"<p>A change detector, in a control loop, alarms at {times}.</p>"
 
 
-def comparison(compared: Mapping[str, Identification]) -> Iterator[str]:
+def comparison(compared: Mapping[str, Identified]) -> Iterator[str]:
     """Every method on the same contact, the best first."""
     if not compared:
         return
@@ -209,7 +209,7 @@ def comparison(compared: Mapping[str, Identification]) -> Iterator[str]:
         yield f'<p class="soft">{escape(sentence)}.</p>'
 
 
-def preparation(result: Identification) -> Iterator[str]:
+def preparation(result: Identified) -> Iterator[str]:
     """What was done on the way from the recording."""
     contact = result.contact
     taken, left = int(result.trace.taken.sum()), int(result.trace.rejected.sum())

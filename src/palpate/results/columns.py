@@ -14,7 +14,7 @@ from palpate.recordings.recording import Recording
 from palpate.trace import Trace
 
 if TYPE_CHECKING:
-    from palpate.identification import Identification
+    from palpate.identification import Identified
 
 _CONTACT = {"time": "s", "penetration": "m", "velocity": "m/s", "force": "N"}
 #: In a file, where they are found without being named.
@@ -42,7 +42,7 @@ class TraceColumns:
     units: dict[str, str]
 
 
-def trace_columns(result: "Identification") -> TraceColumns:
+def trace_columns(result: "Identified") -> TraceColumns:
     """Return the contact, what was predicted of it, and the law after each sample.
 
     ``time``, ``penetration``, ``velocity``, ``force``, ``segment``, ``predicted_force`` (a priori),

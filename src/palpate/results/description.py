@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,20 +13,20 @@ import numpy as np
 
 from palpate import __version__
 from palpate.diagnosis import Episode
+from palpate.errors import InvalidParameterError
 from palpate.preparation.touches import touches_of
-from palpate.quantities.derived import derived
 from palpate.ranking import rank
 from palpate.validation import Floats, defined
 
 if TYPE_CHECKING:
-    from palpate.identification import Identification
+    from palpate.identification import Identified
     from palpate.settings import ContactGate
 
 #: A field that goes, or means another thing, makes it the next.
 SCHEMA_VERSION = 1
 
 
-def described(files: Sequence[Path], results: "Sequence[Identification]") -> dict[str, Any]:
+def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[str, Any]:
     """Return what files gave, by one method or by several.
 
     Parameters
@@ -50,12 +51,12 @@ def described(files: Sequence[Path], results: "Sequence[Identification]") -> dic
         "surface_deviation": contact.surface_deviation,
         "gate": asdict(gate),
         "scale": asdict(scale),
-        "results": [result.as_dict() for result in results],
+        "results": [of_one(result) for result in results],
         **({"ranking": _ranking(results)} if len(results) > 1 else {}),
     }
 
 
-def of_one(result: "Identification") -> dict[str, Any]:
+def of_one(result: "Identified") -> dict[str, Any]:
     """Return what one method gave; what is not defined is None."""
     law, estimate, trace = result.law, result.estimate, result.trace
     beside: dict[str, float] = {}
@@ -85,7 +86,7 @@ def of_one(result: "Identification") -> dict[str, Any]:
     }
 
 
-def _episodes(result: "Identification") -> list[dict[str, Any]]:
+def _episodes(result: "Identified") -> list[dict[str, Any]]:
     """Each stretch by its own law; or as the change was found, with the verdict on it alone."""
     if result.stretches:
         return [_episode(stretch) for stretch in result.stretches]
@@ -96,7 +97,7 @@ def _episodes(result: "Identification") -> list[dict[str, Any]]:
     ]
 
 
-def _episode(stretch: "Identification") -> dict[str, Any]:
+def _episode(stretch: "Identified") -> dict[str, Any]:
     """One of the episodes of a longer contact."""
     found, time = stretch.diagnosis, stretch.contact.time
     own = Episode(float(time[0]), float(time[-1]), stretch.law, found.working_depth)
@@ -111,13 +112,13 @@ def _episode(stretch: "Identification") -> dict[str, Any]:
     }
 
 
-def _gate(results: "Sequence[Identification]") -> "ContactGate":
+def _gate(results: "Sequence[Identified]") -> "ContactGate":
     """Return the gate of those methods that need one."""
     gated = (result.gate for result in results if result.estimator.settings.get("gate"))
     return next(gated, results[0].gate)
 
 
-def _ranking(results: "Sequence[Identification]") -> dict[str, Any]:
+def _ranking(results: "Sequence[Identified]") -> dict[str, Any]:
     ranking = rank({result.method: result for result in results})
     return {
         "recommended": ranking.recommended,
@@ -129,3 +130,20 @@ def _ranking(results: "Sequence[Identification]") -> dict[str, Any]:
 
 def _correlations(matrix: Floats) -> list[list[float | None]]:
     return [[defined(value) for value in row] for row in matrix.tolist()]
+
+
+def derived(result: "Identified") -> dict[str, Any]:
+    """Return what follows from a law as plain numbers and words, a key each."""
+    modulus = {}
+    if result.wanted.tip is not None:
+        modulus = {"elastic_modulus": result.elastic_modulus().as_dict()}
+    felt: dict[str, Any] | None = None
+    with suppress(InvalidParameterError):  # of a probe held still, or beyond the band of a part
+        felt = result.dynamic_stiffness(result.wanted.frequency).as_dict()
+    return {
+        "restitution": result.restitution().as_dict(),
+        "energy": result.energy.as_dict(),
+        "passivity": result.passivity.as_dict(),
+        "small_oscillation": felt,
+        **modulus,
+    }

@@ -17,7 +17,7 @@ from palpate.quantities.restitution import Restitution
 from palpate.tips import Cone, Tip
 
 if TYPE_CHECKING:
-    from palpate.identification import Identification
+    from palpate.identification import Identified
 
 MANY = 0.01  # of the samples in contact; fewer may be the noise of a light touch
 _PREFIXES = dict(zip("GMk mµnpfa", range(9, -19, -3), strict=True))
@@ -45,7 +45,7 @@ class Line:
         return f"{self.name}: {'; '.join((self.words, *self.remarks))}"
 
 
-def following(result: "Identification", *, whole: bool = False) -> list[Line]:
+def following(result: "Identified", *, whole: bool = False) -> list[Line]:
     """Return a line each; the modulus where a tip is wanted.
 
     Parameters
@@ -93,7 +93,7 @@ def with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) ->
     return with_error(*scaled, unit=f"{prefix.strip()}{unit}")
 
 
-def _felt(result: "Identification") -> list[Line]:
+def _felt(result: "Identified") -> list[Line]:
     """What a small oscillation feels; nothing of a probe that was held still."""
     with suppress(InvalidParameterError):
         felt = result.dynamic_stiffness(result.wanted.frequency)

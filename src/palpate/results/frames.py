@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from palpate.identification import Identification
+    from palpate.identification import Identified
 
 
-def to_pandas(result: "Identification") -> "pandas.DataFrame":
+def to_pandas(result: "Identified") -> "pandas.DataFrame":
     """Columns of :func:`trace_columns`, indexed by time; units in ``attrs``."""
     try:
         import pandas
@@ -28,7 +28,7 @@ def to_pandas(result: "Identification") -> "pandas.DataFrame":
     return frame
 
 
-def to_xarray(result: "Identification") -> "xarray.Dataset":
+def to_xarray(result: "Identified") -> "xarray.Dataset":
     """The samples along ``time``, the law's parameters along ``parameter``; units as attributes."""
     try:
         import xarray

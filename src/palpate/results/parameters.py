@@ -17,7 +17,7 @@ from palpate.force_laws import (
 )
 
 if TYPE_CHECKING:
-    from palpate.identification import Identification
+    from palpate.identification import Identified
 
 NOT_ESTIMATED = "as offered, not estimated"
 #: Name of the row of a spectrum's relaxation times.
@@ -59,14 +59,14 @@ class Row:
         return f"{self.symbol} = {self.with_unit}"
 
 
-def parameter_rows(result: "Identification") -> list[Row]:
+def parameter_rows(result: "Identified") -> list[Row]:
     """Return the parameters that the law has, in its order."""
     if isinstance(result.law, GeneralisedHuntCrossley):
         return list(_generalised(result, result.law))
     return [_number(result, k) for k in range(len(result.law.symbols))]
 
 
-def law_in_words(result: "Identification") -> str:
+def law_in_words(result: "Identified") -> str:
     """Return the law that was chosen; the kind of law of a method that has but one."""
     if isinstance(result.estimator, ViscoelasticContact):
         return str(result.estimator.verdict().candidate)
@@ -80,7 +80,7 @@ def growth_of(law: GeneralisedHuntCrossley) -> str | None:
     return "n − 1" if law.damping_exponent == law.exponent - 1.0 else None
 
 
-def _number(result: "Identification", k: int, unit: str | None = None) -> Row:
+def _number(result: "Identified", k: int, unit: str | None = None) -> Row:
     law, name = result.law, result.law.names()[k]
     value, error = float(law.parameters[k]), float(result.standard_errors[k])
     fixed = name in result.fixed
@@ -95,7 +95,7 @@ def _number(result: "Identification", k: int, unit: str | None = None) -> Row:
     )
 
 
-def _generalised(result: "Identification", law: GeneralisedHuntCrossley) -> Iterator[Row]:
+def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[Row]:
     stiffness, n, damping, p, relaxing, alpha, shortest, longest = range(len(law.symbols))
     estimator, growth = result.estimator, growth_of(law)
     chosen = estimator.verdict().candidate if isinstance(estimator, ViscoelasticContact) else None
@@ -131,7 +131,7 @@ def _bound(law: ForceLaw, k: int, words: str) -> Row:
     return Row(k, law.names()[k], law.symbols[k], "", words, "–", False)
 
 
-def correlated(result: "Identification") -> list[tuple[int, str]]:
+def correlated(result: "Identified") -> list[tuple[int, str]]:
     """Return index and symbol of the parameters that can correlate: those that were estimated."""
     rows = [row for row in parameter_rows(result) if row.estimated]
     known = np.isfinite(np.diag(result.correlations))

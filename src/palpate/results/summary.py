@@ -15,10 +15,10 @@ from palpate.results.following import following
 from palpate.results.parameters import correlated, law_in_words, parameter_rows
 
 if TYPE_CHECKING:
-    from palpate.identification import Identification
+    from palpate.identification import Identified
 
 
-def line(result: "Identification") -> str:
+def line(result: "Identified") -> str:
     """What was identified, in a line: verdict, stiffness and damping at the working depth."""
     there = result.diagnosis.working_depth
     name = Path(result.contact.source).name or "a contact"
@@ -29,13 +29,13 @@ def line(result: "Identification") -> str:
     )
 
 
-def summary(result: "Identification") -> str:
+def summary(result: "Identified") -> str:
     """What was identified, how well, and how far to trust it, as text."""
     lines = [*_head(result), "", *_depths(result), "", *_law(result), ""]
     return "\n".join([*lines, *map(str, following(result)), *_findings(result)])
 
 
-def whose(result: "Identification") -> str:
+def whose(result: "Identified") -> str:
     """The method, and the law that it chose where it chooses one."""
     chosen = isinstance(result.estimator, ViscoelasticContact)
     return f"{result.method}, {law_in_words(result)}" if chosen else result.method
@@ -51,7 +51,7 @@ def both(quantity: Quantity) -> str:
     return with_error(quantity.value, quantity.standard_error, quantity.systematic)
 
 
-def felt(result: "Identification") -> tuple[Quantity, Quantity]:
+def felt(result: "Identified") -> tuple[Quantity, Quantity]:
     """Stiffness and damping at the working depth; K′ and B′ there of a law that remembers."""
     if result.law.remembers:
         with suppress(InvalidParameterError):  # of a probe that was held still
@@ -61,7 +61,7 @@ def felt(result: "Identification") -> tuple[Quantity, Quantity]:
     return there.stiffness, there.damping
 
 
-def felt_at(results: "Sequence[Identification]") -> str:
+def felt_at(results: "Sequence[Identified]") -> str:
     """At which frequency the numbers of laws that remember are; nothing where none does."""
     for result in results:
         if result.law.remembers:
@@ -71,7 +71,7 @@ def felt_at(results: "Sequence[Identification]") -> str:
     return ""
 
 
-def whose_fit(result: "Identification") -> str:
+def whose_fit(result: "Identified") -> str:
     """Of which laws the fit's residual is: where there are stretches, not that of the whole."""
     return "the stretches' own laws fit" if result.stretches else "the law fits"
 
@@ -84,7 +84,7 @@ def depth_in_words(depth: float) -> str:
     return f"{rounded(1e9 * depth, 4)} nm" if math.isfinite(depth) else "an unknown depth"
 
 
-def _head(result: "Identification") -> list[str]:
+def _head(result: "Identified") -> list[str]:
     found, contact = result.diagnosis, result.contact
     marks = found.verdict
     lines = [
@@ -101,7 +101,7 @@ def _head(result: "Identification") -> list[str]:
     return lines
 
 
-def _depths(result: "Identification") -> list[str]:
+def _depths(result: "Identified") -> list[str]:
     rows = [("at depth", "force, N", "stiffness, N/m", "damping, N·s/m")]
     rows += [
         (depth_in_words(each.depth), both(each.force), both(each.stiffness), both(each.damping))
@@ -110,7 +110,7 @@ def _depths(result: "Identification") -> list[str]:
     return [*_aligned(rows), "(± what repeats ± what the findings would move)"]
 
 
-def _law(result: "Identification") -> list[str]:
+def _law(result: "Identified") -> list[str]:
     matrix, own = result.correlations, [k for k, _ in correlated(result)]
     header = (law_in_words(result), "estimate", "95 % interval", "unit")
     rows = [(*header, *(symbol for _, symbol in correlated(result)))]
@@ -122,7 +122,7 @@ def _law(result: "Identification") -> list[str]:
     return [*lines, str(result.law_verdict)] if result.law_verdict is not None else lines
 
 
-def _findings(result: "Identification") -> list[str]:
+def _findings(result: "Identified") -> list[str]:
     lines = [""]
     for finding in result.diagnosis.findings:
         lines.append(f"{finding.severity}: {finding.check}: {finding.sentence}")

@@ -1,6 +1,7 @@
 """All topics of a recording, and what is said of them."""
 
 from collections.abc import Hashable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +9,11 @@ from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.recordings.formats import Request, within
+from palpate.recordings.messages.definitions import message_fields
 from palpate.recordings.messages.fields import UndecodableError, normal_name, one_line
-from palpate.recordings.messages.topic import LOG_TIME, Found, Topic, stamp_of, topic_of
+from palpate.recordings.messages.json_text import JsonTopic
+from palpate.recordings.messages.topic import LOG_TIME, BinaryTopic, Found, Topic, stamp_of
+from palpate.recordings.messages.walking import walk_cdr, walk_ros1
 from palpate.recordings.recording import Faults, Recording, printable
 
 NOT_ASKED = "not asked for"
@@ -62,7 +66,7 @@ class Collection:
         topic, reason = Topic(self.request), NOT_ASKED
         if self.request.wants(name):
             try:
-                topic, reason = topic_of(encoding, form, type_name, definition, self.request), ""
+                topic, reason = _topic_of(encoding, form, type_name, definition, self.request), ""
             except UndecodableError as error:
                 reason = str(error)
         topic.name, topic.type_name, topic.omitted = name, type_name, reason
@@ -232,3 +236,34 @@ def _unit_of(type_name: str, field: str) -> str | None:
     if package not in _PACKAGES:
         return None
     return _UNITS.get((rest.rpartition("/")[2], field))
+
+
+def _topic_of(
+    message_encoding: str, schema_encoding: str, type_name: str, schema: bytes, request: Request
+) -> Topic:
+    """Return a topic that reads messages of this kind, by the encodings of them and their schema.
+
+    Raises
+    ------
+    UndecodableError
+        They cannot be read.
+    """
+    if message_encoding == "json":
+        return JsonTopic(request)
+    if message_encoding == "protobuf" and schema_encoding == "protobuf":
+        from palpate.recordings.messages.protobuf import ProtobufTopic  # needs protobuf
+
+        return ProtobufTopic(type_name, schema, request)
+    if message_encoding not in ("cdr", "ros1"):
+        raise UndecodableError(
+            f"messages in {message_encoding[:30]!r} are not read, only in CDR, ROS 1, JSON or "
+            "protobuf"
+        )
+    ros1 = message_encoding == "ros1"
+    if schema_encoding not in ("ros1msg", "ros2msg", "ros2idl", "omgidl", ""):
+        raise UndecodableError(f"definitions in {schema_encoding[:30]!r} are not read")
+    form = "ros1msg" if ros1 else schema_encoding or "ros2msg"
+    form = "ros2idl" if form == "omgidl" else form
+    fields = message_fields(type_name, form, schema.decode("utf-8", "replace"))
+    walk = partial(walk_ros1 if ros1 else walk_cdr, fields=fields)
+    return BinaryTopic(walk, request, cdr=not ros1)

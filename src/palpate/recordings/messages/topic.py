@@ -3,7 +3,6 @@
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -297,39 +296,3 @@ class BinaryTopic(Topic):
                 values = {path: leaf.read(matrix) for path, leaf in entity.leaves.items()}
                 found.extend({**values, LOG_TIME: times[here]}, one)
             found.count += len(order)
-
-
-def topic_of(
-    message_encoding: str, schema_encoding: str, type_name: str, schema: bytes, request: Request
-) -> Topic:
-    """Return a topic that reads messages of this kind, by the encodings of them and their schema.
-
-    Raises
-    ------
-    UndecodableError
-        They cannot be read.
-    """
-    if message_encoding == "json":
-        from palpate.recordings.messages.json_text import JsonTopic
-
-        return JsonTopic(request)
-    if message_encoding == "protobuf" and schema_encoding == "protobuf":
-        from palpate.recordings.messages.protobuf import ProtobufTopic
-
-        return ProtobufTopic(type_name, schema, request)
-    if message_encoding not in ("cdr", "ros1"):
-        raise UndecodableError(
-            f"messages in {message_encoding[:30]!r} are not read, only in CDR, ROS 1, JSON or "
-            "protobuf"
-        )
-    from palpate.recordings.messages.definitions import message_fields
-    from palpate.recordings.messages.walking import walk_cdr, walk_ros1
-
-    ros1 = message_encoding == "ros1"
-    if schema_encoding not in ("ros1msg", "ros2msg", "ros2idl", "omgidl", ""):
-        raise UndecodableError(f"definitions in {schema_encoding[:30]!r} are not read")
-    form = "ros1msg" if ros1 else schema_encoding or "ros2msg"
-    form = "ros2idl" if form == "omgidl" else form
-    fields = message_fields(type_name, form, schema.decode("utf-8", "replace"))
-    walk = partial(walk_ros1 if ros1 else walk_cdr, fields=fields)
-    return BinaryTopic(walk, request, cdr=not ros1)
