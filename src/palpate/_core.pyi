@@ -10,6 +10,8 @@ import numpy.typing
 from numpy.typing import NDArray
 
 
+__version__: str
+
 defaults: dict[str, dict[str, Any]]
 
 def kelvin_voigt_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...

@@ -4,13 +4,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate._core import EstimateValue, Status
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import ForceLaw
-
-Floats = NDArray[np.float64]
+from palpate.validation import Floats
 
 # By the bits of IdentifiabilityFlag in include/palpate/estimate.hpp.
 ADVICE = {

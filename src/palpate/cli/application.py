@@ -17,11 +17,12 @@ from palpate.cli.printing import Terminal, say, say_path
 from palpate.errors import InvalidParameterError, printable
 from palpate.writing import write_text
 
-#: Each is a function in a module of its name. Whatever takes time to import, it imports itself.
-COMMANDS = (
-    "identify", "diagnose", "compare", "info", "fleet", "map", "design", "lab", "export",
-    "live", "paper",
-)  # fmt: skip
+#: Each is a function of its name, in this module. What takes time to import, it imports itself.
+COMMANDS = {
+    "identify": "identify", "diagnose": "identify", "compare": "identify", "info": "info",
+    "fleet": "fleet", "map": "fleet", "design": "design", "lab": "lab", "export": "export",
+    "live": "live", "paper": "paper",
+}  # fmt: skip
 _NOT_IN_A_FILE = ("config", "save-config", "no-color", "verbose")
 _Shell: TypeAlias = Literal["bash", "zsh", "fish", "powershell"]
 _NARROWEST_HELP = 20  # rich folds frames forever where they have no room for a word
@@ -42,8 +43,8 @@ def application(words: Sequence[str] = ()) -> App:
         print_error=False,
         result_action="return_value",
     )
-    for name in COMMANDS:
-        app.command(f"palpate.cli.{name}:{name}", name=name)
+    for name, module in COMMANDS.items():
+        app.command(f"palpate.cli.{module}:{name}", name=name)
         if not set(COMMANDS) & set(words):
             app[name]  # imports it
 

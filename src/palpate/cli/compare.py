@@ -40,6 +40,6 @@ def compare(
     results = reading.compared(contact)
     if depth is not None:
         results = {name: result.at_depth(depth) for name, result in results.items()}
-    drawing.save("draw_comparison", results, list(files))
+    drawing.save("palpate.figures.draw_comparison", results, list(files))
     print_identifications(files, list(results.values()), drawing.figure, as_json=as_json)
     return judging.status([result.diagnosis.verdict for result in results.values()])

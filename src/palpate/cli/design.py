@@ -135,7 +135,7 @@ def design(
         max_speed=plan.max_speed,
     )
     played = _write_motion(result, written)
-    drawing.save("draw_design", result)
+    drawing.save("palpate.design.figures.draw_design", result)
     if as_json:
         print_json({**result.as_dict(), "command": command_line(result)})
         return

@@ -64,7 +64,7 @@ def identify(
     if result.wanted.frequency is not None:  # refused before anything is written
         result.dynamic_stiffness(result.wanted.frequency)
     result = _in_parts(result if depth is None else result.at_depth(depth), changes=changes)
-    drawing.save("draw", result, list(files))
+    drawing.save("palpate.figures.draw", result, list(files))
     if destination is not None:
         options = {**choosing.options, **({"changes": True} if changes else {})}
         options |= {**judging.options, **deriving.options, **reading.options}

@@ -45,7 +45,7 @@ def map(
     drawing.check()
     depth = None if at is None else quantity("--at", at, "penetration")
     found = map_of(read_results(results), by.split(","), of=of, depth=depth)
-    drawing.save("draw_map", found)
+    drawing.save("palpate.fleet.figures.draw_map", found)
     console = Terminal()
     say(console, found.summary)
     say_path(console, f"figure: {drawing.figure}")

@@ -134,12 +134,13 @@ class Drawing:
         check_figure(self.figure, inputs=inputs)
 
     def save(self, draw: str, what: Any, inputs: Sequence[Path] = ()) -> None:
-        """Draw something by a function of :mod:`palpate.figures`, where a figure is asked for."""
+        """Draw by a function such as ``palpate.figures.draw``, where a figure is wanted."""
         if self.figure is not None:
-            from palpate import figures
+            from palpate.figures import save
 
-            drawn = getattr(figures, draw)(what, dark=self.dark, width=self._metres())
-            figures.save(drawn, self.figure, inputs=inputs)
+            module, _, name = draw.rpartition(".")
+            drawn = getattr(import_module(module), name)(what, dark=self.dark, width=self._metres())
+            save(drawn, self.figure, inputs=inputs)
 
     def _metres(self) -> float | None:
         from palpate.figures.sheet import NARROWEST, WIDEST

@@ -117,13 +117,13 @@ class Statement:
 
     def notes(self) -> list[str]:
         """Return the lines that a fragment carries as a comment."""
-        from palpate import __version__
+        from palpate._core import __version__
 
         return [f"palpate {__version__}", *self.words()]
 
     def as_dict(self) -> dict[str, Any]:
         """Return the statement as plain numbers and words, SI; what is not defined is None."""
-        from palpate import __version__
+        from palpate._core import __version__
 
         source, found, asked = self.source, self.compared, self.fragment.asked
         errors = source.standard_errors

@@ -1,13 +1,22 @@
-"""Figures of an identification: the only part that imports matplotlib.
+"""Figures of an identification, and how every figure looks. Needs the extra ``figures``.
 
-Needs the extra ``figures``.
+What else is drawn stands beside what it shows: :mod:`palpate.design.figures`,
+:mod:`palpate.fleet.figures` and :mod:`palpate.lab.figures`.
 """
+
+from importlib import import_module
 
 from palpate.figures.compared import draw_comparison as draw_comparison
 from palpate.figures.identified import draw as draw
-from palpate.figures.maps import draw_map as draw_map
-from palpate.figures.motions import draw_design as draw_design
 from palpate.figures.oscillations import draw_oscillations as draw_oscillations
 from palpate.figures.residuals import draw_residuals as draw_residuals
 from palpate.figures.style import check_figure as check_figure
 from palpate.figures.style import save as save
+
+_MOVED = {"draw_design": "palpate.design.figures", "draw_map": "palpate.fleet.figures"}
+
+
+def __getattr__(name: str) -> object:
+    if name in _MOVED:  # for one release
+        return getattr(import_module(_MOVED[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import palpate
+from palpate._core import __version__
 from palpate.contact import Contact
 from palpate.errors import FleetError, InvalidParameterError, PalpateError, RecordingError
 from palpate.fleet.arrays import identify_curves, row_of_curve, searches_whole_curves
@@ -98,9 +98,9 @@ def lost(batch: "pa.Table", settings: Settings, reason: str) -> "pa.Table":
 
 
 def _check_version(settings: Settings) -> None:
-    if settings.version != palpate.__version__:
+    if settings.version != __version__:
         raise FleetError(
-            f"a worker has palpate {palpate.__version__}, and palpate {settings.version} asks; "
+            f"a worker has palpate {__version__}, and palpate {settings.version} asks; "
             "install one version everywhere"
         )
 

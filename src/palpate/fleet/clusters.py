@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from typing import Any
 
-import palpate
+from palpate._core import __version__
 from palpate.errors import FleetError
 from palpate.fleet.extras import cores, line_of, needed
 
@@ -178,19 +178,19 @@ def _check_workers(client: Any, scheduler: str) -> None:
         try:
             import pyarrow  # noqa: F401 - whether it can be imported is the question
 
-            import palpate
+            from palpate._core import __version__
         except ImportError as error:
             return f"no {error.name}"
-        return palpate.__version__
+        return __version__
 
     try:
         found = client.run(version)
     except Exception as error:
         raise FleetError(f"{scheduler}: its workers cannot be asked: {line_of(error)}") from None
     for worker, answer in sorted(found.items()):
-        if answer != palpate.__version__:
+        if answer != __version__:
             has = answer if answer.startswith("no ") else f"palpate {answer}"
             raise FleetError(
-                f"{scheduler}: the worker {worker} has {has}, and palpate {palpate.__version__} "
+                f"{scheduler}: the worker {worker} has {has}, and palpate {__version__} "
                 "asks; install one version, with the extra fleet, everywhere"
             )

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
-import palpate
+from palpate._core import __version__
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator, estimator_named
@@ -51,7 +51,7 @@ class Settings:
     diagnosis: DiagnosisDepth = "input"
     minimum_penetration: float | None = None
     minimum_force: float | None = None
-    version: str = dataclasses.field(default_factory=lambda: palpate.__version__)
+    version: str = dataclasses.field(default_factory=lambda: __version__)
 
     def __post_init__(self) -> None:
         if self.diagnosis not in get_args(DiagnosisDepth):

@@ -21,30 +21,9 @@ from numpy.typing import NDArray
 from palpate.errors import RecordingError
 from palpate.recordings.bounds import LARGEST, in_words
 from palpate.recordings.formats import Request
-from palpate.recordings.nested import Findings
+from palpate.recordings.nested import OBJECTS, UNIT_FIELDS, Findings, no_class, plain_numbers
 from palpate.recordings.recording import Recording, printable
 
-#: Structs in an array of them; more are a table of another kind.
-OBJECTS = 256
-
-#: Fields of a struct that state the unit of the others.
-UNIT_FIELDS = ("unit", "units", "Unit", "Units")
-
-#: MATLAB's classes of plain numbers.
-NUMBERS = frozenset(
-    {"double", "single", "logical"}.union(
-        f"{u}int{bits}" for u in ("", "u") for bits in (8, 16, 32, 64)
-    )
-)
-
-_CURES = {
-    "timeseries": "s = struct('time', ts.Time, 'data', ts.Data)",
-    "timetable": "s = table2struct(timetable2table(tt), 'ToScalar', true), with its times as "
-    "seconds(tt.Time - tt.Time(1))",
-    "table": "s = table2struct(t, 'ToScalar', true)",
-    "datetime": "s = posixtime(d)",
-    "duration": "s = seconds(d)",
-}
 Order = Literal["little", "big"]
 
 _MATRIX, _COMPRESSED = 14, 15
@@ -105,9 +84,9 @@ def read(path: Path, request: Request) -> Recording:
     with path.open("rb") as file:
         begin = file.read(128)
     if begin.startswith((b"MATLAB 7.3", b"\x89HDF")):
-        from palpate.recordings import matlab73  # needs h5py, and version 5 does not
+        from palpate.recordings.matlab73 import read_matlab  # needs h5py, and version 5 does not
 
-        return matlab73.read(path, request)
+        return read_matlab(path, request)
     if not begin.startswith(b"MATLAB 5.0"):
         raise RecordingError(
             f"{source}: this is no MATLAB file of version 5 to 7.3; save it again with "
@@ -148,29 +127,6 @@ def _take_structs(value: Struct, group: tuple[str, ...], name: str, found: Findi
         texts = [fields[u] for u in UNIT_FIELDS if isinstance(fields.get(u), str)]
         for field, inner in fields.items():
             _take(inner, own, field, found, texts[0].strip() if texts else None)
-
-
-def no_class(name: str) -> str:
-    """Say that a class holds no array that can be read, and how to save it."""
-    if name in ("cell", "string", "function_handle", "char"):
-        words = {"function_handle": "a function", "char": "text", "string": "text"}
-        return f"holds {words.get(name, 'cells')}, and no series of numbers"
-    if name == "complex":
-        return "holds complex numbers"
-    if name == "sparse":
-        return "is a sparse matrix, and no series"
-    cure = _CURES.get(name, "a struct of arrays")
-    return f"is of MATLAB's class {name}, which only MATLAB can read; save {cure} instead"
-
-
-def plain_numbers(values: NDArray[Any]) -> NDArray[Any]:
-    """Return whole numbers of up to 32 bits as floats, which hold them exactly.
-
-    MATLAB saves whole numbers of class double in as few bytes as hold them, and differences of
-    small or unsigned ones would overflow.
-    """
-    small = values.dtype.kind == "b" or (values.dtype.kind in "iu" and values.dtype.itemsize < 8)
-    return values.astype(np.float64) if small else values
 
 
 def _variables(path: Path, size: int, found: Findings) -> Iterator[tuple[str, Value]]:

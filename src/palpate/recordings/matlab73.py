@@ -7,20 +7,20 @@ import h5py
 from palpate.recordings.bounds import first_line
 from palpate.recordings.formats import Request
 from palpate.recordings.hdf5 import DAMAGED, Walk, opened
-from palpate.recordings.matlab import (
+from palpate.recordings.nested import (
     NUMBERS,
     OBJECTS,
     UNIT_FIELDS,
     no_class,
     plain_numbers,
+    text_of,
 )
-from palpate.recordings.nested import text_of
 from palpate.recordings.recording import Recording, printable
 
-_LONGEST_TEXT = 4096
+_LONGEST_CHAR = 4096
 
 
-def read(path: Path, request: Request) -> Recording:
+def read_matlab(path: Path, request: Request) -> Recording:
     """Read a MATLAB file of version 7.3.
 
     Raises
@@ -89,7 +89,7 @@ class _Variables(Walk):
 
 
 def _char(item: h5py.Dataset) -> str | None:
-    if item.dtype.kind not in "iu" or item.size > _LONGEST_TEXT:
+    if item.dtype.kind not in "iu" or item.size > _LONGEST_CHAR:
         return None
     return "".join(chr(code) for code in item[()].T.reshape(-1))
 

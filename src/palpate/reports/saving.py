@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from palpate import __version__
+from palpate._core import __version__
 from palpate.errors import MissingExtraError
 from palpate.figures.style import LIGHT, style
 from palpate.identification import Identified

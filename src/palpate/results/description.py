@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from palpate import __version__
+from palpate._core import __version__
 from palpate.diagnosis import Episode
 from palpate.errors import InvalidParameterError
 from palpate.preparation.touches import touches_of
