@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import least_squares
 
-from palpate.stated_cost import StatedCost
+from palpate.estimators.curves import StatedCost
 from palpate.validation import Floats
 
 

@@ -20,8 +20,8 @@ from benchmarks.native_programs import BuildError, native_programs
 from benchmarks.report import Limit, Row, Section
 from palpate import SingleStageRLS, VariableProjection
 from palpate.contact import Contact
-from palpate.curves import CurveFits, fit_curves, stated_cost
-from palpate.preparation.suggestions import suggest_scale
+from palpate.estimators.curves import CurveFits, fit_curves, stated_cost
+from palpate.preparation.gates import suggest_scale
 from palpate.writing import check_outputs, write_text
 
 app = App(name="python -m benchmarks.curves", help_format="plaintext", version_flags=[])

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.accuracy.probing import BALL, PVC, SPONGE
 from palpate import VariableProjection
 from palpate.design import Design, design
-from palpate.design.predicted_precision import PredictedPrecision
+from palpate.design.precision import PredictedPrecision
 from palpate.validation import Floats
 
 # The laboratory's, moved off the nodes of the method's own grid of exponents, 0.3 + 0.1 j.

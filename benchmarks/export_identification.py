@@ -16,8 +16,7 @@ import numpy as np
 
 from benchmarks.report import Row, Section
 from palpate import HuntCrossley, lab
-from palpate.exports.errors import force_error
-from palpate.exports.motion import Motion
+from palpate.exports.engine import ProbeMotion, force_error
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 
@@ -79,7 +78,7 @@ def measure_system_identification() -> Section:
 
 
 def _from_random_starts(sysid: Any, law: ForceLaw, two: bool) -> tuple[list[float], float]:
-    whole = Motion.of_paper()
+    whole = ProbeMotion.of_paper()
     motion = replace(whole, judged=whole.judged & (whole.time < 3.0)).firm()
     truth = motion.force_by(law)
     random = np.random.default_rng(0)
@@ -120,7 +119,7 @@ class _Contact:
         self._model = mujoco.MjModel.from_xml_string(SCENE)
         self._data = mujoco.MjData(self._model)
 
-    def force(self, names: list[str], values: Floats, motion: Motion, at: Any) -> Floats:
+    def force(self, names: list[str], values: Floats, motion: ProbeMotion, at: Any) -> Floats:
         model, data = self._model, self._data
         given = dict(zip(names, values.tolist(), strict=True))
         model.pair_solref[0] = -given["spring"], -given["damper"]

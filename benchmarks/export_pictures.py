@@ -72,7 +72,7 @@ def pressed(file: Path) -> Felt:
     """Identify, export to MuJoCo, and replay."""
     result = palpate.identify(file)
     made = exports.export(result, "mujoco", mass=MASS)
-    motion = exports.Motion.recorded(result).firm()
+    motion = exports.ProbeMotion.recorded(result).firm()
     ran = made.fragment.replay(motion)
     assert ran is not None
     assert motion.force is not None

@@ -22,17 +22,15 @@ from palpate import VariableProjection
 from palpate.estimators import ContactEstimator
 from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
-from palpate.live.law_numbers import in_words, numbers_of
+from palpate.live.diagnosing import Diagnosing
+from palpate.live.laboratory import Laboratory
+from palpate.live.law_numbers import in_words, numbers_of, verdict_on
+from palpate.live.loop import Histogram
 from palpate.live.page import Page
 from palpate.live.realtime import ask_for_realtime, undisturbed
+from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
-from palpate.live.sinks.diagnosis import Diagnosing
-from palpate.live.sinks.recorder import Recorder
-from palpate.live.sinks.sink import Session, Sink
-from palpate.live.sinks.watching import Watching
-from palpate.live.sources.laboratory import Laboratory
-from palpate.live.statistics import Histogram
-from palpate.live.verdict_on_laws import verdict_on
+from palpate.live.sinks import Session, Sink, Watching
 from palpate.preparation import OnlinePreparation
 
 TARE = 1.6  # s, of the 2 s that the laboratory rests

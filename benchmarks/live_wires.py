@@ -22,7 +22,7 @@ from rich.console import Console
 from benchmarks import machine, report
 from benchmarks.report import Limit, Row, Section
 from palpate.errors import PalpateError
-from palpate.live.sources.opening import SourceOptions, open_source
+from palpate.live.sources import SourceOptions, open_source
 
 RATE = 1000.0  # Hz
 KINDS = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped")
@@ -52,7 +52,7 @@ def sender(wire: str, where: str) -> Send:
 def _zeromq(where: str) -> Send:
     import zmq
 
-    from palpate.live.wires.packets import packed
+    from palpate.live.zeromq import packed
 
     publisher = zmq.Context().socket(zmq.PUB)
     publisher.sndhwm = 0
@@ -97,7 +97,7 @@ def _dds(_: Any, where: str) -> Callable[[int, bytes, int], None]:
     from cyclonedds.pub import DataWriter
     from cyclonedds.topic import Topic
 
-    from palpate.live.wires.dds_domain import participant, raw_type
+    from palpate.live.dds import participant, raw_type
 
     member = participant(int(where), None)
     reliable = Qos(Policy.Reliability.Reliable(10**9), Policy.History.KeepLast(10_000))
@@ -112,13 +112,13 @@ def _dds(_: Any, where: str) -> Callable[[int, bytes, int], None]:
 def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
     import zenoh
 
-    from palpate.live.wires import zenoh_session
-    from palpate.live.wires.addresses import parsed
+    from palpate.live import zenoh as wire
+    from palpate.live.ordering import parsed
 
-    session = zenoh_session.opened(parsed("zenoh", f"?listen={where}", zenoh_session.OPTIONS))
+    session = wire.opened(parsed("zenoh", f"?listen={where}", wire.OPTIONS))
     publishers = [
         session.declare_publisher(
-            zenoh_session.key_of(0, name, kind, store.hash_rihs01(kind)),
+            wire.key_of(0, name, kind, store.hash_rihs01(kind)),
             congestion_control=zenoh.CongestionControl.BLOCK,
             express=True,
         )
@@ -127,7 +127,7 @@ def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
 
     def put(index: int, data: bytes, k: int) -> None:
         assert not session.is_closed()  # which it is as soon as nobody holds it
-        attached = zenoh_session.attachment(k, time.time_ns(), b"a robot, 16 byte")
+        attached = zenoh.attachment(k, time.time_ns(), b"a robot, 16 byte")
         publishers[index].put(data, attachment=attached)
 
     return put

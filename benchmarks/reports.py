@@ -17,7 +17,7 @@ from benchmarks.accuracy.recordings import recorded
 from benchmarks.machine import describe
 from benchmarks.report import Limit, Row, Section, print_sections
 from palpate import RecordingError, compare, identify, load_result
-from palpate.reports.saving import Destination
+from palpate.reports.identification import Destination
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 

@@ -14,7 +14,7 @@ from benchmarks.motion import contact_samples
 from benchmarks.report import Limit, Row, Section
 from benchmarks.timing import Case, Clock, Effort, clock
 from palpate import Contact, ContactEstimator, SingleStageRLS, VariableProjection, identify
-from palpate.trace import Traced
+from palpate.estimators.estimate import Traced
 
 SHORT = 1000  # samples of a curve
 ESTIMATES = 2000  # of a trace, as identify has it by default

@@ -3,8 +3,8 @@
 import numpy as np
 
 from palpate import Contact, HuntCrossley, write_contact
-from palpate.fleet.columns import table_of_rows
-from palpate.fleet.settings import Settings
+from palpate.fleet.rows import table_of_rows
+from palpate.fleet.tasks import Settings
 
 LAW = HuntCrossley(4000.0, 60.0, 1.3)
 STEP = 1e-3

@@ -10,9 +10,8 @@ from robots import BIAS, NORMAL, ORIGIN, Hand, hand, table_of, topics_of
 
 import palpate
 from palpate import FlatPunch, HuntCrossley, Recording, RecordingError, identify, prepare
-from palpate.preparation.normals import normal_found, normal_given
+from palpate.preparation.settings import largest_turn, normal_found, normal_given, turned
 from palpate.preparation.surfaces import surface_of
-from palpate.preparation.wrenches import largest_turn, turned
 
 
 def turn(axis, angle) -> np.ndarray:

@@ -14,7 +14,7 @@ from recordings import HEADER, recording, rows_of, text_of, written
 import palpate
 from palpate import figures
 from palpate.cli.application import COMMANDS
-from palpate.recordings.truth import truth_of
+from palpate.recordings.recording import truth_of
 
 PALPATE = [sys.executable, "-m", "palpate"]
 FULL = Path("/dev/full")

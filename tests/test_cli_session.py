@@ -13,7 +13,7 @@ from cyclopts.completion.detect import ShellDetectionError
 from recordings import text_of, written
 
 from palpate.lab import BALL, THREE_SINES, Bench, IdealProbe
-from palpate.results.toml import as_toml
+from palpate.results.saved import as_toml
 
 
 def test_verbose_says_on_standard_error_what_is_done_and_how_long_it_took(run, good):

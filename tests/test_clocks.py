@@ -7,9 +7,8 @@ import pytest
 from robots import hand, topics_of
 
 from palpate import Recording, RecordingError, prepare
-from palpate.preparation.clocks import signals_of
+from palpate.preparation.clocks import gaps, rows_of, signals_of
 from palpate.preparation.roles import roles_of
-from palpate.preparation.rows import gaps, rows_of
 
 RAMP = np.linspace(-1e-3, 9e-3, 200)
 

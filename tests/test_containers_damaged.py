@@ -24,7 +24,7 @@ from containers import (
 )
 
 from palpate import MissingExtraError, RecordingError
-from palpate.recordings import FORMATS, formats, open_recording
+from palpate.recordings import FORMATS, open_recording, opening
 
 
 def cut(path, size: int):
@@ -270,7 +270,7 @@ def test_a_missing_package_is_an_error_that_says_how_to_install_it(tmp_path, mon
     def absent(name):
         raise ModuleNotFoundError("No module named 'h5py'", name="h5py")
 
-    monkeypatch.setattr(formats, "import_module", absent)
+    monkeypatch.setattr(opening, "import_module", absent)
     with pytest.raises(MissingExtraError, match=r"h5py.*pip install '\.\[recordings\]'"):
         open_recording(path)
 

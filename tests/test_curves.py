@@ -12,8 +12,8 @@ import palpate
 from benchmarks.curve_reference import Reference
 from benchmarks.curve_sets import DEPTH, MOTIONS, Curves, approach_and_retract, random_curves
 from palpate import Contact, CurveFits, HuntCrossley, InvalidParameterError, Scale, fit_curves
-from palpate.curves import STATUS_WORDS, stated_cost
-from palpate.preparation.suggestions import suggest_scale
+from palpate.estimators.curves import STATUS_WORDS, stated_cost
+from palpate.preparation.gates import suggest_scale
 
 SURFACES = (-0.2 * DEPTH, 0.2 * DEPTH)
 UNKNOWN: dict[str, Any] = {"surface": "estimate", "surface_range": SURFACES}

@@ -14,8 +14,8 @@ from cases import contact_of, exciting, tapping
 import palpate
 from palpate import Contact, HuntCrossley, KelvinVoigt, Wanted, identify
 from palpate.quantities.derived import path_of
-from palpate.quantities.work import loops_of
-from palpate.results.description import derived
+from palpate.quantities.energy import loops_of
+from palpate.results.saved import derived
 
 LAW = faults.LAW
 

@@ -8,8 +8,13 @@ from scipy.optimize import approx_fprime, least_squares
 
 from palpate import ExtendedKelvinVoigt, HuntCrossley, InvalidParameterError, KelvinVoigt, lab
 from palpate.design import PAPER_MOTION, Motion, design, effective_noise
-from palpate.design.excitation import cramer_rao_bound, fisher_information, jacobian, sensitivity
-from palpate.design.rounding import mean_rounding_error
+from palpate.design.motion import (
+    cramer_rao_bound,
+    fisher_information,
+    jacobian,
+    mean_rounding_error,
+    sensitivity,
+)
 
 BALL, SPONGE, PHANTOM = lab.BALL.law, lab.SPONGE.law, lab.PVC.law
 MATERIALS = [BALL, SPONGE, PHANTOM]

@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate.covariance import block_variance, mean_error, robust_covariance
 from palpate.diagnosis import Data
-from palpate.diagnosis.delay import _within_segment, delay
+from palpate.diagnosis.data import CHECKS, SOME, input_findings
+from palpate.diagnosis.delay import _within_segment, delay, relaxed
 from palpate.diagnosis.fit import Fit
-from palpate.diagnosis.inputs import CHECKS, input_findings
-from palpate.diagnosis.inputs.spikes import SOME
-from palpate.diagnosis.memory import relaxed
-from palpate.preparation.spikes import spiked
+from palpate.estimators.least_squares import block_variance, mean_error, robust_covariance
+from palpate.preparation.velocity import spiked
 
 
 def grave(contact: palpate.Contact, method: str | None = None) -> list[str]:

@@ -17,13 +17,20 @@ from palpate import ExtendedKelvinVoigt, GeneralisedHuntCrossley, HuntCrossley, 
 from palpate.diagnosis import Finding, Verdict
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.exports import Engine, Fragment, Motion, Replayed
-from palpate.exports.errors import drop_to, force_error, rebound_by
-from palpate.exports.kelvin_voigt import stable_step
-from palpate.exports.nearest import kelvin_voigt, with_exponents, without_memory
-from palpate.exports.registry import MODULES
-from palpate.exports.text import hash_comment, xml_comment
+from palpate.exports.engine import (
+    MODULES,
+    drop_to,
+    force_error,
+    hash_comment,
+    kelvin_voigt,
+    rebound_by,
+    stable_step,
+    with_exponents,
+    without_memory,
+    xml_comment,
+)
 from palpate.lab import BALL, PERFECT, PVC, THREE_SINES, TISSUE, Bench, IdealProbe
-from palpate.results.description import of_one
+from palpate.results.saved import of_one
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 

@@ -19,10 +19,10 @@ from export_cases import KELVIN_VOIGT_LAW as KELVIN_VOIGT
 import palpate
 from palpate import GeneralisedHuntCrossley, InvalidParameterError, exports, lab
 from palpate.exports import Asked, Motion, engine_called, export
-from palpate.exports.errors import drop_to, force_error
+from palpate.exports.engine import drop_to, force_error
 from palpate.exports.mujoco.engine import _too_narrow
-from palpate.exports.mujoco.rows import Row, Rows
-from palpate.exports.scenes import Scene
+from palpate.exports.mujoco.fitting import PairRows, Row
+from palpate.exports.mujoco.robot import Scene
 
 mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 
@@ -98,7 +98,7 @@ def test_the_force_of_a_row_is_that_of_the_engine_on_any_motion(pull):
         Row(4e5, 0.0, (3e-3, 0.02, 0.025, 0.1, 4.0), 0.0, pull),
         Row(900.0, 3e3, (1e-4, 0.05, 0.015, 0.8, 2.5), 1e-3, pull),
     )
-    fragment = replace(fitted(KELVIN_VOIGT), rows=Rows(rows, 1.0))
+    fragment = replace(fitted(KELVIN_VOIGT), rows=PairRows(rows, 1.0))
     predicted = fragment.predicted(motion)
     # Without a pull the damper of the second is clipped by itself as a body leaves.
     assert fragment.replay(motion).force == pytest.approx(predicted, rel=1e-9, abs=1e-9)
@@ -343,7 +343,7 @@ def test_a_mass_that_the_contact_adds_is_told_where_it_counts():
 
 
 def test_a_width_within_the_recording_is_refused():
-    [words] = _too_narrow(Rows((Row(1.0, 1.0, (1e-4, 0.02, 0.01, 0.5, 2.0)),), 1.0), 0.014)
+    [words] = _too_narrow(PairRows((Row(1.0, 1.0, (1e-4, 0.02, 0.01, 0.5, 2.0)),), 1.0), 0.014)
     assert "10 mm, is less than the recorded depth of 14" in words
 
 

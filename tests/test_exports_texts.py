@@ -18,10 +18,9 @@ from export_cases import (
 )
 
 from palpate.errors import InvalidParameterError
-from palpate.exports.drake.slab import shapes
-from palpate.exports.drake.spheres import not_negative
-from palpate.exports.errors import Drop, drop_to
-from palpate.exports.implicit import rebound_by_steps
+from palpate.exports.drake.running import rebound_by_steps
+from palpate.exports.drake.shapes import not_negative, shapes
+from palpate.exports.engine import Drop, drop_to
 from palpate.force_laws import GeneralisedHuntCrossley, engines
 
 NAMESPACE = "{http://drake.mit.edu}"

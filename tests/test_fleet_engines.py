@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from fleets import STEP, curves
 
-from palpate.fleet.batch import identify_batch
-from palpate.fleet.settings import Settings
+from palpate.fleet.running import identify_batch
+from palpate.fleet.tasks import Settings
 
 pa = pytest.importorskip("pyarrow")
 pytestmark = [

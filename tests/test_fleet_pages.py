@@ -5,13 +5,11 @@ import pytest
 from fleets import rows
 
 from palpate import InvalidParameterError
-from palpate.flags import NEGATIVE_STIFFNESS
-from palpate.fleet.columns import table_of_rows
-from palpate.fleet.maps import map_of
-from palpate.fleet.results import Results, read_results
-from palpate.fleet.settings import Settings
-from palpate.fleet.survey import kinds_of, outliers_of, reasons_of, repeats_of, slowest
-from palpate.fleet.tasks import Source, batches
+from palpate.fleet.files import Results, read_results
+from palpate.fleet.maps import kinds_of, map_of, outliers_of, reasons_of, repeats_of, slowest
+from palpate.fleet.rows import table_of_rows
+from palpate.fleet.tasks import Settings, Source, batches
+from palpate.identification.identified import NEGATIVE_STIFFNESS
 
 pa = pytest.importorskip("pyarrow")
 
@@ -183,7 +181,7 @@ def test_scattered_places_and_those_without_a_number_are_drawn_as_dots():
 
 def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
-    from palpate.reports.fleet import fleet_page
+    from palpate.fleet.report import fleet_page
 
     table = grid(flags=[["only 3 samples in contact"]] * 36)
     failed = [{"source": "<b>.csv", "error": "<b>.csv: it is damaged", "error_kind": "X"}]
@@ -196,7 +194,7 @@ def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypat
     assert "Outliers" not in page
     assert "Findings of the diagnosis" not in page
     assert "not checked" not in page
-    monkeypatch.setattr("palpate.reports.fleet.drawing", lambda *_: iter(()))
+    monkeypatch.setattr("palpate.fleet.report.drawing", lambda *_: iter(()))
     unchecked = written(tmp_path / "n", rows([1.0] * 6, [0.1] * 6, checked=["none"] * 6))
     assert "Neither the data nor the fits were checked" in fleet_page(unchecked)
     assert read_results(folder).num_rows == 37

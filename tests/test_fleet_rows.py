@@ -10,9 +10,8 @@ from fleets import LAW, STEP, contact, curves, write_recordings, write_zarr
 
 import palpate
 from palpate import FleetError, InvalidParameterError, VariableProjection, identify, identify_many
-from palpate.fleet.batch import identify_batch
-from palpate.fleet.settings import Settings
-from palpate.fleet.tasks import Source, batches, digest_of, tasks_table
+from palpate.fleet.running import identify_batch
+from palpate.fleet.tasks import Settings, Source, batches, digest_of, tasks_table
 
 pa = pytest.importorskip("pyarrow")
 

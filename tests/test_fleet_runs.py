@@ -14,13 +14,10 @@ import pytest
 from fleets import LAW, write_recordings, write_zarr
 
 from palpate import FleetError, RecordingError
-from palpate.fleet import clusters
-from palpate.fleet.batch import identify_batch, timed_batch
-from palpate.fleet.listing import sources_of
-from palpate.fleet.results import Results, read_results, read_seconds
-from palpate.fleet.settings import Settings
-from palpate.fleet.stored import described_array
-from palpate.fleet.tasks import batches, tasks_table
+from palpate.fleet import running
+from palpate.fleet.files import Results, described_array, read_results, read_seconds, sources_of
+from palpate.fleet.running import identify_batch, timed_batch
+from palpate.fleet.tasks import Settings, batches, tasks_table
 
 pytest.importorskip("distributed")
 zarr = pytest.importorskip("zarr")
@@ -40,7 +37,7 @@ def recordings(tmp_path_factory):
 
 
 def test_a_folder_of_all_kinds_becomes_a_row_each(run, recordings, tmp_path, monkeypatch):
-    monkeypatch.setattr("palpate.reports.fleet.drawing", lambda *_: iter(()))
+    monkeypatch.setattr("palpate.fleet.report.drawing", lambda *_: iter(()))
     results = tmp_path / "results"
     status, out, err = run("fleet", recordings, "-o", results, "--workers", 1, "--report")
     assert (status, err) == (0, "")
@@ -240,7 +237,7 @@ def test_arrays_in_other_units_are_identified_in_si(tmp_path):
 def test_a_scheduler_that_is_not_there_and_a_wrong_option_are_said_in_a_line(
     options, words, run, recordings, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(clusters, "PATIENCE", 0.5)
+    monkeypatch.setattr(running, "PATIENCE", 0.5)
     status, _, err = run("fleet", recordings, "-o", tmp_path / "results", *options)
     assert status == 2
     assert err.startswith(f"palpate: {words}")
@@ -376,8 +373,8 @@ def scheduler(tmp_path):
 def test_workers_of_ones_own_take_the_work_and_others_are_refused(
     scheduler, many, undisturbed, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(clusters, "PATIENCE", 2.0)
-    with pytest.raises(FleetError, match="has no workers"), clusters.client_of(scheduler=scheduler):
+    monkeypatch.setattr(running, "PATIENCE", 2.0)
+    with pytest.raises(FleetError, match="has no workers"), running.client_of(scheduler=scheduler):
         pass
     command = [sys.executable, "-m", "distributed.cli.dask_worker", scheduler, "--no-dashboard"]
     worker = subprocess.Popen([*command, "--nthreads", "1"], stderr=subprocess.DEVNULL)
@@ -389,7 +386,7 @@ def test_workers_of_ones_own_take_the_work_and_others_are_refused(
         monkeypatch.setattr("palpate.__version__", "9.9", raising=False)
         with (
             pytest.raises(FleetError, match=r"has palpate \d.*, and palpate 9\.9 asks"),
-            clusters.client_of(scheduler=scheduler),
+            running.client_of(scheduler=scheduler),
         ):
             pass
     finally:
@@ -408,8 +405,8 @@ def test_a_worker_that_ends_before_it_has_started_is_started_anew(monkeypatch):
         return await starting(self)
 
     monkeypatch.setattr(nanny.Nanny, "instantiate", instantiate)
-    monkeypatch.setattr(clusters, "_ASK_AGAIN", 0.5)
-    with clusters.client_of(workers=2) as client:
+    monkeypatch.setattr(running, "_ASK_AGAIN", 0.5)
+    with running.client_of(workers=2) as client:
         failures = iter([RuntimeError("killed while it was started")])
         client.cluster.sync(client.cluster.workers[0].close)
         client.wait_for_workers(2, timeout=30.0)

@@ -36,7 +36,7 @@ from palpate import (
     prepare,
 )
 from palpate.design import Motion as Planned
-from palpate.design.excitation import cramer_rao_bound
+from palpate.design.motion import cramer_rao_bound
 
 DATA = Path(os.environ.get("PALPATE_DATA", Path(__file__).parents[2] / "shared" / "data"))
 

@@ -27,8 +27,8 @@ from palpate import (
     compare,
     identify,
 )
-from palpate.metrics import prediction_rmse_percent, rmse_percent, violated_fraction
-from palpate.preparation.suggestions import suggest_gate, suggest_scale
+from palpate.estimators.estimate import prediction_rmse_percent, rmse_percent, violated_fraction
+from palpate.preparation.gates import suggest_gate, suggest_scale
 
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1))
 

@@ -8,8 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from palpate import InvalidParameterError, dissipation_for, restitution
-from palpate.quantities.approximations import APPROXIMATIONS
-from palpate.quantities.impact import restitution_slope
+from palpate.quantities.restitution import APPROXIMATIONS, restitution_slope
 
 # d = b v₀ over all that is solved, and the borders between the ways in which it is.
 PRODUCTS = [*10.0 ** np.arange(-18.0, 12.5, 0.5), 0.65, 0.67, 9.9e-6, 1.1e-5]

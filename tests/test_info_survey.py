@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from palpate.recordings import Recording
-from palpate.recordings.clocks import clock_rank, clock_unit
 from palpate.recordings.survey import survey
+from palpate.recordings.times import clock_rank, clock_unit
 
 
 def the_clock(times, unit: str | None = None, name: str = "time"):

@@ -10,7 +10,7 @@ import pytest
 
 import palpate
 from palpate import lab
-from palpate.cli.truths import comparable
+from palpate.cli.tables import comparable
 
 pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 

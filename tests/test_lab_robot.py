@@ -5,8 +5,8 @@ import pytest
 
 import palpate
 from palpate import InvalidParameterError, lab
-from palpate.lab.kinematics import Geometry
-from palpate.lab.picture import NoRendererError, photograph
+from palpate.lab.figures import NoRendererError, photograph
+from palpate.lab.rig import Geometry
 
 pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 

@@ -11,7 +11,7 @@ import pytest
 
 import palpate
 from palpate import Status, figures, force_laws, lab
-from palpate.design.excitation import cramer_rao_bound
+from palpate.design.motion import cramer_rao_bound
 from palpate.estimators import conformance, registry
 from palpate.validation import instance, number_in
 

@@ -6,8 +6,7 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
-from palpate.figures.slimming import slim
-from palpate.figures.style import DARK, LIGHT, as_svg, style
+from palpate.figures.style import DARK, LIGHT, as_svg, slim, style
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from robots import NORMAL, ORIGIN, hand, table_of
 
 from palpate import Recording, identify, prepare
 from palpate.digits import with_error
-from palpate.preparation.wrenches import turned
+from palpate.preparation.settings import turned
 
 SIDE = np.cross(NORMAL, [0.0, 0.0, 1.0]) / np.linalg.norm(np.cross(NORMAL, [0.0, 0.0, 1.0]))
 FELT = hand(4.0)

@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 import palpate
-from palpate import figures, metrics
-from palpate.preparation import preparing, suggestions, velocity
-from palpate.recordings import columns, opening, recording
+from palpate import figures
+from palpate.estimators import estimate
+from palpate.preparation import gates, preparing, velocity
+from palpate.recordings import opening, recording
 
 
 def test_a_name_is_there_when_it_is_asked_for_and_not_before():
@@ -119,7 +120,7 @@ OWN = [getattr(palpate, name) for name in NAMES]
 CLASSES = [thing for thing in OWN if inspect.isclass(thing)]
 FUNCTIONS = [thing for thing in OWN if not inspect.isclass(thing)]
 FUNCTIONS += [figures.draw, figures.draw_comparison, velocity.velocity_of]
-MODULES = [palpate, figures, metrics, preparing, suggestions, velocity, columns, opening, recording]
+MODULES = [palpate, figures, estimate, preparing, gates, velocity, opening, opening, recording]
 
 
 def members(kind: type) -> dict[str, object]:

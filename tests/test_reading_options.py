@@ -9,8 +9,8 @@ import pytest
 from recordings import HEADER, recording, rows_of, text_of, written
 from robots import hand, table_of
 
-from palpate.preparation.wrenches import turned
-from palpate.results.toml import as_toml
+from palpate.preparation.settings import turned
+from palpate.results.saved import as_toml
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import pytest
 
 import palpate
 from palpate import ESTIMATORS, ContactGate, RecordingError, SingleStageRLS, open_recording, prepare
-from palpate.preparation.places import at_places
+from palpate.preparation.along_penetration import at_places
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 FOLDER = Path(os.environ.get("PALPATE_DATA", BESIDE))

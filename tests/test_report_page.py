@@ -10,7 +10,7 @@ import pytest
 from faults import changed
 
 import palpate
-from palpate.reports import sections
+from palpate.reports import identification
 from palpate.reports.identification import Circumstances, page
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
@@ -97,10 +97,10 @@ def test_the_colours_of_drawings_follow_the_page(report):
 
 def test_each_stretch_between_changes_is_a_row_and_the_fit_is_said_of_their_own_laws():
     result = palpate.identify(changed(0.3)).by_stretch()
-    words = "".join(sections.parts(result))
+    words = "".join(identification.sections_of(result))
     assert words.count("<tr>") == 1 + 2
     assert "change detector" in words
-    assert "The stretches' own laws fit" in html.unescape("".join(sections.numbers(result)))
+    assert "The stretches' own laws fit" in html.unescape("".join(identification.numbers(result)))
     assert "the stretches' own laws fit" in result.summary()
 
 
@@ -109,7 +109,7 @@ def test_a_contact_that_says_nothing_has_no_error_bars():
     depth = np.full(400, 5e-3)
     contact = palpate.Contact(time, penetration=depth, velocity=0.0 * time, force=0.0 * time + 2.0)
     result = palpate.identify(contact)
-    shown = "".join([*sections.verdict(result), *sections.numbers(result)])
+    shown = "".join([*identification.verdict(result), *identification.numbers(result)])
     assert "do-not-trust" in shown
     assert "± unknown" in shown
     assert Reading(shown).open == []

@@ -16,9 +16,9 @@ import pytest
 
 import palpate
 from palpate.errors import MissingExtraError, RecordingError
-from palpate.recordings import columns as tables
-from palpate.reports import saving
-from palpate.results.columns import in_file, trace_columns
+from palpate.recordings import opening as tables
+from palpate.reports import identification
+from palpate.results.saved import in_file, trace_columns
 from palpate.results.summary import depth_in_words
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
@@ -65,8 +65,8 @@ def test_what_was_saved_is_read_back_to_the_last_bit(ball, saved):
 
 
 def test_without_pyarrow_the_trace_is_text_and_as_exact(ball, tmp_path, monkeypatch):
-    monkeypatch.setattr(saving, "has_parquet", lambda: False)
-    assert "trace.csv" in saving.Destination(tmp_path).names
+    monkeypatch.setattr(identification, "has_parquet", lambda: False)
+    assert "trace.csv" in identification.Destination(tmp_path).names
     table = in_file(trace_columns(ball))
     tables.write_columns(table.columns, tmp_path / "trace.csv", units=table.units)
     found = palpate.open_recording(tmp_path / "trace.csv")
@@ -98,7 +98,7 @@ def test_a_folder_may_be_called_as_a_file_and_needs_no_digest_as_before_there_wa
 
 
 def test_what_standard_input_gave_is_repeated_from_it(ball, tmp_path, undrawn):
-    saving.Destination(tmp_path).save(ball, options={"method": ball.method})
+    identification.Destination(tmp_path).save(ball, options={"method": ball.method})
     assert "palpate identify - --config" in (tmp_path / "report.html").read_text("utf-8")
 
 
@@ -167,7 +167,7 @@ def test_a_damaged_result_is_one_line(saved, tmp_path, spoil, words):
 
 @pytest.mark.parametrize("parquet", [True, False])
 def test_the_trace_of_another_run_is_refused(ball, tmp_path, monkeypatch, undrawn, parquet):
-    monkeypatch.setattr(saving, "has_parquet", lambda: parquet)
+    monkeypatch.setattr(identification, "has_parquet", lambda: parquet)
     shifted = replace(ball.contact, force=ball.contact.force + 1e-12)  # of the same length
     for folder, each in (("one", ball), ("other", palpate.identify(shifted))):
         each.save(tmp_path / folder)
@@ -211,7 +211,7 @@ def test_a_report_without_matplotlib_names_the_extra(run, tmp_path, monkeypatch)
     def missing(*_):
         raise MissingExtraError("figures need matplotlib")
 
-    monkeypatch.setattr(saving, "style", missing)
+    monkeypatch.setattr(identification, "style", missing)
     status, _, err = run("identify", BALL, "-o", tmp_path)
     assert status == 2
     assert "palpate[report]" in err

@@ -5,7 +5,7 @@ import pytest
 
 from palpate import MissingChannelError, Recording, RecordingError, prepare
 from palpate.preparation import Columns, roles_of
-from palpate.preparation.vectors import vectors_of
+from palpate.preparation.roles import vectors_of
 
 SPACE = {"position": ("px_m", "py_m", "pz_m"), "force": ("fx_N", "fy_N", "fz_N")}
 

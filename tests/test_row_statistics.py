@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from palpate.preparation.resolution import resolutions_of
-from palpate.preparation.spikes import largest_of, spiked, spikes_of_rows, step_of
-from palpate.preparation.suggestions import LARGEST, noise_of
+from palpate.preparation.gates import LARGEST, noise_of, resolutions_of
+from palpate.preparation.velocity import largest_of, spiked, spikes_of_rows, step_of
 
 # So many that cells are looked through, and so few that they are not.
 SIZES = [1, 2, 3, 4, 5, 6, 127, 128, 129, 1000, 2001]

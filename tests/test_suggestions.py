@@ -13,8 +13,7 @@ from probing import BALL, felt
 
 import palpate
 from palpate import Contact, ContactGate, InvalidParameterError, Scale, lab
-from palpate.preparation.suggestions import choose_gate, noise_of, suggest_gate, suggest_scale
-from palpate.preparation.touches import touches_of
+from palpate.preparation.gates import choose_gate, noise_of, suggest_gate, suggest_scale, touches_of
 
 
 def contact_of(signals, length: float = 1.0, force: float = 1.0) -> Contact:

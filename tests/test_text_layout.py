@@ -7,7 +7,7 @@ import pytest
 from recordings import written
 
 from palpate import open_recording
-from palpate.recordings.units import unit_in_name
+from palpate.recordings.recording import unit_in_name
 
 COLUMNS = {"time": [0.0, 0.5, 1.25], "Fx": [-1.5, 2.0, 1e-3]}
 

@@ -139,10 +139,10 @@ def test_figures_frames_and_stretches_are_there_without_a_trace(kind):
 @pytest.mark.parametrize("trace", [False, 0.2, 50])
 @pytest.mark.parametrize("table", ["trace.parquet", "trace.csv"])
 def test_a_thinned_trace_is_saved_and_read_back(trace, table, tmp_path, monkeypatch):
-    from palpate.reports import saving
+    from palpate.reports import identification
 
-    monkeypatch.setattr(saving, "has_parquet", lambda: table == "trace.parquet")
-    monkeypatch.setattr(saving, "page", lambda *_: "")  # which is drawn for seconds
+    monkeypatch.setattr(identification, "has_parquet", lambda: table == "trace.parquet")
+    monkeypatch.setattr(identification, "page", lambda *_: "")  # which is drawn for seconds
     result = identify(CONTACT, trace=trace)
     result.save(tmp_path)
     found = palpate.load_result(tmp_path / "result.json").trace

@@ -31,7 +31,7 @@ from palpate import (
     VariableProjection,
     design,
 )
-from palpate.design.excitation import cramer_rao_bound
+from palpate.design.motion import cramer_rao_bound
 
 LAWS_TRIED = 20
 

@@ -16,11 +16,11 @@ from palpate import (
     figures,
     identify,
 )
-from palpate.diagnosis.laws import Laws, remedy_of_memory
+from palpate.diagnosis.finding import Laws, remedy_of_memory
 from palpate.estimators.by_law import estimator_by_law, law_names
 from palpate.estimators.law_verdicts import Candidate, LawVerdict, Standing
-from palpate.reports import law as law_section
-from palpate.results.parameters import parameter_rows
+from palpate.reports import identification as law_section
+from palpate.results.summary import parameter_rows
 
 # Of faults.LAW's stiffness; where the damper grows otherwise it is as large at 8 mm.
 N = faults.LAW.exponent

@@ -8,7 +8,7 @@ from cases import exciting
 
 import palpate
 from palpate.errors import InvalidParameterError
-from palpate.recordings.truth import truth_of
+from palpate.recordings.recording import truth_of
 
 HARD = palpate.HuntCrossley(228e3, 2e3, 2.0)
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"

@@ -9,8 +9,8 @@ from typing import Any, Self, TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from palpate.fleet.clusters import client_of
-from palpate.fleet.extras import cores
+from palpate.fleet.running import client_of
+from palpate.fleet.tasks import cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -8,7 +8,7 @@ from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.probing import MATERIALS, NOISE, approach_and_probe, feed, noise
 from benchmarks.accuracy.table import Group, Limit, Line
 from palpate import VariableProjection
-from palpate.design.excitation import cramer_rao_bound
+from palpate.design.motion import cramer_rao_bound
 
 DURATION = 20.0  # s, the approach included
 UNKNOWN = 2e-3  # m

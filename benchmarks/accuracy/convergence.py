@@ -22,7 +22,7 @@ from benchmarks.accuracy.probing import (
 from benchmarks.accuracy.table import Group, Limit, Line
 from palpate import VariableProjection
 from palpate.design import Motion
-from palpate.design.excitation import sensitivity
+from palpate.design.motion import sensitivity
 
 DURATION = 20.0  # s
 KNOWN_TO = 3e-3  # N, an offset that a pause has left

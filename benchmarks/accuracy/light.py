@@ -13,7 +13,7 @@ from benchmarks.accuracy.probing import BALL, PVC, SPONGE, SYMBOLS, Floats, feed
 from benchmarks.accuracy.table import Group, Limit, Line
 from benchmarks.accuracy.trials import rms
 from palpate import Estimate, HuntCrossley, Scale, VariableProjection
-from palpate.design.excitation import cramer_rao_bound
+from palpate.design.motion import cramer_rao_bound
 
 SECONDS = 10.0
 LEVELS = (0.005, 0.05, 0.2)  # N

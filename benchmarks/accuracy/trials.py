@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.accuracy.probing import MATERIALS, NOISE, Floats, feed, noise, sines
 from palpate import Scale, SingleStageRLS, VariableProjection
-from palpate.design.excitation import cramer_rao_bound
+from palpate.design.motion import cramer_rao_bound
 from palpate.preparation.velocity import velocity_of
 
 TIMES = (0.5, 1.0, 5.0, 20.0)  # s

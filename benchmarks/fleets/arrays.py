@@ -9,7 +9,7 @@ from benchmarks.fleets.curves import SAMPLES, write_array
 from benchmarks.fleets.processes import watching
 from benchmarks.report import Limit, Row, Section
 from palpate.fleet.running import Fleet, run_fleet
-from palpate.fleet.settings import Settings
+from palpate.fleet.tasks import Settings
 
 UNKNOWN = Settings(
     diagnosis="none", estimator={"surface": "estimate"}, preparation={"surface": "estimate"}

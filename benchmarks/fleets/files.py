@@ -8,9 +8,9 @@ import numpy as np
 
 from benchmarks.reading import BEGIN, STEP, stamped, write_mcap
 from benchmarks.report import Limit, Row, Section
-from palpate.fleet.results import read_results
+from palpate.fleet.files import read_results
 from palpate.fleet.running import run_fleet
-from palpate.fleet.settings import Settings
+from palpate.fleet.tasks import Settings
 
 SECONDS = 1.0
 _FILES = 200  # that are made; the others are copies of them, which reading cannot tell

@@ -12,7 +12,7 @@ from benchmarks.fleets.arrays import UNKNOWN
 from benchmarks.fleets.curves import write_array
 from benchmarks.fleets.processes import workers
 from benchmarks.report import Limit, Row, Section
-from palpate.fleet.results import read_results
+from palpate.fleet.files import read_results
 from palpate.fleet.running import run_fleet
 
 SEED = 20

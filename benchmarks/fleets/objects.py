@@ -10,9 +10,9 @@ from pathlib import Path
 from benchmarks.fleets.curves import write_array
 from benchmarks.fleets.files import write_files
 from benchmarks.report import Limit, Row, Section
-from palpate.fleet.results import read_results
+from palpate.fleet.files import read_results
 from palpate.fleet.running import run_fleet
-from palpate.fleet.settings import Settings
+from palpate.fleet.tasks import Settings
 
 BUCKET = "archive"
 SETTINGS = Settings(diagnosis="none")

@@ -95,7 +95,7 @@ void bind_curves(nb::module_& module) {
   module.def("fit_curves", &fit_curves, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
              nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg(),
              nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg() = "",
-             "What palpate.curves.fit_curves calls, a row a curve.");
+             "What palpate.estimators.curves.fit_curves calls, a row a curve.");
 }
 
 }  // namespace palpate::bindings

@@ -145,7 +145,7 @@ class LeastSquares:
     def _restore(self, arg: bytes, /) -> None: ...
 
 def fit_curves(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg3: Sequence[float], arg4: bool, arg5: float, arg6: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg7: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg8: Sequence[float] | None, arg9: Sequence[float], arg10: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg11: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg12: Annotated[NDArray[numpy.int64], dict(order='C', device='cpu')], arg13: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg14: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')] | None, arg15: int, arg16: str = '', /) -> None:
-    """What palpate.curves.fit_curves calls, a row a curve."""
+    """What palpate.estimators.curves.fit_curves calls, a row a curve."""
 
 class KelvinVoigtRLS:
     def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float] | None, arg5: float | None, arg6: Sequence[float], arg7: Sequence[float], arg8: float, /) -> None: ...

@@ -9,15 +9,14 @@ from palpate.diagnosis import Data, Diagnosis
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ESTIMATORS, ContactEstimator
 from palpate.estimators.by_law import estimator_by_law
-from palpate.estimators.loop_settings import Rejection, known_exponent
-from palpate.identification import Identified
+from palpate.estimators.estimate import Traced, checked_trace
+from palpate.estimators.registry import Rejection, known_exponent
+from palpate.identification.identified import Identified
+from palpate.preparation.gates import choose_gate
 from palpate.preparation.preparing import Recorded, prepare
-from palpate.preparation.suggestions import choose_gate
-from palpate.results.description import of_one
-from palpate.results.frames import to_pandas, to_xarray
+from palpate.results.saved import of_one, to_pandas, to_xarray
 from palpate.results.summary import line, summary
 from palpate.settings import ContactGate
-from palpate.trace import Traced, checked_trace
 
 if TYPE_CHECKING:
     import pandas
@@ -64,7 +63,7 @@ class Identification(Identified):
 
     def _repr_html_(self) -> str:
         """Shown by a notebook: verdict, numbers at working depth, and the law."""
-        from palpate.reports.card import card
+        from palpate.reports.identification import card
 
         return card(self)
 
@@ -121,7 +120,7 @@ class Identification(Identified):
         MissingExtraError
             matplotlib, which the report needs, is not installed.
         """
-        from palpate.reports.saving import Destination
+        from palpate.reports.identification import Destination
 
         Destination(Path(folder)).save(self)
 
@@ -148,7 +147,7 @@ def identify(
     estimator : ContactEstimator or str, optional
         Method and settings; it is left as it is. Or the name of a method, such as
         ``"single-stage"``. :class:`VariableProjection` unless given. A ``gate`` or ``scale`` it
-        leaves open (None) is chosen from the data: see :mod:`palpate.preparation.suggestions`; but
+        leaves open (None) is chosen from the data: see :mod:`palpate.preparation.gates`; but
         variable projection chooses its samples itself, and knows what a tare left of the offset by
         the contact's ``tare_deviation``. Outliers are left out by :class:`OutlierRejection` unless
         ``outlier_rejection`` is False.

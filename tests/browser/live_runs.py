@@ -8,8 +8,7 @@ from itertools import count
 
 from palpate.live import run
 from palpate.live.page import Page
-from palpate.live.sources.replay import Replay
-from palpate.live.sources.source import EndOfSourceError
+from palpate.live.sources import EndOfSourceError, Replay
 
 
 class Endless(Replay):

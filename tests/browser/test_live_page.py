@@ -14,9 +14,9 @@ pytest.importorskip("mcap", reason="the extra live is not installed")
 
 from live_runs import Wire, running
 
+from palpate.live.console import percent
+from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
-from palpate.live.sinks.figures import percent
-from palpate.live.sinks.recorder import Recorder
 
 pytestmark = pytest.mark.browser
 

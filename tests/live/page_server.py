@@ -15,14 +15,12 @@ import numpy as np
 from websockets.sync.client import connect
 
 import palpate
-from palpate.live.board import Board
 from palpate.live.loop import Loop
 from palpate.live.page import Page
-from palpate.live.page.channels import CHANNELS
-from palpate.live.page.history import HEADER
-from palpate.live.ring import Writer
-from palpate.live.sinks.sink import Session
-from palpate.live.sources.replay import Replay
+from palpate.live.page.watch import CHANNELS, HEADER
+from palpate.live.ring import Board, Writer
+from palpate.live.sinks import Session
+from palpate.live.sources import Replay
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 

@@ -12,12 +12,11 @@ from pathlib import Path
 from cases import MATERIALS, exciting
 
 from palpate import OnlinePreparation
-from palpate.live.arrivals import Arrival, Counts
 from palpate.live.loop import Loop
 from palpate.live.ring import COLUMNS, Reader, Writer
 from palpate.live.running import default_estimator
-from palpate.live.sinks.watching import Watching
-from palpate.live.sources.source import EndOfSourceError
+from palpate.live.sinks import Watching
+from palpate.live.sources import Arrival, Counts, EndOfSourceError
 
 T = 1e-3
 PLACE = {name: k for k, name in enumerate(COLUMNS)}

@@ -15,8 +15,7 @@ import pytest
 from scripted import measured
 
 import palpate
-from palpate.live.sinks.console import summary
-from palpate.live.sinks.figures import percent, seconds
+from palpate.live.console import percent, seconds, summary
 
 BARE = ("--no-page", "--no-diagnosis")
 

@@ -7,10 +7,10 @@ from scripted import arrivals, looped, measured, pressed
 
 import palpate
 from palpate.live import run
+from palpate.live.diagnosing import Diagnosing, contact_of, diagnosed, outdated, recent
 from palpate.live.ring import COLUMNS
-from palpate.live.sinks.diagnosis import Diagnosing, contact_of, diagnosed, outdated, recent
-from palpate.live.sinks.watching import Watching
-from palpate.live.sources.replay import Replay
+from palpate.live.sinks import Watching
+from palpate.live.sources import Replay
 
 SAMPLE = [COLUMNS.index(name) for name in ("time", "penetration", "velocity", "force", "status")]
 LATE = 9e-3  # s

@@ -9,11 +9,9 @@ import pytest
 
 from palpate import HuntCrossley, InvalidParameterError, OnlinePreparation, lab
 from palpate.live import run
-from palpate.live.sinks.opening import open_publisher
-from palpate.live.sources import SOURCES, SourceOptions, open_source
-from palpate.live.sources.laboratory import Laboratory
-from palpate.live.sources.laboratory_process import Setup
-from palpate.live.sources.source import EndOfSourceError
+from palpate.live.laboratory import Laboratory, Setup
+from palpate.live.publishing import open_publisher
+from palpate.live.sources import SOURCES, EndOfSourceError, SourceOptions, open_source
 
 STEP = 1e-3
 

@@ -15,16 +15,22 @@ from palpate import (
     ViscoelasticContact,
 )
 from palpate.estimators.by_law import estimator_by_law
-from palpate.live.commands import Command
-from palpate.live.law_numbers import NUMBERS, certainty, fields_of, in_words, numbers_of, told
+from palpate.live.choices import Command
+from palpate.live.law_numbers import (
+    NUMBERS,
+    certainty,
+    fields_of,
+    in_words,
+    numbers_of,
+    told,
+    verdict_on,
+)
 from palpate.live.loop import Loop
 from palpate.live.page.watch import plain
+from palpate.live.publishing import Fields, words_of
+from palpate.live.recorder import described
 from palpate.live.ring import Writer
 from palpate.live.running import default_estimator
-from palpate.live.sinks.messages import described
-from palpate.live.sinks.publishing import words_of
-from palpate.live.verdict_on_laws import verdict_on
-from palpate.live.wires.estimates import Fields
 
 BOX = FlatSpectrum(2e-3, 2.048)
 LAWS = {
@@ -119,7 +125,7 @@ def test_before_the_first_sample_there_is_no_law_and_no_number():
 
 def test_the_verdict_is_published_in_words_and_numbers():
     typesys = pytest.importorskip("rosbags.typesys", reason="the extra live is not installed")
-    from palpate.live.wires.ros_estimates import STATUS, RosEncoder
+    from palpate.live.publishing import STATUS, RosEncoder
 
     data = RosEncoder().status("contact", "rig", 0, {"law": "spring", "lead": 1.0 / 3.0})
     store = typesys.get_typestore(typesys.Stores.LATEST)

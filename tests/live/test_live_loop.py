@@ -9,16 +9,13 @@ from scripted import Scripted, Silence, T, arrivals, column, looped, measured, p
 
 import palpate
 from palpate import ESTIMATORS, OnlinePreparation, Status
-from palpate.live.arrivals import Arrival
-from palpate.live.commands import Command
+from palpate.contact import Remark
+from palpate.estimators.estimate import Trace
+from palpate.live.choices import Command, State
+from palpate.live.console import at_depth
 from palpate.live.ring import Writer
 from palpate.live.running import default_estimator
-from palpate.live.sinks.figures import at_depth
-from palpate.live.sources.replay import Replay
-from palpate.live.sources.source import EndOfSourceError
-from palpate.live.states import State
-from palpate.remarks import Remark
-from palpate.trace import Trace
+from palpate.live.sources import Arrival, EndOfSourceError, Replay
 
 TIMES, POSITIONS, FORCES = measured()
 SCRIPT = arrivals(TIMES, POSITIONS, FORCES)

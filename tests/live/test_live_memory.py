@@ -7,9 +7,8 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from palpate.live.board import SIZE, Board
-from palpate.live.ring import WIDTH, Reader, Writer
-from palpate.live.statistics import Histogram
+from palpate.live.loop import Histogram
+from palpate.live.ring import SIZE, WIDTH, Board, Reader, Writer
 
 SPAWN = multiprocessing.get_context("spawn")
 

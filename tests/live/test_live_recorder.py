@@ -17,9 +17,9 @@ from scripted import Scripted, T, arrivals, column, in_a_process, looped, measur
 import palpate
 from palpate import OnlinePreparation
 from palpate.live import run
-from palpate.live.commands import Command
+from palpate.live.choices import Command
+from palpate.live.recorder import Recorder, Recording
 from palpate.live.ring import COLUMNS
-from palpate.live.sinks.recorder import Recorder, Recording
 from palpate.writing import opened_new
 
 TIMES, POSITIONS, FORCES = measured(1.5)
@@ -180,7 +180,7 @@ import mmap
 from pathlib import Path
 from scripted import Endless
 from palpate.live import run
-from palpate.live.sinks.recorder import Recorder
+from palpate.live.recorder import Recorder
 
 class Counted(Endless):
     # How many have come stands in a file, which outlives a kill.

@@ -12,12 +12,10 @@ from palpate import FlatSpectrum, GeneralisedHuntCrossley, Status
 from palpate.estimators import ESTIMATORS
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.lab import MATERIALS
-from palpate.live.board import Board
 from palpate.live.page import watch
-from palpate.live.page.channels import CHANNELS, at_depth, channels_of
-from palpate.live.page.history import HEADER, History
-from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Writer
-from palpate.live.sinks.sink import Session
+from palpate.live.page.watch import CHANNELS, HEADER, History, at_depth, channels_of
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Board, Writer
+from palpate.live.sinks import Session
 
 AT = {name: place for place, name in enumerate(COLUMNS)}
 DELAY = 0.009

@@ -19,11 +19,10 @@ from websockets.sync.client import connect
 import palpate
 from palpate.errors import InvalidParameterError
 from palpate.live import run
-from palpate.live.commands import Command
-from palpate.live.page import Page, protocol, requests, server, watch
+from palpate.live.choices import Command
+from palpate.live.page import Page, server, watch
 from palpate.live.page.sink import token_for
-from palpate.live.sources.replay import Replay
-from palpate.live.sources.source import EndOfSourceError
+from palpate.live.sources import EndOfSourceError, Replay
 
 TOKEN = "a-token-of-twenty-letters"
 
@@ -270,7 +269,7 @@ def test_the_loop_is_asked_for_no_more_than_a_person_would():
             page.commands.recv()
             arrived += 1
         # A burst, and ten a second of what it took.
-        assert requests.MOST_COMMANDS <= arrived < 100
+        assert server.MOST_COMMANDS <= arrived < 100
 
 
 def test_a_loop_that_writes_nothing_more_is_said_and_its_return_too(monkeypatch):
@@ -284,7 +283,7 @@ def test_a_loop_that_writes_nothing_more_is_said_and_its_return_too(monkeypatch)
 
 @pytest.mark.slow
 def test_a_loop_that_does_not_answer_holds_up_no_page(monkeypatch):
-    monkeypatch.setattr(requests, "COMMAND_TIME", 1e-9)  # a person of endless patience
+    monkeypatch.setattr(server, "COMMAND_TIME", 1e-9)  # a person of endless patience
     with served(seconds=0.1) as page, page.socket() as client:
         for _ in range(4000):  # nobody reads them, and the system has room for some hundred kB
             client.send('{"ask": "reset"}')
@@ -368,7 +367,7 @@ def test_malformed_frames_and_requests_end_their_connections_and_are_counted(pag
 
 
 def test_connections_that_ask_for_nothing_take_no_room_from_those_that_do(monkeypatch):
-    monkeypatch.setattr(protocol, "PATIENCE", 0.5)
+    monkeypatch.setattr(server, "PATIENCE", 0.5)
     with served(seconds=0.1) as page, ExitStack() as idle, page.socket() as client:
         for k in range(100):
             made = idle.enter_context(connected(page))

@@ -18,12 +18,11 @@ import palpate
 from palpate import Status
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live import run
-from palpate.live.sinks.diagnosis import diagnosed, recent
-from palpate.live.sinks.opening import open_publisher
-from palpate.live.sinks.publishing import _Publishing
-from palpate.live.sinks.watching import PLACE, diagnosis_of
-from palpate.live.sources.replay import Replay
-from palpate.live.states import State
+from palpate.live.choices import State
+from palpate.live.diagnosing import diagnosed, recent
+from palpate.live.publishing import _Publishing, open_publisher
+from palpate.live.sinks import PLACE, diagnosis_of
+from palpate.live.sources import Replay
 
 NAMES = [
     "time", "prepared_time", "penetration", "velocity", "force", "predicted_force", "state",
@@ -139,7 +138,7 @@ class DDSListener(RosListener):
         from cyclonedds.sub import DataReader
         from cyclonedds.topic import Topic
 
-        from palpate.live.wires.dds_domain import participant, raw_type
+        from palpate.live.dds import participant, raw_type
 
         domain = self.robot.domain
         self.address = f"dds:/palpate?domain={domain}"

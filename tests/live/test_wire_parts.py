@@ -12,13 +12,22 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.live.arrivals import Counts
-from palpate.live.wires.addresses import parsed, topics_of
-from palpate.live.wires.ordering import Followed, Order, Origin, Receipt, Verdict
-from palpate.live.wires.packets import PacketError, packed, unpacked
-from palpate.live.wires.pairing import WAITING, Pairing, Stamped
-from palpate.live.wires.ros_messages import FORCES, POSITIONS, MessageReader
-from palpate.live.wires.zenoh_session import attached, attachment
+from palpate.live.ordering import (
+    WAITING,
+    Followed,
+    Order,
+    Origin,
+    Pairing,
+    Receipt,
+    Stamped,
+    Succession,
+    parsed,
+    topics_of,
+)
+from palpate.live.ros import FORCES, POSITIONS, MessageReader
+from palpate.live.sources import Counts
+from palpate.live.zenoh import attached, attachment
+from palpate.live.zeromq import PacketError, packed, unpacked
 
 MS = 1_000_000  # ns
 SINCE_1970 = 1_700_000_000_000 * MS
@@ -30,7 +39,7 @@ def judged(stamps, numbers=None) -> tuple[list[int], Counts]:
     order = Order(counts)
     numbers = [None] * len(stamps) if numbers is None else numbers
     pairs = zip(stamps, numbers, strict=True)
-    taken = [k for k, pair in enumerate(pairs) if order.admit(*pair) is not Verdict.REFUSED]
+    taken = [k for k, pair in enumerate(pairs) if order.admit(*pair) is not Succession.REFUSED]
     order.settle()
     return taken, counts
 
@@ -78,11 +87,11 @@ STAMPS = st.integers(-(2**63), 2**63 - 1)
 def test_any_stamps_and_numbers_are_counted_and_the_next_good_ones_are_taken(pairs):
     counts = Counts()
     order = Order(counts)
-    refused = sum(order.admit(*pair) is Verdict.REFUSED for pair in pairs)
+    refused = sum(order.admit(*pair) is Succession.REFUSED for pair in pairs)
     assert refused == counts.repeated + counts.disordered
     start = pairs[-1][0] + 2000 * MS if pairs else 0
     good = [order.admit(start + k * MS, None) for k in range(100)]
-    assert Verdict.REFUSED not in good
+    assert Succession.REFUSED not in good
     order.settle()
     assert 0 <= counts.lost <= 1_000_000 * max(len(pairs), 1) + 1000
 

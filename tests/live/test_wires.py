@@ -21,9 +21,8 @@ from wire_robots import (
 )
 
 from palpate.errors import PalpateError
-from palpate.live.arrivals import Counts
-from palpate.live.sources.opening import SourceOptions, open_source
-from palpate.live.wires.packets import packed
+from palpate.live.sources import Counts, SourceOptions, open_source
+from palpate.live.zeromq import packed
 
 ROS = ("dds", "zenoh")
 

@@ -11,8 +11,7 @@ import pytest
 from message_files import Maker
 from scripted import in_a_process
 
-from palpate.live.arrivals import Arrival
-from palpate.live.sources.opening import SourceOptions, open_source
+from palpate.live.sources import Arrival, SourceOptions, open_source
 
 POSE, WRENCH = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
 START = 1_700_000_000_000_000_000  # ns
@@ -114,7 +113,7 @@ class DDSRobot(RosRobot):
         from cyclonedds.pub import DataWriter
         from cyclonedds.topic import Topic
 
-        from palpate.live.wires.dds_domain import participant, raw_type
+        from palpate.live.dds import participant, raw_type
 
         self.domain = 100 + os.getpid() % 100
         member = participant(self.domain, None)

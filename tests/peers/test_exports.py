@@ -18,8 +18,8 @@ from export_cases import (
 
 from palpate import KelvinVoigt, exports
 from palpate.exports.drake.running import Plant, Setting, forces
-from palpate.exports.errors import drop_to
-from palpate.exports.opensim.running import Scene
+from palpate.exports.engine import drop_to
+from palpate.exports.opensim import Scene
 from peers.installed import installed
 
 pytestmark = pytest.mark.peers

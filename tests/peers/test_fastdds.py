@@ -45,7 +45,7 @@ def program(tmp_path_factory) -> Path:
 def session(program: Path, count: int, junk: int) -> tuple[dict, list[str]]:
     """What the loop counted, and what the robot heard of it."""
     from palpate.live import run
-    from palpate.live.sinks.opening import open_publisher
+    from palpate.live.publishing import open_publisher
     from palpate.live.sources import SourceOptions, open_source
 
     command = [program, str(DOMAIN), str(count), str(junk)]

@@ -9,8 +9,7 @@ from rich.console import Console
 from palpate import __version__
 from palpate.cli.printing import print_table, say, say_command
 from palpate.design.planned import Design
-from palpate.design.precision import HORIZON
-from palpate.design.predicted_precision import PredictedPrecision
+from palpate.design.precision import HORIZON, PredictedPrecision
 from palpate.digits import rounded
 
 

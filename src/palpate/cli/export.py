@@ -84,7 +84,7 @@ def export(
     """
     from palpate.exports.exporting import export as run
     from palpate.exports.exporting import save_refusal
-    from palpate.results.loading import RESULT, TRACES, load_result
+    from palpate.results.saved import RESULT, TRACES, load_result
 
     saved = load_result(result)
     inputs = [*(saved.folder / name for name in (RESULT, *TRACES)), *filter(None, [into.model])]

@@ -1,20 +1,30 @@
 """The command ``palpate fleet``."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from cyclopts import Group, Parameter
 
 from palpate.cli import complain
-from palpate.cli.options import OUTPUT, Address, Choosing, ResultFolder
+from palpate.cli.options import (
+    OUTPUT,
+    Address,
+    Choosing,
+    Depth,
+    Drawing,
+    Folder,
+    ResultFolder,
+    quantity,
+)
 from palpate.cli.printing import AsJson, Terminal, bar, print_json, say, say_path
 from palpate.cli.reading import Reading
 from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
     from palpate.fleet.running import Fleet
-    from palpate.fleet.settings import Settings
+    from palpate.fleet.tasks import Settings
+
 
 Sources: TypeAlias = tuple[str, ...]
 
@@ -99,7 +109,7 @@ def _settings(
     choosing: Choosing, diagnosis: Literal["none", "input", "full"], reading: Reading
 ) -> "Settings":
     """What was asked for, without what is so anyhow."""
-    from palpate.fleet.settings import Settings
+    from palpate.fleet.tasks import Settings
 
     for option in ("save_config", "curve"):
         if getattr(reading, option) is not None:
@@ -125,7 +135,7 @@ def require_figures() -> None:
 
 
 def _report(folder: Path) -> Path:
-    from palpate.reports.fleet import save_report
+    from palpate.fleet.report import save_report
 
     with bar("writing the report"):
         return save_report(folder)
@@ -159,3 +169,49 @@ def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
 
 def _counted(contacts: int) -> str:
     return "1 contact" if contacts == 1 else f"{contacts} contacts"
+
+
+# The command ``palpate map``.
+
+_FIGURE = Path("map.svg")
+
+
+def map(
+    results: Folder,
+    /,
+    *,
+    by: str = "x,y",
+    of: Literal["stiffness", "damping", "force", "exponent"] = "stiffness",
+    at: Depth | None = None,
+    drawing: Drawing = Drawing(),
+) -> None:
+    """Draw what a fleet found over where it was found, with its error beside it.
+
+    For example:
+
+        palpate map results/ --by x,y --figure stiffness.svg
+        palpate map results/ --by x,y --at 2mm --figure map.pdf --width 180mm
+
+    Parameters
+    ----------
+    results
+        Folder that ``palpate fleet`` wrote.
+    by
+        Two columns to draw over, such as x,y; or one, such as x or index.
+    of
+        What is drawn, at the working depth of each contact.
+    at
+        One depth for all, such as 2mm: only so are places compared that were pressed differently.
+    """
+    from palpate.fleet.files import read_results
+    from palpate.fleet.maps import map_of
+
+    if drawing.figure is None:
+        drawing = replace(drawing, figure=_FIGURE)
+    drawing.check()
+    depth = None if at is None else quantity("--at", at, "penetration")
+    found = map_of(read_results(results), by.split(","), of=of, depth=depth)
+    drawing.save("palpate.fleet.figures.draw_map", found)
+    console = Terminal()
+    say(console, found.summary)
+    say_path(console, f"figure: {drawing.figure}")

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 from cyclopts import Parameter
 
 from palpate.cli.options import Choosing, Deriving, Drawing, Judging, ResultFolder
-from palpate.cli.printing import AsJson, bar
+from palpate.cli.printing import AsJson, bar, print_json
 from palpate.cli.reading import Files, Reading
+from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
     from palpate.identifying import Identification
-    from palpate.reports.saving import Destination
+    from palpate.reports.identification import Destination
+
 
 Item = TypeVar("Item")
 
@@ -78,7 +80,7 @@ def _destination(output: Path | None, files: Files) -> "Destination | None":
     """Where the result goes, once it is known that it can be written there."""
     if output is None:
         return None
-    from palpate.reports.saving import Destination
+    from palpate.reports.identification import Destination
 
     return Destination(output, [file for file in files if str(file) != "-"])
 
@@ -99,3 +101,86 @@ def _counted(items: Sequence[Item], words: str) -> Iterable[Item]:
         for k, item in enumerate(items):
             yield item
             progress(k + 1, len(items))
+
+
+# The command ``palpate diagnose``.
+
+
+def diagnose(
+    files: Files,
+    /,
+    *,
+    choosing: Choosing = Choosing(),
+    as_json: AsJson = False,
+    judging: Judging = Judging(),
+    reading: Reading = Reading(),
+) -> int:
+    """Say what may be wrong with a recording and its identification, and how far to trust it.
+
+    For example:
+
+        palpate diagnose ball.csv --at 3mm --fail-on do-not-trust
+
+    Parameters
+    ----------
+    files
+        A recording, or several contacts with one object, as for palpate identify.
+    as_json
+        Print one JSON object instead of a table.
+    """
+    from palpate.cli.tables import print_diagnosis
+    from palpate.identifying import identify as run
+    from palpate.results.saved import described
+
+    depth, kind = judging.depth, choosing.kind
+    contact = reading.contact(files, choosing.options)
+    settings = reading.settings(contact, kind) | choosing.settings
+    result = run(contact, kind(**settings), trace=False)
+    result = result if depth is None else result.at_depth(depth)
+    if as_json:
+        print_json(described(files, [result]))
+    else:
+        print_diagnosis(result)
+    return judging.status([result.diagnosis.verdict])
+
+
+# The command ``palpate compare``.
+
+
+def compare(
+    files: Files,
+    /,
+    *,
+    as_json: AsJson = False,
+    drawing: Drawing = Drawing(),
+    judging: Judging = Judging(),
+    reading: Reading = Reading(),
+) -> int:
+    """Identify a recording with every method, side by side.
+
+    For example:
+
+        palpate compare ball.csv --figure methods.pdf
+
+    Parameters
+    ----------
+    files
+        A recording, or several contacts with one object, as for palpate identify.
+    as_json
+        Print one JSON object instead of a table.
+    """
+    from palpate.cli.tables import print_identifications
+
+    depth = judging.depth
+    if reading.surface == "estimate":
+        raise InvalidParameterError(
+            "--surface estimate is for one method that can: palpate identify"
+        )
+    drawing.check(list(files))
+    contact = reading.contact(files)
+    results = reading.compared(contact)
+    if depth is not None:
+        results = {name: result.at_depth(depth) for name, result in results.items()}
+    drawing.save("palpate.figures.draw_comparison", results, list(files))
+    print_identifications(files, list(results.values()), drawing.figure, as_json=as_json)
+    return judging.status([result.diagnosis.verdict for result in results.values()])

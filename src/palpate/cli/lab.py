@@ -109,7 +109,7 @@ def lab(
     console = Terminal(stderr=is_standard_output(output))
     _print(measurement, output, console)
     if picture is not None:
-        from palpate.figures.rig import save_rig
+        from palpate.lab.figures import save_rig
 
         say_path(console, f"picture, {save_rig(bench, picture)}: {picture}")
 
@@ -136,7 +136,7 @@ def _material(name: str, given: dict[str, float]) -> "Material":
             )
         return MATERIALS[name]
     if _is_scene(name):
-        from palpate.exports.scenes import Scene
+        from palpate.exports.mujoco.robot import Scene
 
         return Scene(name)
     if name not in FORCE_LAWS:

@@ -29,8 +29,8 @@ from palpate.errors import InvalidParameterError, RecordingError
 
 if TYPE_CHECKING:
     from palpate.estimators import ContactEstimator
-    from palpate.live.sinks.sink import Sink
-    from palpate.live.sources.source import Source
+    from palpate.live.sinks import Sink
+    from palpate.live.sources import Source
     from palpate.preparation import OnlinePreparation
 
 # Of the rest that a source begins with, what is sure to be without contact.
@@ -236,10 +236,10 @@ def _sinks(
     console: bool,
     diagnosis: bool,
 ) -> "list[Sink]":
-    from palpate.live.sinks.console import Console
-    from palpate.live.sinks.diagnosis import Diagnosing
-    from palpate.live.sinks.opening import open_publisher
-    from palpate.live.sinks.recorder import Recorder
+    from palpate.live.console import Console
+    from palpate.live.diagnosing import Diagnosing
+    from palpate.live.publishing import open_publisher
+    from palpate.live.recorder import Recorder
     from palpate.writing import check_writable
 
     if record is not None:

@@ -16,8 +16,8 @@ from palpate.errors import InvalidParameterError
 if TYPE_CHECKING:
     from palpate.diagnosis import Verdict
     from palpate.estimators import ContactEstimator
-    from palpate.quantities.wanted import Wanted
-    from palpate.tips import Tip
+    from palpate.quantities.derived import Wanted
+    from palpate.quantities.elastic_modulus import Tip
 
 # The headings under which help shows the options.
 WHAT = Group("Options", sort_key=1)
@@ -143,7 +143,7 @@ class Drawing:
             save(drawn, self.figure, inputs=inputs)
 
     def _metres(self) -> float | None:
-        from palpate.figures.sheet import NARROWEST, WIDEST
+        from palpate.figures.style import NARROWEST, WIDEST
 
         width = None if self.width is None else quantity("--width", self.width, "penetration")
         if width is None or NARROWEST <= width <= WIDEST:
@@ -206,7 +206,7 @@ class Deriving:
     @property
     def wanted(self) -> "Wanted":
         """What is asked for, SI."""
-        from palpate.quantities.wanted import Wanted
+        from palpate.quantities.derived import Wanted
         from palpate.validation import number_in
 
         speed, ratio, omega = None, None, None
@@ -227,7 +227,7 @@ def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> floa
 
     Or with one of other units, by their sizes, the first where there is none.
     """
-    from palpate.recordings.units import UNITS
+    from palpate.recordings.recording import UNITS
 
     found = _NUMBER.match(text)
     units = UNITS[channel] if isinstance(channel, str) else channel
@@ -268,7 +268,7 @@ def tip_of(text: str) -> "Tip":
     InvalidParameterError
         It is not of one of the forms, or a size is out of its range.
     """
-    from palpate.tips import Cone, FlatPunch, Sphere
+    from palpate.quantities.elastic_modulus import Cone, FlatPunch, Sphere
 
     kind, _, size = text.partition(":")
     name, _, value = (part.strip() for part in size.partition("="))

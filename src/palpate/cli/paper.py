@@ -49,7 +49,7 @@ def paper(
     workers
         Processes; as many as there are cores unless given.
     """
-    from palpate.lab.robot import require_mujoco
+    from palpate.lab.rig import require_mujoco
     from palpate.paper.running import run_paper
     from palpate.validation import number_in
 

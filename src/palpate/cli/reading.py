@@ -106,11 +106,11 @@ class Reading:
 
     def contact(self, files: Sequence[Path], choice: Mapping[str, str] | None = None) -> "Contact":
         """Read the files, each a contact with one object; a choice of law and method is saved."""
-        from palpate.preparation.joining import joined
+        from palpate.preparation.preparing import joined
 
         contact = joined([self._contact(file) for file in files])
         if self.save_config is not None:
-            from palpate.results.toml import as_toml, how_made
+            from palpate.results.saved import as_toml, how_made
             from palpate.writing import write_text
 
             options = {**(choice or {}), **self.options}

@@ -7,10 +7,16 @@ from typing import Any
 
 from palpate.design.motion import PAPER_MOTION as PAPER_MOTION
 from palpate.design.motion import Motion as Motion
-from palpate.design.precision import HORIZON, Measurement
-from palpate.design.predicted_precision import PredictedPrecision, predict_precision
-from palpate.design.rounding import effective_noise as effective_noise
-from palpate.design.search import Limits, find_better, limits_around
+from palpate.design.motion import effective_noise
+from palpate.design.precision import (
+    HORIZON,
+    Limits,
+    Measurement,
+    PredictedPrecision,
+    find_better,
+    limits_around,
+    predict_precision,
+)
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import HuntCrossley

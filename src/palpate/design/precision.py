@@ -3,14 +3,20 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from palpate.design.excitation import inverse_information, jacobian
-from palpate.design.motion import Motion
-from palpate.design.rounding import effective_noise, mean_rounding_error
+from palpate.design.motion import (
+    Motion,
+    effective_noise,
+    inverse_information,
+    jacobian,
+    mean_rounding_error,
+)
+from palpate.digits import rounded
 from palpate.force_laws import HuntCrossley
-from palpate.validation import Floats
+from palpate.validation import Floats, defined
 
 #: Longest time that is looked at, s; what takes longer counts as never.
 HORIZON = 1000.0
@@ -185,3 +191,308 @@ def _blocks(start: int, stop: int, stride: int, size: int) -> Iterator[Floats]:
     """Sample numbers from start to stop by stride, at most so many at a time."""
     for first in range(start, stop, size * stride):
         yield np.arange(first, min(stop, first + size * stride), stride, dtype=np.float64)
+
+
+# A better motion than the planned one, within limits of depth and speed.
+
+# The probe stays deeper than this fraction of the peak penetration, and where K xⁿ is so many times
+# the noise but at most this fraction of its largest: what is less, gates leave out.
+MARGIN = 0.1
+CLEAR = 10.0
+# What gains less is not worth a change.
+LEAST_GAIN = 0.02
+# A quadratic velocity filter of 15 samples takes 5.57 (ω Δt)² off a sine's speed: here 0.5 %.
+FASTEST_PHASE = 0.03
+# Four digits are enough to type, and move a depth by less than this fraction of it.
+_DIGITS = 4
+_SLACK = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a motion has to keep to, for all time.
+
+    Parameters
+    ----------
+    peak_penetration, least_penetration : float
+        m, 0 < least_penetration < peak_penetration.
+    speed : float
+        m/s.
+    frequency : float
+        rad/s.
+    """
+
+    peak_penetration: float
+    least_penetration: float
+    speed: float
+    frequency: float
+
+    def allow(self, motion: Motion) -> bool:
+        """Whether the motion keeps to them."""
+        return (
+            motion.peak_penetration <= self.peak_penetration * (1.0 + 1e-12)
+            and motion.least_penetration >= self.least_penetration * (1.0 - 1e-12)
+            and motion.top_speed <= self.speed * (1.0 + 1e-12)
+            and max(motion.frequencies, default=0.0) <= self.frequency * (1.0 + 1e-12)
+        )
+
+
+def limits_around(
+    motion: Motion, measurement: Measurement, max_depth: float | None, max_speed: float | None
+) -> Limits:
+    """Limits as asked for; what is left open is what the motion itself reaches.
+
+    The speed also stays below K/B, beyond which the law pulls at a probe on its way out, and the
+    frequency so low that a velocity filter of 15 samples costs the damping 0.5 %.
+    """
+    peak_penetration = motion.peak_penetration if max_depth is None else max_depth
+    law = measurement.law
+    clear = min(
+        CLEAR * measurement.effective_noise / law.stiffness, MARGIN * peak_penetration**law.exponent
+    )
+    least_penetration = max(MARGIN * peak_penetration, clear ** (1.0 / law.exponent))
+    if 0.0 < motion.least_penetration < least_penetration:
+        least_penetration = motion.least_penetration
+    speed = motion.top_speed if max_speed is None else max_speed
+    frequency = max([FASTEST_PHASE / measurement.sample_time, *motion.frequencies])
+    return Limits(
+        peak_penetration, least_penetration, min(speed, law.stiffness / law.damping), frequency
+    )
+
+
+def find_better(
+    given: Motion, measurement: Measurement, limits: Limits, duration: float
+) -> Motion | None:
+    """Return a motion within the limits whose worst error of (K, B, n) is less, or None.
+
+    The worst expected error after the duration is compared over strokes from the peak penetration
+    up to 24 heights, then over 9 around the best of them, all at the highest speed: of the planned
+    sines in their proportions, of a single sine, and of one with a small second one, which does
+    not repeat. Where the planned motion is within the limits, nothing is returned that gains less
+    than 2 %.
+    """
+    if limits.speed == 0.0:
+        return None
+    top, bottom = (
+        limits.peak_penetration * (1.0 - _SLACK),
+        limits.least_penetration + limits.peak_penetration * _SLACK,
+    )
+    heights = np.linspace(bottom, bottom + 0.95 * (top - bottom), 24)
+    step = float(heights[1] - heights[0])
+
+    best, least = given, math.inf
+
+    def worst(motion: Motion) -> float:
+        # The bound is quick, and no expected error is less.
+        bound = float(measurement.relative_errors(motion, duration, quick=True).max())
+        if bound >= least:
+            return bound
+        return float(measurement.expected_errors(motion, duration, quick=True).max())
+
+    for shape in _shapes(given):
+        for height in heights:
+            candidate = _stroke(shape, top, float(height), limits)
+            if (error := worst(candidate)) < least:
+                best, least, best_shape = candidate, error, shape
+    if math.isinf(least):
+        return None
+    centre = best.least_penetration
+    for height in np.linspace(max(bottom, centre - step), min(heights[-1], centre + step), 9):
+        candidate = _stroke(best_shape, top, float(height), limits)
+        if (error := worst(candidate)) < least:
+            best, least = candidate, error
+    exact = measurement.expected_errors(best, duration).max()
+    before = measurement.expected_errors(given, duration).max()
+    gains = exact < (1.0 - LEAST_GAIN) * before
+    return best if gains or not limits.allow(given) else None
+
+
+def _shapes(given: Motion) -> Iterator[Motion]:
+    """Motions to scale: only the proportions of their sines count."""
+    if given.top_speed > 0.0:
+        yield given
+    yield Motion(1.0, (1.0,), (1.0,))
+    yield Motion(1.0, (1.0, 0.05), (1.0, 0.5 * (1.0 + math.sqrt(5.0))))
+
+
+def _stroke(shape: Motion, top: float, bottom: float, limits: Limits) -> Motion:
+    """Return the shape's sines between two depths, as fast as the limits allow, in few digits."""
+    scale = 0.5 * (top - bottom) / math.fsum(shape.amplitudes)
+    faster = min(
+        (1.0 - _SLACK) * limits.speed / (scale * shape.top_speed),
+        (1.0 - _SLACK) * limits.frequency / max(shape.frequencies),
+    )
+    return Motion(
+        _typed(0.5 * (top + bottom)),
+        tuple(_typed(scale * a) for a in shape.amplitudes),
+        tuple(_typed(faster * w) for w in shape.frequencies),
+    )
+
+
+def _typed(value: float) -> float:
+    return float(f"{value:.{_DIGITS}g}")
+
+
+# What one planned motion would tell of a guessed material.
+
+TARGETS = (0.05, 0.01)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictedPrecision:
+    """What one motion would tell of a guessed material.
+
+    Attributes
+    ----------
+    motion : Motion
+        The motion.
+    durations : tuple of float
+        s, increasing.
+    relative_errors : numpy.ndarray, shape (durations, 3)
+        Least standard error of (K, B, n) over its value, after each duration (Cramér–Rao); infinite
+        where the motion does not tell.
+    expected_errors : numpy.ndarray, shape (durations, 3)
+        RMS error of least squares, with what a sensor's rounding repeats; the same where it repeats
+        nothing.
+    targets : tuple of float
+        5 % and 1 %.
+    times : numpy.ndarray, shape (targets, 3)
+        Seconds after which (K, B, n) can be known to each target; infinite where that takes more
+        than 1000 s.
+    least_penetration, peak_penetration : float
+        Least and largest penetration within the longest duration, m.
+    peak_speed, rms_speed : float
+        m/s, in contact, within the longest duration.
+    violated_fraction : float
+        Fraction of the contact at or above the speed limit of eq. 10; NaN without contact.
+    peak_force : float
+        N.
+    notes : tuple of str
+        What a reader should know before running it.
+    """
+
+    motion: Motion
+    durations: tuple[float, ...]
+    relative_errors: Floats
+    expected_errors: Floats
+    targets: tuple[float, ...]
+    times: Floats
+    least_penetration: float
+    peak_penetration: float
+    peak_speed: float
+    rms_speed: float
+    violated_fraction: float
+    peak_force: float
+    notes: tuple[str, ...]
+
+    @property
+    def leaves_contact(self) -> bool:
+        """Whether the probe comes up to the surface or above it within the longest duration."""
+        return self.least_penetration <= 0.0
+
+    @property
+    def worst(self) -> float:
+        """Largest of the expected errors after the longest duration."""
+        return float(self.expected_errors[-1].max())
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain numbers and words; what is infinite or undefined is None."""
+        return {
+            "motion": {
+                "depth": self.motion.depth,
+                "amplitudes": list(self.motion.amplitudes),
+                "frequencies": list(self.motion.frequencies),
+            },
+            "relative_errors": [
+                {"duration": duration, **_named(row)}
+                for duration, row in zip(self.durations, self.relative_errors, strict=True)
+            ],
+            "expected_errors": [
+                {"duration": duration, **_named(row)}
+                for duration, row in zip(self.durations, self.expected_errors, strict=True)
+            ],
+            "times": [
+                {"relative_error": target, **_named(row)}
+                for target, row in zip(self.targets, self.times, strict=True)
+            ],
+            "least_penetration": self.least_penetration,
+            "peak_penetration": self.peak_penetration,
+            "leaves_contact": self.leaves_contact,
+            "peak_speed": self.peak_speed,
+            "rms_speed": self.rms_speed,
+            "violated_fraction": defined(self.violated_fraction),
+            "peak_force": self.peak_force,
+            "notes": list(self.notes),
+        }
+
+
+def predict_precision(
+    motion: Motion, measurement: Measurement, durations: tuple[float, ...]
+) -> PredictedPrecision:
+    """Say what a motion would identify after each of the durations, which increase."""
+    law, step = measurement.law, measurement.sample_time
+    _, x, v = motion.sampled(durations[-1], step)
+    touching = x > 0.0
+    speed = np.abs(v[touching])
+    met = bool(speed.size)
+    errors = np.array([measurement.relative_errors(motion, d) for d in durations])
+    expected = np.array([measurement.expected_errors(motion, d) for d in durations])
+    outward = float(v[touching].min(initial=0.0))
+    notes = _notes(motion, measurement, float(x.min()), outward)
+    return PredictedPrecision(
+        motion=motion,
+        durations=durations,
+        relative_errors=errors,
+        expected_errors=expected,
+        targets=TARGETS,
+        times=measurement.times_to(motion, TARGETS),
+        least_penetration=float(x.min()),
+        peak_penetration=float(x.max()),
+        peak_speed=float(speed.max()) if met else 0.0,
+        rms_speed=float(np.sqrt(np.mean(speed**2))) if met else 0.0,
+        violated_fraction=float(np.mean(speed >= measurement.speed_limit)) if met else math.nan,
+        peak_force=float(law.force(x, v).max()),
+        notes=(*notes, *_rounding_notes(errors[-1], expected[-1], durations[-1])),
+    )
+
+
+def _notes(
+    motion: Motion, measurement: Measurement, least_penetration: float, outward: float
+) -> list[str]:
+    notes = []
+    law = measurement.law
+    if motion.top_speed == 0.0:
+        notes.append("the probe is held: nothing of the law is identifiable")
+    if least_penetration <= 0.0:
+        notes.append(
+            f"the probe leaves contact: it comes up to {rounded(1e3 * least_penetration, 3)} mm; a "
+            "larger depth or smaller amplitudes keep it in"
+        )
+    if outward < -law.stiffness / law.damping:
+        notes.append(
+            "on its way out the probe is faster than K/B = "
+            f"{rounded(law.stiffness / law.damping, 3)} m/s: there the law pulls, "
+            "which no contact can"
+        )
+    fastest = max(motion.frequencies, default=0.0)
+    if fastest * measurement.sample_time > FASTEST_PHASE:
+        loss = 5.57 * (fastest * measurement.sample_time) ** 2
+        notes.append(
+            f"a velocity filter of 15 samples takes {loss:.1%} off the speed of the sine of "
+            f"{rounded(fastest, 4)} rad/s, and with it biases the damping"
+        )
+    return notes
+
+
+def _rounding_notes(errors: Floats, expected: Floats, duration: float) -> list[str]:
+    if np.isinf(errors).any() or not (expected > 1.2 * errors).any():
+        return []
+    return [
+        "the noise does not blur the sensor's steps, and the motion repeats them: after "
+        f"{duration:g} s errors are about {(expected / errors).max():.1f} times the bound"
+    ]
+
+
+def _named(row: Floats) -> dict[str, float | None]:
+    names = ("stiffness", "damping", "exponent")
+    return {name: defined(float(value)) for name, value in zip(names, row, strict=True)}

@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from palpate.covariance import robust_covariance
-from palpate.diagnosis.band import WINDOWS_A_PERIOD
-from palpate.diagnosis.cause import Cause
-from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.fit import WINDOWS_A_PERIOD, Cause, Fit
 from palpate.digits import rounded
+from palpate.estimators.least_squares import robust_covariance
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.validation import Floats
 

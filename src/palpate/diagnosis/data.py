@@ -1,19 +1,25 @@
-"""What the checks ask of a recording, worked out once."""
+"""What the checks ask of a recording, worked out once.
+
+Checks of the recording itself; each looks at the data once, whatever law is fitted.
+
+To add one: a module here with a function of a :class:`Data`, and its row in ``CHECKS``.
+"""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, slices_of
-from palpate.diagnosis.finding import Finding
-from palpate.diagnosis.laws import Laws
+from palpate.contact import Contact, Remark, slices_of
+from palpate.diagnosis.finding import Finding, Laws, Mark, severity_of
 from palpate.digits import rounded
-from palpate.preparation.spikes import largest_of, step_of
-from palpate.preparation.suggestions import noise_of
-from palpate.preparation.velocity import window_samples
+from palpate.preparation.gates import noise_of
+from palpate.preparation.velocity import largest_of, spiked, step_of, window_samples
+from palpate.validation import Floats
+
+__all__ = ["CHECKS", "input_findings"]
 
 
 class Data:
@@ -79,8 +85,6 @@ class Data:
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """What the checks of the data found."""
-        from palpate.diagnosis.inputs import input_findings  # they are made of this
-
         with np.errstate(all="ignore"):  # absurd samples overflow, and are then found
             return tuple(input_findings(self))
 
@@ -113,3 +117,364 @@ def in_words(value: float, unit: str, digits: int = 3) -> str:
         if abs(value) >= 0.1 * size:
             return f"{rounded(value / size, digits)} {prefix}{unit}"
     return f"{rounded(value, digits)} {unit}"
+
+
+# A finding that ends all trust: the numbers are not what they are taken for.
+
+
+def stop(check: str, sentence: str, remedy: str | None) -> Finding:
+    """A finding after which nothing is to be trusted."""
+    return Finding(
+        check,
+        sentence,
+        remedy,
+        stiffness="do-not-trust",
+        damping="do-not-trust",
+        severity="do-not-trust",
+    )
+
+
+# Steps of the force or of the penetration that are coarse against what they measure.
+
+FORCE_STEP = 0.04  # of the largest force
+# Of the largest penetration: with 0.8 % the velocity's noise makes the damping 3 % too small, with
+# 1.5 % 16 % (three draws each).
+PENETRATION_STEP = 0.01
+# Of the samples that repeat the one before; noise dithers the lab's steps of 1/8 N: 55 % repeat.
+REPEATED = 0.85
+
+
+def coarse(data: Data) -> Finding | None:
+    """Steps above 4 % of the force or 1 % of the penetration, and over 85 % of samples repeat."""
+    if _coarse(data.force, data.force_step, FORCE_STEP * data.peak_force):
+        part = data.force_step / data.peak_force
+        return _coarse_steps(
+            f"the force comes in steps of {in_words(data.force_step, 'N')}, {part:.1%} of its "
+            "largest",
+            "a finer range of the sensor, or press harder",
+        )
+    step = step_of(data.penetration)
+    if _coarse(data.penetration, step, PENETRATION_STEP * data.peak_penetration):
+        return _coarse_steps(
+            f"the penetration comes in steps of {in_words(step, 'm')}, "
+            f"{step / data.peak_penetration:.1%} of its largest: the velocity is made of them, and "
+            "the damping too small",
+            "a finer encoder, deeper or faster strokes, or a longer --velocity-window",
+        )
+    return None
+
+
+def _coarse(values: Floats, step: float, largest: float) -> bool:
+    return 0.0 < largest < step and float(np.mean(np.diff(values) == 0.0)) > REPEATED
+
+
+def _coarse_steps(sentence: str, remedy: str) -> Finding:
+    return Finding("coarse steps", sentence, remedy, stiffness="with-care", damping="with-care")
+
+
+# A channel that is held: the same value again and again, at a fixed beat.
+
+LONGEST = 60  # samples of a beat
+IN_STEP = 0.9  # of the changes, that fall on one phase
+MOST_HELD = 20_000  # samples that are looked at
+
+
+def held(data: Data) -> Finding | None:
+    """Changes at one phase of every k ≤ 60 samples; that is a delay of (k − 1)/2 samples."""
+    for name, values in (("force", data.force), ("penetration", data.penetration)):
+        beat = beat_of(values)
+        if beat:
+            late = 0.5e3 * (beat - 1) * data.sample_time
+            return Finding(
+                "held channel",
+                f"the {name} changes only every {beat} samples, as one that is held: "
+                f"{rounded(late, 2)} ms late on average",
+                "record at the rate of the slowest channel, or keep one sample of each beat",
+                stiffness="with-care",
+                damping="with-care",
+            )
+    return None
+
+
+def beat_of(values: Floats) -> int:
+    """Samples for which a held channel keeps a value; 0 for one that is not held."""
+    values = values[:MOST_HELD]
+    at = np.flatnonzero(np.diff(values))
+    if at.size < 20 or at.size > 0.6 * len(values):
+        return 0
+    beat = round(float(np.median(np.diff(at))))
+    if not 2 <= beat <= LONGEST:
+        return 0
+    # The phase may slip by one sample now and then where the two rates are no multiples.
+    common = np.bincount(at % beat, minlength=beat).max() / at.size
+    return beat if common > IN_STEP and at.size > 0.5 * len(values) / beat else 0
+
+
+# What was assumed, found or left out on the way from the recording.
+
+
+def preparation(data: Data) -> list[Finding]:
+    """Return a finding for each remark of the contact, in its words."""
+    return [_as_finding(remark) for remark in data.contact.remarks]
+
+
+def _as_finding(remark: Remark) -> Finding:
+    # What spoils the whole recording spoils both; what calls for care is said of the whole, unless
+    # the numbers at working depth suffer from it.
+    mark: Mark = "trust"
+    if remark.severity == "do-not-trust" or (remark.numbers and remark.severity == "with-care"):
+        mark = remark.severity
+    return Finding(
+        remark.step,
+        remark.sentence,
+        remark.remedy,
+        stiffness=mark,
+        damping=mark,
+        severity=remark.severity,
+    )
+
+
+# Signs: force positive in compression, penetration positive into the material.
+
+MOST_RANKED = 5000  # samples whose ranks are taken
+RANKS_AGAINST = -0.3  # rank correlation; recordings with the right signs have 0.4 and more
+
+
+def signs(data: Data) -> Finding | None:
+    """Rank correlation of x and F below −0.3, and less force at the deepest 5 % than at the least.
+
+    Looked at before any gate, which would throw away what tells it.
+    """
+    every = -(-len(data) // MOST_RANKED)
+    x, force = data.penetration[::every], data.force[::every]
+    if np.ptp(x) == 0.0 or np.ptp(force) == 0.0:
+        return None
+    if np.corrcoef(_ranks(x), _ranks(force))[0, 1] >= RANKS_AGAINST:
+        return None
+    low, high = np.percentile(x, [5.0, 95.0])
+    deep, shallow = float(force[x >= high].mean()), float(force[x <= low].mean())
+    if deep >= shallow:
+        return None
+    if deep < 0.0 and abs(deep) > abs(shallow):
+        words = f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest"
+        return stop("signs", f"{words}: compression must be positive", "--flip-force")
+    words = (
+        f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the penetration "
+        "grows"
+    )
+    return stop("signs", f"{words}: is it positive into the material?", "--flip-penetration")
+
+
+def _ranks(values: Floats) -> Floats:
+    ranks = np.empty(len(values))
+    ranks[np.argsort(values, kind="stable")] = np.arange(len(values))
+    return ranks
+
+
+# Spikes: single samples that leave their neighbours.
+
+SOME, MANY = 1e-3, 2e-2  # of the samples
+# Of the rms of the velocity: below it the probe turns, and friction jumps from side to side within
+# a sample (on the robot at up to 0.26). Spikes come at any speed, so they are counted above it.
+SLOW = 1.0 / 3.0
+FEWEST_FAST = 0.2  # of the samples; with fewer all are counted
+
+
+def spikes(data: Data) -> Finding | None:
+    """More than 0.1 % of the samples are spikes; of the force only where the probe moves."""
+    force, penetration = spiked(data.force), spiked(data.penetration)
+    speed = np.abs(data.velocity)
+    fast = speed > SLOW * np.sqrt(np.mean(speed**2))
+    if np.mean(fast) < FEWEST_FAST:
+        fast = np.ones_like(fast)
+    fractions = {"force": float(np.mean(force[fast])), "penetration": float(np.mean(penetration))}
+    name = max(fractions, key=lambda channel: fractions[channel])
+    part = fractions[name]
+    if part <= SOME:
+        return None
+    mark: Mark = "do-not-trust" if part > MANY else "with-care"
+    return Finding(
+        "spikes",
+        f"{part:.2%} of the samples of the {name} are spikes",
+        "a median filter of five samples, or look after the cable",
+        stiffness=mark,
+        damping=mark,
+        severity=severity_of(mark),
+    )
+
+
+# Time stamps of arrival in place of sampling.
+
+WIDTH = 7  # samples of a local parabola
+MOST_STAMPS = 20_000  # samples that are looked at
+# Residual against the stamps over that against the index: recordings have 1.13 and less, jittered
+# stamps 4 to 7.5, and missing samples 0.4 to 0.7.
+RATIO = 2.0
+UNEVEN = 0.2  # sd(Δt)/mean
+
+
+def stamps(data: Data) -> Finding | None:
+    """A parabola in time that fits twice worse by the stamps than by the count of samples."""
+    part = slice(0, MOST_STAMPS)
+    time, x = data.time[part], data.penetration[part]
+    steps = np.diff(time)
+    steps = steps[(np.diff(data.segment[part]) == 0) & (steps > 0.0)]
+    if steps.size < 10 * WIDTH or float(steps.std()) <= UNEVEN * float(steps.mean()):
+        return None
+    by_index = _misfit(np.arange(len(x), dtype=np.float64), x)
+    ratio = _misfit(time, x) / by_index if by_index > 0.0 else 0.0
+    if ratio <= RATIO:
+        return None
+    words = "the time stamps jump where the penetration runs smoothly: they are of arrival"
+    return Finding(
+        "time stamps",
+        f"{words}, not of sampling",
+        "stamp where the sensor is sampled, or give the samples even times",
+        z=ratio,
+        stiffness="with-care",
+        damping="with-care",
+    )
+
+
+def _misfit(time: Floats, x: Floats) -> float:
+    """Median residual of the middle of a window against the parabola through it."""
+    windows = np.lib.stride_tricks.sliding_window_view(np.arange(len(x)), WIDTH)
+    t = time[windows] - time[windows[:, WIDTH // 2], None]
+    t = t / np.maximum(np.abs(t).max(axis=1, keepdims=True), 1e-300)
+    basis = np.stack([np.ones_like(t), t, t**2], axis=2)
+    normal = basis.transpose(0, 2, 1) @ basis + 1e-9 * np.eye(3)
+    right = (basis * x[windows][:, :, None]).sum(axis=1)
+    middle = np.linalg.solve(normal, right[:, :, None])[:, 0, 0]
+    return float(np.median(np.abs(x[windows[:, WIDTH // 2]] - middle)))
+
+
+# Units: millimetres for metres, millinewtons for newtons, milliseconds for seconds.
+
+DEEPEST, FASTEST = 0.25, 3.0  # m, m/s; of the recordings the largest are 19 mm and 0.84 m/s
+# F/x², a modulus that no geometry changes much: recordings show 6e3 to 7e7 Pa.
+SOFTEST, HARDEST = 2.0, 5e8  # never by depth**2, which overflows
+FIRMEST = 5e3  # N; TPU under a testing machine is pressed with 2.6 kN
+SLOWEST = 0.2  # s between samples
+
+
+def penetration_unit(data: Data) -> Finding | None:
+    """Largest x > 0.25 m, rms v > 3 m/s, or F/x² < 2 Pa."""
+    depth, force = data.peak_penetration, data.peak_force
+    if depth <= 0.0:
+        return None
+    touched = data.penetration > 0.0
+    speed = float(np.sqrt(np.mean(data.velocity[touched] ** 2))) if touched.any() else 0.0
+    if depth <= DEEPEST and speed <= FASTEST and force / depth >= SOFTEST * depth:
+        return None
+    return stop(
+        "penetration unit",
+        f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N: millimetres, "
+        "or columns swapped?",
+        "--unit penetration=mm",
+    )
+
+
+def force_unit(data: Data) -> Finding | None:
+    """F > 5 kN or F/x² > 5e8 Pa; it sees 87 % of the cases, so the peak force is always printed."""
+    depth, force = data.peak_penetration, data.peak_force
+    if depth <= 0.0 or (force <= FIRMEST and force / depth <= HARDEST * depth):
+        return None
+    return stop(
+        "force unit",
+        f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm: are these "
+        "millinewtons?",
+        "--unit force=mN",
+    )
+
+
+def time_unit(data: Data) -> Finding | None:
+    """Median step > 0.2 s."""
+    if data.sample_time <= SLOWEST:
+        return None
+    return stop(
+        "time unit",
+        f"there is a sample every {rounded(data.sample_time, 3)} s: are the times milliseconds?",
+        "--unit time=ms",
+    )
+
+
+# A recorded velocity against the penetration's own rate.
+
+REMEDY = "leave it out: --velocity none"
+MEAN = 15  # samples of a stretch, over which noise averages out
+STOP = (0.8, 1.25)  # slopes; recorded columns have 1.01 to 1.08
+CARE = 0.05  # of the damping, as for every cause
+ALIKE = 0.9  # correlation, above which a slope means something
+VELOCITIES_AGAINST = -0.5
+
+
+def velocity_column(data: Data) -> Finding | None:
+    """Slope of ∫v dt on Δx, over stretches of 15 samples, where the two are alike.
+
+    Beyond 0.8 … 1.25, or where they run against each other, it is another channel; within, the
+    damping B = ∂F/∂v is wrong by the slope.
+    """
+    if data.differentiated or len(data) < 4 * MEAN:
+        return None
+    way, integral = _stretches(data)
+    if way.size < 4 or np.ptp(way) == 0.0 or np.ptp(integral) == 0.0:
+        return None
+    alike = float(np.corrcoef(way, integral)[0, 1])
+    if alike < VELOCITIES_AGAINST:
+        words = "the velocity column runs against the rate of the penetration"
+        return stop("velocity column", f"{words}: another unit, sign or channel", REMEDY)
+    if alike <= ALIKE:
+        return None
+    # Noise in one of the two lowers the first and raises the second: the one nearer to 1 is sure.
+    slopes = float(way @ integral / (way @ way)), float(integral @ integral / (way @ integral))
+    slope = min(slopes, key=lambda each: abs(each - 1.0))
+    words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
+    if not STOP[0] <= slope <= STOP[1]:
+        return stop("velocity column", f"{words}: another unit, sign or channel", REMEDY)
+    if abs(slope - 1.0) <= CARE:
+        return None
+    wrong = f"{abs(slope - 1.0):.0%} too {'small' if slope > 1.0 else 'large'}"
+    return Finding(
+        "velocity column",
+        f"{words}: the damping is {wrong}, if the penetration is right",
+        REMEDY,
+        damping="with-care",
+        moves_stiffness_percent=0.0,
+        moves_damping_percent=100.0 * (slope - 1.0),
+    )
+
+
+def _stretches(data: Data) -> tuple[Floats, Floats]:
+    """Way of each stretch by the penetration, and by the velocity's integral, m."""
+    ends = np.arange(0, (len(data) // MEAN) * MEAN, MEAN)
+    last = ends + MEAN - 1
+    whole = data.segment[ends] == data.segment[last]
+    ends, last = ends[whole], last[whole]
+    steps = 0.5 * (data.velocity[1:] + data.velocity[:-1]) * np.diff(data.time)
+    gone = np.concatenate([[0.0], np.cumsum(steps)])
+    return data.penetration[last] - data.penetration[ends], gone[last] - gone[ends]
+
+
+#: Every check of the data, by its name.
+CHECKS: dict[str, Callable[[Data], Finding | None]] = {
+    "penetration unit": penetration_unit,
+    "force unit": force_unit,
+    "time unit": time_unit,
+    "signs": signs,
+    "velocity column": velocity_column,
+    "time stamps": stamps,
+    "held channel": held,
+    "spikes": spikes,
+    "coarse steps": coarse,
+}
+
+FEWEST = 20  # samples, below which a recording is only short
+
+
+def input_findings(data: Data) -> list[Finding]:
+    """Run every check of the data, beside what its preparation said."""
+    said = preparation(data)
+    if len(data) < FEWEST:
+        return said
+    found = (check(data) for check in CHECKS.values())
+    return [*(finding for finding in found if finding is not None), *said]

@@ -1,15 +1,210 @@
-"""Delay: the force late, or early, against the penetration."""
+"""Causes that are a column beside the fit: drift, friction, another damping or shape, inertia."""
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.diagnosis.cause import Beside, Cause, beside
-from palpate.diagnosis.columns import cause_of
-from palpate.diagnosis.fit import Fit, Motion, Solution
-from palpate.digits import with_error
+from palpate.diagnosis.data import in_words
+from palpate.diagnosis.finding import remedy_of_memory
+from palpate.diagnosis.fit import (
+    Alike,
+    Beside,
+    Cause,
+    Fit,
+    MovedSamples,
+    Solution,
+    beside,
+    of_parameter,
+)
+from palpate.digits import rounded, with_error
+from palpate.force_laws import HuntCrossley
 from palpate.validation import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """The motion and the law, without units, at every sample of the band.
+
+    Attributes
+    ----------
+    x, v : numpy.ndarray
+        Penetration over the working depth, and velocity over its rms.
+    spring : numpy.ndarray
+        The law's force at rest, 1 at the working depth: ξⁿ for a power law.
+    slope : numpy.ndarray
+        ∂F/∂x at rest, 1 at the working depth: ξⁿ⁻¹ for a power law.
+    force : numpy.ndarray
+        The law's force, N.
+    time : numpy.ndarray
+        From −½ to ½ over the recording.
+    """
+
+    x: Floats
+    v: Floats
+    spring: Floats
+    slope: Floats
+    force: Floats
+    time: Floats
+
+
+def shape_of(fit: Fit) -> Shape:
+    """Return what columns are made of."""
+    law, x = fit.solution.law, np.maximum(fit.x, 1e-12)
+    rest = np.zeros_like(x)
+    spring, slope = law.force(x, rest), law.penetration_gradient(x, rest)
+    time = fit.data.time[fit.band.samples]
+    return Shape(
+        x * fit.units.depth / fit.reference,
+        fit.v * fit.units.speed / fit.speed,
+        spring / _unit(np.median(spring)),
+        slope / _unit(np.median(slope)),
+        law.force(x, fit.v),
+        (time - time.mean()) / _unit(np.ptp(time)),
+    )
+
+
+def _unit(value: float) -> float:
+    return float(value) or 1.0
+
+
+def _other_growth(fit: Fit, shape: Shape) -> Floats:
+    """x^(n−1) v, of a law whose damping grows as xⁿ; nothing of one whose damping does not grow.
+
+    Beside a constant damper, K₁ v + 2 K₂ x v would be that damper but for some rounding of K₂.
+    """
+    grows = isinstance(fit.solution.law, HuntCrossley)
+    return shape.slope * shape.v if grows else np.zeros_like(shape.v)
+
+
+def _other_shape(fit: Fit, shape: Shape) -> Floats:
+    """∂²F/∂n², or where the exponent is fixed ∂F/∂n: xⁿ is the tip's as far as that is known."""
+    logarithm = np.log(np.maximum(shape.x, 1e-12))
+    return shape.spring * (logarithm if fit.fixed else logarithm**2)
+
+
+def _shape(fit: Fit, found: Beside) -> str:
+    if fit.fixed:
+        return "the force does not grow with depth as by the exponent that was given"
+    return "the force grows with depth in another way than the law's"
+
+
+def _acceleration(fit: Fit, _: Shape) -> Floats:
+    """dv/dt, m/s²; times the mass that moves beyond the sensor it is a force."""
+    data = fit.data
+    rate = np.gradient(data.velocity, np.maximum(np.gradient(data.time).cumsum(), data.time))
+    return rate[fit.band.samples]
+
+
+@dataclass(frozen=True, slots=True)
+class AddedColumn:
+    """A cause that is one column.
+
+    Attributes
+    ----------
+    values : callable
+        The column at the samples of the band.
+    sentence : callable
+        What was found, from the fit and the column's coefficient.
+    remedy : str
+        What to do.
+    """
+
+    values: Callable[[Fit, Shape], Floats]
+    sentence: Callable[[Fit, Beside], str]
+    remedy: str
+
+
+def _drift(fit: Fit, found: Beside) -> str:
+    way = "hardens" if found.amount > 0.0 else "softens"
+    return f"the material {way} by {abs(found.amount):.1%} over the recording"
+
+
+def _creep(fit: Fit, found: Beside) -> str:
+    return f"the zero of the force drifts by {in_words(abs(found.amount), 'N')}"
+
+
+def _friction(fit: Fit, found: Beside) -> str:
+    part = abs(found.amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300)
+    return f"a friction of {part:.1%} of the force: it turns with the direction, not with the speed"
+
+
+def _inertia(fit: Fit, found: Beside) -> str:
+    words = f"a mass of {rounded(found.amount, 2)} kg moves with the probe beyond the force sensor"
+    return words if found.amount > 0.0 else "the force follows the acceleration"
+
+
+#: Each cause by its name.
+COLUMNS: dict[str, AddedColumn] = {
+    "gain drift": AddedColumn(
+        lambda fit, s: s.force * s.time,
+        _drift,
+        "identify parts of the recording, with --start and --stop",
+    ),
+    "offset drift": AddedColumn(
+        lambda fit, s: s.time, _creep, "let the sensor warm up, and tare before each touch"
+    ),
+    "friction": AddedColumn(
+        lambda fit, s: s.spring * np.tanh(20.0 * s.v),
+        _friction,
+        "press along the surface's normal; the damping is for this speed only",
+    ),
+    "damping form": AddedColumn(
+        _other_growth,
+        lambda fit, found: "the damping grows with depth in another way than the law's",
+        "the stiffness at working depth holds; take the damping at that depth only",
+    ),
+    "damping with depth": AddedColumn(
+        lambda fit, s: s.spring * s.v,
+        lambda fit, found: "the damping grows with depth, as it does not in the law",
+        "--method variable-projection, which has F = K xⁿ + B xⁿ v",
+    ),
+    "shape": AddedColumn(
+        _other_shape,
+        _shape,
+        "identify a smaller range of depths, with --min-penetration",
+    ),
+    "square speed": AddedColumn(
+        lambda fit, s: s.spring * s.v * np.abs(s.v),
+        lambda fit, found: "the damping is not in proportion to the speed",
+        "the damping is for this speed only; move as fast as the task will",
+    ),
+    "inertia": AddedColumn(
+        _acceleration, _inertia, "weigh what moves beyond the sensor and take m·a off the force"
+    ),
+}
+
+
+def columns(fit: Fit) -> list[Cause]:
+    """Fit every column beside the law, one at a time."""
+    shape, found = shape_of(fit), []
+    for name, column in COLUMNS.items():
+        result = beside(fit, fit.band.mean(column.values(fit, shape)))
+        if result is not None:
+            found.append(cause_of(fit, name, result, column.sentence(fit, result), column.remedy))
+    return found
+
+
+def cause_of(fit: Fit, name: str, result: Beside, sentence: str, remedy: str | None) -> Cause:
+    """A cause from what its column gave."""
+    change = result.change
+    if not math.isfinite(result.z):
+        result = Beside(result.change, result.amount, 0.0, 0.0)
+    return Cause(
+        name,
+        result.z,
+        result.gain,
+        *fit.moves(change),
+        of_parameter(fit, change),
+        sentence,
+        remedy,
+        lambda other: other.moves(change),
+    )
+
+
+# Delay: the force late, or early, against the penetration.
 
 LONGEST = 25e-3  # s; beyond that a recording is out of step, not late
 LEAST = 0.3  # samples; less is the sampling itself
@@ -96,12 +291,12 @@ def _residual_delay(fit: Fit, at: Solution, shift: int) -> float:
     return float(np.clip(left @ at.residual / max(float(left @ left), 1e-300), -step, step))
 
 
-def _motion(fit: Fit, shift: int, every: int = 1) -> Motion:
+def _motion(fit: Fit, shift: int, every: int = 1) -> MovedSamples:
     """The motion that a force later by some samples answers to."""
     band = fit.band if every == 1 else fit.band.rows(np.arange(len(fit.band)) % every == 0)
     place = _within_segment(fit, shift)
     x = fit.penetration[place] / fit.units.depth
-    return Motion(x, fit.data.velocity[place] / fit.units.speed, band, fit.force[::every])
+    return MovedSamples(x, fit.data.velocity[place] / fit.units.speed, band, fit.force[::every])
 
 
 def _within_segment(fit: Fit, shift: int) -> NDArray[np.intp]:
@@ -133,3 +328,97 @@ def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:
         best = min((s for s in near if abs(s) <= reach), key=energy)
     law, offset = fit.solution.law, fit.solution.offset
     return fit.solve(law, offset, _motion(fit, best)), best
+
+
+# Memory: a branch that relaxes, as viscoelastic materials have.
+
+TIMES = 7  # relaxation times tried, from P/30 to 0.7 of the recording
+BLOCK = 64  # samples that are relaxed at once
+
+
+def memory(fit: Fit) -> list[Cause]:
+    """Fit dh/dt = d(ξⁿ)/dt − h/τ beside the law, with the best of seven τ.
+
+    At the motion's frequency ω the branch adds q²/(1 + q²) of its force to the stiffness and
+    τ/(1 + q²) to the damping, q = ωτ: without that a dynamic stiffness is called 50 % wrong.
+    """
+    data = fit.data
+    steps = np.diff(data.time, prepend=data.time[0])
+    duration = float(steps.sum())
+    shortest = max(8.0 * data.sample_time, fit.period / 30.0)
+    if not 0.0 < shortest < 0.7 * duration:
+        return []
+    law, x = fit.solution.law, np.maximum(fit.penetration / fit.units.depth, 0.0)
+    at_depth = fit.force_at_depth(law) or 1.0
+    spring = law.force(x, np.zeros_like(x)) / at_depth
+    best, time = None, shortest
+    for tau in np.geomspace(shortest, 0.7 * duration, TIMES):
+        state = relaxed(spring, steps, float(tau), data.sample_time)
+        found = beside(fit, fit.band.mean(state[fit.band.samples]))
+        if found is not None and (best is None or found.gain > best.gain):
+            best, time = found, float(tau)
+    if best is None:
+        return []
+    cause = cause_of(fit, "memory", best, "", "")
+    turn = 2.0 * math.pi * time / fit.period
+    part, change = best.amount / (1.0 + turn**2) / at_depth, best.change
+
+    def moves(other: Fit) -> tuple[float, float]:
+        stiffness, damping = other.moves(change)
+        slope = part * other.stiffness(law)
+        by_branch = turn**2 * slope / other.sizes[0], time * slope / other.sizes[1]
+        return stiffness + by_branch[0], damping + by_branch[1]
+
+    sentence, remedy = _words(fit, time)
+    return [replace(cause.moving(fit, moves), parameter=0.0, sentence=sentence, remedy=remedy)]
+
+
+def _words(fit: Fit, time: float) -> tuple[str, str]:
+    """What was found, and what to do; where the law may remember, it is beside its memory."""
+    over = f"about {rounded(time, 2)} s"
+    if not isinstance(fit.estimate, Alike):
+        return (
+            f"the material remembers for {over}: its stiffness is that at "
+            f"{rounded(1.0 / fit.period, 2)} Hz",
+            remedy_of_memory(fit.laws, time),
+        )
+    parts = "identify parts of the recording, with --start and --stop"
+    if fit.estimate.longest == 0.0:
+        return (
+            f"beside the law the force relaxes over {over}, and no law with memory that was "
+            "offered explains it better: a sensor may drift, or the material change",
+            parts,
+        )
+    if time > fit.estimate.longest:
+        return (
+            f"beside what the law remembers the force relaxes over {over}, as where a sensor "
+            "drifts or a material softens",
+            parts,
+        )
+    return (
+        f"the force relaxes over {over} otherwise than by the law's spectrum",
+        remedy_of_memory(fit.laws, time),
+    )
+
+
+def relaxed(drive: Floats, steps: Floats, tau: float, sample_time: float) -> Floats:
+    """State h of dh = d(drive) − h dt/τ, from h = 0; on the median step within a block of samples.
+
+    Exact on an even time base. On an uneven one the decay over a block of 64 is that of its own
+    time, and within it that of the median step.
+    """
+    decay = math.exp(-sample_time / tau)
+    power = decay ** np.arange(BLOCK + 1)
+    lower = np.tril(power[np.abs(np.subtract.outer(np.arange(BLOCK), np.arange(BLOCK)))])
+    blocks = -(-len(drive) // BLOCK)
+    rise = np.zeros(blocks * BLOCK)
+    rise[1 : len(drive)] = np.diff(drive)
+    local = rise.reshape(blocks, BLOCK) @ lower.T
+    elapsed = np.zeros(blocks * BLOCK)
+    elapsed[: len(drive)] = steps
+    over = np.exp(-elapsed.reshape(blocks, BLOCK).sum(axis=1) / tau).tolist()
+    carried, state = np.empty(blocks), 0.0
+    for block, (end, fade) in enumerate(zip(local[:, -1].tolist(), over, strict=True)):
+        carried[block] = state
+        state = end + fade * state
+    return (local + carried[:, None] * power[1:]).reshape(-1)[: len(drive)]

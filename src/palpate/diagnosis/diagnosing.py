@@ -1,4 +1,4 @@
-"""All checks together: from an identification's parts to its diagnosis."""
+"""Saturation and a stuck force: the sensor stands still while the material does not."""
 
 import logging
 import math
@@ -8,48 +8,182 @@ from dataclasses import replace
 
 import numpy as np
 
-from palpate.diagnosis.band import FEWEST_ROWS
-from palpate.diagnosis.cause import Cause, Search
 from palpate.diagnosis.change import Changes, changes
-from palpate.diagnosis.columns import columns
-from palpate.diagnosis.data import Data
-from palpate.diagnosis.delay import delay, skew_matters
+from palpate.diagnosis.data import Data, beat_of
+from palpate.diagnosis.delay import columns, delay, memory, skew_matters
 from palpate.diagnosis.finding import (
     MARKS,
     Diagnosis,
     Episode,
     Finding,
+    Laws,
     Mark,
     Quantity,
     Verdict,
     WorkingDepth,
+    severity_of,
     worst,
 )
-from palpate.diagnosis.fit import Fit
-from palpate.diagnosis.flat import flat
-from palpate.diagnosis.law import better_law, finding_of
-from palpate.diagnosis.laws import Laws
-from palpate.diagnosis.left_out import left_out
-from palpate.diagnosis.marking import Judged, judge
-from palpate.diagnosis.memory import memory
-from palpate.diagnosis.misfit import (
+from palpate.diagnosis.fit import FEWEST_ROWS, Cause, Fit, Search
+from palpate.diagnosis.marks import (
+    OFF,
+    Judged,
+    better_law,
     excitation,
     extrapolation,
+    finding_of,
+    has_free_air,
+    judge,
     method,
     misfit,
+    nothing_known,
     offset,
     ratio,
+    sign,
     standard_errors,
+    surface,
     unexplained,
+    working_depth,
 )
-from palpate.diagnosis.one_way import one_way
-from palpate.diagnosis.surface import has_free_air, surface
-from palpate.diagnosis.velocity_noise import velocity_noise
-from palpate.diagnosis.working_depth import OFF, nothing_known, sign, working_depth
 from palpate.digits import rounded
-from palpate.estimate import Estimate
+from palpate.estimators.estimate import Estimate, Trace
+from palpate.estimators.law_verdicts import ONE_WAY
 from palpate.stages import timed
-from palpate.trace import Trace
+
+SHORTEST = 5  # samples
+MOVES = 4.0  # of the noise or the step, that the law's force moves meanwhile
+SOME_FLAT, MANY_FLAT = 0.01, 0.05  # of the samples in contact
+
+
+def flat(fit: Fit) -> Finding | None:
+    """Runs of 5 and more equal forces while the law's force moves by more than 4 max(σ, step).
+
+    Of a force that is held, which has a check of its own, runs of more than two beats.
+    """
+    force, inside = fit.data.force, fit.inside | (fit.rejected & (fit.penetration > 0.0))
+    shortest = max(SHORTEST, 2 * beat_of(force) + 1)
+    borders = np.flatnonzero(np.diff(force, prepend=np.nan, append=np.nan) != 0.0)
+    lengths = np.diff(borders)
+    long = np.flatnonzero((lengths >= shortest) & inside[borders[:-1]])
+    if not long.size:
+        return None
+    moving = MOVES * max(fit.data.force_noise, fit.data.force_step)
+    top = float(force[inside].max())
+    at_top = elsewhere = 0
+    for start, length in zip(borders[long].tolist(), lengths[long].tolist(), strict=True):
+        part = slice(start, start + length)
+        x = np.maximum(fit.penetration[part], 0.0)
+        if np.ptp(fit.law.force(x, fit.data.velocity[part])) > moving:
+            at_top += length * (force[start] >= top)
+            elsewhere += length * (force[start] < top)
+    count = int(np.count_nonzero(inside))
+    return _said(at_top / count, elsewhere / count, top)
+
+
+def _said(at_top: float, elsewhere: float, top: float) -> Finding | None:
+    part = max(at_top, elsewhere)
+    if part <= SOME_FLAT:
+        return None
+    mark: Mark = "do-not-trust" if part > MANY_FLAT else "with-care"
+    words = (
+        f"the force stays at its largest, {rounded(top, 3)} N, for {part:.1%} of the contact: "
+        "saturated?"
+        if at_top >= elsewhere
+        else f"the force stands still for {part:.1%} of the contact while the probe moves"
+    )
+    return Finding(
+        "saturation" if at_top >= elsewhere else "stuck force",
+        words,
+        "press less deep, or take a sensor of a larger range"
+        if at_top >= elsewhere
+        else "look after the sensor's connection",
+        stiffness=mark,
+        damping=mark,
+        severity=severity_of(mark),
+    )
+
+
+# Outliers that were left out: said always, and not to be trusted blindly where they are many.
+
+MANY_LEFT_OUT = 0.02  # of the samples in contact
+
+
+def left_out(fit: Fit) -> Finding | None:
+    """Samples that the rejection of outliers left out; more than 2 % call for care."""
+    count = int(np.count_nonzero(fit.rejected))
+    if count == 0:
+        return None
+    contact = int(np.count_nonzero(fit.inside)) + count
+    return Finding(
+        "outliers",
+        count_of_outliers(count, contact),
+        "look at the figure: if they are no outliers, --no-reject-outliers takes them",
+        severity="with-care" if count > MANY_LEFT_OUT * contact else "note",
+    )
+
+
+def count_of_outliers(count: int, samples: int) -> str:
+    """Say how many samples were left out, and of how many."""
+    words = "1 sample was left out as an outlier"
+    if count != 1:
+        words = f"{count} samples were left out as outliers"
+    return f"{words} ({rounded(100.0 * count / samples, 2)} %)"
+
+
+# A motion that goes one way: it passes each depth once, at one speed.
+
+
+def one_way(fit: Fit) -> Finding | None:
+    """Mean velocity in contact over its root mean square is nearly ±1.
+
+    At one speed v spring, damper and memory are functions of the depth alone, x = vt, of which the
+    residual shows nothing: that of Hunt and Crossley, K xⁿ + B v xⁿ, is one power. Of laws that
+    are compared any may win there, and a half-space's spring even come out negative.
+    """
+    v = fit.data.velocity[fit.inside]
+    if not abs(float(v.mean())) > ONE_WAY * fit.speed:
+        return None
+    chosen = fit.laws is not None and fit.laws.own
+    return Finding(
+        "one way",
+        "the probe goes one way at nearly one speed: stiffness, damping and memory are "
+        "distinguished by the shape of the law alone, and their error bars do not say so",
+        "press and let go, at several speeds",
+        stiffness="with-care" if chosen else "trust",
+        damping="do-not-trust",
+    )
+
+
+# Noise of the velocity, which makes a damping look smaller than it is.
+
+CARE, STOP = 0.05, 0.50  # of the damping, as for every cause
+
+
+def velocity_noise(fit: Fit) -> Finding | None:
+    """Errors in a regressor attenuate its coefficient: C is too small by σ_v²/⟨v²⟩.
+
+    The noise σ_v is the column's own, from its fourth differences, or what the filter leaves of the
+    penetration's, its steps included.
+    """
+    speed = float(np.mean(fit.data.velocity[fit.inside] ** 2))
+    part = fit.data.velocity_noise**2 / speed if speed > 0.0 else 0.0
+    if not part > CARE:
+        return None
+    derived = fit.data.differentiated
+    whose = "the velocity, worked out of the penetration," if derived else "the velocity column"
+    return Finding(
+        "velocity noise",
+        f"{whose} is noisy: the damping is some {min(part, 1.0):.0%} too small",
+        "--velocity-window 0.03, or move faster"
+        if derived
+        else "--velocity-window on a file without that column, or a filtered velocity",
+        damping="do-not-trust" if part > STOP else "with-care",
+        moves_stiffness_percent=0.0,
+        moves_damping_percent=100.0 * min(part, 1.0),
+    )
+
+
+# All checks together: from an identification's parts to its diagnosis.
 
 _LOGGER = logging.getLogger(__name__)
 

@@ -16,7 +16,7 @@ from palpate.estimators.recursive_least_squares import (  # isort: skip
     RecursiveLeastSquaresEstimator,
     SingleStageRLS,
 )
-from palpate.estimators.drift_tracking import DriftTracking  # isort: skip
+from palpate.estimators.variable_projection import DriftTracking  # isort: skip
 from palpate.estimators.viscoelastic import ViscoelasticContact  # isort: skip
 
 __all__ = [

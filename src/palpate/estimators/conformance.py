@@ -1,4 +1,8 @@
-"""What every estimator promises, as checks that any of them can be put to.
+"""What every estimator promises, a function a promise; :mod:`palpate.estimators.conformance`.
+
+Each takes an estimator's class and settings, and raises an AssertionError where they break it.
+
+What every estimator promises, as checks that any of them can be put to.
 
     from palpate.estimators.conformance import check
 
@@ -8,11 +12,21 @@ The tests put every registered estimator to them. A check that fails raises an A
 says what was promised.
 """
 
-from collections.abc import Callable
+import copy
+import inspect
+import math
+import pickle
+from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Any
 
-from palpate.estimators import promises
-from palpate.estimators.promises import Kind, settings_of
+import numpy as np
+
+from palpate._core import Status
+from palpate.errors import InvalidParameterError
+from palpate.estimators.contact_estimator import ContactEstimator
+from palpate.estimators.estimate import Trace
+from palpate.force_laws import HuntCrossley
 from palpate.settings import (
     ChangeDetector,
     ConstantForgetting,
@@ -21,6 +35,282 @@ from palpate.settings import (
     Scale,
     SelfPerturbation,
 )
+from palpate.validation import Floats
+
+Kind = type[ContactEstimator]
+Signals = tuple[Floats, Floats, Floats]
+
+
+def _hold(promise: bool | np.bool_, words: str) -> None:
+    """Raise an AssertionError, also where Python is asked to leave its own out."""
+    if not promise:
+        raise AssertionError(words)
+
+
+class _Odd:
+    """An object that breaks whatever is done with it."""
+
+    def __float__(self) -> float:
+        raise RuntimeError
+
+    def __iter__(self) -> Iterator[Any]:
+        raise RuntimeError
+
+    def __repr__(self) -> str:
+        raise RuntimeError
+
+
+# None of these is a setting, but None where a setting may be absent.
+_NONSENSE: tuple[Any, ...] = (
+    None, math.nan, -math.inf, -1.0, 10**400, 1e308, "soon", b"\xff", 1j, [], [[1.0], [2.0, 3.0]],
+    {}, object(), _Odd(), np.ma.masked, np.ma.masked_equal([1.0, 2.0, 3.0], 2.0), int, (3, 1),
+)  # fmt: skip
+
+
+def settings_of(kind: Kind) -> list[str]:
+    """Return the names of an estimator's settings."""
+    return list(inspect.signature(kind.__init__).parameters)[1:]
+
+
+@cache  # asked for again by each promise, and never changed
+def _tapping(seconds: float = 0.7) -> Signals:
+    """A ball tapped at 1 kHz: contact is made, lost and made again; 0.02 N of noise."""
+    time = 1e-3 * np.arange(round(1e3 * seconds))
+    x = 1.5e-3 + 1.8e-3 * np.sin(11.0 * time) + 1.8e-3 * np.sin(15.0 * time)
+    v = 19.8e-3 * np.cos(11.0 * time) + 27e-3 * np.cos(15.0 * time)
+    noise = np.random.default_rng(11).standard_normal(time.size)
+    return x, v, HuntCrossley(2000.0, 2000.0, 1.0).force(x, v) + 0.02 * noise
+
+
+def _rows(signals: Signals) -> list[tuple[float, float, float]]:
+    return list(zip(*(channel.tolist() for channel in signals), strict=True))
+
+
+def _knowledge(estimator: ContactEstimator) -> tuple[Any, ...]:
+    """Everything that an estimator says it knows, to be compared bit for bit."""
+    now = estimator.estimate()
+    return (
+        now.parameters.tobytes(),
+        now.joint_covariance.tobytes(),
+        now.validity_margin.hex(),
+        (now.offset, now.surface, now.flags, now.status, now.samples, now.guarded),
+        (now.restarts, now.rejected),
+        [estimator.predict(x, v).hex() for x, v in ((1e-3, 0.0), (3e-3, 0.02), (-1e-3, 0.0))],
+    )
+
+
+def _bits(trace: Trace) -> list[bytes]:
+    columns = (getattr(trace, name) for name in trace.__dataclass_fields__)
+    return [b"" if column is None else column.tobytes() for column in columns]
+
+
+def _halfway(kind: Kind, settings: dict[str, Any]) -> ContactEstimator:
+    estimator = kind(**settings)
+    estimator.replay(*(channel[:350] for channel in _tapping()))
+    return estimator
+
+
+def replay_is_update(kind: Kind, settings: dict[str, Any]) -> None:
+    """Arrays teach as samples do, bit for bit, in one piece or in several."""
+    whole, pieces, looped = kind(**settings), kind(**settings), kind(**settings)
+    signals = _tapping()
+    trace = whole.replay(*signals)
+    parts = [
+        pieces.replay(*(channel[cut] for channel in signals))
+        for cut in (slice(0, 7), slice(7, 7), slice(7, None))
+    ]
+    joined = Trace.joined(parts, trace.parameters.shape[1])
+    _hold(_bits(joined) == _bits(trace), "pieces differ")
+    largest = float(np.abs(signals[2]).max())
+    for k, row in enumerate(_rows(signals)):
+        before = looped.predict(*row[:2])
+        _hold(looped.update(*row) == trace.status[k], f"status of sample {k}")
+        # Once a law is known an answer of a few samples before predicts as the present one does.
+        off = abs(trace.predicted_force[k] - before)
+        _hold(k < 100 or off <= 0.02 * largest, f"prediction of sample {k}")
+        if k % 50 == 0:
+            _hold(np.array_equal(looped.estimate().parameters, trace.parameters[k]), f"sample {k}")
+    _hold(_knowledge(looped) == _knowledge(whole) == _knowledge(pieces), "what is known differs")
+
+
+def thinned_replay_learns_the_same(kind: Kind, settings: dict[str, Any]) -> None:
+    """Estimates are written down where they are asked for, and nothing else depends on that."""
+    signals = _tapping()
+    at = [0, 7, 8, 350, signals[0].size - 1]
+    whole, thinned, unwritten = kind(**settings), kind(**settings), kind(**settings)
+    full = whole.replay(*signals)
+    traces = thinned.replay(*signals, at=at), unwritten.replay(*signals, at=())
+    for trace, rows in zip(traces, (at, []), strict=True):
+        _hold(trace.after.tolist() == rows, "other samples")
+        for name in ("parameters", "standard_errors"):
+            written, every = getattr(trace, name), getattr(full, name)
+            _hold(np.array_equal(written, every[rows]), f"{name} of a thinned trace")
+        for name in ("predicted_force", "validity_margin", "status"):
+            _hold(getattr(trace, name).tobytes() == getattr(full, name).tobytes(), name)
+    same = _knowledge(whole) == _knowledge(thinned) == _knowledge(unwritten)
+    _hold(same, "what is known differs")
+
+
+def own_steps_are_the_sample_time(kind: Kind, settings: dict[str, Any]) -> None:
+    """A time step that is given is the same as one that is the sample time."""
+    nominal, given, spread = kind(**settings), kind(**settings), kind(**settings)
+    signals, step = _tapping(), nominal.settings.get("sample_time") or 1e-3
+    nominal.replay(*signals)
+    given.replay(*signals, step)
+    spread.replay(*signals, np.full(signals[0].size, step))
+    _hold(_knowledge(nominal) == _knowledge(given) == _knowledge(spread), "what is known differs")
+
+
+def refused_samples_change_nothing(kind: Kind, settings: dict[str, Any]) -> None:
+    """What cannot be taken is refused by its status, and leaves no trace."""
+    for estimator in (kind(**settings), _halfway(kind, settings)):
+        before = _knowledge(estimator)
+        for bad in (math.nan, math.inf, -math.inf):
+            for row in ((bad, 0.01, 1.0), (0.01, bad, 1.0), (0.01, 0.01, bad)):
+                _hold(estimator.update(*row) == Status.NOT_FINITE, f"{row}")
+        for dt in (0.0, -1e-3, math.nan, math.inf):
+            _hold(estimator.update(0.01, 0.01, 1.0, dt) == Status.INVALID_STEP, f"dt = {dt}")
+        _hold(estimator.update(1e300, 1e300, 1e300) == Status.OUT_OF_RANGE, "1e300")
+        _hold(_knowledge(estimator) == before, "what is known has changed")
+
+
+def any_floats_leave_it_sound(kind: Kind, settings: dict[str, Any]) -> None:
+    """Whatever the samples, no exception, and finite numbers with a covariance that is one."""
+    random = np.random.default_rng(5)
+    estimator = kind(**settings)
+    ordinary = random.uniform([-1e-3, -0.1, -1.0], [0.02, 0.1, 20.0], (400, 3))
+    absurd = 10.0 ** random.uniform(-320.0, 300.0, (400, 3)) * random.choice([-1.0, 1.0], (400, 3))
+    samples = np.where(random.random((400, 3)) < 0.8, ordinary, absurd)
+    for k, row in enumerate(samples.tolist()):
+        _hold(isinstance(estimator.update(*row), Status), "it is not sound")
+        if k % 20:
+            continue
+        now = estimator.estimate()
+        joint = now.joint_covariance
+        for name, numbers in (("parameters", now.parameters), ("covariance", joint)):
+            _hold(np.isfinite(numbers).all(), f"{name} after sample {k}: {numbers}")
+        _hold(
+            np.isfinite(now.standard_errors).all() and (now.standard_errors >= 0.0).all(),
+            "it is not sound",
+        )
+        _hold(np.array_equal(joint, joint.T) and (np.diag(joint) >= 0.0).all(), f"{joint}")
+        _hold(math.isfinite(now.validity_margin), "it is not sound")
+
+
+def reset_is_a_fresh_start(kind: Kind, settings: dict[str, Any]) -> None:
+    """A reset forgets everything but the settings."""
+    used, fresh = _halfway(kind, settings), kind(**settings)
+    used.reset()
+    _hold(_knowledge(used) == _knowledge(fresh), "what is known differs")
+    _hold(_bits(used.replay(*_tapping())) == _bits(fresh.replay(*_tapping())), "the trace differs")
+
+
+def saved_and_restored_is_never_stopped(kind: Kind, settings: dict[str, Any]) -> None:
+    """A copy, a deep copy and a pickle go on as if nothing had been, each on its own."""
+    copies: tuple[Callable[[ContactEstimator], ContactEstimator], ...] = (
+        lambda estimator: estimator.copy(),
+        copy.deepcopy,
+        lambda estimator: pickle.loads(pickle.dumps(estimator)),
+    )
+    for copied in copies:
+        estimator = _halfway(kind, settings)
+        before = _knowledge(estimator)
+        other = copied(estimator)
+        rest = [channel[350:] for channel in _tapping()]
+        trace = other.replay(*rest)
+        _hold(_knowledge(estimator) == before, "the first learned from its copy")
+        _hold(_bits(trace) == _bits(estimator.replay(*rest)), "the copy goes on otherwise")
+        _hold(type(other) is kind and repr(other) == repr(estimator), "another class or settings")
+
+
+def _lift(estimator: ContactEstimator) -> None:
+    """Out of contact and on; one such sample by itself may be taken for a lost position."""
+    for _ in range(25):
+        estimator.update(-1.0, 0.0, 0.0)
+
+
+def out_of_contact_it_is_held(kind: Kind, settings: dict[str, Any]) -> None:
+    """Above the surface, and after leave_contact, the estimate is held and never erased."""
+    ends: tuple[Callable[[ContactEstimator], object], ...] = (
+        _lift,
+        lambda estimator: estimator.leave_contact(),
+    )
+    for end in ends:
+        fresh, estimator = kind(**settings), _halfway(kind, settings)
+        end(fresh)
+        _hold(fresh.estimate().status == Status.WAITING, "a fresh one is not waiting")
+        law, samples = estimator.estimate().parameters, estimator.estimate().samples
+        end(estimator)
+        now = estimator.estimate()
+        _hold(now.status == Status.HELD and now.samples == samples, "it is not held")
+        _hold(np.array_equal(now.parameters, law), "the law has changed")
+        _hold(samples > 0, "nothing was learned before")
+
+
+def units_do_not_matter(kind: Kind, settings: dict[str, Any]) -> None:
+    """A force in other units, and all that is meant in them too, gives the same law in them."""
+    if "scale" not in settings_of(kind):
+        return
+    unit = 1024.0
+    x, v, force = _tapping()
+    plain = kind(**{**settings, "scale": Scale(5e-3, 50e-3, 10.0)})
+    given: dict[str, Any] = {**plain.settings, "scale": Scale(5e-3, 50e-3, unit * 10.0)}
+    gate, noise, start = given.get("gate"), given.get("noise"), given.get("initial")
+    if gate is not None:
+        forces = unit * gate.make_force, unit * gate.break_force
+        given["gate"] = ContactGate(gate.minimum_penetration, *forces)
+    if noise is not None:
+        given["noise"] = unit * noise
+    if given.get("perturbation"):
+        shaken = given["perturbation"]
+        given["perturbation"] = SelfPerturbation(shaken.gain, shaken.sensitivity / unit**2)
+    if start is not None:
+        names = zip(start.parameters.tolist(), start.units, strict=True)
+        given["initial"] = type(start)(*(unit * p if "N" in u else p for p, u in names))
+    other = kind(**given)
+    plain.replay(x, v, force)
+    other.replay(x, v, unit * force)
+    law, units = plain.estimate().law, plain.law_type.units
+    expected = [unit * p if "N" in u else p for p, u in zip(law.parameters, units, strict=True)]
+    # Logarithms of the units round otherwise: some ε, grown by the conditioning of a short tap.
+    _hold(np.allclose(other.estimate().parameters, expected, rtol=1e-6), "the laws differ")
+
+
+def settings_are_kept_and_documented(kind: Kind, settings: dict[str, Any]) -> None:
+    """Settings are the constructor's arguments, each named in a docstring, and make another one."""
+    estimator = kind(**settings)
+    names = settings_of(kind)
+    _hold(list(estimator.settings) == names, f"settings are {list(estimator.settings)}")
+    words = " ".join(inspect.getdoc(each) or "" for each in kind.__mro__)
+    missing = [name for name in names if name not in words]
+    _hold(not missing, f"no docstring names {missing}")
+    again = kind(**estimator.settings)
+    _hold(repr(again) == repr(estimator), "they do not make the same again")
+    _hold(all(f"{name}=" in repr(estimator) for name in names), "repr leaves some out")
+    for name, value in settings.items():
+        changed = kind().replace(**{name: value})
+        _hold(changed.settings[name] == value and changed.estimate().samples == 0, name)
+
+
+def nonsense_in_settings_is_refused_by_name(kind: Kind, settings: dict[str, Any]) -> None:
+    """A setting takes what it is given, or refuses it with an InvalidParameterError on a line."""
+    for name in settings_of(kind):
+        for value in _NONSENSE:
+            try:
+                kind(**{**settings, name: value})
+            except InvalidParameterError as error:
+                words = str(error)
+                _hold("\n" not in words and len(words) < 400, f"{name}: {words[:400]}")
+
+
+def an_estimate_is_of_its_law(kind: Kind, settings: dict[str, Any]) -> None:
+    """The estimate has the law's type and size, and errors that are the covariance's."""
+    now = _halfway(kind, settings).estimate()
+    _hold(type(now.law) is kind.law_type, f"{now.law}")
+    size = len(kind.law_type.symbols)
+    _hold(now.parameters.shape == (size,) and now.covariance.shape == (size, size), "its size")
+    _hold(np.array_equal(now.standard_errors, np.sqrt(np.diag(now.covariance))), "its errors")
+
 
 # One value beside the default for each setting that several estimators have; others stay.
 _OTHER: dict[str, Any] = {
@@ -41,18 +331,18 @@ _OTHER: dict[str, Any] = {
 CHECKS: dict[str, Callable[[Kind, dict[str, Any]], None]] = {
     promise.__name__.replace("_", " "): promise
     for promise in (
-        promises.replay_is_update,
-        promises.thinned_replay_learns_the_same,
-        promises.own_steps_are_the_sample_time,
-        promises.refused_samples_change_nothing,
-        promises.any_floats_leave_it_sound,
-        promises.reset_is_a_fresh_start,
-        promises.saved_and_restored_is_never_stopped,
-        promises.out_of_contact_it_is_held,
-        promises.units_do_not_matter,
-        promises.settings_are_kept_and_documented,
-        promises.nonsense_in_settings_is_refused_by_name,
-        promises.an_estimate_is_of_its_law,
+        replay_is_update,
+        thinned_replay_learns_the_same,
+        own_steps_are_the_sample_time,
+        refused_samples_change_nothing,
+        any_floats_leave_it_sound,
+        reset_is_a_fresh_start,
+        saved_and_restored_is_never_stopped,
+        out_of_contact_it_is_held,
+        units_do_not_matter,
+        settings_are_kept_and_documented,
+        nonsense_in_settings_is_refused_by_name,
+        an_estimate_is_of_its_law,
     )
 }
 

@@ -8,10 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate import _core
 from palpate.errors import InvalidParameterError
-from palpate.estimate import Estimate
+from palpate.estimators.estimate import Estimate, Trace
 from palpate.force_laws import ForceLaw
 from palpate.settings import Configured
-from palpate.trace import Trace
 from palpate.validation import Floats, shown, signal, signals
 
 

@@ -1,12 +1,14 @@
 """Which law it is, and the numbers that laws have in common: what a verdict says."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from palpate import _core
 from palpate.digits import rounded
+from palpate.estimators.estimate import Estimate
+from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
 from palpate.validation import defined, or_nan
 
 # By the values of the compiled enumerations.
@@ -244,3 +246,206 @@ class DynamicStiffness:
     def loss_tangent(self) -> float:
         """Tan δ = ω B′/K′."""
         return self.frequency * self.damping / self.stiffness if self.stiffness else math.nan
+
+
+# What a verdict on laws leaves open, in words.
+
+# Evidence of less is not worth more than a bare mention (Kass & Raftery 1995).
+_BARE_MENTION = 2.0
+
+
+def tie_flags(standings: tuple[Standing, ...]) -> tuple[str, ...]:
+    """Say of laws that fit as well as the best, none where there are none.
+
+    A motion at one speed, such as an approach alone, distinguishes damper and spring by the noise.
+    """
+    tied = [str(each.candidate) for each in standings[1:] if each.score < _BARE_MENTION]
+    if not tied:
+        return ()
+    return (
+        f"the samples do not tell it from {' or '.join(tied)}, and the error bars are of the one "
+        "law alone: press and let go, at several speeds",
+    )
+
+
+def waiting_flags(standings: tuple[Standing, ...], offered: Sequence[Candidate]) -> tuple[str, ...]:
+    """Say that laws with memory are on offer and none competes yet: what there is may be one."""
+    stand = {each.candidate for each in standings}
+    if not stand or all(law.memory == "none" or law in stand for law in offered):
+        return ()
+    return (
+        "no law with memory competes yet: five numbers fit any hundred samples; stiffness and "
+        "damping may be those of one",
+    )
+
+
+#: Mean velocity over its root mean square, from which on a motion goes one way: 1 at one speed,
+#: 0.90 of a half sine, 0 of whatever comes back.
+ONE_WAY = 0.8
+
+
+def motion_flags(standings: tuple[Standing, ...], one_way: float) -> tuple[str, ...]:
+    """Say of a motion that passes each depth once that damper, memory and spring are alike.
+
+    At one speed v all three are functions of the depth alone, x = vt.
+    """
+    if not standings or not abs(one_way) > ONE_WAY:
+        return ()
+    return (
+        "the motion goes one way at nearly one speed: damping, memory and stiffness are "
+        "distinguished by the shape of the law alone, and may be far off; press and let go, at "
+        "several speeds",
+    )
+
+
+# Of the force at the mean depth that a law leaves: of HC's K′ 1 % took 0.8 standard errors, 3 % 3
+# and 10 % 7, 20 seeds of three sines from out of contact to 13 mm.
+_NOISY = 0.02
+
+
+def gate_flags(
+    standings: tuple[Standing, ...], estimate: Estimate, depth: float, shallowest: float | None
+) -> tuple[str, ...]:
+    """Say that light samples are taken by their own force, where noise is as large.
+
+    Those that noise makes negative count as out of contact, and what is left is too firm: E(F | F >
+    0) > F, and the stiffness too low.
+    """
+    law: GeneralisedHuntCrossley = estimate.law
+    if shallowest is None or not (standings and depth > 0.0 and law.stiffness > 0.0):
+        return ()
+    n, noise = law.exponent, standings[0].rms_error
+    force = law.stiffness * depth**n
+    # Two deviations above none, one sample in forty is left out.
+    if not (noise > _NOISY * force and force * (shallowest / depth) ** n < 2.0 * noise):
+        return ()
+    needed = 1e3 * depth * (3.0 * noise / force) ** (1.0 / n)
+    return (
+        f"light samples are taken by a force within the noise, which makes K′ and K too low: "
+        f"gate=ContactGate(minimum_penetration=…) of {rounded(needed, 2)} mm, where the force is "
+        "three times that",
+    )
+
+
+# Of the half second that is given up where samples begin in contact a third: 5 % of it are left.
+_FORGOTTEN = 0.5 / 3.0
+
+
+def memory_flags(estimate: Estimate, duration: float, *, begun: bool) -> tuple[str, ...]:
+    """What the samples of so many seconds leave open of the memory.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of a generalised law.
+    duration : float
+        Of its samples, s.
+    begun : bool
+        Whether they began in contact.
+    """
+    law: GeneralisedHuntCrossley = estimate.law
+    if not law.remembers:
+        return ()
+    errors, flags = estimate.standard_errors, []
+    if not errors[4] < 0.25 * (law.stiffness + law.relaxation_stiffness):
+        flags.append("relaxation stiffness not identifiable: press quickly, and hold")
+    if law.stiffness < 0.0:
+        flags.append(
+            "negative relaxed stiffness: where the material ends up once all has relaxed, these "
+            "samples do not say; K′ and B′ at their own frequency they do: press from out of "
+            "contact, and hold"
+        )
+    # The longest of the law's times: the only one, or the end of its spectrum.
+    if begun and law.parameters[7] > _FORGOTTEN:
+        flags.append(
+            "the samples begin in contact, and longer than half a second is remembered: K and M "
+            "may be off by twice their error bars; record from before the touch"
+        )
+    if isinstance(law.relaxation, SingleRelaxation):
+        time = law.relaxation.time
+        # A factor of e either way at two deviations.
+        if not errors[7] < 0.5 * time:
+            flags.append("relaxation time not identifiable: move at several speeds, and hold")
+        if time > 0.5 * duration:
+            flags.append("slow drift or relaxation: the time is longer than half of the samples")
+    return tuple(flags)
+
+
+# What a verdict on laws is worked out from, where it may be given to another process.
+
+
+class Evidence(NamedTuple):
+    """What a verdict is worked out from: plain numbers, that another process may be given.
+
+    Attributes
+    ----------
+    rows : sequence of (int, float, float)
+        Of each law that competed its place among :data:`CANDIDATES`, its score and RSS/N, N².
+    samples, effective_samples : float
+        As those of :class:`LawVerdict`.
+    chosen : int
+        Place of the law in force.
+    depth, frequency : float
+        As those of :class:`LawVerdict`.
+    begun : bool
+        Whether the samples began in contact.
+    one_way : float
+        Mean velocity over its root mean square, ±1 where the motion went one way at one speed.
+    offered : int
+        The laws on offer, a bit each.
+    step : float
+        Between samples, s.
+    shallowest : float, optional
+        Penetration that the gate asks of a sample, m; None where it asks for a force too.
+    """
+
+    rows: Sequence[Sequence[float]]
+    samples: float
+    effective_samples: float
+    chosen: int
+    depth: float
+    frequency: float
+    begun: bool
+    one_way: float
+    offered: int
+    step: float
+    shallowest: float | None
+
+    @property
+    def laws(self) -> tuple[Candidate, ...]:
+        """The laws on offer."""
+        return tuple(law for index, law in enumerate(CANDIDATES) if self.offered >> index & 1)
+
+
+def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
+    """Return the verdict.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of :meth:`ViscoelasticContact.evidence`.
+    estimate : Estimate
+        Of the same moment.
+    """
+    ranked = sorted(evidence.rows, key=lambda row: row[1])
+    least = ranked[0][1] if ranked else 0.0
+    standings = tuple(
+        Standing(CANDIDATES[int(index)], score - least, math.sqrt(mean_square))
+        for index, score, mean_square in ranked
+    )
+    flags = (
+        *tie_flags(standings),
+        *waiting_flags(standings, evidence.laws),
+        *motion_flags(standings, evidence.one_way),
+        *gate_flags(standings, estimate, evidence.depth, evidence.shallowest),
+        *memory_flags(estimate, evidence.samples * evidence.step, begun=evidence.begun),
+    )
+    return LawVerdict(
+        CANDIDATES[evidence.chosen],
+        standings,
+        evidence.samples,
+        evidence.effective_samples,
+        evidence.depth,
+        evidence.frequency,
+        flags,
+    )

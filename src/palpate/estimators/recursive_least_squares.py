@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import CompiledEstimator
-from palpate.estimators.loop_settings import Rejection, known_exponent, loop_settings
-from palpate.estimators.registry import register
+from palpate.estimators.registry import Rejection, known_exponent, loop_settings, register
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
 from palpate.settings import (
     SAMPLE_TIME,

@@ -6,7 +6,6 @@ from typing import Any, Literal
 from palpate import _core
 from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import CompiledEstimator
-from palpate.estimators.law_evidence import Evidence, verdict_of
 from palpate.estimators.law_verdicts import (
     CANDIDATES,
     DAMPINGS,
@@ -14,10 +13,11 @@ from palpate.estimators.law_verdicts import (
     MEMORIES,
     Candidate,
     DynamicStiffness,
+    Evidence,
     LawVerdict,
+    verdict_of,
 )
-from palpate.estimators.loop_settings import Rejection, loop_settings
-from palpate.estimators.registry import register
+from palpate.estimators.registry import Rejection, loop_settings, register
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.settings import (
     SAMPLE_TIME,

@@ -1,16 +1,421 @@
-"""What an export carries, in words and as plain numbers."""
+"""Where an exported law comes from: what was identified, or a law alone."""
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, Union, cast
 
+from palpate.diagnosis import MARKS, Finding, Verdict
 from palpate.digits import parameter, rounded
-from palpate.exports.comparing import Compared
-from palpate.exports.engine import Engine, Fragment
-from palpate.exports.nearest import Nearest
-from palpate.exports.source import Source
-from palpate.exports.text import length, percent
-from palpate.validation import defined
+from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
+from palpate.exports.engine import (
+    MOST_SAMPLES,
+    Drop,
+    Engine,
+    Fragment,
+    Nearest,
+    ProbeMotion,
+    drop_to,
+    force_error,
+    length,
+    one_power,
+    percent,
+    with_exponents,
+    without_memory,
+)
+from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, GeneralisedHuntCrossley
+from palpate.quantities.elastic_modulus import Sphere
+from palpate.validation import Floats, defined, shown
+
+if TYPE_CHECKING:
+    from palpate.identifying import Identification
+    from palpate.results.saved import SavedResult
+
+
+#: What can be exported.
+Exportable: TypeAlias = Union["Identification", "SavedResult", ForceLaw]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """A law, the motion that it has to be right on, and how far it is to be trusted.
+
+    Attributes
+    ----------
+    law : ForceLaw
+        As identified.
+    motion : Motion
+        The recorded one; the paper's of a law alone.
+    name : str
+        Of the recording; empty of a law alone.
+    standard_errors : numpy.ndarray, shape (p,), optional
+        Of the law's parameters.
+    verdict : Verdict, optional
+        None of a law alone: nothing is known of it.
+    findings : tuple of Finding
+        The gravest first.
+    flags : tuple of str
+        Of the identification.
+    tip_radius : float, optional
+        Of the tip that pressed, m, where it is known and round.
+    """
+
+    law: ForceLaw
+    motion: ProbeMotion = field(repr=False)
+    name: str = ""
+    standard_errors: Floats | None = None
+    verdict: Verdict | None = None
+    findings: tuple[Finding, ...] = ()
+    flags: tuple[str, ...] = ()
+    tip_radius: float | None = None
+
+    @classmethod
+    def of(cls, result: Exportable) -> "Source":
+        """Return what an identification, a saved one, or a law alone is.
+
+        Raises
+        ------
+        InvalidParameterError
+            It is none of them.
+        RecordingError
+            A saved one is damaged.
+        """
+        if isinstance(result, ForceLaw):
+            return cls(result, ProbeMotion.of_paper())
+        known = ("law", "contact", "trace", "standard_errors")
+        if not all(hasattr(result, name) for name in known):
+            raise InvalidParameterError(
+                "result must be an Identification, a SavedResult or a force law, not "
+                f"{shown(result)}"
+            )
+        if not hasattr(result, "description"):
+            return cls._identified(result, cast(Any, result).diagnosis)
+        try:
+            return cls._identified(result, result)
+        except (RecordingError, InvalidParameterError):
+            raise
+        except (AttributeError, LookupError, TypeError, ValueError) as error:
+            reason = f"{type(error).__name__}: {error}"
+            folder = cast("SavedResult", result).folder
+            raise RecordingError(
+                f"{folder}: the result is damaged ({reason}); identify again"
+            ) from None
+
+    @classmethod
+    def _identified(cls, result: "Identification | SavedResult", judged: Any) -> "Source":
+        return cls(
+            law=result.law,
+            motion=ProbeMotion.recorded(result),
+            name=Path(result.contact.source).name or "a contact",
+            standard_errors=result.standard_errors,
+            verdict=judged.verdict,
+            findings=tuple(judged.findings),
+            flags=_flags(result),
+            tip_radius=_tip_radius(result),
+        )
+
+    @property
+    def reason(self) -> str:
+        """Why the verdict is what it is: the gravest finding, and its remedy."""
+        graver = [each for each in self.findings if each.severity != MARKS[0]]
+        if not graver or self.verdict is None or self.verdict.overall == MARKS[0]:
+            return ""
+        first = graver[0]
+        return first.sentence + (f" ({first.remedy})" if first.remedy else "")
+
+    def nearest(self) -> Nearest:
+        """Return K xⁿ + B xᵖ v in its place, for engines: none of them remembers.
+
+        Raises
+        ------
+        ExportRefusedError
+            There is none with K > 0: nothing would push back.
+        """
+        if isinstance(self.law, ExtendedKelvinVoigt) and all(self.law.parameters[:2] != 0.0):
+            found = one_power(self.law, self.motion)
+        else:
+            law = GeneralisedHuntCrossley.of(self.law)
+            found = without_memory(law, self.motion)
+            if found.law.damping < 0.0:
+                undamped = with_exponents(law, self.motion, law.exponent, law.damping_exponent)
+                found = Nearest.of(undamped, self.law, self.motion, "without its negative damping")
+        if not found.law.stiffness > 0.0:
+            raise ExportRefusedError(
+                f"the law has a stiffness of {found.law.stiffness:.3g}, with which nothing pushes "
+                "back: no engine is given that; palpate diagnose FILE says what is wrong"
+            )
+        return found
+
+
+def _flags(result: Any) -> tuple[str, ...]:
+    if hasattr(result, "description"):
+        [found] = result.description["results"]
+        return tuple(map(str, found.get("flags", ())))
+    return tuple(result.flags)
+
+
+def _tip_radius(result: Any) -> float | None:
+    """Of a round tip that was named with the identification."""
+    if hasattr(result, "description"):
+        [found] = result.description["results"]
+        tip = (found.get("elastic_modulus") or {}).get("tip") or {}
+        return float(tip["radius"]) if tip.get("kind") == Sphere.kind else None
+    tip = result.wanted.tip
+    return tip.radius if isinstance(tip, Sphere) else None
+
+
+# An engine's force and rebound beside the law's and the measured ones.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Compared:
+    """The errors of an export, by replay where the engine is there, else as predicted.
+
+    Attributes
+    ----------
+    how : str
+        How it was replayed; empty where it was not.
+    fails : str
+        Why an engine that is installed was not replayed all the same.
+    predicted_percent : float
+        Of the force that was predicted of the engine, against the law's.
+    replayed_percent : float, optional
+        Of the real engine's.
+    against_measured_percent : float, optional
+        Of the engine's force, replayed or else predicted, against the measured one.
+    law_leaves_percent : float, optional
+        Of the law's own, against the measured one.
+    drop : Drop
+        To the greatest depth of the motion, by the exported law.
+    predicted_rebound : float
+        Restitution predicted of the engine in that drop.
+    replayed_rebound : float, optional
+        In the real engine.
+    """
+
+    how: str
+    fails: str
+    predicted_percent: float
+    replayed_percent: float | None
+    against_measured_percent: float | None
+    law_leaves_percent: float | None
+    drop: Drop
+    predicted_rebound: float
+    replayed_rebound: float | None
+
+    @property
+    def replayed(self) -> bool:
+        """Whether the real engine was asked."""
+        return self.replayed_percent is not None
+
+    @property
+    def percent(self) -> float:
+        """Error of the engine's force against the law's: replayed, or else predicted."""
+        if self.replayed_percent is None:
+            return self.predicted_percent
+        return self.replayed_percent
+
+    @property
+    def rebound(self) -> float:
+        """Restitution by the engine in the drop: replayed, or else predicted."""
+        return self.predicted_rebound if self.replayed_rebound is None else self.replayed_rebound
+
+    @property
+    def rebound_percent(self) -> float:
+        """Error of that restitution, of the law's; NaN of a law by which nothing rebounds."""
+        law = self.drop.restitution
+        return 100.0 * (self.rebound / law - 1.0) if law > 0.0 else float("nan")
+
+
+def compared(source: Source, nearest: Nearest, fragment: Fragment, *, replay: bool) -> Compared:
+    """Return the errors of a fragment along the source's motion.
+
+    Parameters
+    ----------
+    source : Source
+        The law as identified: what the engine is compared with.
+    nearest : Nearest
+        What the fragment was made of.
+    fragment : Fragment
+        The law in the engine.
+    replay : bool
+        Whether the real engine is asked, where it is there.
+    """
+    whole = source.motion
+    most = fragment.most_samples
+    motion = whole.firm(most)
+    law = law_along(source.law, whole, motion, most)
+    predicted = fragment.predicted(motion)
+    ran, fails = None, ""
+    try:
+        ran = fragment.replay(motion) if replay else None
+    except ImportError as error:  # installed, and yet it does not load
+        if _interrupted(error):
+            raise KeyboardInterrupt from None
+        fails = " ".join(str(error).split())
+    drop = drop_to(nearest.law, fragment.asked.mass_or_one, whole.deepest)
+    measured = motion.force
+    force = predicted if ran is None else ran.force
+    return Compared(
+        how="" if ran is None else ran.how,
+        fails=fails,
+        predicted_percent=force_error(predicted, law, motion.judged),
+        replayed_percent=None if ran is None else force_error(ran.force, law, motion.judged),
+        against_measured_percent=_error(force, measured, motion),
+        law_leaves_percent=_error(law, measured, motion),
+        drop=drop,
+        predicted_rebound=fragment.predicted_rebound(drop),
+        replayed_rebound=fragment.rebound(drop) if ran is not None and _stable(fragment) else None,
+    )
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether somebody ended it: an extension says of that too that it cannot be imported."""
+    if error is None or isinstance(error, KeyboardInterrupt):
+        return error is not None
+    return _interrupted(error.__cause__ or error.__context__)
+
+
+def _stable(fragment: Fragment) -> bool:
+    """Whether a simulation at the time step asked for does not run away; else it is refused."""
+    limit = fragment.largest_step
+    return limit is None or fragment.asked.time_step < limit
+
+
+def law_along(
+    law: ForceLaw, whole: ProbeMotion, motion: ProbeMotion, most: int = MOST_SAMPLES
+) -> Floats:
+    """Force by a law at a motion's samples, N; what it remembers is that of the whole motion."""
+    force = whole.force_by(law)
+    return force if motion is whole else force[whole.firm_places(most)]
+
+
+def _error(force: Floats, measured: Floats | None, motion: ProbeMotion) -> float | None:
+    return None if measured is None else force_error(force, measured, motion.judged)
+
+
+# When an export is refused, and what it warns of, whichever the engine.
+
+#: Beyond it, %, an engine has another contact than the one that was identified.
+MOST_PERCENT = 5.0
+#: Beyond it, %, a rebound is another too, which a force that is right does not show.
+REBOUND_PERCENT = 5.0
+# The same number in another arithmetic differs by less, percentage points.
+_AS_PREDICTED = 1.0
+
+
+def refusals(
+    source: Source, nearest: Nearest, fragment: Fragment, compared: Compared
+) -> tuple[str, ...]:
+    """Return why an export should not be used; nothing where it may be."""
+    return (*_of_the_result(source, nearest), *fragment.refusals, *_of_engine(fragment, compared))
+
+
+def warnings(
+    source: Source, nearest: Nearest, fragment: Fragment, compared: Compared
+) -> tuple[str, ...]:
+    """Return what a user of an export should know."""
+    return (
+        *_warnings_of_the_result(source, nearest),
+        *fragment.warnings,
+        *_warnings_of_engine(source, fragment, compared),
+    )
+
+
+def _of_the_result(source: Source, nearest: Nearest) -> list[str]:
+    found = []
+    if source.verdict is not None and source.verdict.overall == "do-not-trust":
+        found.append(f"the diagnosis says do not trust{_because(source)}")
+    if not source.law.remembers and any(each < 0.0 for each in _strengths(source)):
+        found.append(
+            f"the law has a negative stiffness or damping, and makes energy: {nearest.which} it is "
+            f"another, by {percent(nearest.error_percent)} of force"
+        )
+    return found
+
+
+def _of_engine(fragment: Fragment, compared: Compared) -> list[str]:
+    found = []
+    if not compared.percent <= MOST_PERCENT:  # which NaN is not either
+        found.append(
+            f"the force of the engine is off by {percent(compared.percent)}, more than "
+            f"{MOST_PERCENT:g} %, {'replayed' if compared.replayed else 'as predicted'}"
+        )
+    limit, step = fragment.largest_step, fragment.asked.time_step
+    if limit is not None and step >= limit:
+        found.append(
+            f"the simulation is unstable at a time step of {_ms(step)}: it has to be below "
+            f"{_ms(limit)}"
+        )
+    return found
+
+
+def _warnings_of_the_result(source: Source, nearest: Nearest) -> list[str]:
+    found = []
+    verdict = source.verdict
+    if verdict is None:
+        found.append("a law alone: no recording says how far it is to be trusted")
+    elif verdict.overall == "with-care":
+        found.append(f"the diagnosis says with care{_because(source)}")
+    if verdict is not None and verdict.overall == "trust" and verdict.damping != "trust":
+        found.append(f"the damping alone is {verdict.damping}: so are impacts")
+    found += [f"flagged: {flag}" for flag in source.flags]
+    if nearest.which and source.law.remembers:
+        found.append(
+            f"the law remembers, which no engine does: this is {nearest.which}, "
+            f"{percent(nearest.error_percent)} of force from it on this motion, and more at "
+            "other speeds; restitution is that of this one"
+        )
+    elif nearest.which:
+        found.append(
+            f"the law is none that engines have: this is {nearest.which}, "
+            f"{percent(nearest.error_percent)} of force from it"
+        )
+    return found
+
+
+def _warnings_of_engine(source: Source, fragment: Fragment, compared: Compared) -> list[str]:
+    found = []
+    if abs(compared.rebound_percent) > REBOUND_PERCENT:
+        found.append(
+            f"impacts will be wrong: a restitution of {rounded(compared.rebound, 3)}, where the "
+            f"law has {rounded(compared.drop.restitution, 3)}"
+        )
+    if compared.drop.speed > source.motion.fastest and source.verdict is not None:
+        found.append(
+            f"the law was identified at speeds to {length(source.motion.fastest, 2)}/s: an "
+            f"impact at {rounded(compared.drop.speed, 2)} m/s is beyond the recording"
+        )
+    limit, step = fragment.largest_step, fragment.asked.time_step
+    if limit is not None and 0.5 * limit < step < limit:
+        found.append(
+            f"a time step of {_ms(step)} is above half of the {_ms(limit)} from which on the "
+            "simulation is unstable"
+        )
+    if compared.replayed and abs(compared.percent - compared.predicted_percent) > _AS_PREDICTED:
+        found.append(
+            f"the engine was off by {percent(compared.percent)}, and predicted was "
+            f"{percent(compared.predicted_percent)}: its version may differ from those known"
+        )
+    return found
+
+
+def _because(source: Source) -> str:
+    return f": {source.reason}" if source.reason else ""
+
+
+def _strengths(source: Source) -> list[float]:
+    """Which of the law's parameters must not be below 0; of two springs one may."""
+    values = source.law.as_dict()
+    springs = [] if "quadratic_stiffness" in values else ["stiffness"]
+    return [values[name] for name in (*springs, "damping") if name in values]
+
+
+def _ms(seconds: float) -> str:
+    return f"{rounded(1e3 * seconds, 2)} ms" if math.isfinite(seconds) else "any"
+
+
+# What an export carries, in words and as plain numbers.
 
 #: Below it, %, an error is the arithmetic's: single precision in an engine leaves 10⁻⁵.
 EXACT = 1e-3

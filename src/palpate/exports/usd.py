@@ -9,11 +9,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from palpate.exports.asked import Asked
-from palpate.exports.engine import Engine, Fragment
-from palpate.exports.kelvin_voigt import is_kelvin_voigt, stable_step
-from palpate.exports.nearest import kelvin_voigt
-from palpate.exports.text import digits, hash_comment
+from palpate.exports.engine import (
+    Asked,
+    Engine,
+    Fragment,
+    digits,
+    hash_comment,
+    is_kelvin_voigt,
+    kelvin_voigt,
+    stable_step,
+)
 from palpate.force_laws import GeneralisedHuntCrossley
 
 MATERIAL = """\

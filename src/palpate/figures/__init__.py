@@ -6,10 +6,10 @@ What else is drawn stands beside what it shows: :mod:`palpate.design.figures`,
 
 from importlib import import_module
 
-from palpate.figures.compared import draw_comparison as draw_comparison
 from palpate.figures.identified import draw as draw
-from palpate.figures.oscillations import draw_oscillations as draw_oscillations
-from palpate.figures.residuals import draw_residuals as draw_residuals
+from palpate.figures.identified import draw_comparison as draw_comparison
+from palpate.figures.identified import draw_oscillations as draw_oscillations
+from palpate.figures.panels import draw_residuals as draw_residuals
 from palpate.figures.style import check_figure as check_figure
 from palpate.figures.style import save as save
 

@@ -1,24 +1,55 @@
 """The figure of one identification."""
 
 import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from palpate.diagnosis import Quantity
+from palpate.digits import rounded
+from palpate.errors import InvalidParameterError
 from palpate.estimators import ViscoelasticContact
-from palpate.figures.course import course_of
-from palpate.figures.look import Look, look_of
-from palpate.figures.panels import draw_condition, draw_error, draw_force, draw_loop
-from palpate.figures.parameters import draw_damping, draw_parameter, draw_stiffness
-from palpate.figures.residuals import draw_residual
-from palpate.figures.sheet import head, set_titles, stack
-from palpate.figures.style import style
-from palpate.figures.words import at_depth, fit_of, force_at_depth, parameters_of, verdict_of
-from palpate.identification import Identified
-from palpate.results.parameters import Row, parameter_rows
+from palpate.figures.panels import (
+    JOINED,
+    Final,
+    at_depth,
+    course_of,
+    draw_condition,
+    draw_damping,
+    draw_error,
+    draw_force,
+    draw_loop,
+    draw_parameter,
+    draw_residual,
+    draw_residual_rows,
+    draw_stiffness,
+    fit_of,
+    force_at_depth,
+    name_of,
+    parameters_of,
+    verdict_of,
+)
+from palpate.figures.style import (
+    Look,
+    head,
+    look_of,
+    scale_as_written,
+    scale_of,
+    set_titles,
+    stack,
+    style,
+)
+from palpate.identification.identified import Identified, rank
+from palpate.quantities.derived import SmallOscillation, band_of
+from palpate.results.summary import Row, felt, law_in_words, parameter_rows
 from palpate.stages import timed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
 
 # Parameters beside one another.
 _IN_A_ROW = 4
@@ -135,3 +166,314 @@ def _caption(result: Identified) -> str:
         f"Lines and bands: what was known by then, ±2 s.e. by the recursion{taken}. {last}. "
         "Residual: median, band from the 10th to the 90th percentile; dotted: that of noise alone."
     )
+
+
+# Dynamic stiffness and damping over the frequencies that a motion contained.
+
+# Of a line over a band that is a factor of four wide.
+_FREQUENCIES = 25
+_STYLES = ("-", "--", "-.", ":")
+OSCILLATION_CAPTION = (
+    "What a small oscillation feels at working depth, over the frequencies that the motion "
+    "contained; dark band: ±2 s.e. by noise, light: with what the findings would move. That "
+    "another law holds is in neither."
+)
+
+
+def draw_oscillations(
+    results: Sequence[Identified], *, dark: bool = False, width: float | None = None
+) -> "Figure":
+    """Draw K′ and B′ over the frequencies of the motion, a line for each law.
+
+    Parameters
+    ----------
+    results : sequence of Identification
+        Of one contact.
+    dark : bool
+        For a dark background.
+    width : float, optional
+        Of the figure as it is printed, m, in [0.06, 0.4]; a page unless given.
+
+    Raises
+    ------
+    InvalidParameterError
+        Nothing moved, so there is no frequency; or the width is out of its range.
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    look = look_of(dark=dark, width=width)
+    courses = [(result, _course(result)) for result in results]
+    courses = [(result, course) for result, course in courses if course]
+    if not courses:
+        raise InvalidParameterError("results must hold one whose probe moved, not none")
+    sheet = look.sheet
+    with style(look.theme, sheet) as new_figure:
+        figure = new_figure(figsize=sheet.size(7.0 if sheet.narrow else 3.6), layout="constrained")
+        shape = (2, 1) if sheet.narrow else (1, 2)
+        stiffness, damping = figure.subplots(*shape, squeeze=False).reshape(-1)
+        _draw(stiffness, courses, ("stiffness", "K′", "N/m"), look)
+        _draw(damping, courses, ("damping", "B′", "N·s/m"), look)
+        head(stiffness, "Dynamic stiffness K′")
+        head(damping, "Dynamic damping B′", legend=False)
+        depth = scale_of(courses[0][1][0].depth, "m")
+        at = f"at {depth.factor * courses[0][1][0].depth:.4g} {depth.unit}"
+        name = name_of(courses[0][0])
+        set_titles(figure, sheet, [f"{name}, {at}" if name else at], OSCILLATION_CAPTION)
+    return figure
+
+
+def _course(result: Identified) -> list[SmallOscillation]:
+    """What is felt over the band of the motion; nothing of a probe that was held still."""
+    with suppress(InvalidParameterError):
+        low, high = band_of(result)
+        inside = np.geomspace(low, high, _FREQUENCIES)[1:-1].tolist() if low > 0.0 else []
+        return [result.dynamic_stiffness(omega) for omega in (low, *inside, high)]
+    return []
+
+
+def _draw(
+    axes: "Axes",
+    courses: Sequence[tuple[Identified, list[SmallOscillation]]],
+    words: tuple[str, str, str],
+    look: Look,
+) -> None:
+    name, symbol, unit = words
+    parts = [[getattr(each, name) for each in course] for _, course in courses]
+    largest = max(abs(each.value) for part in parts for each in part)
+    scale = scale_of(largest, unit)
+    for row, ((result, course), part) in enumerate(zip(courses, parts, strict=True)):
+        hertz = np.array([each.frequency for each in course]) / (2.0 * math.pi)
+        value = scale.factor * np.array([each.value for each in part])
+        bars = [
+            scale.factor * np.array([math.hypot(*errors) for errors in each])
+            for each in (
+                [(q.standard_error, 0.0) for q in part],
+                [(q.standard_error, q.systematic) for q in part],
+            )
+        ]
+        colour = look.theme.lines[row % len(look.theme.lines)]
+        for bar, alpha in zip(bars, (0.3, 0.12), strict=True):
+            known = np.where(np.isfinite(bar), bar, 0.0)
+            low, high = value - 2.0 * known, value + 2.0 * known
+            axes.fill_between(hertz, low, high, color=colour, alpha=alpha, lw=0)
+        line = _STYLES[row % len(_STYLES)]
+        axes.plot(hertz, value, color=colour, linestyle=line, label=_label(result))
+    axes.set_xscale("log")
+    _mark_frequencies(axes, [each.frequency for _, course in courses for each in course])
+    axes.set(xlabel="frequency [Hz]", ylabel=scale.label(symbol))
+    axes.locator_params(axis="y", nbins=6)
+
+
+def _mark_frequencies(axes: "Axes", drawn: Sequence[float]) -> None:
+    """Ticks at the ends of the band and its middle: a decade has none within a factor of four."""
+    from matplotlib.ticker import FixedLocator, NullLocator
+
+    low, high = min(drawn) / (2.0 * math.pi), max(drawn) / (2.0 * math.pi)
+    hertz = [low, math.sqrt(low * high), high]
+    axes.xaxis.set_major_locator(FixedLocator(hertz))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xticks(hertz, [f"{each:.3g}" for each in hertz])
+
+
+def _label(result: Identified) -> str:
+    chosen = isinstance(result.estimator, ViscoelasticContact)
+    return law_in_words(result) if chosen else f"{result.law.kind}, {result.method}"
+
+
+# Stiffness and damping at working depth by several methods, as dots with their error bars.
+
+# What is so much larger or smaller than the first value, over its size, is an arrow at the edge.
+_MOST_APART = 1.0
+# Depths that differ by less are the same: three digits are written.
+_SAME_DEPTH = 0.01
+
+
+def draw_values(
+    stiffness: "Axes",
+    damping: "Axes",
+    results: Sequence[Identified],
+    names: Sequence[str],
+    look: Look,
+) -> None:
+    """Two panels beside one another, a row for each result."""
+    there = [result.diagnosis.working_depth for result in results]
+    at = _depth_in_words([each.depth for each in there])
+    both = [felt(result) for result in results]
+    _draw_dots(stiffness, [each for each, _ in both], ("Stiffness", "N/m"), look)
+    _draw_dots(damping, [each for _, each in both], ("Damping", "N·s/m"), look)
+    stiffness.set_yticks(range(len(names)), names)
+    damping.set_yticks(range(len(names)), ["" for _ in names])
+    head(stiffness, f"Stiffness {at}")
+    head(damping, f"Damping {at}")
+
+
+def _depth_in_words(depths: Sequence[float]) -> str:
+    """The depth that all values are for; methods that take other samples may differ in it."""
+    scale = scale_of(depths[0], "m")
+    low, high = (scale.factor * depth for depth in (min(depths), max(depths)))
+    if high <= (1.0 + _SAME_DEPTH) * low:
+        return f"at {scale.factor * depths[0]:.3g} {scale.unit}"
+    return f"at {low:.3g} to {high:.3g} {scale.unit}"
+
+
+def _draw_dots(
+    axes: "Axes", quantities: list[Quantity], words: tuple[str, str], look: Look
+) -> None:
+    finals = [Final.of(each) for each in quantities]
+    low, high = _limits(finals)
+    scale = scale_as_written(max(abs(low), abs(high)), words[1])
+    k, ink = scale.factor, look.theme.ink
+    axes.axvline(k * finals[0].value, color=ink, linewidth=look.points(0.7), linestyle=":")
+    for row, final in enumerate(finals):
+        colour = look.theme.lines[row % len(look.theme.lines)]
+        if not low <= final.value <= high:
+            _draw_arrow(axes, row, final.value, (k * low, k * high), colour, look)
+            continue
+        for error, line, cap in ((final.error, 3.0, 0.0), (final.whole_error, 1.1, 3.0)):
+            axes.errorbar(
+                [k * final.value],
+                [row],
+                xerr=[2.0 * k * error],
+                fmt="o",
+                color=colour,
+                markersize=look.points(5.0),
+                elinewidth=look.points(line),
+                capsize=look.points(cap),
+            )
+    axes.set(xlim=(k * low, k * high), ylim=(len(finals) - 0.4, -0.6), xlabel=f"[{scale.unit}]")
+    axes.locator_params(axis="x", nbins=3 if look.sheet.narrow else 4)
+    axes.grid(visible=False, axis="y")
+
+
+def _draw_arrow(
+    axes: "Axes", row: int, value: float, limits: tuple[float, float], colour: str, look: Look
+) -> None:
+    """A value that is beyond the panel."""
+    right = value > limits[1] or not value < limits[0]
+    inset = 0.04 * (limits[1] - limits[0])
+    place = limits[1] - inset if right else limits[0] + inset
+    axes.plot([place], [row], ">" if right else "<", color=colour, markersize=look.points(6.0))
+    axes.annotate(
+        rounded(value, 3),
+        (place, row),
+        xytext=(-6.0 if right else 6.0, 0.0),
+        textcoords="offset points",
+        ha="right" if right else "left",
+        va="center",
+        fontsize=0.9 * look.sheet.font,
+    )
+
+
+def _limits(finals: list[Final]) -> tuple[float, float]:
+    """Around the best method's value, as far as the others are, but not endlessly."""
+    best = finals[0]
+    most = max(_MOST_APART * abs(best.value), 2.2 * best.whole_error, 1e-300)
+    ends = [best.value - 2.2 * best.whole_error, best.value + 2.2 * best.whole_error]
+    for each in finals:
+        for sign in (-2.2, 2.2):
+            end = each.value + sign * each.whole_error
+            if math.isfinite(end):
+                ends.append(min(max(end, best.value - most), best.value + most))
+    spread = max(max(ends) - min(ends), 1e-3 * abs(best.value), 1e-300)
+    return min(ends) - 0.08 * spread, max(ends) + 0.08 * spread
+
+
+# The figure of several identifications of one contact: a row for each method, the best first.
+
+# Of a loop, of which there is one for each method.
+_LOOP_POINTS = 400
+COMPARED_CAPTION = (
+    "Methods in the order of their rank. Stiffness and damping at working depth: ±2 s.e., thick "
+    "by noise, thin with what the findings would move, and of a law that remembers K′ and B′ at "
+    "the motion's own frequency; an arrow: beyond the panel. Residual, measured − final law, to "
+    "one scale: median, band from the 10th to the 90th percentile; dotted: that of noise alone."
+)
+
+
+@timed("figure")
+def draw_comparison(
+    results: Mapping[str, Identified], *, dark: bool = False, width: float | None = None
+) -> "Figure":
+    """Draw several identifications of one contact, a row for each, the best first.
+
+    Stiffness and damping at working depth with their error bars, and for each method what its final
+    law leaves of the force, and on a page the force over penetration: each on axes of its own.
+
+    Parameters
+    ----------
+    results : mapping
+        As :func:`palpate.compare` returns it.
+    dark : bool
+        For a dark background.
+    width : float, optional
+        Of the figure as it is printed, m, in [0.06, 0.4]; a page of 11 inches unless given.
+
+    Raises
+    ------
+    InvalidParameterError
+        There is nothing to draw, or the width is out of its range.
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    if not results:
+        raise InvalidParameterError("results must hold at least one identification, not none")
+    look = look_of(dark=dark, width=width)
+    ranking = rank(results)
+    ordered = [results[name] for name in ranking.order]
+    best = ranking.recommended
+    words = "no method is to be trusted" if best is None else f"recommended: {best}"
+    with style(look.theme, look.sheet) as new_figure:
+        arrange = _compared_in_a_column if look.sheet.narrow else _compared_on_a_page
+        figure = arrange(new_figure, ordered, look)
+        set_titles(figure, look.sheet, [words, name_of(ordered[0])], COMPARED_CAPTION)
+    return figure
+
+
+def _compared_on_a_page(
+    new_figure: "type[Figure]", ordered: list[Identified], look: Look
+) -> "Figure":
+    heights = 2.3, 1.3 * len(ordered) + 0.3
+    figure = new_figure(figsize=look.sheet.size(sum(heights) + 1.1), layout="constrained")
+    grid = figure.add_gridspec(2, 1, height_ratios=heights)
+    above, below = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
+    force, stiffness, damping = above.subplots(1, 3, width_ratios=(1.4, 1.0, 1.0))
+    draw_force(force, ordered[0], look)
+    names = [f"{row + 1}. {result.method}" for row, result in enumerate(ordered)]
+    draw_values(stiffness, damping, ordered, names, look)
+    panels = below.subplots(len(ordered), 2, width_ratios=(2.0, 1.0), squeeze=False)
+    _draw_rows(list(panels[:, 0]), ordered, look)
+    for row, result in enumerate(ordered):
+        draw_loop(
+            panels[row, 1], result, look, colour=_colours(look, row + 1)[row], points=_LOOP_POINTS
+        )
+    head(panels[0, 1], "Measured (grey) and by the final law", legend=False)
+    stack(list(panels[:, 1]))
+    return figure
+
+
+def _compared_in_a_column(
+    new_figure: "type[Figure]", ordered: list[Identified], look: Look
+) -> "Figure":
+    heights = 0.9 + 0.19 * len(ordered), 1.15 * len(ordered) + 0.3
+    figure = new_figure(figsize=look.sheet.size(sum(heights) + 1.8), layout="constrained")
+    grid = figure.add_gridspec(2, 1, height_ratios=heights)
+    above, below = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
+    stiffness, damping = above.subplots(1, 2)
+    names = [f"{row + 1}" for row in range(len(ordered))]
+    draw_values(stiffness, damping, ordered, names, look)
+    _draw_rows(list(below.subplots(len(ordered), 1, squeeze=False)[:, 0]), ordered, look)
+    return figure
+
+
+def _draw_rows(rows: "list[Axes]", ordered: list[Identified], look: Look) -> None:
+    """The residual of each method, with its name and what it came to."""
+    draw_residual_rows(rows, ordered, _colours(look, len(ordered)), look)
+    for row, (axes, result) in enumerate(zip(rows, ordered, strict=True)):
+        fit = f"{result.fit_rmse_percent:.2g}{JOINED}%{JOINED}rms"
+        head(axes, f"{row + 1}. {result.method}: {result.diagnosis.verdict.overall}, {fit}")
+    stack(rows)
+
+
+def _colours(look: Look, count: int) -> list[str]:
+    lines = look.theme.lines
+    return [lines[row % len(lines)] for row in range(count)]

@@ -1,20 +1,524 @@
-"""Panels that show force: over time, over penetration, and what a prediction missed."""
+"""What titles say of an identification."""
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from palpate.figures.course import Course
-from palpate.figures.look import Look
-from palpate.figures.scales import largest, scale_of
-from palpate.figures.sheet import head
-from palpate.figures.thinning import MOST_POINTS, broken, clock, few, shown
-from palpate.identification import Identified
+from palpate.diagnosis import Data, Quantity
+from palpate.digits import with_error
+from palpate.estimators.estimate import Estimate
+from palpate.figures.style import (
+    BAND_DEVIATIONS,
+    MOST_GAPS,
+    MOST_POINTS,
+    Look,
+    Scale,
+    Scatter,
+    broken,
+    clock,
+    few,
+    head,
+    in_order,
+    largest,
+    look_of,
+    over,
+    scale_as_written,
+    scale_of,
+    set_titles,
+    shown,
+    style,
+)
+from palpate.force_laws import ForceLaw
+from palpate.identification.identified import Identified
+from palpate.results.summary import OFFERED, Row, parameter_rows
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+JOINED = "\N{NO-BREAK SPACE}"
+
+
+def kept_together(value: float, *errors: float, unit: str = "") -> str:
+    """As :func:`palpate.digits.with_error`, in words that no line is broken between."""
+    return with_error(value, *errors, unit=unit).replace(" ", JOINED)
+
+
+def parameters_of(result: Identified) -> str:
+    """The law's parameters and their standard errors; not the spectrum that it was offered."""
+    rows = [row for row in parameter_rows(result) if row.name != OFFERED]
+    return ", ".join(str(row).replace(" ", JOINED) for row in rows)
+
+
+def at_depth(result: Identified) -> str:
+    """Force, stiffness and damping at working depth."""
+    there = result.diagnosis.working_depth
+    quantities = (
+        ("force", there.force, "N"),
+        ("stiffness", there.stiffness, "N/m"),
+        ("damping", there.damping, "N·s/m"),
+    )
+    words = [
+        f"{name} {kept_together(q.value, q.standard_error, q.systematic, unit=unit)}"
+        for name, q, unit in quantities
+    ]
+    length = scale_of(there.depth, "m")
+    relaxed = ", once relaxed" if result.law.remembers else ""
+    return f"at {length.factor * there.depth:.4g} {length.unit}{relaxed}: {', '.join(words)}"
+
+
+def force_at_depth(result: Identified) -> str:
+    """Force at working depth."""
+    there = result.diagnosis.working_depth
+    length, force = scale_of(there.depth, "m"), there.force
+    words = kept_together(force.value, force.standard_error, force.systematic, unit="N")
+    return f"force at {length.factor * there.depth:.4g} {length.unit}: {words}"
+
+
+def name_of(result: Identified) -> str:
+    """Name of the recording's file; what no font has, such as a byte that is not UTF-8, is �."""
+    name = Path(result.contact.source).name
+    return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in name)
+
+
+def verdict_of(result: Identified) -> str:
+    """Verdict and its reason."""
+    return f"{result.diagnosis.verdict.overall}: {result.diagnosis.reason}"
+
+
+def fit_of(result: Identified) -> str:
+    """File, method and how well the law fits."""
+    name = name_of(result)
+    fitted = "the stretches' own laws fit" if result.stretches else "final law fits"
+    fit = f"{result.method}, {fitted} to {result.fit_rmse_percent:.2g}{JOINED}%"
+    return f"{name}: {fit}" if name else fit
+
+
+# What an estimator knew as it went along, with its error bars.
+
+# So many times a replay is stopped to look at the covariance, which a trace does not hold.
+_STOPS = 200
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """The law, its stiffness and damping at one depth, and their errors, at some of the samples.
+
+    Attributes
+    ----------
+    samples : numpy.ndarray of int, shape (k,)
+        After which they were known.
+    parameters, errors : numpy.ndarray, shape (k, p)
+        Of the law, SI, and their standard errors.
+    stiffness, stiffness_error : numpy.ndarray, shape (k,)
+        ∂F/∂x, N/m, and its standard error; NaN before the first contact.
+    damping, damping_error : numpy.ndarray, shape (k,)
+        ∂F/∂v, N·s/m.
+    """
+
+    samples: NDArray[np.intp]
+    parameters: Floats
+    errors: Floats
+    stiffness: Floats
+    stiffness_error: Floats
+    damping: Floats
+    damping_error: Floats
+
+
+def course_of(result: Identified, depth: float) -> Course:
+    """Replay a contact, and stop at times to look at what is known.
+
+    Parameters
+    ----------
+    result : Identification
+        Its contact is replayed by its estimator, as it was when it had learned nothing.
+    depth : float
+        Where, m, > 0.
+    """
+    contact, estimator = result.contact, result.estimator.replace()
+    steps = contact.time_steps
+    taken = np.flatnonzero(result.trace.taken)
+    stops = np.unique(taken[np.linspace(0, taken.size - 1, _STOPS).astype(np.intp)])
+    samples, rows, laws = [], [], []
+    for part in contact.segments():
+        estimator.leave_contact()
+        edges = [*stops[(stops >= part.start) & (stops < part.stop)] + 1, part.stop]
+        start = part.start
+        for edge in edges:
+            piece = slice(start, int(edge))
+            channels = contact.penetration, contact.velocity, contact.force, steps
+            estimator.replay(*(channel[piece] for channel in channels), at=())
+            if edge - 1 in stops:
+                now = estimator.estimate()
+                samples.append(edge - 1)
+                rows.append(_known(now, depth))
+                laws.append([now.parameters, now.standard_errors])
+            start = int(edge)
+    parameters, errors = np.moveaxis(np.array(laws), 1, 0)
+    return Course(np.array(samples, dtype=np.intp), parameters, errors, *np.array(rows).T)
+
+
+def _known(estimate: Estimate, depth: float) -> list[float]:
+    """Stiffness, its error, damping, its error; NaN for what overflows."""
+    with np.errstate(all="ignore"):
+        try:
+            law = estimate.law
+            values = law.stiffness_at(depth), law.damping_at(depth)
+        except ValueError:  # of parameters that are not finite there is no law
+            return [np.nan] * 4
+        slopes = _slopes(law, depth)
+        errors = np.sqrt(np.einsum("ij,jk,ik->i", slopes, estimate.covariance, slopes))
+    return [values[0], float(errors[0]), values[1], float(errors[1])]
+
+
+def _slopes(law: ForceLaw, depth: float) -> Floats:
+    """∂S/∂θ and ∂C/∂θ at a depth and at rest, shape (2, p).
+
+    By S = ∂F/∂x and C = ∂F/∂v they are the slopes of ∂F/∂θ over x and v. A step of 1e-5 of the
+    depth leaves 1e-10 of its curvature, and 1e-11 of rounding.
+    """
+    step, slow = 1e-5 * depth, 1e-3
+    by_depth = law.parameter_gradient(depth + step * np.array([1.0, -1.0]), np.zeros(2))
+    by_speed = law.parameter_gradient(np.full(2, depth), slow * np.array([1.0, -1.0]))
+    rows = (by_depth[0] - by_depth[1]) / (2.0 * step), (by_speed[0] - by_speed[1]) / (2.0 * slow)
+    return np.array(rows)
+
+
+# What the final law leaves of the force, over time, depth and speed.
+
+Against = Literal["time", "depth", "velocity"]
+AGAINST: tuple[Against, ...] = ("time", "depth", "velocity")
+# Of several residuals those so many times as large as the first one's leave their panel.
+_MOST_REACH = 5.0
+CAPTION = (
+    "Residual: measured − final law. Line: its median; band: from its 10th to its 90th "
+    "percentile; dotted: the same band of the sensors' noise alone, at working depth."
+)
+
+
+def draw_residuals(
+    identification: Identified, *, dark: bool = False, width: float | None = None
+) -> "Figure":
+    """Draw what the final law leaves of the force, over time, depth and velocity.
+
+    Where it stays between the dotted lines, noise is all that is left; a wave or a slope is
+    structure that the law does not have.
+
+    Parameters
+    ----------
+    identification : Identification
+        As :func:`palpate.identify` returns it.
+    dark : bool
+        For a dark background.
+    width : float, optional
+        Of the figure as it is printed, m, in [0.06, 0.4]; a page unless given.
+
+    Raises
+    ------
+    InvalidParameterError
+        The width is out of its range.
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    look = look_of(dark=dark, width=width)
+    sheet, seen = look.sheet, [_scatter(identification, each) for each in AGAINST]
+    noise = _noise_band(identification)
+    unit = scale_of(max(_reach(each, noise) for _, each in seen), "N")
+    with style(look.theme, sheet) as new_figure:
+        figure = new_figure(figsize=sheet.size(8.6 if sheet.narrow else 3.6), layout="constrained")
+        shape = (3, 1) if sheet.narrow else (1, 3)
+        panels = figure.subplots(*shape, squeeze=False).reshape(-1)
+        for axes, against, (label, scatter) in zip(panels, AGAINST, seen, strict=True):
+            _draw(axes, scatter, noise, unit, look, look.theme.lines[0])
+            axes.set(xlabel=label, ylabel=unit.label("residual"))
+            head(axes, f"Over {against}")
+        low = min(axes.get_ylim()[0] for axes in panels)
+        for axes in panels:
+            axes.set_ylim(low, -low)
+        laws = "laws of each part leave" if identification.stretches else "final law leaves"
+        fit = f"the {laws} {identification.fit_rmse_percent:.2g} % of the force"
+        name = name_of(identification)
+        set_titles(figure, sheet, [f"{name}: {fit}" if name else fit], CAPTION)
+    return figure
+
+
+def draw_residual(axes: "Axes", result: Identified, look: Look) -> None:
+    """One panel of the residual over time, with the band of noise alone."""
+    draw_residual_rows([axes], [result], [look.theme.lines[0]], look)
+    law = "law of each part" if result.stretches else "final law"
+    head(axes, f"Residual, measured − {law}: {result.fit_rmse_percent:.2g} % rms")
+
+
+def draw_residual_rows(
+    rows: "Sequence[Axes]",
+    results: Sequence[Identified],
+    colours: Sequence[str],
+    look: Look,
+) -> None:
+    """The residual of each of several identifications over time, to one scale.
+
+    That is at most so large that the first of them, the best, is still to be seen.
+    """
+    noise = _noise_band(results[0])
+    seen = [_scatter(result, "time") for result in results]
+    reaches = [_reach(scatter, noise) for _, scatter in seen]
+    reach = min(max(reaches), _MOST_REACH * reaches[0])
+    unit = scale_of(reach, "N")
+    for axes, (label, scatter), colour in zip(rows, seen, colours, strict=True):
+        _draw(axes, scatter, noise, unit, look, colour)
+        axes.set_ylim(-1.15 * unit.factor * reach, 1.15 * unit.factor * reach)
+        axes.locator_params(axis="y", nbins=4)
+        axes.set(xlabel=label, ylabel=unit.label("residual"))
+
+
+def _noise_band(result: Identified) -> float:
+    """Half of the band that noise alone would have, N.
+
+    Of a sample's force √(σ² + S²σ_x² + C²σ_v²), at working depth.
+    """
+    data, there = result.data or Data(result.contact), result.diagnosis.working_depth
+    by_position = there.stiffness.value * data.penetration_noise
+    by_velocity = there.damping.value * data.velocity_noise
+    parts = np.array([data.force_noise, by_position, by_velocity])
+    return BAND_DEVIATIONS * float(np.linalg.norm(parts[np.isfinite(parts)]))
+
+
+def _reach(seen: Scatter, noise: float) -> float:
+    return max(largest(seen.low), largest(seen.high), noise, 1e-300)
+
+
+def _draw(axes: "Axes", seen: Scatter, noise: float, unit: Scale, look: Look, colour: str) -> None:
+    k = unit.factor
+    axes.fill_between(seen.place, k * seen.low, k * seen.high, color=colour, alpha=0.3, lw=0)
+    few = np.isfinite(seen.middle).sum() < 4  # of one point there is no line
+    axes.plot(seen.place, k * seen.middle, "o-" if few else "-", color=colour, markersize=3.0)
+    for level in (-noise, noise) if noise > 0.0 else ():
+        axes.axhline(k * level, color=look.theme.ink, linestyle=":", linewidth=look.points(0.9))
+    axes.axhline(0.0, color=look.theme.ink, linewidth=look.points(0.6))
+    reach = 1.15 * k * _reach(seen, noise)
+    axes.set_ylim(-reach, reach)
+
+
+def _scatter(result: Identified, against: Against) -> tuple[str, Scatter]:
+    """What the abscissa is called, and where the residual lies over it."""
+    contact, taken = result.contact, result.trace.taken
+    with np.errstate(all="ignore"):  # absurd samples overflow
+        residual = contact.force - result.fitted_force
+    if against == "time":
+        time, label = clock(contact)
+        return label, in_order(time, residual, contact, taken)
+    name, unit, values = {
+        "depth": ("penetration", "m", contact.penetration),
+        "velocity": ("velocity, inwards > 0", "m/s", contact.velocity),
+    }[against]
+    scale = scale_of(largest(values[taken]), unit)
+    return scale.label(name), over(_scaled(values, scale), residual, taken)
+
+
+def _scaled(values: Floats, scale: Scale) -> Floats:
+    with np.errstate(over="ignore"):
+        return scale.factor * values
+
+
+# Panels of what was identified: each quantity over time, its band, and the result at the end.
+
+# A panel shows at least this part of a value: what is known better has ticks too long to read.
+_LEAST_SPAN = 1e-5
+# A bar of what findings would move is seen whole up to so many times what else is in its panel.
+_MOST_MOVED = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Final:
+    """What a quantity came to.
+
+    Attributes
+    ----------
+    value : float
+        The result.
+    error : float
+        Its standard error, or the repeatable part of it.
+    whole_error : float
+        With what the findings would move; the same where there is no more.
+    """
+
+    value: float
+    error: float
+    whole_error: float
+
+    @classmethod
+    def of(cls, quantity: Quantity) -> "Final":
+        """Of a quantity at the working depth."""
+        error = quantity.standard_error if np.isfinite(quantity.standard_error) else 0.0
+        return cls(quantity.value, error, float(np.hypot(error, quantity.systematic)))
+
+
+def draw_parameter(axes: "Axes", result: Identified, course: Course, row: Row, look: Look) -> None:
+    """One parameter over time, with a band of two standard errors, and the result."""
+    index = row.index
+    error = float(result.standard_errors[index])
+    final = Final(float(result.law.parameters[index]), error, error)
+    known = course.parameters[:, index], course.errors[:, index]
+    _draw_line(axes, result, course.samples, known, final, row.unit, row.symbol, look)
+    words = row.with_unit.replace(" ", JOINED)
+    head(axes, f"{row.name.replace('_', ' ').capitalize()} {row.symbol}: {words}")
+
+
+def draw_stiffness(axes: "Axes", result: Identified, course: Course, look: Look) -> None:
+    """Stiffness at working depth over time, and what the diagnosis says of it."""
+    known = course.stiffness, course.stiffness_error
+    quantities = [p.diagnosis.working_depth.stiffness for p in (result, *result.stretches)]
+    _draw_at_depth(axes, result, course, known, quantities, ("Stiffness", "N/m", "dF/dx"), look)
+
+
+def draw_damping(axes: "Axes", result: Identified, course: Course, look: Look) -> None:
+    """Damping at working depth over time, and what the diagnosis says of it."""
+    known = course.damping, course.damping_error
+    quantities = [p.diagnosis.working_depth.damping for p in (result, *result.stretches)]
+    _draw_at_depth(axes, result, course, known, quantities, ("Damping", "N·s/m", "dF/dv"), look)
+
+
+def _draw_at_depth(
+    axes: "Axes",
+    result: Identified,
+    course: Course,
+    known: tuple[Floats, Floats],
+    quantities: list[Quantity],
+    words: tuple[str, str, str],
+    look: Look,
+) -> None:
+    name, unit, symbol = words
+    depth = result.diagnosis.working_depth.depth
+    length = scale_of(depth, "m")
+    finals = [Final.of(each) for each in quantities]
+    scale = _draw_line(axes, result, course.samples, known, finals[0], unit, symbol, look)
+    name = f"Relaxed {name.lower()}" if result.law.remembers else name
+    at = f"{name} at {length.factor * depth:.3g} {length.unit}"
+    if result.stretches:
+        _draw_stretches(axes, result, finals[1:], scale, look)
+        kind = "place" if result.stretches[0].place is not None else "stretch"
+        head(axes, f"{name} of each {kind}" if kind == "place" else f"{at}, of each stretch")
+        return
+    errors = (quantities[0].standard_error, quantities[0].systematic)
+    head(axes, f"{at}: {kept_together(finals[0].value, *errors, unit=unit)}")
+
+
+def _draw_line(
+    axes: "Axes",
+    result: Identified,
+    samples: NDArray[np.intp],
+    known: tuple[Floats, Floats],
+    final: Final,
+    unit: str,
+    symbol: str,
+    look: Look,
+) -> Scale:
+    """A quantity after some samples, its band of ±2 s.e., and the result with its error bar."""
+    time, label = clock(result.contact)
+    values, errors = known
+    limits = _limits(values, errors, final)
+    scale = scale_as_written(max(abs(limits[0]), abs(limits[1])), unit)
+    k, colour, ink = scale.factor, look.theme.lines[0], look.theme.ink
+    # What leaves the panel is cut: coordinates of 1e200 make no line.
+    far = 10.0 * (limits[1] - limits[0])
+    within = (limits[0] - far, limits[1] + far)
+    with np.errstate(invalid="ignore", over="ignore"):
+        lines = [
+            np.clip(each, *within) for each in (values - 2 * errors, values, values + 2 * errors)
+        ]
+    seen = (lines[1] >= limits[0]) & (lines[1] <= limits[1])
+    seen |= np.append(seen[1:], False) | np.insert(seen[:-1], 0, False)
+    lines[1] = np.where(seen, lines[1], np.nan)  # a start that leaves the panel again and again
+    gaps = np.flatnonzero(np.diff(result.contact.segment[samples])) + 1
+    gaps = gaps if gaps.size <= MOST_GAPS else gaps[:0]
+    x, low, middle, high = (np.insert(each, gaps, np.nan) for each in (time[samples], *lines))
+    axes.fill_between(x, k * low, k * high, color=colour, alpha=0.3, lw=0)
+    axes.plot(x, k * middle, color=colour)
+    axes.axhline(k * final.value, color=ink, linewidth=look.points(0.7), linestyle=":")
+    if not result.stretches:
+        _draw_final(axes, time[samples], final, k, look)
+    axes.set_ylim(k * limits[0], k * limits[1])
+    axes.locator_params(axis="y", nbins=5)
+    axes.set(xlabel=label, ylabel=scale.label(symbol))
+    return scale
+
+
+def _draw_final(axes: "Axes", time: Floats, final: Final, factor: float, look: Look) -> None:
+    """The result at the right, as a dot, with ±2 s.e.; thin, with what the findings would move."""
+    right = float(time.max() + 0.03 * (np.ptp(time) or 1.0))
+    for error, width, cap in ((final.error, 2.2, 0.0), (final.whole_error, 0.9, 2.5)):
+        axes.errorbar(
+            [right],
+            [factor * final.value],
+            yerr=[2.0 * factor * error],
+            fmt="o",
+            color=look.theme.ink,
+            markersize=look.points(3.5),
+            elinewidth=look.points(width),
+            capsize=look.points(cap),
+        )
+
+
+def _draw_stretches(
+    axes: "Axes", result: Identified, finals: list[Final], scale: Scale, look: Look
+) -> None:
+    """The result of each stretch from its start to its end, with a box of ±2 s.e."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    clock_time, _ = clock(result.contact)
+    time, colour, k = result.contact.time, look.theme.lines[1], scale.factor
+    corners, middles, ends = [], [], []
+    for part, final in zip(result.stretches, finals, strict=True):
+        start, stop = clock_time[(time >= part.contact.time[0]) & (time <= part.contact.time[-1])][
+            [0, -1]
+        ]
+        low, high = (k * (final.value + s * 2.0 * final.whole_error) for s in (-1.0, 1.0))
+        corners += [(start, low), (stop, low), (stop, high), (start, high), (start, low)]
+        middles += [(start, k * final.value), (stop, k * final.value), (np.nan, np.nan)]
+        ends += [low, high]
+    # One path for all: of each of a hundred places its own would make a heavy file.
+    codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(finals)
+    boxes = PathPatch(Path(corners, codes), color=colour, alpha=0.35, linewidth=0.0, zorder=2.5)
+    axes.add_patch(boxes)
+    axes.plot(*np.transpose(middles), color=colour, linewidth=look.points(2.0), zorder=2.6)
+    # Of many places a few that went wrong would flatten all others.
+    low, high = np.percentile(ends, (5.0, 95.0) if len(ends) > 20 else (0.0, 100.0))
+    span = (high - low) or abs(high) or 1.0
+    axes.set_ylim(low - 0.15 * span, high + 0.15 * span)
+
+
+def _limits(values: Floats, errors: Floats, final: Final) -> tuple[float, float]:
+    """What a panel shows: the result, and the band since the start-up is over.
+
+    What the findings would move may be so much that its bar leaves the panel: the title has it.
+    """
+    known = np.isfinite(values) & np.isfinite(errors)
+    late = np.flatnonzero(known)
+    late = late[late.size // 4 :]
+    error = 2.5 * final.error if np.isfinite(final.error) else 0.0
+    ends = [final.value - error, final.value + error]
+    if late.size:
+        low, high = values[late] - 2.0 * errors[late], values[late] + 2.0 * errors[late]
+        ends += [float(np.percentile(low, 10.0)), float(np.percentile(high, 90.0))]
+    size = largest(np.array(ends))
+    whole = 2.5 * final.whole_error if np.isfinite(final.whole_error) else 0.0
+    whole = min(whole, _MOST_MOVED * max(max(ends) - min(ends), _LEAST_SPAN * size))
+    ends += [final.value - whole, final.value + whole]
+    low_end, high_end = min(ends), max(ends)
+    spread = max(high_end - low_end, _LEAST_SPAN * size, 1e-300)
+    middle = 0.5 * (low_end + high_end)
+    return middle - 0.6 * spread, middle + 0.6 * spread
+
+
+# Panels that show force: over time, over penetration, and what a prediction missed.
 
 # More crosses than this at samples that were left out make a heavy file.
 _MOST_CROSSES = 200

@@ -1,20 +1,241 @@
-"""How figures look, and how they are written."""
+"""Sentences broken into lines by the widths of their letters."""
 
+import functools
 import io
+import math
 import re
 import warnings
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from palpate.contact import Contact
+from palpate.digits import PLAIN
 from palpate.errors import MissingExtraError, RecordingError
-from palpate.figures.sheet import PAGE, Sheet
+from palpate.validation import Floats, number_in
 from palpate.writing import check_writable, write_bytes
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+
+def wrapped(words: str, width: float, size: float, lines: int) -> str:
+    """Break a sentence into lines of at most a width; what is left over becomes ….
+
+    Parameters
+    ----------
+    words : str
+        A sentence.
+    width, size : float
+        Of a line and of the letters, points.
+    lines : int
+        At most so many.
+    """
+    rows = [""]
+    for word in words.split(" "):  # not at a no-break space, as split() would
+        longer = f"{rows[-1]} {word}".strip()
+        if width_of(longer, size) <= width:
+            rows[-1] = longer
+            continue
+        pieces = _broken(word, width, size)
+        rows = [*rows, *pieces] if rows[-1] else pieces
+    if len(rows) <= lines:
+        return "\n".join(rows)
+    last = rows[lines - 1]
+    while last and width_of(f"{last} …", size) > width:
+        last = last[:-1]
+    return "\n".join([*rows[: lines - 1], f"{last.rstrip(' ,;:')} …"])
+
+
+def width_of(words: str, size: float) -> float:
+    """Width of a line in letters of a size, points."""
+    from matplotlib import rcParams
+
+    return _width_in((*rcParams["font.family"], *rcParams["font.sans-serif"]), words, size)
+
+
+@functools.lru_cache(4096)  # a page's figures share most of their words
+def _width_in(fonts: tuple[str, ...], words: str, size: float) -> float:
+    """Width of a line in the fonts that matplotlib is set to."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from")  # it has some width
+        found = text_to_path.get_text_width_height_descent(words, FontProperties(size=size), False)
+    return float(found[0])
+
+
+def _broken(word: str, width: float, size: float) -> list[str]:
+    """A word, such as the name of a file, that is wider than a line, in pieces."""
+    pieces = [""]
+    for letter in word:
+        if pieces[-1] and width_of(pieces[-1] + letter, size) > width:
+            pieces.append("")
+        pieces[-1] += letter
+    return pieces
+
+
+# How wide a figure is printed, and how large its letters are then.
+
+INCH = 25.4e-3
+#: Limits of a width, m: below, five ticks of an axis touch; above, no paper is as wide.
+NARROWEST, WIDEST = 60e-3, 400e-3
+# A journal's column is 84 to 90 mm wide, its page 170 to 190 mm: narrower than this, panels stand
+# one below the other.
+_ONE_COLUMN = 140e-3
+# Letters of a page, and the smallest that journals print, in points.
+_LARGEST, _SMALLEST = 9.5, 7.0
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """The width of a figure, and what follows from it.
+
+    Parameters
+    ----------
+    width : float
+        As it is printed, m.
+    """
+
+    width: float = 11.0 * INCH
+
+    @property
+    def inches(self) -> float:
+        """The width, in."""
+        return self.width / INCH
+
+    @property
+    def font(self) -> float:
+        """Size of the letters, points: those of a page, scaled, but never too small to read."""
+        return min(max(_LARGEST * self.inches / 11.0, _SMALLEST), _LARGEST)
+
+    @property
+    def scale(self) -> float:
+        """Size of letters, lines and heights over that of a page."""
+        return self.font / _LARGEST
+
+    @property
+    def narrow(self) -> bool:
+        """Whether panels stand one below the other."""
+        return self.width < _ONE_COLUMN
+
+    def size(self, height: float) -> tuple[float, float]:
+        """Width and height of a figure that is so many inches high on a page."""
+        return self.inches, height * self.scale
+
+
+PAGE = Sheet()
+
+
+def sheet_of(width: float | None) -> Sheet:
+    """Return the sheet of a width, m; a page unless given.
+
+    Raises
+    ------
+    InvalidParameterError
+        It is out of its range.
+    """
+    return PAGE if width is None else Sheet(number_in("width", width, NARROWEST, WIDEST))
+
+
+def set_titles(
+    figure: "Figure", sheet: Sheet, title: list[str], caption: str = "", *, lines: int = 2
+) -> None:
+    """Write a title, each of its sentences from a line of its own on, and a caption below."""
+    large, small = 1.1 * sheet.font, 0.93 * sheet.font
+    # Letters on a grid of pixels are up to 4 % wider than those of the font.
+    width = 0.96 * (72.0 * sheet.inches - 2.0 * sheet.font)
+    words = "\n".join(wrapped(each, width, large, lines) for each in title if each)
+    figure.suptitle(words, fontsize=large, parse_math=False)  # a file's name may hold a $
+    if caption:
+        figure.supxlabel(wrapped(caption, width, small, 9), fontsize=small)
+    # A tick that comes up at the right end when panels have their width has room for its number.
+    margin = sheet.font / (72.0 * sheet.inches)
+    figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0 - margin, 1.0))
+
+
+def head(axes: "Axes", title: str, *, legend: bool = True) -> None:
+    """Write the title of a panel, and its legend between title and panel, where no data are."""
+    handles, labels = axes.get_legend_handles_labels() if legend else ([], [])
+    _write_numbers_out(axes)
+    size = float(axes.title.get_fontsize())
+    room = _room(axes, size)
+    columns = max(len(labels), 1)
+    while columns > 1 and _legend_width(labels, columns, size) > room:
+        columns -= 1
+    rows = -(-len(labels) // columns)
+    if rows:
+        axes.legend(
+            handles,
+            labels,
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            ncols=columns,
+            borderaxespad=0.0,
+            borderpad=0.2,
+            labelspacing=0.2,
+            handlelength=1.5,
+            handletextpad=0.5,
+            columnspacing=1.2,
+        )
+    # 1.4 letters a row of the legend: the 1.16 of a line of DejaVu Sans and what is between.
+    pad = 0.4 * size + 1.4 * rows * size
+    words = wrapped(title, room, size, 3)
+    axes.set_title(words, loc="left", pad=pad, fontsize=size, parse_math=False)
+
+
+def _write_numbers_out(axes: "Axes") -> None:
+    """Let ticks have no power of ten beside the axis: the unit has it, where one is needed."""
+    from matplotlib.ticker import ScalarFormatter
+
+    for axis in (axes.xaxis, axes.yaxis):
+        formatter = axis.get_major_formatter()
+        if isinstance(formatter, ScalarFormatter):
+            formatter.set_scientific(False)
+
+
+def stack(panels: "Sequence[Axes]") -> None:
+    """Let panels one below the other have one abscissa, with its numbers below the last."""
+    low = min(axes.get_xlim()[0] for axes in panels)
+    high = max(axes.get_xlim()[1] for axes in panels)
+    for axes in panels:
+        axes.set_xlim(low, high)
+    for axes in panels[:-1]:
+        axes.tick_params(labelbottom=False)
+        axes.set_xlabel("")
+
+
+def _room(axes: "Axes", size: float) -> float:
+    """Width of a panel, points: its part of the figure, without ticks and label of its axis."""
+    place, figure = axes.get_subplotspec(), axes.figure
+    part = 1.0
+    if place is not None:
+        grid = place.get_gridspec()
+        ratios = np.asarray(grid.get_width_ratios(), dtype=np.float64)
+        part = float(ratios[list(place.colspan)].sum() / ratios.sum())
+    return max(part * figure.bbox.width * 72.0 / figure.dpi - 6.0 * size, 8.0 * size)
+
+
+def _legend_width(labels: list[str], columns: int, size: float) -> float:
+    """Width of a legend, points: 3.2 letters a column for a handle and what is between."""
+    widest = [
+        max(width_of(label, size) for label in labels[i::columns])
+        for i in range(columns)
+        if labels[i::columns]
+    ]
+    return sum(widest) + 3.2 * size * len(widest)
+
+
+# How figures look, and how they are written.
 
 # Endings of figures. Without a date or random names, the same result gives the same file.
 _FORMATS: dict[str, dict[str, None] | None] = {
@@ -82,7 +303,6 @@ class style:  # noqa: N801 - reads as a statement
         try:
             import matplotlib
 
-            from palpate.figures.drawn import Drawn
         except ImportError:
             raise MissingExtraError(
                 "figures need matplotlib: pip install 'palpate[figures]'"
@@ -201,3 +421,276 @@ def _format_of(path: Path) -> str:
     if ending not in _FORMATS:
         raise RecordingError(f"{path}: a figure's name must end in .svg, .pdf or .png")
     return ending
+
+
+# What every panel of a figure has to know: its colours and its size.
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Colours and size of a figure.
+
+    Parameters
+    ----------
+    theme : Theme
+        Colours.
+    sheet : Sheet
+        Size.
+    """
+
+    theme: Theme
+    sheet: Sheet = PAGE
+
+    def points(self, size: float) -> float:
+        """Width of a line, or size of a marker, that has so many points on a page."""
+        return size * self.sheet.scale
+
+
+def look_of(*, dark: bool, width: float | None) -> Look:
+    """Return the look that a caller asks for; :func:`sheet_of` says what it refuses."""
+    return Look(DARK if dark else LIGHT, sheet_of(width))
+
+
+# Units with the prefix that makes their numbers readable.
+
+_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p", -15: "f"}
+_POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """What SI values are multiplied by to be drawn, and the unit of what is drawn.
+
+    Parameters
+    ----------
+    factor : float
+        Drawn value over SI value.
+    unit : str
+        Of the drawn value.
+    """
+
+    factor: float
+    unit: str
+
+    def label(self, name: str) -> str:
+        """Return what an axis is called."""
+        return f"{name} [{self.unit}]" if self.unit else name
+
+
+def scale_of(largest: float, unit: str) -> Scale:
+    """Choose a unit in which the largest value is from 1 to below 1000.
+
+    Parameters
+    ----------
+    largest : float
+        Size of the largest value, in the SI unit.
+    unit : str
+        N, m, m/s or what begins with N; another unit, and none, stay as they are.
+    """
+    if not (math.isfinite(largest) and largest > 0.0) or unit[:1] not in ("N", "m"):
+        return Scale(1.0, unit)
+    power = 3 * math.floor(math.log10(largest * (1.0 + 1e-9)) / 3.0)
+    if unit.startswith("m"):
+        power = min(power, 0)  # nobody counts penetration in kilometres
+    if power in _PREFIXES:
+        return Scale(10.0**-power, _PREFIXES[power] + unit)
+    if abs(power) > 300:  # its inverse would not be finite
+        return Scale(1.0, unit)
+    return Scale(10.0**-power, f"10{str(power).translate(_POWERS)} {unit}")
+
+
+def scale_as_written(value: float, unit: str) -> Scale:
+    """Choose the power of ten that :func:`palpate.digits.with_error` writes a value with."""
+    power = math.floor(math.log10(abs(value))) if math.isfinite(value) and value else 0
+    if power in PLAIN or abs(power) > 300:
+        return Scale(1.0, unit)
+    return Scale(10.0**-power, f"10{str(power).translate(_POWERS)} {unit}".strip())
+
+
+def largest(values: Floats) -> float:
+    """Size of the largest value that is finite; 0 without any."""
+    size = np.abs(values)
+    return float(np.max(size, where=np.isfinite(size), initial=0.0))
+
+
+# Drawings without what nobody sees: a page holds two of every figure.
+
+
+def slim(svg: str) -> str:
+    """Return matplotlib's SVG, looking the same to a tenth of a point, at about half its size."""
+    svg = re.sub(r"<!--.*?-->", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'<g id="[^"]*"', "<g", svg)  # what is referred to is a path or a clipping path
+    svg = re.sub(r' d="([^"]*)"', _path, _ungrouped(svg))
+    svg = re.sub(r' (x|y)="[^"]*"', lambda place: _cut(place[0], 2), svg)
+    return re.sub(r"\s*\n\s*", "\n", _styles_named(svg))
+
+
+def _path(found: re.Match[str]) -> str:
+    """Give each place of straight lines by the step to it, in whole tenths so that none adds up."""
+    places = _cut(found[1], 1)
+    if not re.fullmatch(r"[MLz\d\s.-]*", places):
+        return f' d="{places}"'
+    here = start = (0, 0)
+    written = ""
+    for command, numbers in re.findall(r"([MLz])([^MLz]*)", places):
+        tenths = [round(10.0 * float(number)) for number in numbers.split()]
+        steps = []
+        for place in zip(tenths[::2], tenths[1::2], strict=True):
+            steps += [_step(new - old) for new, old in zip(place, here, strict=True)]
+            here = place
+        if command == "M":
+            start = here
+        elif command == "z":
+            here = start
+        # More places after a move are lines.
+        letter = {"M": "m", "L": " ", "z": "z"}[command]
+        written += letter + " ".join(steps)
+    return f' d="{written.replace(" -", "-")}"'
+
+
+# Most steps of a curve are among a few hundred.
+@lru_cache(maxsize=4096)
+def _step(tenths: int) -> str:
+    return re.sub(r"^(-?)0\.", r"\1.", f"{tenths / 10:g}")
+
+
+def _ungrouped(svg: str) -> str:
+    """Leave out groups that say nothing of what they hold."""
+    said: list[bool] = []
+
+    def kept(tag: re.Match[str]) -> str:
+        if tag[0].endswith("/>"):
+            return ""  # it holds nothing
+        if tag[0] != "</g>":
+            said.append(tag[0] != "<g>")
+            return tag[0] if said[-1] else ""
+        return tag[0] if said.pop() else ""
+
+    return re.sub(r"<g\b[^>]*>|</g>", kept, svg)
+
+
+def _cut(text: str, digits: int) -> str:
+    return re.sub(rf"(\.\d{{{digits}}})\d+", r"\1", text)
+
+
+def _styles_named(svg: str) -> str:
+    """Give each style a class: matplotlib repeats it at every tick.
+
+    Its name depends on the style alone: drawings that stand in one page may share their classes.
+    """
+    names: dict[str, str] = {}
+
+    def named(style: re.Match[str]) -> str:
+        name = f"s{zlib.crc32(style[1].encode('utf-8'))}"
+        return f' class="{names.setdefault(style[1], name)}"'
+
+    svg = re.sub(r' style="([^"]*)"', named, svg)
+    rules = "".join(f".{name}{{{style}}}" for style, name in names.items())
+    return svg.replace("</style>", f"{rules}</style>", 1)
+
+
+# A figure that a notebook shows by itself: only those of pyplot are shown else.
+
+
+class Drawn(Figure):
+    """matplotlib's figure, in a notebook too."""
+
+    def _repr_svg_(self) -> str:
+        svg = slim(as_svg(self))
+        # As wide as the cell at most.
+        return svg[svg.index("<svg") :].replace(
+            "<svg", '<svg style="max-width:100%;height:auto"', 1
+        )
+
+
+# Fewer points that look the same: a line of all samples makes a heavy file.
+
+#: More points than this on a line nobody sees.
+MOST_POINTS = 1000
+# Of a band: a piece holds so many samples at least, and there are at most so many of them.
+_FEWEST = 8
+_PIECES = 150
+_BINS = 50
+#: Where contact is lost more often than this no line is broken: each piece is a path of its own.
+MOST_GAPS = 60
+#: Percentiles that a band of samples spans, and how many deviations of a normal one that is.
+BAND = (10.0, 90.0)
+BAND_DEVIATIONS = 1.2816
+
+
+def clock(contact: Contact) -> tuple[Floats, str]:
+    """Time to draw against; segments whose clocks overlap are put one behind the other."""
+    if np.all(np.diff(contact.time) > 0.0):
+        return contact.time, "time [s]"
+    return np.cumsum(contact.time_steps), "time, contacts joined [s]"
+
+
+def shown(contact: Contact, most: int = MOST_POINTS) -> NDArray[np.intp]:
+    """Which samples to draw."""
+    return few(np.arange(len(contact)), most)
+
+
+def few(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """Return at most so many of some samples, evenly."""
+    return index[:: max(-(-index.size // most), 1)]
+
+
+def broken(values: Floats, contact: Contact, keep: NDArray[np.intp]) -> Floats:
+    """The values to draw, with a gap where another contact begins."""
+    drawn = np.array(values[keep], dtype=np.float64)
+    drawn[1:][np.diff(contact.segment[keep]) != 0] = np.nan
+    return drawn
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scatter:
+    """Where samples lie: the median of each piece of them, and between which most are.
+
+    Attributes
+    ----------
+    place, low, middle, high : numpy.ndarray
+        Median abscissa and percentiles of the ordinate, a piece each; NaN where a line breaks.
+    """
+
+    place: Floats
+    low: Floats
+    middle: Floats
+    high: Floats
+
+
+def in_order(time: Floats, values: Floats, contact: Contact, keep: NDArray[np.bool_]) -> Scatter:
+    """Scatter of samples over time, broken where another contact begins or none is."""
+    index = np.flatnonzero(keep & np.isfinite(values))
+    each = max(-(-index.size // _PIECES), _FEWEST)
+    jump = (np.diff(index) > each) | (np.diff(contact.segment[index]) != 0)
+    runs = np.split(index, np.flatnonzero(jump) + 1)
+    if len(runs) > MOST_GAPS:
+        runs = [index]
+    rows = []
+    for run in runs:
+        pieces = min(max(run.size // each, 2), run.size)  # of one piece there is no line
+        rows += [_row(time[p], values[p]) for p in np.array_split(run, max(pieces, 1)) if p.size]
+        rows.append([np.nan] * 4)
+    return Scatter(*np.array(rows).T)
+
+
+def over(place: Floats, values: Floats, keep: NDArray[np.bool_]) -> Scatter:
+    """Scatter of samples over another quantity, such as depth."""
+    known = keep & np.isfinite(place) & np.isfinite(values)
+    x, y = place[known], values[known]
+    if not x.size:
+        return Scatter(*np.full((4, 1), np.nan))
+    count = min(max(x.size // _FEWEST, 1), _BINS)
+    edges = np.linspace(x.min(), x.max(), count + 1)
+    bins = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, count - 1)
+    order = np.argsort(bins, kind="stable")
+    parts = np.split(order, np.searchsorted(bins[order], np.arange(1, count)))
+    rows = [_row(x[p], y[p]) if p.size >= _FEWEST else [np.nan] * 4 for p in parts]
+    if not np.isfinite(rows).any():
+        rows = [_row(x, y)]
+    return Scatter(*np.array(rows).T)
+
+
+def _row(place: Floats, values: Floats) -> list[float]:
+    low, middle, high = np.percentile(values, (BAND[0], 50.0, BAND[1]))
+    return [float(np.median(place)), float(low), float(middle), float(high)]

@@ -1,24 +1,254 @@
-"""A contact, and what was identified of it, as a row of the table."""
+"""Force, stiffness and damping of many Hunt–Crossley laws, each at its own working depth."""
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from palpate import _core
 from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Finding
-from palpate.estimate import Estimate
-from palpate.fleet.at_depth import AT_DEPTH
-from palpate.fleet.settings import Settings
+from palpate.estimators.curves import CurveFits
+from palpate.estimators.estimate import Estimate
+from palpate.fleet.tasks import Settings, needed
 from palpate.force_laws import ForceLaw
-from palpate.identification import Identified
-from palpate.preparation.places import at_places
-from palpate.preparation.prepared import Place
+from palpate.identification.identified import Identified
+from palpate.preparation.along_penetration import Place, at_places
 from palpate.validation import Floats
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+Numbers = tuple[Floats, Floats]
+#: At the working depth: what it is, and its unit.
+AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
+
+
+def working_depths(
+    penetration: Floats, force: Floats, fits: CurveFits, *, threads: int = 1
+) -> Numbers:
+    """Median and largest penetration of each row where contact is firm, m; NaN where it never is.
+
+    Firm is what the gate of :func:`palpate.choose_gate` takes, at whose median
+    :func:`palpate.identify` works: not what the law leaves decides, but the noise.
+
+    Parameters
+    ----------
+    penetration : numpy.ndarray, shape (k, samples)
+        m; counted from the surfaces of the fits here.
+    force : numpy.ndarray, shape (k, samples)
+        N.
+    fits : CurveFits
+        Of these rows.
+    threads : int
+        That share the rows.
+    """
+    found = np.empty((len(penetration), 2))
+    _core.working_depths(penetration, force, fits.surface, found, threads)
+    return found[:, 0].copy(), found[:, 1].copy()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LawsAtDepth:
+    """Values and standard errors, SI, one a row.
+
+    F = K xⁿ, S = n K xⁿ⁻¹, C = B xⁿ with x = X − d: at the place X where the probe was, so that
+    what is not known of the surface d moves them as little as it moves the force there.
+    """
+
+    force: Numbers
+    stiffness: Numbers
+    damping: Numbers
+
+    @classmethod
+    def of(cls, fits: CurveFits, depth: Floats) -> "LawsAtDepth":
+        """Return them for each fit at its own depth, m; NaN where that is."""
+        with np.errstate(all="ignore"):
+            k, c, n = fits.stiffness, fits.damping, fits.exponent
+            power, log, none = depth**n, np.log(depth), np.zeros_like(depth)
+            force, damping = k * power, c * power
+            stiffness = n * force / depth
+            bend = (n - 1.0) * stiffness / depth
+            # By K, B, n, F₀ and d.
+            of_force = [power, none, log * force, none, -stiffness]
+            of_stiffness = [
+                n * power / depth, none, (1.0 / n + log) * stiffness, none, -bend,
+            ]  # fmt: skip
+            of_damping = [none, power, log * damping, none, -n * damping / depth]
+            return cls(
+                (force, _error(of_force, fits)),
+                (stiffness, _error(of_stiffness, fits)),
+                (damping, _error(of_damping, fits)),
+            )
+
+
+def _error(gradient: list[Floats], fits: CurveFits) -> Floats:
+    """√(gᵀ C g) of each row."""
+    g = np.stack(gradient, axis=1)
+    variance = np.einsum("ki,kij,kj->k", g, fits.covariance, g)
+    found: Floats = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
+    return found
+
+
+# The columns of a table of contacts: what each holds, and in which unit.
+
+WHOLE, TEXT, TEXTS, NUMBER, NUMBERS = "int64", "string", "texts", "float64", "numbers"
+
+
+@dataclass(frozen=True, slots=True)
+class TableColumn:
+    """A column of the table.
+
+    Attributes
+    ----------
+    name, kind : str
+        Its name, and what it holds.
+    unit : str
+        SI; empty where it has none.
+    words : str
+        What it is.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    words: str
+
+
+def columns_of(settings: Settings) -> list[TableColumn]:
+    """Return the columns of a table that is made by these settings, in their order."""
+    return [
+        TableColumn("source", TEXT, "", "the file, folder or array that the contact is from"),
+        TableColumn(
+            "index", WHOLE, "", "which contact of the source, from 0; null where it is one"
+        ),
+        TableColumn(
+            "part", WHOLE, "", "which place of a probe that travels, from 0; null of one place"
+        ),
+        *(TableColumn(axis, NUMBER, "m", f"where on the material, along {axis}") for axis in "xyz"),
+        TableColumn("method", TEXT, "", "the estimator"),
+        TableColumn("fit", TEXT, "", "recursion or whole-curve; null of a failure"),
+        *_law(settings),
+        TableColumn("covariance", NUMBERS, "", "of the law's parameters, a row after another, SI"),
+        TableColumn("offset", NUMBER, "N", "force out of contact; NaN where it is not estimated"),
+        TableColumn("offset_standard_error", NUMBER, "N", "of the offset"),
+        TableColumn("surface", NUMBER, "m", "of the penetration; NaN where it is not estimated"),
+        TableColumn("surface_standard_error", NUMBER, "m", "of the surface"),
+        TableColumn("depth", NUMBER, "m", "working depth: median penetration below the surface"),
+        TableColumn(
+            "largest_depth", NUMBER, "m", "largest penetration below the surface, in contact"
+        ),
+        *_at_depth(),
+        TableColumn(
+            "residual", NUMBER, "N", "standard deviation of what the law leaves of the force"
+        ),
+        TableColumn("samples", WHOLE, "", "of the contact"),
+        TableColumn("taken", WHOLE, "", "samples that the estimate is made of"),
+        TableColumn("flags", TEXTS, "", "what to know before trusting the numbers"),
+        TableColumn("checked", TEXT, "", "which checks were asked for: none, input or full"),
+        TableColumn(
+            "findings", TEXTS, "", "severity, check and sentence; null where none was made"
+        ),
+        *(
+            TableColumn(f"verdict{name}", TEXT, "", f"{words}; null without a full diagnosis")
+            for name, words in (
+                ("", "trust, with-care or do-not-trust"),
+                ("_stiffness", "the same of the stiffness at working depth"),
+                ("_damping", "the same of the damping at working depth"),
+            )
+        ),
+        TableColumn("prepared", TEXT, "", "how each channel was made, as JSON; null of arrays"),
+        TableColumn("error", TEXT, "", "why there are no numbers; null where there are"),
+        TableColumn("error_kind", TEXT, "", "name of the error's class"),
+        TableColumn("version", TEXT, "", "of the palpate that made the row"),
+        TableColumn("settings", TEXT, "", "digest of the settings, which the file's notes hold"),
+    ]
+
+
+def _law(settings: Settings) -> list[TableColumn]:
+    found = []
+    law = settings.law
+    for name, unit in zip(law.names(), law.units, strict=True):
+        found.append(TableColumn(name, NUMBER, unit, f"{name} of the {law.kind} law"))
+        found.append(TableColumn(f"{name}_standard_error", NUMBER, unit, f"of the {name}"))
+    return found
+
+
+def _at_depth() -> list[TableColumn]:
+    found = []
+    for name, unit in AT_DEPTH.items():
+        words = f"{name} at working depth"
+        found.append(TableColumn(f"{name}_at_depth", NUMBER, unit, words))
+        found.append(TableColumn(f"{name}_at_depth_standard_error", NUMBER, unit, "what repeats"))
+        moved = "what the findings would move; NaN without a full diagnosis"
+        found.append(TableColumn(f"{name}_at_depth_systematic", NUMBER, unit, moved))
+    return found
+
+
+def schema_of(settings: Settings) -> "pa.Schema":
+    """Return the Arrow schema: unit and description of each column, settings of the whole."""
+    pa = needed("pyarrow", "a table of contacts")
+    kinds = {
+        WHOLE: pa.int64(),
+        TEXT: pa.string(),
+        TEXTS: pa.list_(pa.string()),
+        NUMBER: pa.float64(),
+        NUMBERS: pa.list_(pa.float64()),
+    }
+    fields = [
+        pa.field(
+            each.name,
+            kinds[each.kind],
+            metadata={"unit": each.unit, "description": each.words}
+            if each.unit
+            else {"description": each.words},
+        )
+        for each in columns_of(settings)
+    ]
+    notes = {
+        "palpate": settings.version,
+        "settings": json.dumps(settings.plain(), sort_keys=True),
+        "law": settings.law.kind,
+    }
+    return pa.schema(fields, metadata=notes)
+
+
+def empty_columns(settings: Settings, count: int) -> dict[str, Any]:
+    """Return columns of so many rows of which nothing is known but who made them."""
+    nothing: dict[str, Any] = {}
+    for each in columns_of(settings):
+        nothing[each.name] = np.full(count, np.nan) if each.kind == NUMBER else [None] * count
+    nothing["method"] = [settings.method] * count
+    nothing["checked"] = [settings.diagnosis] * count
+    nothing["version"] = [settings.version] * count
+    nothing["settings"] = [settings.digest] * count
+    return nothing
+
+
+def table_of(columns: Mapping[str, Any], settings: Settings) -> "pa.Table":
+    """Return columns as a table of the settings' schema."""
+    pa = needed("pyarrow", "a table of contacts")
+    schema = schema_of(settings)
+    arrays = [pa.array(columns[field.name], type=field.type) for field in schema]
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def table_of_rows(rows: Sequence[Mapping[str, Any]], settings: Settings) -> "pa.Table":
+    """Return rows, of which each says what it knows, as a table of the settings' schema."""
+    columns = empty_columns(settings, len(rows))
+    for k, row in enumerate(rows):
+        for name, value in row.items():
+            columns[name][k] = value
+    return table_of(columns, settings)
+
+
+# A contact, and what was identified of it, as a row of the table.
 
 Row = dict[str, Any]
 

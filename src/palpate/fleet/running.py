@@ -1,28 +1,437 @@
-"""A fleet, run: batches to the workers, their rows to the folder, until all of them are there."""
+"""The pure function of a fleet: a table of what to identify in, a table of what it is out."""
 
+import asyncio
+import itertools
 import math
 import os
+import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from palpate.errors import FleetError
-from palpate.fleet.batch import lost, timed_batch
-from palpate.fleet.clusters import client_of
-from palpate.fleet.extras import needed
-from palpate.fleet.listing import sources_of
-from palpate.fleet.results import Results
-from palpate.fleet.settings import Settings
-from palpate.fleet.tasks import Batch, batches
+from palpate._core import __version__
+from palpate.contact import Contact
+from palpate.errors import FleetError, InvalidParameterError, PalpateError, RecordingError
+from palpate.fleet.arrays import identify_curves, row_of_curve, searches_whole_curves
+from palpate.fleet.files import Results, curves_of, on_this_machine, sources_of
+from palpate.fleet.rows import Row, failure, place_in_notes, rows_of, table_of_rows
+from palpate.fleet.tasks import Batch, Settings, batches, cores, line_of, needed
+from palpate.preparation import prepare
+from palpate.recordings import Recording, open_recording
+from palpate.recordings.recording import printable
 from palpate.validation import Floats, whole_in
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+
+#: A source, and which of its contacts; None where it is one.
+Named = tuple[str, int | None]
+_SAMPLES = ("time", "penetration", "velocity", "force", "segment")
+
+
+def identify_batch(
+    batch: "pa.Table | pa.RecordBatch", settings: Settings, *, threads: int = 1
+) -> "pa.Table":
+    """Identify a batch of contacts.
+
+    It depends on nothing but its arguments and what these name, and changes nothing: any engine may
+    run it, anywhere, again.
+
+    Parameters
+    ----------
+    batch : pyarrow.Table or RecordBatch
+        A row a contact. Either ``source``, ``kind`` and ``index`` say where it is, as
+        :meth:`palpate.fleet.tasks.Batch.table` has it; or lists ``time``, ``penetration``,
+        ``force`` and, if it was measured, ``velocity``, SI, are its samples, and ``source`` and
+        ``index`` are its names, where they are there.
+    settings : Settings
+        How they are prepared and identified.
+    threads : int
+        That share contacts of equal length.
+
+    Returns
+    -------
+    pyarrow.Table
+        :func:`palpate.fleet.rows.columns_of` says what it holds: a row a contact, in their
+        order; of a recording of a probe that travels a row a place. What fails is a row with its
+        reason.
+
+    Raises
+    ------
+    FleetError
+        The settings are of another version of palpate.
+    InvalidParameterError
+        The batch has other columns.
+    """
+    return timed_batch(batch, settings, threads=threads)[0]
+
+
+def timed_batch(
+    batch: "pa.Table | pa.RecordBatch", settings: Settings, *, threads: int = 1
+) -> "tuple[pa.Table, Floats]":
+    """Identify a batch as :func:`identify_batch` does; and the seconds that each row took."""
+    _check_version(settings)
+    pa = needed("pyarrow", "a table of contacts")
+    names = set(batch.schema.names)
+    if {"penetration", "force", "time"} <= names:
+        return _with_samples(batch, settings)
+    if not {"source", "kind", "index"} <= names:
+        raise InvalidParameterError(
+            "a batch must have the columns source, kind and index, or time, penetration and force, "
+            f"not {', '.join(sorted(names))}"
+        )
+    found = [_identified(kind, rows, settings, threads) for kind, rows in _runs(batch)]
+    if not found:
+        return table_of_rows([], settings), np.empty(0)
+    return pa.concat_tables([table for table, _ in found]), np.concatenate([s for _, s in found])
+
+
+def lost(batch: "pa.Table", settings: Settings, reason: str) -> "pa.Table":
+    """Return the rows of a batch whose contacts could not be worked on at all."""
+    rows = [
+        {"source": source, "index": index, "error": reason, "error_kind": "FleetError"}
+        for source, index in zip(
+            batch["source"].to_pylist(), batch["index"].to_pylist(), strict=True
+        )
+    ]
+    return table_of_rows(rows, settings)
+
+
+def _check_version(settings: Settings) -> None:
+    if settings.version != __version__:
+        raise FleetError(
+            f"a worker has palpate {__version__}, and palpate {settings.version} asks; "
+            "install one version everywhere"
+        )
+
+
+def _runs(batch: "pa.Table | pa.RecordBatch") -> Iterator[tuple[str, list[Named]]]:
+    """Rows next to each other that are read together: of one array or map, or any files."""
+    columns = (batch.column(name).to_pylist() for name in ("kind", "source", "index"))
+    rows = zip(*columns, strict=True)
+    for (kind, _), group in itertools.groupby(
+        rows, key=lambda row: (row[0], None if row[0] == "file" else row[1])
+    ):
+        yield kind, [(source, index) for _, source, index in group]
+
+
+def _identified(
+    kind: str, named: list[Named], settings: Settings, threads: int
+) -> "tuple[pa.Table, Floats]":
+    if kind == "map":
+        return _of_map(named[0][0], [index for _, index in named], settings)
+    if kind == "zarr":
+        return _of_array(named[0][0], [index or 0 for _, index in named], settings, threads)
+    rows: list[Row] = []
+    seconds: list[float] = []
+    for source, index in named:
+        begun = time.perf_counter()
+        new = _of_file(source, index, settings)
+        rows += new
+        seconds += [(time.perf_counter() - begun) / len(new)] * len(new)
+    return table_of_rows(rows, settings), np.array(seconds)
+
+
+def _of_array(
+    source: str, numbers: Sequence[int], settings: Settings, threads: int
+) -> "tuple[pa.Table, Floats]":
+    first, count = min(numbers), max(numbers) - min(numbers) + 1
+    begun = time.perf_counter()
+    try:
+        table = identify_curves(curves_of(source, first, count), settings, threads=threads)
+        wanted = [number - first for number in numbers]
+        table = table if wanted == list(range(count)) else table.take(wanted)
+    except Exception as error:
+        rows = [{"source": source, "index": each, **failure(error)} for each in numbers]
+        table = table_of_rows(rows, settings)
+    spent = time.perf_counter() - begun
+    return table, np.full(table.num_rows, spent / max(table.num_rows, 1))
+
+
+def _of_map(
+    source: str, indices: "list[int | None]", settings: Settings
+) -> "tuple[pa.Table, Floats]":
+    """Curves of one file, which is opened once."""
+    from palpate.recordings.afm import read_curves
+
+    rows: list[Row] = []
+    seconds: list[float] = []
+    numbers = [0 if index is None else index for index in indices]
+    try:
+        with on_this_machine(source) as path:
+            begun = time.perf_counter()
+            for index, read in zip(indices, read_curves(path, numbers), strict=True):
+                named: Row = {"source": source, "index": index}
+                new = _of_recording(read, named, settings, curve=True)
+                rows += new
+                spent, begun = time.perf_counter() - begun, time.perf_counter()
+                seconds += [spent / len(new)] * len(new)
+    except Exception as error:  # of the file as a whole
+        for index in indices[len(seconds) :]:
+            rows.append({"source": source, "index": index, **failure(error)})
+            seconds.append(0.0)
+    return table_of_rows(rows, settings), np.array(seconds)
+
+
+def _of_file(source: str, index: int | None, settings: Settings) -> list[Row]:
+    named: Row = {"source": source, "index": index}
+    try:
+        with on_this_machine(source) as path:
+            try:
+                recording: Recording | PalpateError = open_recording(path, curve=index)
+            except PalpateError as error:
+                recording = error
+                if "://" in source:  # the name of a copy would tell a person nothing
+                    recording = RecordingError(str(error).replace(printable(path), source))
+            return _of_recording(recording, named, settings)
+    except Exception as error:
+        return [{**named, **failure(error)}]
+
+
+def _of_recording(
+    recording: "Recording | BaseException", named: Row, settings: Settings, *, curve: bool = False
+) -> list[Row]:
+    """Prepare and identify: a row, or one for each place; or why not."""
+    if isinstance(recording, BaseException):
+        return [{**named, **failure(recording)}]
+    named = {**named, **place_in_notes(dict(recording.notes))}
+    try:
+        contact: Contact = prepare(recording, **settings.preparation)
+        if curve and searches_whole_curves(settings):
+            rows = [{**named, **row_of_curve(contact, settings)}]
+        else:
+            rows = [{**named, **row} for row in rows_of(contact, settings)]
+    except Exception as error:
+        return [{**named, **failure(error)}]
+    if not rows:
+        words = "the probe travels, and no place of it is in the window that was asked for"
+        return [{**named, **failure(FleetError(words))}]
+    return rows
+
+
+def _with_samples(
+    batch: "pa.Table | pa.RecordBatch", settings: Settings
+) -> "tuple[pa.Table, Floats]":
+    """Identify contacts whose samples are in the batch itself."""
+    names = set(batch.schema.names)
+    rows: list[Row] = []
+    seconds = []
+    for k in range(batch.num_rows):
+        begun = time.perf_counter()
+        named: Row = {
+            name: batch.column(name)[k].as_py() for name in ("source", "index") if name in names
+        }
+        new: list[Row]
+        try:
+            arrays: dict[str, Any] = {
+                name: np.asarray(batch.column(name)[k].values)
+                for name in _SAMPLES
+                if name in names and batch.column(name)[k].is_valid
+            }
+            contact = prepare(source=named.get("source") or "", **arrays, **settings.preparation)
+            new = [{**named, **row} for row in rows_of(contact, settings)]
+        except Exception as error:
+            new = [{**named, **failure(error)}]
+        rows += new
+        spent = time.perf_counter() - begun
+        seconds += [spent / len(new)] * len(new)
+    return table_of_rows(rows, settings), np.array(seconds)
+
+
+# Where a fleet runs: processes of this machine, or the workers of a scheduler.
+
+#: s that a scheduler has to answer.
+PATIENCE = 10.0
+LOOPBACK = "127.0.0.1"
+#: States of a nanny that starts no worker any more.
+_GONE = ("failed", "closed")
+_DASHBOARD = f"{LOOPBACK}:8787"
+#: One thread a worker: arithmetic that starts threads of its own would only wait for them.
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+@contextmanager
+def client_of(
+    *, workers: int | None = None, scheduler: str | None = None, dashboard: bool = False
+) -> Iterator[Any]:
+    """A client of a scheduler that was named, or of processes that are gone afterwards.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Processes on this machine; one a core unless given.
+    scheduler : str, optional
+        Address of a scheduler of Dask, such as ``tcp://10.0.0.7:8786``, in place of processes here.
+    dashboard : bool
+        Let the scheduler here show its page, on this machine alone.
+
+    Raises
+    ------
+    FleetError
+        There is no such scheduler, it has no workers, or one of them has another palpate.
+    MissingExtraError
+        Dask is not installed.
+    """
+    distributed = needed("distributed", "a fleet")
+    if scheduler is not None:
+        with _named(distributed, scheduler) as client:
+            _check_workers(client, scheduler)
+            yield client
+        return
+    with _local(distributed, workers or cores(), dashboard=dashboard) as client:
+        yield client
+
+
+@contextmanager
+def _named(distributed: Any, scheduler: str) -> Iterator[Any]:
+    try:
+        _check_address(scheduler)
+        client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError, TypeError, TimeoutError) as error:
+        raise FleetError(
+            f"{scheduler}: no scheduler of Dask answers ({line_of(error)}); start one by dask "
+            "scheduler, or leave --scheduler out to use the cores of this machine"
+        ) from None
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+def _check_address(scheduler: str) -> None:
+    """Reach a scheduler once: a client that is made of what does not answer ends in a traceback."""
+    comm = needed("distributed.comm", "a fleet")
+    keys = needed("distributed.security", "a fleet").Security().get_connection_args("client")
+
+    async def reach() -> None:
+        found = await comm.connect(scheduler, timeout=PATIENCE, **keys)
+        await found.close()
+
+    with ThreadPoolExecutor(1) as apart:  # from an event loop of the caller's
+        apart.submit(asyncio.run, reach()).result()
+
+
+@contextmanager
+def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
+    dask = needed("dask", "a fleet")
+    address = _DASHBOARD if dashboard else f"{LOOPBACK}:0"
+    # A worker that is stopped from outside is no reason to give its work up at the fourth time:
+    # what kills workers is found by giving it to one alone.
+    settings = {
+        "distributed.scheduler.dashboard.tasks.task-stream-length": 100,
+        "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
+        "distributed.admin.log-format": "%(message)s",
+        "distributed.deploy.lost-worker-timeout": "2 s",
+        "distributed.scheduler.worker-saturation": 2.0,
+    }
+    quiet = os.environ.get("PALPATE_DASK_LOGS") is None
+    with dask.config.set(settings):
+        with ignoring_interrupts():
+            cluster = distributed.LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host=LOOPBACK,
+                dashboard_address=address,
+                worker_dashboard_address=None,
+                silence_logs=60 if quiet else 30,
+                scheduler_kwargs={"dashboard": dashboard},
+            )
+        try:
+            with (
+                _kept_at(cluster, workers),
+                distributed.Client(cluster, set_as_default=False) as client,
+            ):
+                yield client
+        finally:
+            with suppress(TimeoutError):
+                cluster.close(timeout=PATIENCE)
+
+
+@contextmanager
+def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
+    """Ask for the workers again and again: one that ends may not be started anew by its nanny.
+
+    Seen where a worker ended in the moment at which it was given a task, and where it ended before
+    it had started: that nanny has failed, and counts as a worker none the less. With none left, the
+    rest would wait for ever.
+    """
+    ended = threading.Event()
+
+    def ask() -> None:
+        while not ended.wait(_ASK_AGAIN):
+            failed = [
+                name for name, each in dict(cluster.workers).items() if each.status.name in _GONE
+            ]
+            if failed:
+                with suppress(Exception):  # one that is started instead may end as early
+                    cluster.sync(cluster.scale_down, failed)
+            with suppress(Exception):
+                cluster.scale(workers)
+
+    thread = threading.Thread(target=ask, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+@contextmanager
+def ignoring_interrupts() -> Iterator[None]:
+    """Start processes that ignore Ctrl-C, which a terminal sends to them too."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _check_workers(client: Any, scheduler: str) -> None:
+    """Refuse workers that would fail, or answer differently, by the first of them."""
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        raise FleetError(
+            f"{scheduler}: the scheduler has no workers; start some by dask worker {scheduler}"
+        ) from None
+
+    def version() -> str:  # within, so that it is sent as it is: a worker may lack palpate
+        try:
+            import pyarrow  # noqa: F401 - whether it can be imported is the question
+
+            from palpate._core import __version__
+        except ImportError as error:
+            return f"no {error.name}"
+        return __version__
+
+    try:
+        found = client.run(version)
+    except Exception as error:
+        raise FleetError(f"{scheduler}: its workers cannot be asked: {line_of(error)}") from None
+    for worker, answer in sorted(found.items()):
+        if answer != __version__:
+            has = answer if answer.startswith("no ") else f"palpate {answer}"
+            raise FleetError(
+                f"{scheduler}: the worker {worker} has {has}, and palpate {__version__} "
+                "asks; install one version, with the extra fleet, everywhere"
+            )
+
+
+# A fleet, run: batches to the workers, their rows to the folder, until all of them are there.
 
 #: Called with how many contacts are done, and of how many.
 Progress = Callable[[int, int], None]

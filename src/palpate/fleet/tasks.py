@@ -1,14 +1,63 @@
-"""What is to be identified: contacts by the source and the number of each, in batches."""
+"""The packages of the extra, imported where they are used."""
 
+import dataclasses
 import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from palpate.fleet.extras import needed
+from palpate._core import __version__
+from palpate.contact import Contact
+from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.estimators import ContactEstimator, estimator_named
+from palpate.force_laws import ForceLaw
+from palpate.preparation import Columns, choose_gate
+from palpate.preparation.settings import Preparation
+from palpate.settings import ContactGate
+from palpate.validation import shown
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+
+def needed(name: str, what: str) -> Any:
+    """Import a package of the extra ``fleet``.
+
+    Parameters
+    ----------
+    name : str
+        Of the module.
+    what : str
+        What takes it, for the message.
+
+    Raises
+    ------
+    MissingExtraError
+        It is not installed.
+    """
+    try:
+        return import_module(name)
+    except ImportError:
+        package = name.partition(".")[0]
+        raise MissingExtraError(f"{what} needs {package}: pip install 'palpate[fleet]'") from None
+
+
+def line_of(error: Exception) -> str:
+    """Return what a library says of an error, on one line."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+# What is to be identified: contacts by the source and the number of each, in batches.
 
 # A task costs the scheduler a millisecond or two: a batch takes a fifth of a second or more by the
 # quickest way there is, and a few seconds by the usual ones, so that all of them end together.
@@ -73,7 +122,7 @@ class Batch:
         return sum(piece.count for piece in self.pieces)
 
     def table(self) -> "pa.Table":
-        """Return it as :func:`palpate.fleet.batch.identify_batch` takes it: a row a contact."""
+        """Return it as :func:`palpate.fleet.running.identify_batch` takes it: a row a contact."""
         names: list[str] = []
         kinds: list[str] = []
         indices: list[int | None] = []
@@ -137,3 +186,111 @@ def digest_of(sources: Iterable[Source]) -> str:
         parts = (each.name, each.kind, each.count, each.samples, each.chunk, each.stamp)
         found.update("\t".join(map(str, parts)).encode("utf-8", "backslashreplace") + b"\n")
     return found.hexdigest()[:16]
+
+
+# How the contacts of a fleet are prepared and identified: one value, which every row names.
+
+DiagnosisDepth = Literal["none", "input", "full"]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+class Settings:
+    """How each contact is prepared and identified.
+
+    Parameters
+    ----------
+    method : str
+        Of the estimator.
+    estimator : mapping
+        Its settings, where they are not the usual ones, such as ``{"surface": "estimate"}``.
+    preparation : mapping
+        What :func:`palpate.prepare` is given beside a recording.
+    diagnosis : str
+        ``"none"``; ``"input"``, the checks of the data, which cost as much as the identification;
+        or ``"full"``, with a verdict for each, which costs some fifty times that.
+    minimum_penetration, minimum_force : float, optional
+        Contact is deeper, m, and firmer, N, than this.
+    version : str
+        Of the palpate that asks; a worker of another refuses.
+
+    Raises
+    ------
+    InvalidParameterError
+        One is outside its range, or there is no such method.
+    """
+
+    method: str = "variable-projection"
+    estimator: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    preparation: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    diagnosis: DiagnosisDepth = "input"
+    minimum_penetration: float | None = None
+    minimum_force: float | None = None
+    version: str = dataclasses.field(default_factory=lambda: __version__)
+
+    def __post_init__(self) -> None:
+        if self.diagnosis not in get_args(DiagnosisDepth):
+            raise InvalidParameterError(
+                f"diagnosis must be none, input or full, not {shown(self.diagnosis)}"
+            )
+        given = estimator_named(self.method)()
+        unknown = [name for name in self.estimator if name not in given.settings]
+        if unknown:
+            raise InvalidParameterError(f"{self.method} has no setting {unknown[0]}")
+        given.replace(**self.estimator)
+        names = {field.name for field in dataclasses.fields(Preparation)}
+        other = [name for name in self.preparation if name not in names]
+        if other:
+            raise InvalidParameterError(f"a preparation has no setting {other[0]}")
+        Preparation(**self.preparation)
+
+    @property
+    def law(self) -> type[ForceLaw]:
+        """The force law that the method identifies."""
+        law: type[ForceLaw] = estimator_named(self.method)().law_type
+        return law
+
+    @property
+    def searches_surface(self) -> bool:
+        """Whether the estimator is to find the surface."""
+        return self.estimator.get("surface") == "estimate"
+
+    def estimator_for(self, contact: Contact) -> ContactEstimator:
+        """Return a fresh estimator, with a gate for this contact where one is asked for."""
+        made = estimator_named(self.method)().replace(**self.estimator)
+        if self.minimum_penetration is None and self.minimum_force is None:
+            return made
+        if made.chooses_samples:  # nothing beside what is asked for
+            force = self.minimum_force or 0.0
+            gate = ContactGate(self.minimum_penetration or 0.0, force, force)
+        else:
+            gate = choose_gate(
+                contact,
+                minimum_penetration=self.minimum_penetration,
+                minimum_force=self.minimum_force,
+            )
+        return made.replace(gate=gate)
+
+    def plain(self) -> dict[str, Any]:
+        """Return them as JSON has it."""
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        made: dict[str, Any] = json.loads(json.dumps(values, default=_plain, sort_keys=True))
+        return made
+
+    @property
+    def digest(self) -> str:
+        """A short name for exactly these settings, and this version."""
+        text = json.dumps(self.plain(), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Columns):
+        usual = Columns()
+        return {
+            field.name: getattr(value, field.name)
+            for field in dataclasses.fields(value)
+            if getattr(value, field.name) != getattr(usual, field.name)
+        }
+    if isinstance(value, Mapping):
+        return dict(value)
+    return repr(value)

@@ -7,6 +7,7 @@ palpate.identify(measurement.contact)
 
 from palpate.lab.bench import Bench as Bench
 from palpate.lab.bench import Measurement as Measurement
+from palpate.lab.bench import OngoingBench as OngoingBench
 from palpate.lab.materials import BALL as BALL
 from palpate.lab.materials import INCLUSION as INCLUSION
 from palpate.lab.materials import MATERIALS as MATERIALS
@@ -22,13 +23,12 @@ from palpate.lab.materials import Relaxing as Relaxing
 from palpate.lab.materials import SpaceVaryingMaterial as SpaceVaryingMaterial
 from palpate.lab.materials import TimeVaryingMaterial as TimeVaryingMaterial
 from palpate.lab.materials import Touch as Touch
-from palpate.lab.ongoing import OngoingBench as OngoingBench
-from palpate.lab.probes import IdealProbe as IdealProbe
-from palpate.lab.probes import Probe as Probe
-from palpate.lab.probes import SimulatedMotion as SimulatedMotion
-from palpate.lab.robot import TwinPantograph as TwinPantograph
-from palpate.lab.sensors import PERFECT as PERFECT
-from palpate.lab.sensors import Sensors as Sensors
+from palpate.lab.rig import PERFECT as PERFECT
+from palpate.lab.rig import IdealProbe as IdealProbe
+from palpate.lab.rig import Probe as Probe
+from palpate.lab.rig import Sensors as Sensors
+from palpate.lab.rig import SimulatedMotion as SimulatedMotion
+from palpate.lab.rig import TwinPantograph as TwinPantograph
 from palpate.lab.trajectories import NEAR_SURFACE as NEAR_SURFACE
 from palpate.lab.trajectories import ONE_SINE as ONE_SINE
 from palpate.lab.trajectories import PALPATION as PALPATION

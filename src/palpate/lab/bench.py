@@ -1,17 +1,19 @@
 """A material, a motion, a probe and its sensors, brought together."""
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
 from palpate.contact import Contact
-from palpate.lab.materials import Material
-from palpate.lab.probes import Probe, Progress, SimulatedMotion
-from palpate.lab.sensors import Sensors, rounded
-from palpate.lab.trajectories import Command, Trajectory
+from palpate.errors import InvalidParameterError
+from palpate.lab.materials import Material, Touch
+from palpate.lab.rig import Probe, Progress, Run, Sensors, SimulatedMotion, rounded
+from palpate.lab.trajectories import Command, Trajectory, smooth_step
 from palpate.preparation import prepare
-from palpate.preparation.tare import deviation_left
+from palpate.preparation.surfaces import deviation_left
 from palpate.stages import timed
 from palpate.validation import Floats, instance, number_in
 
@@ -37,7 +39,7 @@ class Measurement:
 
 
 def _twin_pantograph() -> Probe:
-    from palpate.lab.robot import TwinPantograph
+    from palpate.lab.rig import TwinPantograph
 
     return TwinPantograph()
 
@@ -134,3 +136,158 @@ class Bench:
             "tare": removed,
             "seed": str(seed),
         }
+
+
+# A bench that goes on: what is touched and how the probe moves can be exchanged meanwhile.
+
+#: s that the probe takes from one motion to the beginning of another.
+TRANSITION = 0.5
+
+
+class _Startable(Protocol):
+    def start(self, command: Command, sample_time: float, random: np.random.Generator) -> Run:
+        """Return a run from rest where a command begins."""
+
+
+class OngoingBench:
+    """Presses without an end, some samples at a time, by the stepping of :meth:`Bench.run`.
+
+    Parameters
+    ----------
+    bench : Bench
+        What is touched at first, and how; its probe is one of the laboratory's own.
+    seed : int
+        Of noise, bias and encoder phases.
+
+    Attributes
+    ----------
+    material : Material
+        What is touched now.
+    trajectory : Trajectory
+        How the probe moves now.
+    """
+
+    def __init__(self, bench: Bench, seed: int = 0) -> None:
+        self.material, self.trajectory = bench.material, bench.trajectory
+        self._bench, self._random = bench, np.random.default_rng(seed)
+        self._step, self._count = bench.sensors.sample_time, 0
+        self._motion: Callable[[Floats], Command] = bench.trajectory.at
+        self._run = self._begin()
+        self._touch = bench.material.touch()
+        self._bias = bench.sensors.bias(self._random)
+        self._transition = -np.inf  # when the last one began, s
+        self._moving: Trajectory | None = None  # asked for during a transition
+        self._placing: Material | None = None  # to be exchanged when the probe has left
+
+    @property
+    def now(self) -> float:
+        """Time of the next sample, s."""
+        return self._step * self._count
+
+    @property
+    def bias(self) -> float:
+        """The force sensor's, N: what a tare should find."""
+        return self._bias
+
+    def change(self, material: Material) -> None:
+        """Have another material from now on, under the probe as it is."""
+        self.material, self._touch = material, _from(material, self.now)
+        self._placing = None
+
+    def place(self, material: Material) -> None:
+        """Lift the probe, exchange the material, and begin the motion again."""
+        self._placing = material
+        self.move(self.trajectory)
+
+    def move(self, trajectory: Trajectory) -> None:
+        """Go over to another motion's beginning, without a jump in position or speed."""
+        if self.now < self._transition + TRANSITION:
+            self._moving = trajectory  # the last one that is asked for
+            return
+        before, after, began = self._motion, trajectory.at, self.now
+
+        def blended(time: Floats) -> Command:
+            return _blended(before(time), after(time - began), time - began)
+
+        self.trajectory, self._motion, self._transition = trajectory, blended, began
+
+    def advance(self, count: int) -> Floats:
+        """Go on by so many samples.
+
+        Returns
+        -------
+        numpy.ndarray, shape (count, 3)
+            Time [s], penetration [m] and force [N] as the sensors show them, bias included.
+
+        Raises
+        ------
+        InvalidParameterError
+            The robot's simulation broke down; it is at rest again, on the first material.
+        """
+        self._go_over()
+        sensors = self._bench.sensors
+        time: Floats = self._step * np.arange(self._count, self._count + count, dtype=np.float64)
+        try:
+            motion = self._run.simulate(time, self._motion(time), self._touch)
+        except InvalidParameterError:
+            self._recover()
+            raise
+        self._count += count
+        return np.column_stack(
+            (
+                time,
+                rounded(motion.recorded_penetration, sensors.penetration_resolution),
+                sensors.biased_force(motion.force, self._bias, self._random),
+            )
+        )
+
+    def _go_over(self) -> None:
+        """Do what waits for the end of a transition, when the probe is at rest above."""
+        if self.now < self._transition + TRANSITION:
+            return
+        if self._transition > -np.inf:  # forget the motion before
+            after, began = self.trajectory.at, self._transition
+            self._motion, self._transition = (lambda time: after(time - began)), -np.inf
+        if self._moving is not None:
+            moving, self._moving = self._moving, None
+            self.move(moving)
+        elif self._placing is not None:
+            self.change(self._placing)
+
+    def _begin(self) -> Run:
+        probe: _Startable = self._bench.probe  # type: ignore[assignment]  # of the laboratory
+        first = self._motion(np.array([self.now]))
+        return probe.start(first, self._step, self._random)
+
+    def _recover(self) -> None:
+        began, self.trajectory = self.now, self._bench.trajectory
+        after = self.trajectory.at
+        self._motion, self._transition = (lambda time: after(time - began)), -np.inf
+        self._moving = None
+        self.change(self._bench.material)
+        self._run = self._begin()
+
+
+def _from(material: Material, began: float) -> Touch:
+    """The force of a fresh material, whose time begins now."""
+    touch = material.touch()
+    return lambda time, lateral_position, penetration, velocity: touch(
+        time - began, lateral_position, penetration, velocity
+    )
+
+
+def _blended(before: Command, after: Command, since: Floats) -> Command:
+    """From one motion to another: x = x₀ + (x₁ − x₀) u, whose speed has u̇ (x₁ − x₀) in it."""
+    blend, rate = smooth_step(since / TRANSITION)
+    depth, lateral = (
+        after.penetration - before.penetration,
+        after.lateral_position - before.lateral_position,
+    )
+    return Command(
+        before.penetration + depth * blend,
+        before.velocity + (after.velocity - before.velocity) * blend + depth * rate / TRANSITION,
+        before.lateral_position + lateral * blend,
+        before.lateral_velocity
+        + (after.lateral_velocity - before.lateral_velocity) * blend
+        + lateral * rate / TRANSITION,
+    )

@@ -1,9 +1,304 @@
-"""The twin pantograph as MuJoCo's model: bodies, closed chains, motors."""
+"""Geometry of the planar twin pantograph: motor angles to tip, and back.
+
+The plane has x along the surface and y into the material, y = 0 at the surface. Each pantograph is
+a five-bar linkage: two motors, two proximal and two distal links that meet in its wrist. The wrists
+of the two pantographs carry a handle, and the handle the poking device.
+"""
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from palpate.lab.kinematics import ELBOW, Geometry
-from palpate.validation import Floats
+import numpy as np
+
+from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.lab.materials import Material, Touch
+from palpate.lab.trajectories import Command, Trajectory, arccos, arctan2, cos, sin
+from palpate.validation import Floats, number_in
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+#: Of each motor: which pantograph it belongs to, and on which side its elbow lies.
+PANTOGRAPH = np.array([0, 0, 1, 1])
+ELBOW = np.array([1.0, -1.0, 1.0, -1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """Lengths of the rig, m. They are ours: the paper gives none.
+
+    Parameters
+    ----------
+    proximal, distal : float
+        Links from a motor to its elbow, and from there to the wrist.
+    motor_spacing : float
+        Between the two motors of a pantograph.
+    handle : float
+        Between the two wrists.
+    poker : float
+        From the handle to the tip.
+    reach : float
+        From the line of motors to the wrists, when the tip is at the surface.
+    """
+
+    proximal: float = 0.075
+    distal: float = 0.1
+    motor_spacing: float = 0.04
+    handle: float = 0.16
+    poker: float = 0.06
+    reach: float = 0.12
+
+    @property
+    def motors(self) -> Floats:
+        """Places of the four motors, shape (4, 2)."""
+        middle = np.array([-0.5, -0.5, 0.5, 0.5]) * self.handle
+        side = np.array([-0.5, 0.5, -0.5, 0.5]) * self.motor_spacing
+        height = np.full(4, -self.poker - self.reach)
+        return np.column_stack([middle + side, height])
+
+    def wrists(self, lateral_position: Floats, penetration: Floats) -> Floats:
+        """Places of the two wrists for a tip that points straight into the material; (k, 2, 2)."""
+        side = np.array([-0.5, 0.5]) * self.handle
+        x = np.asarray(lateral_position)[..., None] + side
+        y = np.broadcast_to(np.asarray(penetration)[..., None] - self.poker, x.shape)
+        return np.stack([x, y], axis=-1)
+
+    def motor_angles(self, lateral_position: Floats, penetration: Floats) -> Floats:
+        """Inverse kinematics: angles of the four motors from the x axis, rad; shape (k, 4)."""
+        reach = self.wrists(lateral_position, penetration)[..., PANTOGRAPH, :] - self.motors
+        distance = _length(reach)
+        cosine = (self.proximal**2 + distance**2 - self.distal**2) / (2 * self.proximal * distance)
+        # Beyond the links' length they stretch as far as they can.
+        turn = arccos(np.clip(cosine, -1.0, 1.0))
+        angles: Floats = arctan2(reach[..., 1], reach[..., 0]) + ELBOW * turn
+        return angles
+
+    def motor_motion(
+        self,
+        lateral_position: Floats,
+        penetration: Floats,
+        lateral_velocity: Floats,
+        velocity: Floats,
+    ) -> tuple[Floats, Floats]:
+        """Angles of the four motors, rad, and their speeds, rad/s; shapes (k, 4).
+
+        A distal link keeps its length: (wrist − elbow) · (wrist velocity − elbow velocity) = 0.
+        """
+        angles = self.motor_angles(lateral_position, penetration)
+        wrists = self.wrists(lateral_position, penetration)[..., PANTOGRAPH, :]
+        out = np.stack([cos(angles), sin(angles)], axis=-1)
+        along = wrists - (self.motors + self.proximal * out)
+        turning = np.stack([-out[..., 1], out[..., 0]], axis=-1) * self.proximal
+        moving = np.stack([lateral_velocity, velocity], axis=-1)[..., None, :]
+        speeds: Floats = (along * moving).sum(axis=-1) / (along * turning).sum(axis=-1)
+        return angles, speeds
+
+    def elbows(self, angles: Floats) -> Floats:
+        """Places of the four elbows; shape (k, 4, 2)."""
+        out = np.stack([cos(angles), sin(angles)], axis=-1)
+        positions: Floats = self.motors + self.proximal * out
+        return positions
+
+    def tip(self, angles: Floats) -> tuple[Floats, Floats]:
+        """Forward kinematics: lateral position and penetration of the tip, m; each of shape (k,).
+
+        A wrist is where the circles about its two elbows meet, deeper than both.
+        """
+        elbows = self.elbows(angles)
+        wrists = [_meeting(elbows[..., i, :], elbows[..., i + 1, :], self.distal) for i in (0, 2)]
+        along = wrists[1] - wrists[0]
+        along = along / _length(along)[..., None]
+        middle = 0.5 * (wrists[0] + wrists[1])
+        x = middle[..., 0] - self.poker * along[..., 1]
+        y = middle[..., 1] + self.poker * along[..., 0]
+        return x, y
+
+
+def _length(vectors: Floats) -> Floats:
+    lengths: Floats = np.sqrt(vectors[..., 0] ** 2 + vectors[..., 1] ** 2)
+    return lengths
+
+
+def _meeting(left: Floats, right: Floats, radius: float) -> Floats:
+    """The deeper of the two points at a distance from both."""
+    first, second = (left, right)
+    between = second - first
+    distance = _length(between)[..., None]
+    height = np.sqrt(np.maximum(radius**2 - 0.25 * distance**2, 0.0))
+    across = np.stack([-between[..., 1], between[..., 0]], axis=-1) / distance
+    across = across * np.where(across[..., 1:] >= 0.0, 1.0, -1.0)
+    point: Floats = 0.5 * (first + second) + height * across
+    return point
+
+
+# What carries the tip, and what it records of its motion.
+
+#: Called now and then with how far a run is, in seconds of its own clock.
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SimulatedMotion:
+    """What the probe did, and what it felt: the truth, before any force sensor.
+
+    Attributes
+    ----------
+    penetration, velocity, lateral_position, force : numpy.ndarray, shape (k,)
+        Of the probe's tip: m, m/s, m and N.
+    recorded_penetration : numpy.ndarray, shape (k,)
+        m, as worked out from the probe's own sensors.
+    """
+
+    penetration: Floats
+    velocity: Floats
+    lateral_position: Floats
+    force: Floats
+    recorded_penetration: Floats
+
+
+@runtime_checkable
+class Probe(Protocol):
+    """What carries the tip along a trajectory."""
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+
+    def follow(
+        self,
+        trajectory: Trajectory,
+        material: Material,
+        time: Floats,
+        random: np.random.Generator,
+        progress: Progress | None = None,
+    ) -> SimulatedMotion:
+        """Press ``material`` along ``trajectory``; times are s, evenly spaced, from 0 on."""
+
+
+class Run(Protocol):
+    """A probe that has begun, and goes on as it is told."""
+
+    def simulate(
+        self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
+    ) -> SimulatedMotion:
+        """Follow a command over its times [s]; the next call continues from where this one ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class IdealProbe:
+    """A tip that is where the command says, without a robot: for statistics."""
+
+    name: str = "ideal probe"
+
+    def follow(
+        self,
+        trajectory: Trajectory,
+        material: Material,
+        time: Floats,
+        random: np.random.Generator,
+        progress: Progress | None = None,
+    ) -> SimulatedMotion:
+        """Press ``material`` exactly along ``trajectory``."""
+        command = trajectory.at(time)
+        x, v = command.penetration, command.velocity
+        return SimulatedMotion(
+            x, v, command.lateral_position, material.force(time, command.lateral_position, x, v), x
+        )
+
+    def start(
+        self, command: Command, sample_time: float, random: np.random.Generator
+    ) -> "IdealRun":
+        """Return a tip that follows this command, and any that continue it."""
+        return IdealRun()
+
+
+class IdealRun:
+    """A tip that is where the command says, a stretch of it at a time."""
+
+    def simulate(
+        self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
+    ) -> SimulatedMotion:
+        """Follow a command over its times [s]."""
+        x, v = command.penetration, command.velocity
+        lateral = command.lateral_position
+        columns = (each.tolist() for each in (time, lateral, x, v))
+        force = np.array([touch(*sample) for sample in zip(*columns, strict=True)])
+        return SimulatedMotion(x, v, lateral, force, x)
+
+
+# What stands between a contact and its recording.
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """The force sensor and the clock; the paper's section IV unless refined.
+
+    recorded = step · round((F + bias + ε) / step) − mean of the same over the pause,  ε ~ N(0, σ²)
+
+    Parameters
+    ----------
+    force_noise : float
+        σ, N, in [0, 1e6]; 0 switches it off.
+    force_resolution : float
+        Step that the force is rounded to, N, in [0, 1e6]; 0 for none.
+    force_bias : float
+        Standard deviation of the bias, drawn by each seed, N, in [0, 1e6]; 0 for none.
+    penetration_resolution : float
+        Step that an ideal probe's penetration is rounded to, m, in [0, 1]; 0 for none. A robot's
+        comes from its encoders.
+    sample_time : float
+        s, in [1e-5, 1].
+    """
+
+    force_noise: float = 0.05
+    force_resolution: float = 0.125
+    force_bias: float = 0.5
+    penetration_resolution: float = 0.0
+    sample_time: float = 1e-3
+
+    def __post_init__(self) -> None:
+        number_in("force_noise", self.force_noise, 0.0, 1e6)
+        number_in("force_resolution", self.force_resolution, 0.0, 1e6)
+        number_in("force_bias", self.force_bias, 0.0, 1e6)
+        number_in("penetration_resolution", self.penetration_resolution, 0.0, 1.0)
+        number_in("sample_time", self.sample_time, 1e-5, 1.0)
+
+    def force(self, force: Floats, random: np.random.Generator) -> Floats:
+        """Force as the sensor shows it, bias included, N."""
+        return self.biased_force(force, self.bias(random), random)
+
+    def bias(self, random: np.random.Generator) -> float:
+        """A sensor's bias, N, which stays as it is."""
+        return float(self.force_bias * random.standard_normal())
+
+    def biased_force(self, force: Floats, bias: float, random: np.random.Generator) -> Floats:
+        """Force as a sensor of this bias [N] shows it."""
+        noise = self.force_noise * random.standard_normal(force.size)
+        return rounded(force + bias + noise, self.force_resolution)
+
+    def describe(self) -> str:
+        """Say it in words."""
+        return (
+            f"force noise {self.force_noise:g} N rms, in steps of {self.force_resolution:g} N, "
+            f"unknown bias of {self.force_bias:g} N rms; a sample every {self.sample_time:g} s"
+        )
+
+
+#: Nothing between the contact and its recording.
+PERFECT = Sensors(force_noise=0.0, force_resolution=0.0, force_bias=0.0)
+
+
+def rounded(values: Floats, step: float) -> Floats:
+    """To the nearest step, where floats have room for it; adding zero turns −0 into 0."""
+    if step <= np.spacing(np.abs(values).max(initial=0.0)):
+        return values
+    return step * np.round(values / step) + 0.0
+
+
+# The twin pantograph as MuJoCo's model: bodies, closed chains, motors.
 
 # kg and m; ours, of the size of a desktop haptic device with a force sensor at its handle.
 LINK_MASS, HANDLE_MASS = 0.02, 0.12
@@ -132,3 +427,247 @@ def _handle(geometry: Geometry, i: int) -> str:
                 fromto="{half:.9g} 0.023 0 {half:.9g} {end:.9g} 0" rgba="0.85 0.37 0 1"/>
           <site name="tip" pos="{half:.9g} {geometry.poker:.9g} 0" size="0.001"/>
         </body>"""
+
+
+# A planar twin pantograph, simulated in MuJoCo: it follows a command as well as a robot can.
+
+# Beyond these a simulation has broken down: its motors can move the tip at some 3 m/s and press
+# with some 300 N.
+TOP_SPEED, PEAK_FORCE = 20.0, 1e4  # m/s, N
+
+
+_PANTOGRAPH = "the twin pantograph needs MuJoCo: pip install 'palpate[lab]', or use an ideal probe"
+
+
+def require_mujoco(words: str = _PANTOGRAPH) -> Any:
+    """Return MuJoCo, or say in words what needs it and how to install it."""
+    try:
+        import mujoco
+    except ImportError:
+        raise MissingExtraError(words) from None
+    except Exception as error:  # a graphics library asked for by MUJOCO_GL, but not there
+        raise MissingExtraError(
+            f"MuJoCo is installed but does not load: {error}; check the variable MUJOCO_GL"
+        ) from None
+    return mujoco
+
+
+@dataclass(frozen=True, slots=True)
+class TwinPantograph:
+    """Two pantographs that carry one poking device, each driven by two motors at its base.
+
+    Encoders count the motors' turns; position control holds each motor to the angle that inverse
+    kinematics asks for,
+
+        τ = k_p (q* − q) + k_d (q̇* − q̇),   q̇ by a low-pass filtered difference of the counts,
+
+    and forward kinematics of the counts gives the recorded position (section IV).
+
+    Parameters
+    ----------
+    counts_per_turn : float
+        Of each encoder, ≥ 0; 0 for encoders without steps.
+    proportional_gain : float
+        k_p, N·m/rad, in (0, 1e4].
+    derivative_gain : float
+        k_d, N·m·s/rad, in [0, 1e2].
+    velocity_filter : float
+        Corner of the low-pass filter, rad/s, in (0, 1e4].
+    torque_limit : float
+        N·m, in (0, 1e4].
+    time_step : float
+        The longest step of the simulation, s, in [1e-5, 1e-3].
+    """
+
+    counts_per_turn: float = 20_000.0
+    proportional_gain: float = 40.0
+    derivative_gain: float = 0.4
+    velocity_filter: float = 600.0
+    torque_limit: float = 5.0
+    time_step: float = 0.5e-3
+
+    def __post_init__(self) -> None:
+        number_in("counts_per_turn", self.counts_per_turn, 0.0, 1e12)
+        number_in("proportional_gain", self.proportional_gain, 0.0, 1e4, open_low=True)
+        number_in("derivative_gain", self.derivative_gain, 0.0, 1e2)
+        number_in("velocity_filter", self.velocity_filter, 0.0, 1e4, open_low=True)
+        number_in("torque_limit", self.torque_limit, 0.0, 1e4, open_low=True)
+        number_in("time_step", self.time_step, 1e-5, 1e-3)
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+        return "twin pantograph"
+
+    def follow(
+        self,
+        trajectory: Trajectory,
+        material: Material,
+        time: Floats,
+        random: np.random.Generator,
+        progress: Progress | None = None,
+    ) -> SimulatedMotion:
+        """Press ``material`` along ``trajectory`` under position control."""
+        step = float(time[1] - time[0]) if time.size > 1 else 1e-3
+        command = trajectory.at(time)
+        run = self.start(command, step, random)
+        return run.simulate(time, command, material.touch(), progress)
+
+    def start(
+        self, command: Command, sample_time: float, random: np.random.Generator
+    ) -> "Simulation":
+        """Return the rig at rest where a command begins; it follows that and any that continue."""
+        return Simulation(self, command, sample_time, random)
+
+
+class _Encoders:
+    """Incremental encoders, zeroed at rest: the phase within a count is anyone's guess."""
+
+    def __init__(self, counts_per_turn: float, home: Floats, random: np.random.Generator) -> None:
+        phase = random.uniform(0.0, 1.0, home.size)
+        self._step = 2.0 * math.pi / counts_per_turn if counts_per_turn > 0.0 else 0.0
+        self._zeros = list(zip(home.tolist(), phase.tolist(), strict=True))
+
+    def read(self, angles: list[float]) -> list[float]:
+        """Angles as counted, rad."""
+        step = self._step
+        if step == 0.0:
+            return angles
+        # Not math.floor, which refuses what a simulation that breaks down may give.
+        return [
+            home + ((angle - home) / step + phase) // 1.0 * step
+            for angle, (home, phase) in zip(angles, self._zeros, strict=True)
+        ]
+
+
+class _PositionControl:
+    """Torques that hold the motors to their angles, one sample after the other."""
+
+    def __init__(self, settings: TwinPantograph, sample_time: float, counted: list[float]) -> None:
+        self._settings, self._sample_time = settings, sample_time
+        self._kept = math.exp(-settings.velocity_filter * sample_time)
+        self._counted, self._filtered = counted, [0.0] * len(counted)
+
+    def torques(self, counted: list[float], goal: list[float], speed: list[float]) -> list[float]:
+        """N·m, for angles as counted [rad], and angles and speeds that are wanted."""
+        kept, step, before = self._kept, self._sample_time, self._counted
+        self._filtered = [
+            kept * filtered + (1.0 - kept) * ((now - last) / step)
+            for filtered, now, last in zip(self._filtered, counted, before, strict=True)
+        ]
+        self._counted = counted
+        stiff, damped = self._settings.proportional_gain, self._settings.derivative_gain
+        limit = self._settings.torque_limit
+        every = zip(goal, counted, speed, self._filtered, strict=True)
+        wanted = [stiff * (q - now) + damped * (rate - known) for q, now, rate, known in every]
+        return [min(max(torque, -limit), limit) for torque in wanted]
+
+
+class Simulation:
+    """One run of the rig from rest, a substep at a time.
+
+    Parameters
+    ----------
+    settings : TwinPantograph
+        The robot's.
+    command : Command
+        Where it begins: its first sample.
+    sample_time : float
+        s, at most 0.01.
+    random : numpy.random.Generator
+        Of the encoders' phases.
+    """
+
+    def __init__(
+        self,
+        settings: TwinPantograph,
+        command: Command,
+        sample_time: float,
+        random: np.random.Generator,
+    ) -> None:
+        if sample_time > 1e-2:
+            raise InvalidParameterError(
+                "sample_time must be at most 0.01 s for a robot under control, not "
+                f"{sample_time:g} s"
+            )
+        self._mujoco = require_mujoco()
+        self._geometry = Geometry()
+        first = command.lateral_position[:1], command.penetration[:1]
+        home = self._geometry.motor_angles(*first)[0]
+        self._encoders = _Encoders(settings.counts_per_turn, home, random)
+        counted = self._encoders.read(home.tolist())
+        self._control = _PositionControl(settings, sample_time, counted)
+        self._substeps = math.ceil(sample_time / settings.time_step - 1e-9)
+        self._step_time = sample_time / self._substeps
+        xml = rig_xml(self._geometry, home, time_step=self._step_time)
+        self.model: mujoco.MjModel = self._mujoco.MjModel.from_xml_string(xml)
+        self.data: mujoco.MjData = self._mujoco.MjData(self.model)
+        motors = [self.model.joint(f"motor_{i}").qposadr[0] for i in range(4)]
+        self._motors = list(zip(motors, home.tolist(), strict=True))
+        # Views of what MuJoCo works in, for to ask for one takes as long as to read it.
+        self._positions, self._torques = self.data.qpos, self.data.ctrl
+        self._applied = self.data.qfrc_applied
+        tip = self.model.site("tip").id
+        self._tip, self._tip_body = self.data.site_xpos[tip], int(self.model.site_bodyid[tip])
+        self._tip_velocity = self.data.sensor("tip_velocity").data
+        self._push, self._twist = np.zeros(3), np.zeros(3)
+        self._before = 0.0
+
+    def simulate(
+        self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
+    ) -> SimulatedMotion:
+        """Follow a command over its times [s]; the next call continues from where this one ends."""
+        goals, speeds = self._geometry.motor_motion(
+            command.lateral_position,
+            command.penetration,
+            command.lateral_velocity,
+            command.velocity,
+        )
+        samples, counts = [], []
+        every = zip(time.tolist(), goals.tolist(), speeds.tolist(), strict=True)
+        for k, (now, goal, speed) in enumerate(every):
+            if progress is not None and k % 100 == 0:
+                progress(now)
+            counted = self._encoders.read(self._angles())
+            self._torques[:] = self._control.torques(counted, goal, speed)
+            counts.append(counted)
+            samples.append(self._sample(now, touch))
+        felt = np.array(samples, dtype=np.float64).reshape(-1, 4).T.copy()
+        depth, velocity, lateral_position, force = felt
+        recorded = self._geometry.tip(np.array(counts, dtype=np.float64).reshape(-1, 4))[1]
+        return SimulatedMotion(depth, velocity, lateral_position, force, recorded)
+
+    def _sample(self, now: float, touch: Touch) -> tuple[float, float, float, float]:
+        """Advance by a sample time; what the tip did and felt at its beginning."""
+        felt = self._step(now, touch)
+        for substep in range(1, self._substeps):
+            self._step(now + substep * self._step_time, touch)
+        return felt
+
+    def _angles(self) -> list[float]:
+        turned = self._positions.tolist()
+        return [turned[address] + home for address, home in self._motors]
+
+    def _step(self, now: float, touch: Touch) -> tuple[float, float, float, float]:
+        """Advance by a substep; what the tip did and felt at its beginning."""
+        mujoco, model, data = self._mujoco, self.model, self.data
+        mujoco.mj_step1(model, data)
+        lateral_position, depth, _ = self._tip.tolist()
+        # MuJoCo moves by x(t + h) = x(t) + h v(t + h): its velocity is that of half a step ago.
+        lagging = self._tip_velocity.item(1)
+        velocity = 1.5 * lagging - 0.5 * self._before
+        self._before = lagging
+        force = touch(now, lateral_position, depth, velocity)
+        if not (abs(velocity) < TOP_SPEED and abs(force) < PEAK_FORCE):
+            raise InvalidParameterError(
+                f"material is too stiff or too damped for the twin pantograph at steps of "
+                f"{model.opt.timestep:g} s: the simulation breaks down at t = {now:.3f} s; take a "
+                "softer material, a smaller time_step, or an ideal probe"
+            )
+        self._applied.fill(0.0)
+        self._push[1] = -force
+        mujoco.mj_applyFT(
+            model, data, self._push, self._twist, self._tip, self._tip_body, self._applied
+        )
+        mujoco.mj_step2(model, data)
+        return depth, velocity, lateral_position, force

@@ -1,6 +1,8 @@
 """What a person may choose of an estimator while it runs."""
 
-from typing import Any
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, Literal
 
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ESTIMATORS, ContactEstimator, estimator_named
@@ -81,3 +83,85 @@ def _setting(name: str, value: Any, known: dict[str, Any]) -> dict[str, Any]:
     if "forgetting" not in known:
         raise InvalidParameterError("this method has no forgetting factor")
     return {"forgetting": known["forgetting"] if value is None else ConstantForgetting(value)}
+
+
+# What a person asks of a running loop.
+
+Name = Literal["tare", "hold", "resume", "reset", "estimator", "source", "record", "stop"]
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One request.
+
+    Attributes
+    ----------
+    name : str
+        ``"tare"``, ``"hold"``, ``"resume"``, ``"reset"``, ``"estimator"`` (``method`` and its
+        settings), ``"source"`` (what the source itself offers, such as the laboratory's material),
+        ``"record"`` (``path``; or ``on``: whether to record, to a path of the recorder's own
+        choice) or ``"stop"``.
+    options : dict
+        What goes with it.
+    """
+
+    name: Name
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+# What a person sees of the loop at a glance.
+
+
+class State(IntEnum):
+    """One at a time, the gravest that holds."""
+
+    FREE = 0
+    """The probe touches nothing."""
+    CONTACT = 1
+    """It touches, and the estimate is refreshed."""
+    HELD = 2
+    """On request: nothing is learned until it is resumed."""
+    CHANGED = 3
+    """The material has changed within the last second; the estimate was reinitialised."""
+    INVALID = 4
+    """Samples come that cannot be taken: NaN, repeated, or with a jump in time."""
+    LOST = 5
+    """No sample has come for a while; the estimate is held."""
+    TARING = 6
+    """The force without contact is measured: touch nothing."""
+
+
+# What the loop counts.
+
+
+@dataclass(slots=True)
+class LoopCounts:
+    """What the loop itself counted.
+
+    Attributes
+    ----------
+    taken : int
+        Samples that came from the source.
+    learned : int
+        Of them, those that the estimator took.
+    refused : int
+        Those that were not finite, out of range, or had an impossible time.
+    silences : int
+        How often the source went silent.
+    changes : int
+        How often the material changed.
+    """
+
+    taken: int = 0
+    learned: int = 0
+    refused: int = 0
+    silences: int = 0
+    changes: int = 0
+
+
+def summed(*counts: dict[str, Any]) -> dict[str, Any]:
+    """One of each name: what both the source and the loop count is added."""
+    whole: dict[str, Any] = {}
+    for name, value in (item for each in counts for item in each.items()):
+        whole[name] = value + whole[name] if name in whole else value
+    return whole

@@ -1,4 +1,6 @@
-"""The loop: each sample is prepared, learned and written down before the next one comes.
+"""How long things took, counted into bins: no memory is taken in the loop.
+
+The loop: each sample is prepared, learned and written down before the next one comes.
 
 It runs in one thread, which waits nowhere but in the source. Whatever shows or stores what it found
 reads the ring, in another process.
@@ -6,26 +8,331 @@ reads the ring, in another process.
 
 import math
 import time
+from base64 import b64encode
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from palpate._core import Status
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.estimators import ContactEstimator
-from palpate.live.arrivals import Arrival, Value
-from palpate.live.choices import chosen
-from palpate.live.commands import Command
-from palpate.live.counts import LoopCounts
-from palpate.live.laws_in_force import LawsInForce
+from palpate.estimators import ContactEstimator, ViscoelasticContact
+from palpate.estimators.law_verdicts import Candidate
+from palpate.live.choices import Command, LoopCounts, State, chosen, main_settings, summed
 from palpate.live.ring import MOST_PARAMETERS, Writer
-from palpate.live.sources.source import EndOfSourceError, Source
-from palpate.live.states import State
-from palpate.live.statistics import Histogram
-from palpate.live.status import status_of
-from palpate.live.watchdog import Watchdog
+from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.preparation import OnlinePreparation
-from palpate.validation import number_in
+from palpate.preparation.velocity import window_samples
+from palpate.validation import defined, number_in
+
+# From 0.1 µs to 100 s, a twentieth of a decade apart: a percentile is known to 6 %.
+_LOWEST, _DECADES, _PER_DECADE = 1e-7, 9, 20
+
+
+class Histogram:
+    """Times in s, counted into logarithmic bins; their maximum and how many exceed a limit.
+
+    Parameters
+    ----------
+    limit : float
+        s.
+    """
+
+    __slots__ = ("_bins", "count", "largest", "limit", "over")
+
+    def __init__(self, limit: float) -> None:
+        self._bins = [0] * (_DECADES * _PER_DECADE + 2)
+        self.limit, self.count, self.over, self.largest = limit, 0, 0, 0.0
+
+    def add(self, seconds: float) -> None:
+        """Count one time."""
+        self.count += 1
+        if seconds > self.largest:
+            self.largest = seconds
+        if seconds > self.limit:
+            self.over += 1
+        if seconds <= _LOWEST:
+            self._bins[0] += 1
+            return
+        place = 1 + int(_PER_DECADE * math.log10(seconds / _LOWEST))
+        self._bins[min(place, len(self._bins) - 1)] += 1
+
+    def percentile(self, percent: float) -> float:
+        """The upper end of the bin that holds a percentile, s; NaN of none."""
+        if not self.count:
+            return math.nan
+        reached = np.cumsum(self._bins) >= percent / 100.0 * self.count
+        end = _LOWEST * 10.0 ** (int(np.argmax(reached)) / _PER_DECADE)
+        return float(min(end, self.largest))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return p50, p99, p99.9 and the maximum, s, and what is within the limit."""
+        within = 1.0 - self.over / self.count if self.count else math.nan
+        return {
+            "count": self.count,
+            "p50": self.percentile(50.0),
+            "p99": self.percentile(99.0),
+            "p99.9": self.percentile(99.9),
+            "max": self.largest,
+            "limit": self.limit,
+            "within": within,
+        }
+
+
+# Which law it is, as the loop sees it: the law in force after each sample, and when it changed.
+
+# Turns of the verdict that are remembered: more than that in a few seconds is one that flickers.
+_REMEMBERED = 6
+
+
+class Turn(NamedTuple):
+    """Another law is in force, from a time on [s], by so many samples; None: none is."""
+
+    time: float
+    law: str | None
+    samples: float
+
+
+@dataclass(slots=True)
+class LawsInForce:
+    """The law in force, since when, and which were before it.
+
+    Where the evidence is given up, as when the material changes, there is none until the next
+    verdict, and the count of changes starts again.
+
+    Attributes
+    ----------
+    shown : list of int
+        Places of the law's parameters that some law on offer has as its own.
+    remembers : bool
+        Whether a law on offer has memory, so that K is the stiffness once it has relaxed.
+    now : Candidate, optional
+        The law in force.
+    changes : int
+        How often it changed since the evidence began.
+    turns : deque
+        What was in force from then on, and of how many samples.
+    """
+
+    shown: list[int]
+    remembers: bool
+    now: Candidate | None = None
+    changes: int = 0
+    turns: deque[Turn] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
+
+    @classmethod
+    def of(cls, estimator: ContactEstimator) -> "LawsInForce":
+        """Return that of an estimator which has learned nothing yet."""
+        names = estimator.law_type.names()
+        if not isinstance(estimator, ViscoelasticContact):
+            return cls(list(range(len(names))), remembers=False)
+        own = {name for law in estimator.offered for name in law.own}
+        shown = [place for place, name in enumerate(names) if name in own]
+        return cls(shown, remembers=any(law.memory != "none" for law in estimator.offered))
+
+    def see(self, time: float, estimator: ContactEstimator) -> None:
+        """Look at an estimator after a sample; at one that offers a single law there is nothing."""
+        if not isinstance(estimator, ViscoelasticContact):
+            return
+        now = estimator.candidate
+        if now is self.now:
+            return
+        self.changes = 0 if now is None or self.now is None else self.changes + 1
+        self.now, samples = now, estimator.evidence().samples
+        self.turns.append(Turn(time, None if now is None else str(now), samples))
+
+    def page(self, estimator: ContactEstimator) -> dict[str, Any] | None:
+        """Return what a verdict is worked out from, as JSON takes it; None where there is none.
+
+        It is worked out where it is shown, by :func:`palpate.live.law_numbers.verdict_on`: the
+        loop has not the time.
+        """
+        if not isinstance(estimator, ViscoelasticContact):
+            return None
+        estimate = estimator.estimate()
+        learned = len(self.turns) > 0  # where an estimator starts is nothing that it knows
+        return {
+            "evidence": estimator.evidence(),
+            "fixed": estimate.fixed,
+            "parameters": estimate.parameters.tolist() if learned else None,
+            # Of 64 numbers: as digits they would take JSON ten times as long.
+            "covariance": b64encode(estimate.covariance.tobytes()).decode() if learned else None,
+            "flags": estimate.flags,
+            "changes": self.changes,
+            "turns": list(self.turns),
+        }
+
+
+# What may be wrong with a source, seen at the times of its samples.
+
+#: s that a fault stays to be seen, though its sample may have been the only one.
+FAULT_SHOWN_FOR = 0.5
+#: Samples of which none could be prepared, after which they come too seldom for the window.
+STARVED = 200
+_SAID_EVERY = 1.0  # s
+
+
+@dataclass(slots=True)
+class Faults:
+    """What was wrong with the samples' times.
+
+    Attributes
+    ----------
+    repeated : int
+        Samples of the same time as the one before; refused.
+    disordered : int
+        Samples that are earlier than the one before, by less than a window; refused.
+    jumps : int
+        How often the source's clock was set: back, or further ahead than time went.
+    gaps : int
+        How often samples were missing for longer than a window.
+    """
+
+    repeated: int = 0
+    disordered: int = 0
+    jumps: int = 0
+    gaps: int = 0
+
+
+@dataclass(slots=True)
+class Watchdog:
+    """Compares the source's clock with this machine's, a sample at a time.
+
+    Parameters
+    ----------
+    longest_gap : float
+        s; a longer time between samples begins a new window.
+    pace : float
+        How fast the source's clock goes: that of a recording may be replayed faster.
+    """
+
+    longest_gap: float
+    pace: float = 1.0
+    faults: Faults = field(default_factory=Faults)
+    #: In words, what was wrong last.
+    words: str = ""
+    _time: float = math.nan
+    _there: float = 0.0
+    _unprepared: int = 0
+    _shown_until: float = -math.inf
+    _said: dict[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, preparation: OnlinePreparation, pace: float = 1.0) -> "Watchdog":
+        """Return one that knows how long the windows are."""
+        settings = preparation.settings
+        gap = settings["longest_gap"]
+        if gap is None:
+            step = settings["sample_time"]
+            gap = step * window_samples(step, settings["velocity_window"])
+        return cls(gap, pace)
+
+    def see(self, arrival: Arrival) -> str:
+        """Return what is wrong with a sample's time, in words; or nothing."""
+        step, elapsed = arrival.time - self._time, arrival.there - self._there
+        if 0.0 < step <= self.longest_gap:
+            self._time, self._there = arrival.time, arrival.there
+            return ""
+        return self._judge(arrival, step, elapsed * self.pace)
+
+    def _judge(self, arrival: Arrival, step: float, elapsed: float) -> str:
+        faults = self.faults
+        if not math.isfinite(arrival.time):
+            return "a sample has no time"
+        if step == 0.0:
+            faults.repeated += 1
+            return "samples come repeatedly: they are refused"
+        if -self.longest_gap <= step < 0.0:
+            faults.disordered += 1
+            return "samples come out of order: the late ones are refused"
+        self._time, self._there = arrival.time, arrival.there
+        if step < 0.0:
+            faults.jumps += 1
+            return f"the source's clock went back by {-step:.3g} s"
+        if step > 2.0 * elapsed + self.longest_gap:
+            faults.jumps += 1
+            return f"the source's clock went ahead by {step:.3g} s in {elapsed:.3g} s"
+        # Of the first sample of all the step is not a number.
+        faults.gaps += not math.isnan(step)
+        return ""
+
+    def starving(self, arrival: Arrival, *, prepared: bool) -> bool:
+        """Whether samples come, but too seldom for any to be prepared."""
+        self._unprepared = 0 if prepared else self._unprepared + 1
+        return self._unprepared > STARVED
+
+    def fault(self, words: str, there: float) -> bool:
+        """Note a fault, which is shown for a while; whether it is to be said, not too often."""
+        self.words, self._shown_until = words, there + FAULT_SHOWN_FOR
+        kind = words.partition(" by ")[0]
+        said = there - self._said.get(kind, -math.inf) < _SAID_EVERY
+        if not said:
+            self._said[kind] = there
+        return not said
+
+    def shows(self, there: float) -> bool:
+        """Whether the last fault is still to be seen."""
+        return there < self._shown_until
+
+
+# What a loop says of itself, beside the samples: for its board, and at its end.
+
+_USUAL = OnlinePreparation().settings
+
+
+def status_of(loop: "Loop") -> dict[str, Any]:
+    """Return it as plain numbers and words, as JSON takes them."""
+    law, counts = loop.estimator.law_type, loop.source.counts
+    return {
+        "source": loop.source.name,
+        "sample_time": loop.source.sample_time,
+        "delay": loop.preparation.delay,
+        "tare": defined(loop.preparation.tare),
+        "preparation": _in_words(loop.preparation),
+        "method": loop.estimator.method,
+        "settings": main_settings(loop.estimator),
+        "generation": loop.generation,
+        "law": {
+            "kind": law.kind,
+            "names": law.names(),
+            "symbols": law.symbols,
+            "units": law.units,
+            # Places of those that are shown: some law on offer has them as its own.
+            "shown": loop.laws.shown,
+            "remembers": loop.laws.remembers,
+        },
+        "verdict": loop.laws.page(loop.estimator),
+        "flags": loop.estimator.estimate().flags,
+        "needs_condition_10": loop.estimator.needs_condition_10,
+        "state": loop.state.name.lower(),
+        "held": loop.held,
+        # What is wrong now; one that is past was said.
+        "fault": loop.watchdog.words if loop.state is State.INVALID else "",
+        # What a person may choose of the source itself: {"material": [...], ...}.
+        "offers": getattr(loop.source, "offers", {}),
+        "chosen": getattr(loop.source, "chosen", {}),
+        "origin": getattr(loop.source, "origin", 0),
+        "record": loop.record,
+        "counts": summed(
+            {"late": loop.lateness.over},
+            asdict(loop.counts),
+            asdict(loop.watchdog.faults),
+            asdict(counts),
+        ),
+        "cycle": loop.cycle.as_dict(),
+        "lateness": loop.lateness.as_dict(),
+        "said": loop.said,
+    }
+
+
+def _in_words(preparation: OnlinePreparation) -> str:
+    """The settings that are not the usual ones."""
+    usual = {name: repr(value) for name, value in _USUAL.items()}
+    given = {name: repr(value) for name, value in preparation.settings.items()}
+    return ", ".join(f"{name}={value}" for name, value in given.items() if value != usual[name])
+
 
 IN_TIME = 1e-3  # s: a cycle is in time when it is done so long after its sample was there
 SHOWN_FOR = 1.0  # s: how long a change is a state

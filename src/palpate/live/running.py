@@ -13,14 +13,12 @@ from typing import Any
 
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
-from palpate.live.board import Board
-from palpate.live.commands import Command
+from palpate.live.choices import Command
 from palpate.live.loop import Loop
-from palpate.live.processes import end, start
-from palpate.live.realtime import ask_for_realtime, give_way, show_name, undisturbed
-from palpate.live.ring import Writer
-from palpate.live.sinks.sink import Session, Sink
-from palpate.live.sources.source import Source, news_of
+from palpate.live.realtime import ask_for_realtime, end, give_way, show_name, start, undisturbed
+from palpate.live.ring import Board, Writer
+from palpate.live.sinks import Session, Sink
+from palpate.live.sources import Source, news_of
 from palpate.preparation import OnlinePreparation
 from palpate.settings import ChangeDetector, OutlierRejection
 

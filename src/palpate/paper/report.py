@@ -22,8 +22,7 @@ from palpate.paper.experiment import Claim, Experiment, Outcome, Seeds, Table, c
 from palpate.paper.judging import Finding, said
 from palpate.paper.rig import GATE, START
 from palpate.reports import html
-from palpate.reports.drawings import inline
-from palpate.reports.style import DRAWINGS, STYLE
+from palpate.reports.html import DRAWINGS, STYLE, inline
 from palpate.writing import write_text
 
 TITLE = "Haddadi & Hashtrudi-Zaad (2012), run again"

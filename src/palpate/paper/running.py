@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import palpate
-from palpate.figures.slimming import slim
-from palpate.figures.style import as_svg, recoloured
-from palpate.fleet.clusters import ignoring_interrupts
+from palpate.figures.style import as_svg, recoloured, slim
+from palpate.fleet.running import ignoring_interrupts
 from palpate.paper.experiment import Experiment, Outcome
 from palpate.paper.report import Report, figures_of, versions, write_report
 from palpate.writing import check_own, make_folder, write_text

@@ -1,9 +1,9 @@
 """From what was recorded to a contact: its channels, its velocity, its gate and its units."""
 
+from palpate.preparation.gates import choose_gate as choose_gate
 from palpate.preparation.online import OnlinePreparation as OnlinePreparation
 from palpate.preparation.preparing import prepare as prepare
 from palpate.preparation.roles import Columns as Columns
 from palpate.preparation.roles import Roles as Roles
 from palpate.preparation.roles import roles_of as roles_of
 from palpate.preparation.settings import Preparation as Preparation
-from palpate.preparation.suggestions import choose_gate as choose_gate

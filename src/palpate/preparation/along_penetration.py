@@ -1,30 +1,116 @@
-"""A recording of a penetration and a compression, or arrays of them: as they are, corrected."""
+"""What a contact was made of, so that it can be made again identically, and what was found."""
 
 import logging
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate.contact import Contact
+from palpate.contact import Contact, Remark
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.preparation.baselines import baseline_of, free_samples
-from palpate.preparation.channels import measurable
-from palpate.preparation.corrections import add
-from palpate.preparation.prepared import Prepared
+from palpate.preparation.clocks import Signals, measurable
 from palpate.preparation.roles import Roles
-from palpate.preparation.settings import Preparation
-from palpate.preparation.signals import Signals
-from palpate.preparation.surfaces import Surface, SurfaceRule, surface_of
-from palpate.preparation.tare import deviation_left
+from palpate.preparation.settings import Normal, Preparation, add
+from palpate.preparation.surfaces import (
+    Surface,
+    SurfaceRule,
+    baseline_of,
+    deviation_left,
+    free_samples,
+    surface_of,
+)
 from palpate.preparation.velocity import lost_positions, velocity_of, window_samples
 from palpate.recordings import Recording
-from palpate.remarks import Remark
 from palpate.stages import stage, timed
 from palpate.validation import Floats
 from palpate.validation import signals as checked_signals
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """One place of the material, and the times at which the probe was there.
+
+    Attributes
+    ----------
+    start, stop : float
+        s.
+    position : numpy.ndarray, shape (3,)
+        The median one, m, in the frame of the recording.
+    normal : Normal or None
+        Of the contact there; None where the position is along one axis.
+    surface : Surface
+        Along that normal.
+    """
+
+    start: float
+    stop: float
+    position: Floats
+    normal: Normal | None
+    surface: Surface
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers."""
+        return {
+            "position": self.position.tolist(),
+            "normal": None if self.normal is None else self.normal.vector.tolist(),
+            "surface": self.surface.position,
+            "surface_deviation": self.surface.deviation,
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """The way from a recording to a contact.
+
+    Attributes
+    ----------
+    recording : Recording
+        The channels as they were recorded.
+    settings : Preparation
+        What was asked for.
+    zero : numpy.ndarray, optional
+        What was taken off the force, N: one number; or three, in the axes of the sensor.
+    drift : float
+        How far that goes over the recording, N.
+    normal : Normal, optional
+        Of the whole, where the probe moves in space.
+    surface : Surface, optional
+        Where one was found; in the penetration of the recording, or along the normal.
+    window : float, optional
+        Length of the velocity filter, s, where the velocity was worked out.
+    places : tuple of Place
+        Where the probe travels: one for each segment of the contact.
+    way : callable, optional
+        What makes a contact of the recording by the settings.
+    """
+
+    recording: Recording
+    settings: Preparation
+    zero: Floats | None = None
+    drift: float = 0.0
+    normal: Normal | None = None
+    surface: Surface | None = None
+    window: float | None = None
+    places: tuple[Place, ...] = ()
+    way: Callable[[Recording, Preparation], Contact] | None = field(default=None, repr=False)
+
+    def again(self) -> Contact:
+        """Make the contact again: the same, to the last bit.
+
+        Raises
+        ------
+        RecordingError
+            It was made of arrays, not of a recording.
+        """
+        if self.way is None:
+            raise RecordingError("a contact of arrays has no recording to be made of again")
+        return self.way(self.recording, self.settings)
+
+
+# A recording of a penetration and a compression, or arrays of them: as they are, corrected.
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -206,3 +292,29 @@ def assumption(surface: Surface) -> list[Remark]:
             "with-care",
         )
     ]
+
+
+# The contacts of a probe that travels: one at each place.
+
+OF_THE_WHOLE = ("episodes", "surface", "orientation")
+
+
+def at_places(contact: Contact) -> Iterator[tuple[Place, Contact]]:
+    """Return each place and the contact there, with its own surface; none where it is one place.
+
+    Within an episode the orientation hardly changes: only the whole has to be warned of that.
+    """
+    places = () if contact.prepared is None else contact.prepared.places
+    parts = list(contact.segments())
+    common = tuple(remark for remark in contact.remarks if remark.step not in OF_THE_WHOLE)
+    for place in places:
+        times = ((place.start <= contact.time[part.start] <= place.stop, part) for part in parts)
+        part = next((part for inside, part in times if inside), None)
+        if part is None:  # left out by a window
+            continue
+        own = replace(
+            contact.taken(part),
+            surface_deviation=place.surface.deviation or None,
+            remarks=(*common, *assumption(place.surface)),
+        )
+        yield place, own

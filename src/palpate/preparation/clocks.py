@@ -1,15 +1,575 @@
-"""Channels of a recording on one clock, in SI."""
+"""Time as it was stamped, made to run forward: what is skipped, and where it starts again."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
 
-from palpate.preparation.channels import values_of
-from palpate.preparation.interpolation import interpolated
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.contact import SHORTEST_STEP, Remark
+from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.roles import Roles
-from palpate.preparation.signals import Signals, made_signals
-from palpate.preparation.streams import Stream, origin_of, running, seconds_of, streams_of
 from palpate.recordings import Recording
-from palpate.remarks import Remark
+from palpate.recordings.recording import GRAVITY, UNITS, WEIGHTS, plain_unit, size_of, stated_unit
+from palpate.validation import Floats
+
+# A recorder that was started again begins at an earlier time, and goes on from there; a late
+# message is followed by one that is later than all before it.
+RESTART = 10  # samples in a row
+GAP = 10.0  # median steps
+MOST_SKIPPED = 0.02  # of the samples; more calls for care
+MOST_BACKWARD = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Which samples are taken, by their time.
+
+    Attributes
+    ----------
+    keep : numpy.ndarray of bool, shape (k,)
+        Those with a time that is later than all before it since the last start.
+    part : numpy.ndarray of int, shape (k,)
+        A number that grows where the label changes, or the recording starts again.
+    restarts : int
+        How often it starts again.
+    first_wrong : int
+        The first sample that is not taken, or with which it starts again; −1 where there is none.
+    untimed, repeated, late : int
+        How many have no time, the time of the one before, or an earlier one.
+    """
+
+    keep: NDArray[np.bool_]
+    part: NDArray[np.int64]
+    restarts: int
+    first_wrong: int
+    untimed: int
+    repeated: int
+    late: int
+
+    @property
+    def skipped(self) -> int:
+        """How many are not taken."""
+        return self.untimed + self.repeated + self.late
+
+    def remarks(self, what: str) -> list[Remark]:
+        """Say what was skipped, and whether the recording was started again."""
+        found = []
+        if self.skipped:
+            reasons = {
+                "without a time": self.untimed,
+                "with the time of the one before": self.repeated,
+                "with an earlier time": self.late,
+            }
+            listed = ", ".join(f"{count} {words}" for words, count in reasons.items() if count)
+            many = self.skipped > MOST_SKIPPED * self.keep.size
+            found.append(
+                Remark(
+                    "rows",
+                    f"{self.skipped} of {self.keep.size} {what} were skipped: {listed}",
+                    "look at the recorder's clock; --strict refuses them",
+                    "with-care" if many else "note",
+                )
+            )
+        if self.restarts:
+            times = "once" if self.restarts == 1 else f"{self.restarts} times"
+            words = f"the time starts again {times}: contacts are kept apart there"
+            found.append(Remark("rows", words))
+        return found
+
+
+def rows_of(
+    time: NDArray[np.int64] | Floats,
+    label: NDArray[np.int64] | None = None,
+    *,
+    largest: float = math.inf,
+) -> Rows:
+    """Say which samples have a time that increases.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, shape (k,)
+        In any unit; whole numbers stay exact.
+    label : numpy.ndarray of int, shape (k,), optional
+        Changes where a separate contact begins: time may then be anything.
+    largest : float
+        What is beyond is no time, in the same unit.
+    """
+    timed = np.isfinite(time) & (np.abs(time) <= largest)
+    t, given = time[timed], np.zeros(time.size, np.int64) if label is None else label
+    own = given[timed]
+    keep, part = np.ones(t.size, dtype=bool), np.zeros(t.size, dtype=np.int64)
+    repeated, number = 0, 0
+    again: list[int] = []
+    for start, stop in runs_of(own):
+        starts = _starts(t[start:stop])
+        again += [start + each for each in starts]
+        for low, high in pairwise([0, *starts, stop - start]):
+            inside = t[start + low : start + high]
+            before = np.maximum.accumulate(inside)[:-1]
+            with np.errstate(over="ignore"):  # of absurd times
+                later = (inside[1:] > before) & (inside[1:] - before >= SHORTEST_STEP)
+            keep[start + low + 1 : start + high] = later
+            repeated += int(np.count_nonzero(~later & (inside[1:] >= before)))
+            part[start + low : start + high] = number
+            number += 1
+    late = int(np.count_nonzero(~keep)) - repeated
+    taken, parts = np.zeros(time.size, dtype=bool), np.zeros(time.size, dtype=np.int64)
+    taken[timed], parts[timed] = keep, part
+    wrong = [*np.flatnonzero(timed)[again[:1]].tolist(), *np.flatnonzero(~taken)[:1].tolist()]
+    untimed = int(np.count_nonzero(~timed))
+    return Rows(taken, parts, len(again), min(wrong, default=-1), untimed, repeated, max(late, 0))
+
+
+def runs_of(label: NDArray[Any]) -> list[tuple[int, int]]:
+    """Where each run of equal labels starts and stops."""
+    if not label.size:
+        return []
+    borders = np.flatnonzero(label[1:] != label[:-1]) + 1
+    return list(pairwise([0, *borders.tolist(), label.size]))
+
+
+def _starts(t: NDArray[np.int64] | Floats) -> list[int]:
+    """Where time falls and goes on from there: the recorder was started again."""
+    falls = np.flatnonzero(t[1:] < t[:-1]) + 1 if t.size else np.empty(0, dtype=np.int64)
+    if falls.size > MOST_BACKWARD * t.size:  # it does not start again, it runs backward
+        return []
+    found: list[int] = []
+    last = 0
+    for k in falls.tolist():
+        after = t[k : k + RESTART]
+        on = after.size == RESTART and bool((np.diff(after) > 0).all())
+        if on and after[-1] < t[last:k].max():
+            found.append(k)
+            last = k
+    return found
+
+
+def gaps(time: Floats, part: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Say of each sample whether a gap lies before it.
+
+    Longer than ten steps, by the median of the five before it and of the five after it, whichever
+    is larger: where the rate changes there is no gap.
+    """
+    steps = np.diff(time)
+    inside = part[1:] == part[:-1]
+    found = np.zeros(time.size, dtype=bool)
+    if not inside.any():
+        return found
+    far = np.flatnonzero(inside & (steps > GAP * float(np.median(steps[inside]))))
+    for k in far.tolist():
+        around = [steps[max(k - 5, 0) : k], steps[k + 1 : k + 6]]
+        usual = max((float(np.median(each)) for each in around if each.size), default=0.0)
+        found[k + 1] = steps[k] > GAP * usual > 0.0
+    return found
+
+
+# The channels that are used, as numbers in SI.
+
+#: In SI, beyond which a value is no measurement; units of the arithmetic end there too. Sums of
+#: eighth powers are finite below it: of an infinity LAPACK prints words on standard output.
+LARGEST = 1e30
+
+
+def measurable(values: Floats) -> Floats:
+    """Values of which those beyond what anyone can measure are NaN."""
+    beyond = np.abs(values) > LARGEST
+    return np.where(beyond, np.nan, values) if beyond.any() else values
+
+
+def values_of(
+    recording: Recording,
+    roles: Roles,
+    units: dict[str, str],
+    made: dict[str, str],
+    remarks: list[Remark],
+    *,
+    strict: bool,
+) -> dict[str, NDArray[np.generic]]:
+    """Each role's channels as one array, in SI."""
+    channels = {"depth": roles.depth, "force": roles.force, "orientation": roles.orientation}
+    channels["velocity"] = () if roles.velocity is None else (roles.velocity,)
+    kinds = {"depth": "penetration"}
+    values: dict[str, NDArray[np.generic]] = {}
+    for role, names in channels.items():
+        if not names:
+            continue
+        read = [recording.numbers(name, strict=strict) for name in names]
+        columns = [measurable(column) for column in read]
+        for name, column, before in zip(names, columns, read, strict=True):
+            if strict and column is not before:
+                sample = int(np.nanargmax(np.abs(before)))
+                raise RecordingError(
+                    f"{recording.place(name, sample)}: {before[sample]:g} is no measurement: it is "
+                    f"beyond {LARGEST:g}"
+                )
+            remarks += _unknown(recording, name, column)
+        kind = kinds.get(role, role)
+        if kind in UNITS:
+            given = units.get(kind)
+            first = given or unit_of(recording, names[0], kind)
+            own = [given or unit_of(recording, name, kind, first) for name in names]
+            columns = [c * size_of(kind, unit) for c, unit in zip(columns, own, strict=True)]
+            made[kind] = _made(names, own[0], kind)
+            if not given and own[0] in WEIGHTS:
+                words = f"{', '.join(map(repr, names))} is in {own[0]}, a mass: palpate takes its"
+                words += f" weight at {GRAVITY} m/s²"
+                remarks.append(Remark("units", words, "--unit force=N, where it is a force in N"))
+        values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
+        known = np.isfinite(np.column_stack(columns)).all(axis=1)
+        if role in ("depth", "force") and known.size and not known.any():
+            raise RecordingError(
+                f"{recording.place(names[0])}: no sample holds a number in [-{LARGEST:g}, "
+                f"{LARGEST:g}]; check its unit, or name another column"
+            )
+    if roles.segment is not None:
+        values["segment"] = recording.channel(roles.segment)
+    return values
+
+
+def _unknown(recording: Recording, name: str, column: Floats) -> list[Remark]:
+    """Say how many samples of a channel hold no number: no estimator takes them."""
+    count = int(np.count_nonzero(~np.isfinite(column)))
+    if not count:
+        return []
+    first = recording.channels[name][int(np.argmin(np.isfinite(column)))]
+    text = recording.faults[name].text if name in recording.faults else str(first)
+    samples = "1 sample" if count == 1 else f"{count} samples"
+    return [
+        Remark(
+            "rows",
+            f"{name!r} holds no number in {samples}, first {text.strip()[:40]!r}: left out",
+            "look at the recorder; --strict refuses them",
+            "with-care" if count > MOST_SKIPPED * column.size else "note",
+        )
+    ]
+
+
+def _made(names: tuple[str, ...], unit: str, kind: str) -> str:
+    listed = ", ".join(repr(name) for name in names)
+    words = f"column {listed}" if len(names) == 1 else f"columns {listed}"
+    return words if unit == next(iter(UNITS[kind])) else f"{words}, in {unit}"
+
+
+def unit_of(recording: Recording, name: str, kind: str, usual: str | None = None) -> str:
+    """The unit of a channel as the recording or its name states it; else the usual one, or SI."""
+    own = recording.units.get(name)
+    stated = plain_unit(own) if own else stated_unit(name)
+    si = next(iter(UNITS[kind]))
+    if stated is None or (kind == "time" and not own and not size_of(kind, stated)):
+        return usual or si  # ``time (UTC)`` names a zone
+    if not size_of(kind, stated):
+        raise RecordingError(
+            f"{recording.place(name)}: the {kind} is in {stated}, and palpate converts "
+            f"{', '.join(UNITS[kind])} only; --unit {kind}={si} states its unit, --unit "
+            f"{kind}=0.0098{si} the size of one count"
+        )
+    return stated
+
+
+# Channels by the clock that they are on, with times that increase.
+
+# s. Times since 1970 are counted from the first instead: floats of them have steps of 0.2 µs.
+SINCE_LONG_AGO = 1e8
+# s, three thousand years. Beyond it a millisecond is lost in the digits; a flipped bit leads there.
+LATEST = 1e11
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stream:
+    """Channels on one clock."""
+
+    clock: str | None
+    time: NDArray[np.int64] | Floats  # in its own unit
+    unit: str
+    values: dict[str, NDArray[np.generic]]
+
+
+def streams_of(
+    recording: Recording,
+    roles: Roles,
+    values: dict[str, NDArray[np.generic]],
+    units: dict[str, str],
+    rate: float | None,
+) -> list[Stream]:
+    """The channels that are used, by the clock that they are on."""
+    by_clock: dict[str | None, dict[str, NDArray[np.generic]]] = {}
+    for role, channel in values.items():
+        names = {"depth": roles.depth, "force": roles.force, "orientation": roles.orientation}
+        name = names.get(role, (str(getattr(roles, role, "")),))[0]
+        clock = roles.time if roles.time is not None else recording.clocks.get(name)
+        by_clock.setdefault(clock, {})[role] = channel
+    return [_stream(recording, clock, own, units, rate) for clock, own in by_clock.items()]
+
+
+def _stream(
+    recording: Recording,
+    clock: str | None,
+    values: dict[str, NDArray[np.generic]],
+    units: dict[str, str],
+    rate: float | None,
+) -> Stream:
+    lengths = {role: len(channel) for role, channel in values.items()}
+    size = next(iter(lengths.values()))
+    where = f"{recording.source}: " if recording.source else ""
+    if clock is None:
+        if rate is None:
+            raise RecordingError(
+                f"{where}no channel looks like the time; name it with --time, or say --rate 1000 "
+                "where the samples are evenly spaced"
+            )
+        return Stream(None, np.arange(size) / rate, "s", values)
+    time = recording.channel(clock)
+    dated = time.dtype.kind in "mM"  # of pandas, say: whole nanoseconds since 1970
+    if dated:
+        known = ~np.isnat(time)
+        time = np.where(
+            known, time.astype("M8[ns]" if time.dtype.kind == "M" else "m8[ns]").view(np.int64), 0
+        )
+        if not known.all():
+            time = np.where(known, time.astype(np.float64), np.nan)
+    elif time.dtype.kind not in "iu":
+        time = recording.numbers(clock, strict=False)
+    if any(length != len(time) for length in lengths.values()):
+        listed = ", ".join(f"{role} has {length}" for role, length in lengths.items())
+        raise RecordingError(
+            f"{where}channels of one clock must have the same length: {clock!r} has {len(time)}, "
+            f"{listed}; name the right clock with --time"
+        )
+    unit = "ns" if dated else units.get("time") or unit_of(recording, clock, "time")
+    return Stream(clock, time, unit, values)
+
+
+def running(
+    recording: Recording, stream: Stream, what: str, remarks: list[Remark], *, strict: bool
+) -> tuple[NDArray[np.int64] | Floats, dict[str, NDArray[np.generic]], NDArray[np.int64]]:
+    """A stream's samples whose time increases, and the part that each is of."""
+    largest = LATEST / size_of("time", stream.unit)
+    rows = rows_of(stream.time, _labels(stream.values.get("segment")), largest=largest)
+    if not rows.keep.any():
+        where = f"{recording.source}: " if recording.source else ""
+        reason = "no sample has a time" if len(stream.time) else "there are columns but no samples"
+        raise RecordingError(f"{where}{reason}")
+    if strict and (rows.skipped or rows.restarts):
+        _refuse(recording, stream, rows.first_wrong)
+    if rows.late > 0.5 * rows.keep.size:
+        place = recording.place(stream.clock or "time", int(np.argmin(rows.keep)))
+        raise RecordingError(f"{place}: the time runs backward; give the samples in their order")
+    remarks += rows.remarks(what)
+    if not rows.skipped:
+        return stream.time, stream.values, rows.part
+    taken = {role: channel[rows.keep] for role, channel in stream.values.items()}
+    return stream.time[rows.keep], taken, rows.part[rows.keep]
+
+
+def _labels(segment: NDArray[np.generic] | None) -> NDArray[np.int64] | None:
+    """Numbers for the runs of equal labels; missing ones (NaN) are equal too."""
+    if segment is None:
+        return None
+    missing = segment != segment
+    other = (segment[1:] != segment[:-1]) & ~(missing[1:] & missing[:-1])
+    return np.concatenate([np.zeros(min(segment.size, 1), dtype=np.int64), np.cumsum(other)])
+
+
+def _refuse(recording: Recording, stream: Stream, sample: int) -> None:
+    time, clock = stream.time, stream.clock or "time"
+    if stream.clock is not None:
+        recording.numbers(stream.clock, strict=True)  # a cell of text says it better
+    what = "is not finite"
+    if np.isfinite(time[sample]) and sample == 0:
+        what = "is no time"
+    elif np.isfinite(time[sample]):
+        before = time[sample - 1]
+        what = f"runs back from {before:g} {stream.unit}"
+        if time[sample] >= before:
+            same = time[sample] == before
+            what = "repeats the time before it" if same else "is hardly later"
+    raise RecordingError(
+        f"{recording.place(clock, sample)}: {time[sample]:g} {stream.unit} {what}; time must "
+        "increase within a segment"
+    )
+
+
+def origin_of(*streams: Stream) -> int | float:
+    """What times are counted from: the first of all where they are whole, or since 1970; else 0."""
+    firsts = [s.time[np.abs(s.time) * size_of("time", s.unit) <= LATEST] for s in streams]
+    known = [first.min() for first in firsts if first.size]
+    if not known:
+        return 0
+    whole = all(stream.time.dtype.kind in "iu" for stream in streams)
+    smallest = min(known)
+    far = abs(float(smallest)) * size_of("time", streams[0].unit) > SINCE_LONG_AGO
+    return (int(smallest) if whole else float(smallest)) if far or whole else 0
+
+
+def seconds_of(time: NDArray[np.int64] | Floats, unit: str, origin: int | float) -> Floats:
+    """Times in seconds from an origin in their own unit, taken off before digits are lost."""
+    return np.asarray((time - origin) * size_of("time", unit), dtype=np.float64)
+
+
+# Position and force on one clock, in SI: what a contact is made of.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signals:
+    """What a contact is made of, on one clock and in SI.
+
+    Attributes
+    ----------
+    time : numpy.ndarray, shape (k,)
+        s, increasing within a part.
+    depth : numpy.ndarray, shape (k,) or (k, 3)
+        Penetration or position, m.
+    force : numpy.ndarray, shape (k,) or (k, 3)
+        N.
+    part : numpy.ndarray of int, shape (k,)
+        A number that changes where the recording has a gap, or starts again.
+    velocity : numpy.ndarray, shape (k,), optional
+        m/s.
+    orientation : numpy.ndarray, shape (k, 4), optional
+        Quaternion x, y, z, w.
+    segment : numpy.ndarray, shape (k,), optional
+        The label of the column.
+    made : mapping
+        How each channel was made, in words.
+    remarks : tuple of Remark
+        What was skipped, or assumed.
+    """
+
+    time: Floats
+    depth: Floats
+    force: Floats
+    part: NDArray[np.int64]
+    velocity: Floats | None = None
+    orientation: Floats | None = None
+    segment: NDArray[np.generic] | None = None
+    made: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[Remark, ...] = ()
+
+    def taken(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> "Signals":
+        """Return some of the samples."""
+        cut = {
+            name: getattr(self, name)[keep]
+            for name in ("time", "depth", "force", "part", "velocity", "orientation", "segment")
+            if getattr(self, name) is not None
+        }
+        return replace(self, **cut)
+
+
+def made_signals(
+    time: Floats,
+    values: dict[str, NDArray[np.generic]],
+    part: NDArray[np.int64],
+    remarks: list[Remark],
+) -> Signals:
+    """Signals of values on one clock; gaps part them, and are said."""
+    breaks = gaps(time, part)
+    if breaks.any():
+        longest = float(np.diff(time)[breaks[1:]].max())
+        count = int(np.count_nonzero(breaks))
+        many = f"{count} gaps in time, the longest" if count > 1 else "a gap in time,"
+        remarks.append(Remark("rows", f"{many} {longest:.3g} s: contacts are kept apart there"))
+    label = part + np.cumsum(breaks)
+    known = {role: values.get(role) for role in ("velocity", "orientation", "segment")}
+    depth, force = values["depth"], values["force"]
+    return Signals(time, depth, force, label, **known)  # type: ignore[arg-type]
+
+
+# Two clocks made one: the faster is interpolated at the times of the slower.
+
+
+def interpolated(
+    recording: Recording,
+    streams: list[Stream],
+    made: dict[str, str],
+    remarks: list[Remark],
+    *,
+    strict: bool,
+) -> Signals:
+    """The samples of the slowest clock, and what the others were at their times."""
+    units = {stream.unit for stream in streams}
+    if len(units) > 1:
+        raise RecordingError(
+            f"{recording.source}: the clocks are in {', '.join(sorted(units))}; give one unit with "
+            "--unit time=…"
+        )
+    origin = origin_of(*streams)
+    on_time = []
+    for stream in streams:
+        what = f"samples of {stream.clock}"
+        time, values, part = running(recording, stream, what, remarks, strict=strict)
+        if part.size and part.max() > 0:
+            raise RecordingError(
+                f"{recording.place(stream.clock or 'time')}: the time starts again, and the clocks "
+                "cannot be brought together; record anew, or cut the file there"
+            )
+        on_time.append((seconds_of(time, stream.unit, origin), values, stream.clock))
+    on_time.sort(key=lambda each: _step(each[0]), reverse=True)
+    return _onto_the_slowest(recording, on_time, made, remarks)
+
+
+def _step(time: Floats) -> float:
+    return float(np.median(np.diff(time))) if time.size > 1 else np.inf
+
+
+def _onto_the_slowest(
+    recording: Recording,
+    running: list[tuple[Floats, dict[str, NDArray[np.generic]], str | None]],
+    made: dict[str, str],
+    remarks: list[Remark],
+) -> Signals:
+    """The first stream's samples, and the others' values at their times."""
+    # An orientation changes slowly: it sets no clock.
+    first = next(k for k, (_, own, _) in enumerate(running) if "depth" in own or "force" in own)
+    time, values, clock = running.pop(first)
+    values = dict(values)
+    keep = np.ones(time.size, dtype=bool)
+    for other, own, name in running:
+        keep &= _covered(time, other)
+        for role, channel in own.items():
+            values[role] = _at(time, other, np.asarray(channel))
+            kind = "penetration" if role == "depth" else role
+            if kind in made:
+                made[kind] += f", interpolated from {name!r} at the times of {clock!r}"
+    if not keep.any():
+        raise RecordingError(
+            f"{recording.source}: the clocks {clock!r} and {running[0][2]!r} have no time in "
+            "common; look at them with palpate info"
+        )
+    if not keep.all():
+        remarks.append(
+            Remark(
+                "clock",
+                f"{np.count_nonzero(~keep)} of {keep.size} samples of {clock} were left out: the "
+                "other clock has no sample near them",
+            )
+        )
+    taken = {role: channel[keep] for role, channel in values.items()}
+    return made_signals(time[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64), remarks)
+
+
+def _covered(wanted: Floats, time: Floats) -> NDArray[np.bool_]:
+    """Whether each time lies between two samples of a clock that are no gap apart."""
+    after = np.searchsorted(time, wanted)
+    inside = (after > 0) & (after < time.size)
+    exact = (after < time.size) & (time[np.minimum(after, time.size - 1)] == wanted)
+    low, high = time[np.maximum(after - 1, 0)], time[np.minimum(after, time.size - 1)]
+    covered: NDArray[np.bool_] = (inside & (high - low <= GAP * _step(time))) | exact
+    return covered
+
+
+def _at(wanted: Floats, time: Floats, values: NDArray[np.generic]) -> NDArray[np.generic]:
+    if values.dtype.kind not in "fiu":
+        raise InvalidParameterError("a segment must be on the clock of the position or the force")
+    if values.ndim == 1:
+        return np.interp(wanted, time, values.astype(np.float64))
+    return np.column_stack([_at(wanted, time, column) for column in values.T])
+
+
+# Channels of a recording on one clock, in SI.
 
 
 def signals_of(

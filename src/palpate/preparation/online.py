@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from palpate import _core
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
-from palpate.preparation.corrections import FLIPPED
+from palpate.preparation.settings import FLIPPED
 from palpate.preparation.velocity import window_samples
 from palpate.settings import Configured
 from palpate.validation import Floats, arguments, number_in, shown, signal, unmasked

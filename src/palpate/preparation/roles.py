@@ -1,13 +1,170 @@
-"""Which channel of a recording is the time, the position, the force, and why."""
+"""Vectors among the channels of a recording, by the names of their components."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 from palpate.errors import MissingChannelError, RecordingError
-from palpate.preparation.kinds import is_tip, is_wanted, kind_of
-from palpate.preparation.vectors import Vector, vectors_of
 from palpate.recordings import Recording
-from palpate.recordings.units import unit_in_name
+from palpate.recordings.recording import UNITS, plain_unit, stated_unit, unit_in_name
+
+_INDEX = re.compile(r"^(.*)\[(\d+)\]$")
+_LETTERS = ("xyzw", "xyz")
+_DIGITS = ("0123", "012", "1234", "123")
+# Arrays that hold two: force and torque; position and quaternion.
+_PAIRED = {"012345": (3, 6), "123456": (3, 6), "0123456": (3, 7), "1234567": (3, 7)}
+
+
+@dataclass(frozen=True, slots=True)
+class Vector:
+    """Channels that are the components of one vector.
+
+    Attributes
+    ----------
+    stem : str
+        What their names share: ``/ft.wrench.force`` of ``/ft.wrench.force.x``, ``f*_N`` of
+        ``fx_N``.
+    components : tuple of str
+        The channels, in the order x, y, z (w), or as they are numbered.
+    second : bool
+        It follows another one in an array of six or seven: a torque, or a quaternion.
+    """
+
+    stem: str
+    components: tuple[str, ...]
+    second: bool = False
+
+    def __len__(self) -> int:
+        return len(self.components)
+
+
+def vectors_of(names: Iterable[str]) -> list[Vector]:
+    """Find vectors of three or four components, in the order in which they are first named.
+
+    ``force.x``, ``force.y``, ``force.z``; ``pos[0]``, ``pos[1]``, ``pos[2]``; ``fx_N``, ``fy_N``,
+    ``fz_N``; ``q0`` to ``q3``, ``F1`` to ``F3``. With a ``.w`` it is a quaternion of four; six or
+    seven that are numbered are two vectors.
+    """
+    families: dict[str, dict[str, str]] = defaultdict(dict)
+    for name in names:
+        for stem, place in _places(name):
+            families[stem].setdefault(place, name)
+    found: list[Vector] = []
+    taken: set[str] = set()
+    for stem, places in families.items():
+        for vector in _vectors(stem, places):
+            if taken.isdisjoint(vector.components):
+                found.append(vector)
+                taken.update(vector.components)
+    return found
+
+
+def _places(name: str) -> Iterable[tuple[str, str]]:
+    """Each way in which a name could be a component: what it shares with the others, and which."""
+    if (indexed := _INDEX.match(name)) is not None:
+        yield indexed[1], indexed[2]
+        return
+    stem, dot, last = name.rpartition(".")
+    if dot and last.lower() in ("x", "y", "z", "w"):
+        yield stem, last.lower()
+        return
+    for k, sign in enumerate(name):
+        if sign.lower() in "wxyz" or sign.isdigit():
+            yield f"{name[:k]}*{name[k + 1 :]}", sign.lower()
+
+
+def _vectors(stem: str, places: dict[str, str]) -> Iterable[Vector]:
+    for order in _LETTERS:
+        if all(place in places for place in order):
+            yield Vector(stem, tuple(places[place] for place in order))
+            return
+    # As numbers they are all that there is: of ten numbered columns three are no vector.
+    for order in (*_DIGITS, *_PAIRED):
+        if sorted(places) == list(order):
+            components = tuple(places[place] for place in order)
+            first, last = _PAIRED.get(order, (len(order), 0))
+            yield Vector(stem, components[:first])
+            if last:
+                yield Vector(stem, components[first:last], second=True)
+            return
+
+
+# What a channel measures, by its unit and by the words of its name.
+
+# What each word says of a channel that has no unit. The last word of a name that is here counts:
+# "/tool.wrench.torque" is a torque.
+WORDS: dict[str, tuple[str, ...]] = {
+    "time": ("time", "t", "stamp", "timestamp", "seconds", "sec"),
+    "force": ("force", "forces", "wrench", "load", "ft", "f", "fx", "fy", "fz", "fn", "fts"),
+    "torque": ("torque", "torques", "moment", "tau", "mx", "my", "mz", "tx", "ty", "tz"),
+    "penetration": ("penetration", "indentation", "depth", "deformation", "compression"),
+    "position": (
+        "position", "positions", "pos", "p", "x", "y", "z", "px", "py", "pz", "s", "pose", "tip",
+        "tcp", "ee", "translation", "displacement", "disp", "height", "location", "stroke",
+    ),
+    "velocity": ("velocity", "vel", "speed", "v", "vx", "vy", "vz", "linear", "xd"),
+    "orientation": ("orientation", "quaternion", "quat", "q", "rotation", "rot"),
+    "nothing": ("angular", "acceleration", "accel", "acc", "covariance", "effort", "current"),
+}  # fmt: skip
+_KIND = {word: kind for kind, words in WORDS.items() for word in words}
+#: Words for what was wanted, not measured.
+WANTED = frozenset(
+    ("command", "commanded", "cmd", "desired", "des", "target", "setpoint", "reference", "ref")
+)
+TIP = frozenset(("tip", "tcp", "probe"))
+_OF_UNIT = {
+    **dict.fromkeys(UNITS["time"], ("time",)),
+    **dict.fromkeys(UNITS["force"], ("force",)),
+    **dict.fromkeys(UNITS["penetration"], ("penetration", "position")),
+    **dict.fromkeys(UNITS["velocity"], ("velocity",)),
+    "Nm": ("torque",),
+    "N·m": ("torque",),
+    "N*m": ("torque",),
+    "mNm": ("torque",),
+}
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+")
+
+
+def kind_of(name: str, unit: str | None = None) -> str | None:
+    """What a channel measures: a key of ``WORDS``, or None where its name does not say.
+
+    Parameters
+    ----------
+    name : str
+        The channel's, or what the components of a vector share.
+    unit : str, optional
+        As the recording says it; else what the name ends with.
+    """
+    unit = plain_unit(unit) if unit else stated_unit(name)
+    possible = _OF_UNIT.get(unit or "")
+    kinds = [_KIND[word] for word in words_of(name) if word in _KIND and word != unit]
+    if possible is None:
+        return kinds[-1] if kinds else None
+    fitting = [kind for kind in kinds if kind in possible]
+    return fitting[-1] if fitting else possible[-1]
+
+
+def is_wanted(name: str) -> bool:
+    """Whether a name says what was commanded, and not what was measured."""
+    return not WANTED.isdisjoint(words_of(name))
+
+
+def is_tip(name: str) -> bool:
+    """Whether a name says that it is the part of the robot that touches."""
+    return not TIP.isdisjoint(words_of(name))
+
+
+def words_of(name: str) -> list[str]:
+    """The words of a name in lower case, its unit left out: ``Fz [mN]`` is fz."""
+    unit = stated_unit(name)
+    if unit is not None:
+        name = re.sub(rf"[\[(_/ ]*{re.escape(unit)}[\])\s]*$", "", name)
+    return [word.lower() for word in _WORD.findall(name)]
+
+
+# Which channel of a recording is the time, the position, the force, and why.
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -1,17 +1,378 @@
-"""How a contact is made of a recording: every choice of it, as a value."""
+"""What a user corrects in a recording: units, signs, tare, delay and surface; it is all said."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
-from palpate.errors import InvalidParameterError
-from palpate.preparation.corrections import Corrections
-from palpate.preparation.episodes import RADIUS
-from palpate.preparation.normals import normal_given
-from palpate.preparation.roles import Columns
-from palpate.preparation.surfaces import SurfaceRule
-from palpate.preparation.wrenches import ForceFrame
-from palpate.validation import instance, number_in, pair_in, shown
+import numpy as np
+
+from palpate.contact import Contact, Remark
+from palpate.errors import InvalidParameterError, RecordingError
+from palpate.preparation.gates import noise_of
+from palpate.preparation.roles import Columns, Roles
+from palpate.preparation.surfaces import RADIUS, SurfaceRule, deviation_left
+from palpate.recordings import Recording
+from palpate.recordings.recording import UNITS, size_of
+from palpate.validation import Floats, instance, number, number_in, pair_in, shown
+
+FLIPPED = ("force", "penetration")
+LONGEST_DELAY = 10.0  # s
+
+
+@dataclass(frozen=True, slots=True)
+class Corrections:
+    """What is done to the channels before anything is worked out of them.
+
+    Parameters
+    ----------
+    units : mapping
+        The unit that a channel is in, such as ``{"penetration": "mm"}``.
+    flip : sequence of str
+        Channels whose sign is turned: ``"force"``, ``"penetration"``; a velocity turns with the
+        penetration.
+    tare : tuple of float, optional
+        (start, stop), s: the mean force between them is taken off.
+    delay : float
+        How late the force is, s, positive: it is read that much earlier.
+    surface : float
+        Where the material begins, m, in the recording's penetration.
+    """
+
+    units: Mapping[str, str] = field(default_factory=dict)
+    flip: Sequence[str] = ()
+    tare: tuple[float, float] | None = None
+    delay: float = 0.0
+    surface: float = 0.0
+
+    def __post_init__(self) -> None:
+        for channel, unit in self.units.items():
+            if channel not in UNITS:
+                raise InvalidParameterError(
+                    f"units must be of {', '.join(UNITS)}, not of {shown(channel)}"
+                )
+            if not isinstance(unit, str) or not size_of(channel, unit):
+                known = ", ".join(UNITS[channel])
+                raise InvalidParameterError(
+                    f"unit of the {channel} must be one of {known}, or a multiple such as "
+                    f"0.0098{_si(channel)}, not {shown(unit)}"
+                )
+        for channel in self.flip:
+            if channel not in FLIPPED:
+                raise InvalidParameterError(
+                    f"flip must name some of {', '.join(FLIPPED)}, not {shown(channel)}"
+                )
+        if self.tare is not None:
+            pair_in("tare", self.tare, -1e12, 1e12)
+        number_in("delay", self.delay, -LONGEST_DELAY, LONGEST_DELAY)
+        number_in("surface", self.surface, -1e6, 1e6)
+
+    def rescaled(self, values: dict[str, Any], made: dict[str, str]) -> None:
+        """Bring channels to SI, turn signs and move the surface, in place; say so in ``made``."""
+        for channel, unit in self.units.items():
+            if channel in values and unit != _si(channel):
+                values[channel] = np.asarray(values[channel], dtype=float) * size_of(channel, unit)
+                add(made, channel, f"in {unit}")
+        for channel in self.flip:
+            for turned in (channel, "velocity") if channel == "penetration" else (channel,):
+                if turned in values:
+                    values[turned] = -np.asarray(values[turned], dtype=float)
+                    add(made, turned, "its sign turned")
+
+        if self.surface and "penetration" in values:
+            values["penetration"] = np.asarray(values["penetration"], dtype=float) - self.surface
+            add(made, "penetration", f"counted from {self.surface:g} m")
+
+    def tared(self, contact: Contact) -> Contact:
+        """Take the mean force between two times off.
+
+        Raises
+        ------
+        RecordingError
+            There is no sample between them.
+        """
+        if self.tare is None:
+            return contact
+        start, stop = self.tare
+        free = (contact.time >= start) & (contact.time <= stop) & np.isfinite(contact.force)
+        if not free.any():
+            where = f"{contact.source}: " if contact.source else ""
+            raise RecordingError(
+                f"{where}no sample between {start:g} s and {stop:g} s to tare the force with"
+            )
+        zero = float(contact.force[free].mean())
+        left = deviation_left(contact.force, free)
+        made = dict(contact.provenance)
+        add(made, "force", f"less its mean from {start:g} s to {stop:g} s, {zero:.3g} N")
+        return replace(contact, force=contact.force - zero, provenance=made, tare_deviation=left)
+
+    def in_step(self, contact: Contact) -> Contact:
+        """Read the force earlier by its delay, between samples by a straight line.
+
+        The force, not the penetration: a smoothed penetration is another motion. Samples whose
+        force is then not known, at an end of a segment, are left out.
+        """
+        late = number("delay", self.delay)
+        if late == 0.0 or not len(contact):
+            return contact
+        force, keep = contact.force.copy(), np.zeros(len(contact), dtype=bool)
+        for part in contact.segments():
+            time = contact.time[part]
+            wanted = time + late
+            force[part] = np.interp(wanted, time, contact.force[part])
+            keep[part] = (wanted >= time[0]) & (wanted <= time[-1])
+        made = dict(contact.provenance)
+        add(made, "force", f"read {abs(late) * 1e3:g} ms {'earlier' if late > 0 else 'later'}")
+        return replace(contact, force=force, provenance=made).taken(keep)
+
+
+def _si(channel: str) -> str:
+    return next(iter(UNITS[channel]))
+
+
+def add(made: dict[str, str], channel: str, words: str) -> None:
+    """Add to what is said of a channel."""
+    made[channel] = f"{made[channel]}, {words}" if channel in made else words
+
+
+# Forces in the tool's frame, turned into the frame of the position; the tool's own weight.
+
+ForceFrame = Literal["tool", "base"]
+#: Turned by more than this the tool's weight moves by 3 % of it from one axis to another: 0.3 N of
+#: a kilogram, which is a tenth of a soft contact.
+LARGEST_TURN = math.radians(2.0)
+UNIT_LENGTH = 0.02  # from 1, of a quaternion: printed digits and interpolation stay within
+
+
+def turned(force: Floats, orientation: Floats, source: str = "") -> Floats:
+    """Return the forces turned by the orientation of the probe: from its frame into the base's.
+
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k, 3)
+        In the tool's frame.
+    orientation : numpy.ndarray, shape (k, 4)
+        Quaternions x, y, z, w.
+
+    Raises
+    ------
+    RecordingError
+        They are no quaternions: their length is not 1.
+    """
+    length = np.linalg.norm(orientation, axis=1)
+    wrong = np.abs(length - 1.0) > UNIT_LENGTH
+    if wrong.mean() > 0.1:
+        where = f"{source}: " if source else ""
+        raise RecordingError(
+            f"{where}the orientation is no quaternion x, y, z, w: its length is "
+            f"{float(np.nanmedian(length)):.3g}; name the right channels with --orientation"
+        )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        unit = orientation / length[:, None]
+    axis, scalar = unit[:, :3], unit[:, 3:]
+    across = 2.0 * np.cross(axis, force)
+    result: Floats = force + scalar * across + np.cross(axis, across)
+    return result
+
+
+def largest_turn(orientation: Floats) -> float:
+    """Largest angle between the orientation at any time and a typical one, rad."""
+    known = orientation[np.isfinite(orientation).all(axis=1)]
+    length = np.linalg.norm(known, axis=1)
+    unit = known[length > 0.0] / length[length > 0.0, None]
+    if not len(unit):
+        return 0.0
+    typical = unit[len(unit) // 2]
+    cosine = np.clip(np.abs(unit @ typical), 0.0, 1.0)  # q and −q are one orientation
+    return 2.0 * math.acos(float(np.percentile(cosine, 1.0)))
+
+
+def frame_of(
+    recording: Recording, roles: Roles, asked: ForceFrame | None, remarks: list[Remark]
+) -> ForceFrame:
+    """Say in which frame the force is: as asked, by the frames that the recording names, or base.
+
+    What is assumed is added to the remarks.
+    """
+    if asked is not None:
+        return asked
+    force, depth = (recording.frames.get(names[0]) for names in (roles.force, roles.depth))
+    if force is None or depth is None:
+        if roles.orientation:
+            remarks.append(
+                Remark(
+                    "force frame",
+                    "the recording does not say in which frame the force is; it is taken to be "
+                    "the position's",
+                    "--force-frame tool, where the sensor turns with the tool",
+                )
+            )
+        return "base"
+    if force.lstrip("/") == depth.lstrip("/"):
+        return "base"
+    if roles.orientation:
+        remarks.append(
+            Remark(
+                "force frame",
+                f"the force is in the frame {force!r}, the position in {depth!r}: it is turned by "
+                "the probe's orientation, as if the sensor's axes were the tool's",
+                "--force-frame base, where they are not turned against each other",
+            )
+        )
+        return "tool"
+    remarks.append(
+        Remark(
+            "force frame",
+            f"the force is in the frame {force!r}, the position in {depth!r}, and there is no "
+            "orientation to turn one into the other",
+            "record the pose, or give the contact normal with --normal",
+            "with-care",
+        )
+    )
+    return "base"
+
+
+def turn_remark(orientation: Floats, weight: float | None) -> list[Remark]:
+    """Say that the orientation changes, where nothing takes the tool's weight off."""
+    angle = largest_turn(orientation)
+    if weight is not None or angle <= LARGEST_TURN:
+        return []
+    return [
+        Remark(
+            "orientation",
+            f"the orientation changes by {math.degrees(angle):.0f}°, and with it the part of the "
+            "tool's weight that the sensor feels; no weight is given",
+            "--tool-weight, such as 1.2N; or keep the tool's orientation",
+            "with-care",
+            numbers=True,
+        )
+    ]
+
+
+# The contact normal: given, an axis, or found from the forces.
+
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+NOISES = 10.0  # σ of the force's size, above which it has a direction
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Normal:
+    """The direction in which the material presses on the probe.
+
+    Attributes
+    ----------
+    vector : numpy.ndarray, shape (3,)
+        Of length 1, out of the material, in the frame of the position.
+    spread : float
+        Angle of the forces to it, rad, weighted by their size (rms); 0 where it was given.
+    turned : bool
+        The forces are those of the probe on the material: their sign has to be turned.
+    """
+
+    vector: Floats
+    spread: float = 0.0
+    turned: bool = False
+
+    def __str__(self) -> str:
+        x, y, z = self.vector
+        words = f"({x:.4g}, {y:.4g}, {z:.4g})"
+        return f"{words} ± {math.degrees(self.spread):.1f}°" if self.spread else words
+
+
+def normal_given(given: str | Sequence[float]) -> Normal:
+    """Return the normal that was given: ``"z"``, ``"-z"``, ``"0.8,0.25,0.54"`` or three numbers.
+
+    Raises
+    ------
+    InvalidParameterError
+        It is none of these, or has no length.
+    """
+    if isinstance(given, str):
+        name = given.strip().lower()
+        axis = AXES.get(name.lstrip("+-"))
+        if axis is not None and len(name) <= 2:
+            return Normal(np.array(axis) * (-1.0 if name[0] == "-" else 1.0))
+    try:
+        parts = given.split(",") if isinstance(given, str) else given
+        vector = np.array([float(part) for part in parts])
+        length = float(np.linalg.norm(vector))
+        if vector.shape != (3,) or not math.isfinite(length) or length == 0.0:
+            raise ValueError
+    except (TypeError, ValueError):
+        raise InvalidParameterError(
+            f"normal must be x, y, z, -x, -y, -z or three numbers such as 0.8,0.25,0.54, not "
+            f"{shown(given)}"
+        ) from None
+    return Normal(vector / length)
+
+
+def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
+    """Find the contact normal: the mean direction of the forces, weighted by their size.
+
+    n = Σ |F| F / |Σ |F| F|,  spread² = Σ |F|² ∠(F, n)² / Σ |F|²
+
+    Where the force grows as the probe goes *along* n it is the probe's on the material; where it
+    grows against n, as it should, the material's on the probe.
+
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k, 3)
+        N, in the frame of the position, tared as well as can be.
+    position : numpy.ndarray, shape (k, 3)
+        m.
+    source : str
+        For messages.
+
+    Raises
+    ------
+    RecordingError
+        No force is above the noise.
+    """
+    known = np.isfinite(force).all(axis=1) & np.isfinite(position).all(axis=1)
+    f, p = force[known], position[known]
+    size = np.linalg.norm(f, axis=1)
+    noise = math.sqrt(sum(noise_of(component) ** 2 for component in f.T)) if len(f) else 0.0
+    firm = size > NOISES * noise
+    where = f"{source}: " if source else ""
+    if not firm.any():
+        raise RecordingError(
+            f"{where}no force stands out of the noise, so that the contact normal cannot be found; "
+            "give it with --normal, such as --normal z"
+        )
+    total = (f[firm] * size[firm, None]).sum(axis=0)
+    length = float(np.linalg.norm(total))
+    if not 0.0 < length < math.inf:
+        raise RecordingError(
+            f"{where}the forces point everywhere, so that the contact normal cannot be found; give "
+            "it with --normal, such as --normal z"
+        )
+    n = total / length
+    across = np.linalg.norm(np.cross(f[firm], n), axis=1)
+    angle = np.arctan2(across, f[firm] @ n)
+    weight = size[firm] ** 2
+    spread = math.sqrt(float((weight * angle**2).sum() / weight.sum()))
+    if grows(p @ n, f @ n):
+        return Normal(-n, spread, turned=True)
+    return Normal(n, spread)
+
+
+def grows(position: Floats, force: Floats) -> bool:
+    """Whether the force grows with the position, from one moment to the next.
+
+    By the changes over five samples, not by the values: a probe that travels over a hill goes up
+    and down without pressing.
+    """
+    if len(force) < 20:
+        steps = np.diff(position), np.diff(force)
+    else:
+        smooth = np.ones(5) / 5.0
+        moved, felt = (np.convolve(each, smooth, "valid") for each in (position, force))
+        steps = moved[5:] - moved[:-5], felt[5:] - felt[:-5]
+    return float(np.sum(steps[0] * steps[1])) > 0.0
+
+
+# How a contact is made of a recording: every choice of it, as a value.
 
 LARGEST_RATE = 1e9  # samples a second
 

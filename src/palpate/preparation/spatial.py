@@ -1,30 +1,193 @@
-"""From a position and a force in space to a depth and a compression along the contact normal."""
+"""Doubts about forces in space: one that misses the probe's motion, and an axis that is full."""
 
+import logging
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.digits import with_error
+from palpate.contact import Contact, Remark
+from palpate.digits import rounded, with_error
 from palpate.errors import RecordingError
-from palpate.preparation.baselines import Baseline, baseline_of, free_samples
-from palpate.preparation.doubts import misdirected
-from palpate.preparation.normals import Normal, grows, normal_found, normal_given
-from palpate.preparation.settings import Preparation
-from palpate.preparation.signals import Signals
-from palpate.preparation.wrenches import turned
-from palpate.remarks import Remark
+from palpate.preparation.along_penetration import (
+    Place,
+    Prepared,
+    assumption,
+    filter_words,
+    velocities_of,
+    velocity_filter,
+)
+from palpate.preparation.clocks import Signals, runs_of
+from palpate.preparation.gates import noise_of
+from palpate.preparation.roles import Roles
+from palpate.preparation.settings import (
+    Normal,
+    Preparation,
+    add,
+    frame_of,
+    grows,
+    normal_found,
+    normal_given,
+    turn_remark,
+    turned,
+)
+from palpate.preparation.surfaces import (
+    Baseline,
+    Episode,
+    Surface,
+    SurfaceRule,
+    baseline_of,
+    deviation_left,
+    episodes_of,
+    free_samples,
+    surface_of,
+    travel,
+)
+from palpate.preparation.velocity import step_of
+from palpate.recordings import Recording
+from palpate.stages import stage, timed
 from palpate.validation import Floats
+
+# Turned by 5° a depth is 0.4 % short, and the stiffness of a law with an exponent of 2 is 1 % off;
+# by 30° it is 14 % and 30 %. A tool is aligned with its sensor to better than 3°.
+LARGE_ANGLE, TOO_LARGE_ANGLE = math.radians(5.0), math.radians(30.0)
+BLOCKS_OF_DIRECTION = 8  # of a recording, whose scatter says how well the direction is known
+ERRORS_OF_DIRECTION = 3.0  # standard errors of it
+STRIDE = 5  # samples over which changes are taken: over fewer they are noise
+
+SHORTEST = 5  # samples in a row
+MOVES, STEPS = 8.0, 3.0  # σ and steps that the other axes move meanwhile
+SOME, MANY = 0.002, 0.02  # of the recording
+
+
+def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool) -> list[Remark]:
+    """Say that forces do not point along the motion in which they grow.
+
+    The motion, −Σ ΔF Δp, owes nothing to the axes of the force: one of them turned or swapped, the
+    tool's taken for the base's, a zero that is off, or friction set the two apart; so does a probe
+    that slides down a slope without friction, of which the normal is right.
+
+    Parameters
+    ----------
+    position, force : numpy.ndarray, shape (k, 3)
+        m and N, in one frame as far as is known.
+    normal : numpy.ndarray, shape (3,)
+        What both are projected on.
+    given : bool
+        It was: then it is enough that the motion or the forces agree with it.
+    """
+    motion, error = _direction(position, force @ normal)
+    if motion is None:
+        return []
+    angle, other = _angle(motion, normal), "motion in which it grows"
+    of = "the force points"
+    if given:
+        of, other = "the given normal points", "force and from the motion in which it grows"
+        try:
+            angle = min(angle, _angle(normal_found(force, 0.0 * position).vector, normal))
+        except RecordingError:
+            return []
+    if angle <= LARGE_ANGLE + ERRORS_OF_DIRECTION * error:
+        return []
+    return [
+        Remark(
+            "direction",
+            f"{of} {math.degrees(angle):.0f}° away from the {other}: axes of another frame, turned "
+            "or swapped, a zero that is off, friction, or a slope that the probe slides down",
+            "compare the axes of force and position; --force-frame tool, --tare or --normal",
+            "do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care",
+            numbers=True,
+        )
+    ]
+
+
+def _direction(position: Floats, along: Floats) -> tuple[Floats | None, float]:
+    """The direction in which the probe moves as the force grows, and its standard error, rad."""
+    known = np.isfinite(position).all(axis=1) & np.isfinite(along)
+    p, f = position[known], along[known]
+    if len(f) < 2 * BLOCKS_OF_DIRECTION * STRIDE:
+        return None, math.inf
+    products = (f[STRIDE:] - f[:-STRIDE])[:, None] * (p[STRIDE:] - p[:-STRIDE])
+    sums = np.array([part.sum(axis=0) for part in np.array_split(products, BLOCKS_OF_DIRECTION)])
+    total = sums.sum(axis=0)
+    length = float(np.linalg.norm(total))
+    if not 0.0 < length < math.inf:
+        return None, math.inf
+    direction: Floats = total / length
+    across = sums - np.outer(sums @ direction, direction)
+    # The blocks' sums vary about a share of the total; what is across of it adds to nothing.
+    return direction, math.sqrt(
+        float((across**2).sum()) * BLOCKS_OF_DIRECTION / (BLOCKS_OF_DIRECTION - 1)
+    ) / length
+
+
+def _angle(one: Floats, other: Floats) -> float:
+    """Between two axes, whichever way they point."""
+    across = float(np.linalg.norm(np.cross(one, other)))
+    return math.atan2(across, abs(float(one @ other)))
+
+
+def saturated(force: Floats) -> list[Remark]:
+    """Say that an axis of the sensor stands at its largest value while the others go on.
+
+    One that never changes is not saturated but not measured, as those of a load cell of one axis.
+
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k, 3)
+        N, as the sensor shows it: once turned or tared nothing stands still.
+    """
+    moves = [bool(np.isfinite(c).any() and np.nanmin(c) < np.nanmax(c)) for c in force.T]
+    axes = " and ".join(axis for axis, moving in zip("xyz", moves, strict=True) if not moving)
+    words = f"the force along {axes} is constant from first to last: it is not measured"
+    found = [Remark("force axes", words)] if axes else []
+    noise = [noise_of(column) for column in force.T]
+    for k, column in enumerate(force.T):
+        others = [each for each in range(force.shape[1]) if each != k]
+        for edge in (np.nanmax(column), np.nanmin(column)) if moves[k] else ():
+            held = np.flatnonzero(np.diff(np.concatenate([[0], column == edge, [0]])))
+            runs = [
+                slice(start, stop)
+                for start, stop in zip(held[0::2], held[1::2], strict=True)
+                if stop - start >= SHORTEST
+            ]
+            count = sum(
+                part.stop - part.start
+                for part in runs
+                if any(
+                    np.ptp(force[part, each])
+                    > MOVES * noise[each] + STEPS * step_of(force[:, each])
+                    for each in others
+                )
+            )
+            if count > SOME * len(column):
+                found.append(_saturation("xyz"[k], float(edge), count / len(column)))
+    return found
+
+
+def _saturation(axis: str, edge: float, part: float) -> Remark:
+    return Remark(
+        "saturation",
+        f"the force along {axis} stays at {edge:.3g} N for {part:.1%} of the recording while the "
+        "others change: saturated?",
+        "press less deep, or take a sensor of a larger range",
+        "do-not-trust" if part > MANY else "with-care",
+        numbers=True,
+    )
+
+
+# From a position and a force in space to a depth and a compression along the contact normal.
 
 WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
 INVERSE = (-1.0, -1.0, -1.0, 1.0)  # of a quaternion x, y, z, w
 NOTHING = 1e-3  # of the largest force: no sensor is linear to better
-SMALL, LARGE = 0.01, 0.10  # of the largest force, that a weight is off
-ERRORS, BLOCKS = 5.0, 8  # standard errors, by the scatter of blocks
+SMALL_WEIGHT, LARGE_WEIGHT = 0.01, 0.10  # of the largest force, that a weight is off
+ERRORS_OF_WEIGHT, BLOCKS_OF_WEIGHT = 5.0, 8  # standard errors, by the scatter of blocks
 
 
 @dataclass(slots=True, eq=False)
-class Pressed:
+class AlongNormal:
     """Depth and compression along one normal.
 
     Attributes
@@ -45,11 +208,11 @@ class Pressed:
     remarks: list[Remark] = field(default_factory=list)
 
 
-def pressed(signals: Signals, settings: Preparation, source: str) -> Pressed:
+def pressed(signals: Signals, settings: Preparation, source: str) -> AlongNormal:
     """Project position and force on the contact normal.
 
     Either may be along one axis already. What is not given is found: the normal by
-    :func:`~palpate.preparation.normals.normal_found`, or for a force along one axis as the
+    :func:`~palpate.preparation.settings.normal_found`, or for a force along one axis as the
     direction in which the probe moves when that grows; signs so that compression is positive, and
     grows with the depth.
 
@@ -79,7 +242,7 @@ def pressed(signals: Signals, settings: Preparation, source: str) -> Pressed:
 
 def _in_space(
     position: Floats, force: Floats, given: Normal | None, *, signed: bool, source: str
-) -> Pressed:
+) -> AlongNormal:
     found = given or normal_found(force, position, source)
     n, remarks = found.vector, []
     along = force @ n
@@ -93,7 +256,7 @@ def _in_space(
     if given is not None:
         remarks += _against(-(position @ n), along)
     remarks += misdirected(position, force, n, given=given is not None)
-    return Pressed(-(position @ n), along, found, remarks)
+    return AlongNormal(-(position @ n), along, found, remarks)
 
 
 def _against(depth: Floats, force: Floats) -> list[Remark]:
@@ -142,7 +305,7 @@ def _by_motion(position: Floats, force: Floats, source: str) -> Normal:
 
 def _with_force(
     position: Floats, force: Floats, normal: Normal, settings: Preparation, *, found: bool
-) -> Pressed:
+) -> AlongNormal:
     result = _along_axis(-(position @ normal.vector), force, normal, settings, turn_depth=False)
     words = "the contact normal was taken from the motion in which the force grows"
     if found:
@@ -157,7 +320,7 @@ def _along_axis(
     settings: Preparation,
     *,
     turn_depth: bool = True,
-) -> Pressed:
+) -> AlongNormal:
     """Signs of a position and a force that are along one axis."""
     remarks = []
     known = np.isfinite(force)
@@ -172,7 +335,7 @@ def _along_axis(
         depth = -depth
         words = "the force grows as the position falls, so that its sign was turned"
         remarks.append(Remark("direction", words, "--flip-penetration says so beforehand"))
-    return Pressed(depth, force, normal, remarks)
+    return AlongNormal(depth, force, normal, remarks)
 
 
 def tared(
@@ -258,10 +421,10 @@ def _weight_left(
     energy = max(float((m**2).sum()), 1e-300)
     left = float((m * f).sum()) / energy
     # The scatter of blocks: neighbouring samples of a force correlate.
-    rest = np.array_split((m * (f - left * m)).sum(axis=1), BLOCKS)
+    rest = np.array_split((m * (f - left * m)).sum(axis=1), BLOCKS_OF_WEIGHT)
     error = float(np.linalg.norm([each.sum() for each in rest])) / energy
     off, whole = abs(left) * reach / peak, (weight or 0.0) + left
-    if abs(left) <= ERRORS * error or off <= SMALL:
+    if abs(left) <= ERRORS_OF_WEIGHT * error or off <= SMALL_WEIGHT:
         return []
     words = f"in free air the force turns as a weight of {with_error(whole, error, unit='N')} does"
     remedy = f"--tool-weight {whole:.3g}N, if the tool can weigh that"
@@ -269,7 +432,7 @@ def _weight_left(
         remedy = "--flip-force, if the sensor shows the force of the probe on the material"
     if weight is not None:
         words += f", not of {weight:g} N"
-    if off > LARGE:
+    if off > LARGE_WEIGHT:
         return [Remark("tool weight", words, remedy, "do-not-trust", numbers=True)]
     return [Remark("tool weight", words, remedy, "with-care", numbers=True)]
 
@@ -295,3 +458,244 @@ def _axis(force: Floats) -> Floats:
     _, _, rows = np.linalg.svd(known - known.mean(axis=0), full_matrices=False)
     axis: Floats = rows[0]
     return axis
+
+
+# A recording of positions and forces, in space or along an axis: tared, projected, counted.
+
+_LOGGER = logging.getLogger(__name__)
+
+FIRM = 0.1  # of the largest force: an episode without as much is free air
+
+
+def along_normal(
+    recording: Recording, roles: Roles, signals: Signals, settings: Preparation
+) -> Contact:
+    """Make a contact of a position and a force, tared and projected on the contact normal."""
+    made, remarks = dict(signals.made), list[Remark]()
+    signals = _windowed(_flipped(signals, settings), settings, recording.source)
+    signals = _framed(recording, roles, signals, settings, remarks)
+    if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
+        add(made, "force", f"less the tool's weight of {settings.tool_weight:g} N")
+    with stage(_LOGGER, "zero of the force"):
+        signals, zero, said = tared(signals, settings, recording.source)
+    remarks += said
+    if zero is not None:
+        _say_tare(zero, made, remarks)
+    if signals.orientation is not None:
+        add(made, "force", "turned by the orientation")
+    with stage(_LOGGER, "contact normal"):
+        whole = pressed(signals, settings, recording.source)
+    pieces = _pieces(signals, whole, settings)
+    if len(pieces) > 1 or pieces[0][1] is not None:
+        remarks += _travelled(pieces, signals)
+    remarks += whole.remarks
+    contact, places = _joined(pieces, settings, made, remarks)
+    done = Prepared(
+        recording,
+        settings,
+        zero=None if zero is None else zero.mean,
+        drift=0.0 if zero is None else zero.drift,
+        normal=whole.normal,
+        surface=places[0].surface if places else None,
+        window=velocity_filter(contact, settings.velocity_window),
+        places=tuple(places) if pieces[0][1] is not None else (),
+    )
+    left = None if zero is None else deviation_left(whole.force, zero.free)
+    contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
+    return settings.corrections().in_step(contact)
+
+
+Piece = tuple[Signals, Episode | None, AlongNormal]
+
+
+def _flipped(signals: Signals, settings: Preparation) -> Signals:
+    if "force" in settings.flip:
+        signals = replace(signals, force=-signals.force)
+    if "penetration" in settings.flip:
+        signals = replace(signals, depth=-signals.depth)
+    return signals
+
+
+def _windowed(signals: Signals, settings: Preparation, source: str) -> Signals:
+    low, high = settings.window or (None, None)
+    keep = (signals.time >= (-math.inf if low is None else low)) & (
+        signals.time <= (math.inf if high is None else high)
+    )
+    if not keep.any():
+        where = f"{source}: " if source else ""
+        raise RecordingError(
+            f"{where}no sample between {low} s and {high} s; time runs from "
+            f"{signals.time.min():g} s to {signals.time.max():g} s"
+        )
+    return signals.taken(keep)
+
+
+@timed("frame of the force")
+def _framed(
+    recording: Recording,
+    roles: Roles,
+    signals: Signals,
+    settings: Preparation,
+    remarks: list[Remark],
+) -> Signals:
+    """With an orientation only where it turns the force, which is then in the tool's frame."""
+    if signals.force.ndim == 1 or signals.depth.ndim == 1:
+        return replace(signals, orientation=None)
+    remarks += saturated(signals.force)
+    frame = frame_of(recording, roles, settings.force_frame, remarks)
+    orientation = signals.orientation
+    if orientation is not None:
+        remarks += turn_remark(orientation, settings.tool_weight)
+    if frame == "tool" and orientation is None:
+        raise RecordingError(
+            f"{recording.source}: a force in the tool's frame needs the orientation to turn "
+            "it; name its channels with --orientation x,y,z,w"
+        )
+    return signals if frame == "tool" else replace(signals, orientation=None)
+
+
+def _say_tare(zero: Baseline, made: dict[str, str], remarks: list[Remark]) -> None:
+    count = int(np.count_nonzero(zero.free))
+    listed = ", ".join(f"{rounded(value, 3)}" for value in zero.mean)
+    add(made, "force", f"less {listed} N, its mean over {count} samples out of contact")
+    if zero.drift:
+        words = f"the zero of the force drifts by {rounded(zero.drift, 3)} N, which was taken off"
+        remarks.append(Remark("tare", words, "let the sensor warm up"))
+        add(made, "force", f"and its drift of {rounded(zero.drift, 3)} N")
+
+
+@timed("episodes")
+def _pieces(signals: Signals, whole: AlongNormal, settings: Preparation) -> list[Piece]:
+    """The whole; or its episodes, where the probe travels over the material."""
+    position, force = signals.depth, signals.force
+    if position.ndim == 1 or not math.isfinite(settings.spot):
+        return [(signals, None, whole)]
+    if force.ndim == 1 and whole.normal is not None:
+        force = force[:, None] * whole.normal.vector
+    if travel(position, force) <= settings.spot:
+        return [(signals, None, whole)]
+    peak = float(np.nanpercentile(whole.force, 99.0))
+    found: list[Piece] = []
+    for start, stop in runs_of(signals.part):
+        part = slice(start, stop)
+        for each in episodes_of(
+            signals.time[part], position[part], force[part], radius=settings.spot
+        ):
+            own = signals.taken(np.arange(start + each.start, start + each.stop))
+            if (
+                float(np.nanpercentile(whole.force[part][each.start : each.stop], 99.0))
+                > FIRM * peak
+            ):
+                found.append((own, each, _pressed_there(own, whole, settings)))
+    if not found:
+        return [(signals, None, whole)]
+    return found
+
+
+def _pressed_there(own: Signals, whole: AlongNormal, settings: Preparation) -> AlongNormal:
+    """Depth and compression at one place, with the signs that the whole recording told."""
+    if own.force.ndim == 1:  # its sign is that of the largest of it, there as everywhere
+        return pressed(own, settings, "")
+    if whole.normal is not None and whole.normal.turned and "force" not in settings.flip:
+        own = replace(own, force=-own.force)
+    return pressed(own, replace(settings, flip=(*settings.flip, "force")), "")
+
+
+def _travelled(pieces: list[Piece], signals: Signals) -> list[Remark]:
+    kept = sum(len(piece[0].time) for piece in pieces)
+    left = 1.0 - kept / len(signals.time)
+    if len(pieces) == 1:
+        words = "the probe travels over the material, and stays at one place of it for a second"
+        if left > 0.0:
+            words += f"; {left:.0%} of the samples were elsewhere, and are left out"
+    else:
+        words = f"the probe travels over the material: {len(pieces)} places, each by itself"
+        if left > 0.0:
+            words += f"; {left:.0%} of the samples were between them, or at none for a second"
+        words += "; one law of all of them is an average"
+    return [Remark("episodes", words, "--spot inf, where all of it is one material", "with-care")]
+
+
+@timed("surface and velocity of each place")
+def _joined(
+    pieces: list[Piece], settings: Preparation, made: dict[str, str], remarks: list[Remark]
+) -> tuple[Contact, list[Place]]:
+    """The pieces one after another, each from its own surface."""
+    rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
+    depths, velocities, labels, places = [], [], [], []
+    lost = 0
+    for number, (signals, episode, own) in enumerate(pieces):
+        runs = [slice(*run) for run in runs_of(signals.part)]
+        # A depth from anywhere has the velocity of one from the surface.
+        velocity, left_out = velocities_of(signals.time, own.depth, runs, settings.velocity_window)
+        surface = _surface(own, velocity, settings, rule)
+        depths.append(own.depth - surface.position)
+        velocities.append(velocity)
+        labels.append(signals.part if episode is None else np.full(len(signals.time), number))
+        places.append(_place(signals, episode, own, surface))
+        lost += left_out
+    _say_surface(places, made, remarks)
+    normal = pieces[0][2].normal
+    if normal is not None and len(pieces) == 1:
+        add(made, "penetration", f"against the contact normal {normal}")
+        add(made, "force", f"along the contact normal {normal}")
+    made["velocity"] = filter_words(lost)
+    contact = Contact(
+        np.concatenate([signals.time for signals, _, _ in pieces]),
+        penetration=np.concatenate(depths),
+        velocity=np.concatenate(velocities),
+        force=np.concatenate([own.force for _, _, own in pieces]),
+        segment=np.concatenate(labels),
+        provenance=made,
+        surface_deviation=_common_deviation(places, rule),
+        remarks=remarks,
+    )
+    return contact, places
+
+
+def _surface(
+    own: AlongNormal, velocity: Floats, settings: Preparation, rule: SurfaceRule
+) -> Surface:
+    if isinstance(settings.surface, float | int):
+        return Surface(float(settings.surface), 0.0, "as it was given")
+    return surface_of(own.depth, velocity, own.force, rule)
+
+
+def _place(signals: Signals, episode: Episode | None, own: AlongNormal, surface: Surface) -> Place:
+    position: Floats = np.atleast_1d(np.nanmedian(signals.depth, axis=0))
+    if episode is not None:
+        position = episode.place
+    start, stop = float(signals.time[0]), float(signals.time[-1])
+    return Place(start, stop, position, own.normal, surface)
+
+
+def _say_surface(places: list[Place], made: dict[str, str], remarks: list[Remark]) -> None:
+    if len(places) == 1:
+        surface = places[0].surface
+        words = f"counted from {rounded(surface.position, 6)} m, {surface.words}"
+        if surface.deviation:
+            words += f" (± {rounded(surface.deviation, 2)} m)"
+        add(made, "penetration", words)
+        remarks += assumption(surface)
+        return
+    add(made, "penetration", "at each place along its own normal, from its own surface")
+    assumed = sum(place.surface.assumed for place in places)
+    if assumed:
+        remarks.append(
+            Remark(
+                "surface",
+                f"at {assumed} of {len(places)} places the probe is never seen out of contact: "
+                "where the surface lies is an assumption, the shallowest sample; K, B and n are "
+                "for it, stiffness and damping at working depth hold all the same",
+                "lift the probe between places",
+                "with-care",
+            )
+        )
+
+
+def _common_deviation(places: list[Place], rule: SurfaceRule) -> float | None:
+    """How well the surfaces are known, as the one number that an estimator takes."""
+    known = [place.surface.deviation for place in places if place.surface.deviation]
+    if rule == "estimate" or len(known) < len(places):
+        return None
+    return float(np.median(known))

@@ -1,23 +1,280 @@
-"""Where the material begins: where the force begins; and an assumption where that is not seen."""
+"""What a tare leaves of the force's offset."""
 
+import heapq
 import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from palpate.covariance import robust_covariance
-from palpate.preparation.suggestions import noise_of
-from palpate.preparation.surface_fit import Samples, placed
-from palpate.preparation.tare import deviation_left
+from palpate.estimators.least_squares import robust_covariance
+from palpate.preparation.gates import noise_of
 from palpate.validation import Floats
 
+LEAST_DEVIATION = 1e-6  # of the largest force: no force sensor is better than 1e-5
+
+
+def deviation_left(force: Floats, free: NDArray[np.bool_]) -> float:
+    """Return the standard deviation of the offset once a mean was taken off, N.
+
+    s² = σ²/N (1 + r)/(1 − r) + δ²,  δ = (Δ/π) exp(−2π²σ²/Δ²)
+
+    the error of a mean of noise whose neighbours correlate by r, and what rounding to steps Δ
+    leaves beside it however long it is.
+
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k,)
+        All of it, N: its smallest step is that of its resolution.
+    free : numpy.ndarray of bool, shape (k,)
+        The samples that the mean is of, at least one.
+    """
+    known = force[np.isfinite(force)]
+    rest = force[free & np.isfinite(force)]
+    rest = rest - rest.mean()
+    variance = float(np.mean(rest**2))
+    largest = float(np.abs(known).max(initial=0.0))
+    if rest.size < 2:
+        return max(largest, 1e-30)  # one sample says nothing of its noise
+    together = float(np.sum(rest[1:] * rest[:-1]) / max(rest.size * variance, 1e-300))
+    correlation = min(max(together, 0.0), 0.999)
+    of_mean = variance / rest.size * (1.0 + correlation) / (1.0 - correlation)
+    return max(
+        math.hypot(math.sqrt(of_mean), _rounding(known, variance)), LEAST_DEVIATION * largest, 1e-30
+    )
+
+
+def _rounding(force: Floats, variance: float) -> float:
+    steps = np.abs(np.diff(force))
+    step = float(steps[steps > 0.0].min(initial=np.inf))
+    if not math.isfinite(step):
+        return 0.0
+    before = max(variance / step**2 - 1.0 / 12.0, 0.0)  # what rounding itself adds taken off
+    return step / math.pi * math.exp(-2.0 * math.pi**2 * before)
+
+
+# Least squares of a Hunt–Crossley law, an offset and the surface, together.
+
+EXPONENT_RANGE = (0.2, 6.0)  # beyond what any material shows; keeps powers finite
+STEPS = 15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Contact, free approach and what lies between, thinned."""
+
+    x: Floats  # over the working depth
+    v: Floats  # over its rms
+    force: Floats  # N
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """Least squares with the surface free: (k, c, n, F₀, d), what it leaves, and its Jacobian."""
+
+    parameters: Floats
+    residual: Floats
+    jacobian: Floats
+
+    @property
+    def energy(self) -> float:
+        """Sum of squares, N²."""
+        return float(self.residual @ self.residual)
+
+
+def _model(samples: Samples, parameters: Floats) -> tuple[Floats, Floats]:
+    """Force [N] and its gradient by (k, c, n, F₀, d)."""
+    k, c, n, offset, depth = parameters
+    below = samples.x - depth
+    touching = below > 1e-9
+    below = np.where(touching, below, 1.0)
+    power = np.where(touching, below**n, 0.0)
+    force = power * (k + c * samples.v)
+    gradient = np.column_stack(
+        [power, power * samples.v, np.log(below) * force, np.ones_like(force), -n * force / below]
+    )
+    return force + offset, gradient
+
+
+def placed(samples: Samples, start: Floats, *, exponent_fixed: bool = False) -> Placed:
+    """Levenberg–Marquardt on (k, c, n, F₀, d), from a start.
+
+    Parameters
+    ----------
+    samples : Samples
+        Contact and free approach, without units.
+    start : numpy.ndarray, shape (5,)
+        N, N, 1, N, and depths.
+    exponent_fixed : bool
+        Whether n stays what it is in the start.
+    """
+    parameters, damping = start.copy(), 1e-4
+    model, gradient = _model(samples, parameters)
+    gradient[:, 2] *= not exponent_fixed
+    residual = samples.force - model
+    for _ in range(STEPS):
+        size = np.linalg.norm(gradient, axis=0)
+        size[size == 0.0] = 1.0
+        unit = gradient / size
+        normal = unit.T @ unit + damping * np.eye(len(size))
+        trial = parameters + np.linalg.solve(normal, unit.T @ residual) / size
+        trial[2] = np.clip(trial[2], *EXPONENT_RANGE)
+        trial[4] = np.clip(trial[4], -3.0, 0.9)
+        model, new_gradient = _model(samples, trial)
+        new_gradient[:, 2] *= not exponent_fixed
+        new = samples.force - model
+        if float(new @ new) < float(residual @ residual):
+            ended = float(residual @ residual - new @ new) < 1e-7 * float(new @ new)
+            parameters, residual, gradient = trial, new, new_gradient
+            damping = max(damping / 10.0, 1e-9)
+            if ended:
+                break
+        else:
+            damping *= 10.0
+    return Placed(parameters, residual, gradient)
+
+
+# The force out of contact: where it is felt, its mean and its drift.
+
+FEWEST_FREE_SAMPLES = 50  # samples out of contact
+BINS = 64  # of the height
+LEAST_FREE = 0.05  # of the height's range: less is no free approach, but a turning point
+# Of the bins: the lowest of them may be lightly in contact, where that grows as a square.
+SURE = 0.7
+NOISES_OF_A_BIN = 6.0  # σ of a bin's mean; and what the force may wander by slow drift comes on top
+# Of the force's range. A sensor's zero wanders while it warms up; a contact is more than that.
+WANDER = 0.01
+DRIFTS = 5.0  # standard errors, beyond which a slope in time is taken off
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Baseline:
+    """The force out of contact.
+
+    Attributes
+    ----------
+    free : numpy.ndarray of bool, shape (k,)
+        Samples out of contact.
+    zero : numpy.ndarray, shape (k,) or (k, 3)
+        What the sensor shows without a contact, N, at each sample.
+    drift : float
+        How far that goes over the recording, N; 0 where it is not significant.
+    """
+
+    free: NDArray[np.bool_]
+    zero: Floats
+    drift: float
+
+    @property
+    def mean(self) -> Floats:
+        """Its mean over the samples out of contact, N."""
+        mean: Floats = np.atleast_1d(self.zero[self.free].mean(axis=0))
+        return mean
+
+
+def free_samples(height: Floats, force: Floats) -> NDArray[np.bool_] | None:
+    """Find the samples out of contact: the highest ones, as far down as the force stays as it is.
+
+    The range of heights is cut into bins; from the highest down they are free while the mean force
+    of each stays within the noise of that of those above it.
+
+    Parameters
+    ----------
+    height : numpy.ndarray, shape (k,)
+        m, larger farther from the material.
+    force : numpy.ndarray, shape (k,) or (k, 3)
+        N.
+
+    Returns
+    -------
+    numpy.ndarray of bool or None
+        None where the probe is never seen out of contact: 50 samples, over 5 % of the heights.
+    """
+    f = force[:, None] if force.ndim == 1 else force
+    known = np.isfinite(height) & np.isfinite(f).all(axis=1)
+    h, f = height[known], f[known]
+    if h.size < FEWEST_FREE_SAMPLES:
+        return None
+    low, high = np.percentile(h, [0.1, 99.9])
+    if not high > low:
+        return None
+    place = np.clip(((high - h) / (high - low) * BINS).astype(np.int64), 0, BINS - 1)
+    depth = _free_bins(place, f)
+    within = place < SURE * depth
+    if depth < LEAST_FREE * BINS or depth == BINS or np.count_nonzero(within) < FEWEST_FREE_SAMPLES:
+        return None
+    free = np.zeros(known.size, dtype=bool)
+    free[known] = within
+    return free
+
+
+def _free_bins(place: NDArray[np.int64], force: Floats) -> int:
+    """How many bins from the highest down are free."""
+    noise = np.array([noise_of(component) for component in force.T])
+    span = np.ptp(np.percentile(force, [1.0, 99.0], axis=0), axis=0).max()
+    count = np.bincount(place, minlength=BINS)
+    total = np.stack([np.bincount(place, component, BINS) for component in force.T])
+    seen, sums = 0, np.zeros(len(total))
+    for k in range(BINS):
+        if not count[k]:
+            continue
+        if seen:
+            allowed = NOISES_OF_A_BIN * noise * np.sqrt(1.0 / count[k] + 1.0 / seen) + WANDER * span
+            if np.any(np.abs(total[:, k] / count[k] - sums / seen) > allowed):
+                return k
+        seen += int(count[k])
+        sums += total[:, k]
+    return BINS
+
+
+def baseline_of(time: Floats, force: Floats, free: NDArray[np.bool_]) -> Baseline:
+    """Return the mean of the force out of contact; with a slope in time, where that is significant.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, shape (k,)
+        s.
+    force : numpy.ndarray, shape (k,) or (k, 3)
+        N.
+    free : numpy.ndarray of bool, shape (k,)
+        Samples out of contact.
+    """
+    f = force[:, None] if force.ndim == 1 else force
+    free = free & np.isfinite(f).all(axis=1)
+    t, rest = time[free], f[free]
+    mean = rest.mean(axis=0)
+    zero = np.broadcast_to(mean, f.shape).copy()
+    drift = 0.0
+    centred = t - t.mean()
+    energy = float(centred @ centred)
+    spread = np.ptp(t) >= 0.5 * np.ptp(time) if t.size else False
+    if energy > 0.0 and spread:  # a short time out of contact says nothing of all the rest
+        slope = centred @ (rest - mean) / energy
+        left = rest - mean - centred[:, None] * slope
+        error = np.sqrt(np.maximum((left**2).mean(axis=0), 1e-300) / energy * _inflation(left))
+        if np.any(np.abs(slope) > DRIFTS * error):
+            zero = zero + (time - t.mean())[:, None] * slope
+            drift = float(np.linalg.norm(slope) * np.ptp(time))
+    return Baseline(free, zero[:, 0] if force.ndim == 1 else zero, drift)
+
+
+def _inflation(left: Floats) -> Floats:
+    """By how much neighbours that correlate by r widen a mean's variance: (1 + r)/(1 − r)."""
+    energy = np.maximum((left**2).sum(axis=0), 1e-300)
+    together = np.clip((left[1:] * left[:-1]).sum(axis=0) / energy, 0.0, 0.999)
+    inflation: Floats = (1.0 + together) / (1.0 - together)
+    return inflation
+
+
+# Where the material begins: where the force begins; and an assumption where that is not seen.
+
 SurfaceRule = Literal["threshold", "baseline", "fit", "estimate"]
-NOISES = 6.0  # σ
+NOISES_OF_CONTACT = 6.0  # σ
 # Of the peak force: the light branch, from which the surface is seen. Drag and drift of a sensor
 # are within 3 % of it.
-LEAST, MOST = 0.03, 0.4
-FEWEST = 8  # samples of it
+LIGHTEST, HEAVIEST = 0.03, 0.4
+FEWEST_LIGHT = 8  # samples of it
 FEWEST_FREE = 20  # as many as a search for the surface asks for
 MOST_FITTED = 4000  # samples
 # Deviations of the baseline rule: what ends farther off is of another branch than the light one.
@@ -25,7 +282,7 @@ FARTHEST = 4.0
 # A flat punch has 1, a sphere 1.5, a cone 2. Far from them the exponent stands for a surface that
 # is elsewhere: the two trade off, and what the light branch alone says is nearer.
 LEAST_EXPONENT, MOST_EXPONENT = 0.7, 2.6
-EXPONENTS = (1.0, 1.5, 2.0)  # of the force's growth: flat punch or foam, sphere, cone
+GROWTHS = (1.0, 1.5, 2.0)  # of the force's growth: flat punch or foam, sphere, cone
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +332,9 @@ def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule
     known = np.isfinite(depth) & np.isfinite(force) & np.isfinite(velocity)
     x, v, f = depth[known], velocity[known], force[known]
     peak = float(np.percentile(f, 99.0)) if f.size else 0.0
-    least = max(NOISES * noise_of(f), LEAST * peak)
+    least = max(NOISES_OF_CONTACT * noise_of(f), LIGHTEST * peak)
     free = f < least
-    if np.count_nonzero(free) < FEWEST_FREE or not least < MOST * peak:
+    if np.count_nonzero(free) < FEWEST_FREE or not least < HEAVIEST * peak:
         return _assumed(x)
     going_in = v > 0.0
     if rule == "threshold":
@@ -120,10 +377,10 @@ def _late(x: Floats, f: Floats, least: float, position: float) -> float:
 
 def _departure(x: Floats, f: Floats, least: float, peak: float) -> Surface | None:
     """Where F^(1/n) over the depth comes down to zero."""
-    light = (f > least) & (f < MOST * peak)
-    if np.count_nonzero(light) < FEWEST:
+    light = (f > least) & (f < HEAVIEST * peak)
+    if np.count_nonzero(light) < FEWEST_LIGHT:
         return None
-    found = [_intercept(x[light], f[light] ** (1.0 / n)) for n in EXPONENTS]
+    found = [_intercept(x[light], f[light] ** (1.0 / n)) for n in GROWTHS]
     position, error = found[1]
     others = [place for place, _ in (found[0], found[2])]
     if not all(math.isfinite(each) for each in (position, error, *others)):
@@ -162,7 +419,7 @@ def _fitted(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
         ((x[near] - start.position) / depth)[kept], (v[near] / speed)[kept], f[near][kept]
     )
     found = min(
-        (placed(samples, np.array([size, 0.0, n, 0.0, 0.0])) for n in EXPONENTS),
+        (placed(samples, np.array([size, 0.0, n, 0.0, 0.0])) for n in GROWTHS),
         key=lambda each: each.energy,
     )
     away = float(found.parameters[4]) * depth
@@ -172,3 +429,161 @@ def _fitted(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
         return None
     words = "by the least squares of law and surface together"
     return Surface(start.position + away, error, words)
+
+
+# Episodes of a probe that travels: times in which it stays at one place of the material.
+
+RADIUS = 2e-3  # m; the recordings of others that were cut by hand were cut so
+SHORTEST = 1.0  # s
+FEWEST_OF_AN_EPISODE = 60  # samples
+STRIDES = 4000  # places at which an episode may begin: of a longer recording every k-th sample
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Episode:
+    """A time in which the probe stays at one place.
+
+    Attributes
+    ----------
+    start, stop : int
+        Its samples.
+    place : numpy.ndarray, shape (3,)
+        The median position, m.
+    radius : float
+        How far from there it goes, across the contact normal, m.
+    """
+
+    start: int
+    stop: int
+    place: Floats
+    radius: float
+
+
+def episodes_of(
+    time: Floats,
+    position: Floats,
+    force: Floats,
+    *,
+    radius: float = RADIUS,
+    shortest: float = SHORTEST,
+) -> list[Episode]:
+    """Cut a recording into episodes, the longest first, and return them in their order.
+
+    In an episode the position stays within ``radius`` of its median, across the contact normal of
+    that episode: the mean direction of its forces, weighted by their size.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, shape (k,)
+        s, increasing.
+    position, force : numpy.ndarray, shape (k, 3)
+        m, and N in the same frame.
+    radius : float
+        m.
+    shortest : float
+        s; what is shorter is none, nor what has fewer than 60 samples.
+    """
+    path = _Path(time, position, force, radius, shortest)
+    waiting = [(-(stop - start), start, stop) for start, stop in path.longest()]
+    heapq.heapify(waiting)
+    taken = np.zeros(time.size, dtype=bool)
+    found = []
+    while waiting:
+        _, start, stop = heapq.heappop(waiting)
+        free = _rest(taken, start, stop)
+        if free is None or not path.long_enough(*free):
+            continue
+        if free != (start, stop):
+            heapq.heappush(waiting, (-(free[1] - free[0]), *free))
+            continue
+        taken[start:stop] = True
+        place, far = path.extent(start, stop)
+        found.append(Episode(start, stop, place, far))
+    return sorted(found, key=lambda episode: episode.start)
+
+
+def _rest(taken: NDArray[np.bool_], start: int, stop: int) -> tuple[int, int] | None:
+    """The longest part of an interval that is not taken yet."""
+    borders = np.flatnonzero(np.diff(np.concatenate([[1], taken[start:stop].view(np.int8), [1]])))
+    if not borders.size:
+        return None
+    lows, highs = borders[0::2], borders[1::2]
+    k = int(np.argmax(highs - lows))
+    return start + int(lows[k]), start + int(highs[k])
+
+
+class _Path:
+    def __init__(
+        self, time: Floats, position: Floats, force: Floats, radius: float, shortest: float
+    ) -> None:
+        self.time, self.position = time, position
+        self.radius, self.shortest = radius, shortest
+        weighted = np.nan_to_num(force) * np.linalg.norm(np.nan_to_num(force), axis=1)[:, None]
+        self.weighted = np.concatenate([np.zeros((1, 3)), np.cumsum(weighted, axis=0)])
+
+    def long_enough(self, start: int, stop: int) -> bool:
+        """Whether an interval is an episode's length."""
+        return (
+            stop - start >= FEWEST_OF_AN_EPISODE
+            and float(self.time[stop - 1] - self.time[start]) >= self.shortest
+        )
+
+    def extent(self, start: int, stop: int) -> tuple[Floats, float]:
+        """The median position of an interval, and how far from it the probe goes across n."""
+        inside = self.position[start:stop]
+        total = self.weighted[stop] - self.weighted[start]
+        length = float(np.linalg.norm(total))
+        # The same numbers; looking for NaN by columns takes some times as long.
+        median = np.nanmedian if np.isnan(inside).any() else np.median
+        place: Floats = median(inside, axis=0)
+        away = inside - place
+        if length > 0.0:
+            n = total / length
+            away = away - np.outer(away @ n, n)
+        return place, float(np.sqrt(np.nanmax((away**2).sum(axis=1), initial=0.0)))
+
+    def longest(self) -> list[tuple[int, int]]:
+        """The longest interval from each start that stays within the radius."""
+        size = self.time.size
+        stride = max(size // STRIDES, 1)
+        shortest = max(
+            FEWEST_OF_AN_EPISODE, int(np.searchsorted(self.time, self.time[0] + self.shortest))
+        )
+        found = []
+        stop = 0
+        for start in range(0, size, stride):
+            stop = max(stop, min(start + shortest, size))
+            if not self._within(start, stop):
+                stop = start
+                continue
+            stop = self._reach(start, stop, stride)
+            found.append((start, stop))
+        return [each for each in found if self.long_enough(*each)]
+
+    def _reach(self, start: int, stop: int, stride: int) -> int:
+        """How far an interval goes on: in steps that double, then halve."""
+        size, step = self.time.size, stride
+        while stop < size and self._within(start, min(stop + step, size)):
+            stop = min(stop + step, size)
+            step *= 2
+        while step > stride:
+            step //= 2
+            if stop + step <= size and self._within(start, stop + step):
+                stop += step
+        return stop
+
+    def _within(self, start: int, stop: int) -> bool:
+        return self.extent(start, stop)[1] <= self.radius
+
+
+def travel(position: Floats, force: Floats) -> float:
+    """How far a probe goes across the contact normal while it is in contact, m.
+
+    The radius around its median position; in contact is a force beyond a tenth of the largest.
+    """
+    size = np.linalg.norm(np.nan_to_num(force), axis=1)
+    touching = size > 0.1 * float(np.percentile(size, 99.0)) if size.size else size > 0.0
+    if np.count_nonzero(touching) < 2:
+        return 0.0
+    path = _Path(np.zeros(touching.sum()), position[touching], force[touching], math.inf, 0.0)
+    return path.extent(0, int(np.count_nonzero(touching)))[1]

@@ -1,23 +1,263 @@
-"""From an identification to the numbers that follow from its law and its motion."""
+"""What a person says for the numbers that are derived from a law."""
 
 import math
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.diagnosis import Data
+from palpate.diagnosis import Data, Diagnosis
+from palpate.diagnosis.finding import Quantity, WorkingDepth
+from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
-from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.quantities.elastic_modulus import ElasticModulus, elastic_modulus_of
-from palpate.quantities.energy import EnergyLoss, energy_of
-from palpate.quantities.passivity import Passivity, fastest_of, passivity_of
+from palpate.estimators import ContactEstimator, ViscoelasticContact
+from palpate.estimators.estimate import Estimate, Trace
+from palpate.estimators.law_verdicts import band_about
+from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
+from palpate.quantities.elastic_modulus import ElasticModulus, Tip, elastic_modulus_of
+from palpate.quantities.energy import (
+    EnergyLoss,
+    Passivity,
+    Path,
+    energy_of,
+    fastest_of,
+    loops_of,
+    passivity_of,
+)
 from palpate.quantities.restitution import Restitution, dissipation_of, restitution_of
-from palpate.quantities.wanted import Derivable, Wanted
-from palpate.quantities.work import Path, loops_of
-from palpate.tips import Tip
-from palpate.validation import number_in
+from palpate.validation import Floats, Plain, instance, number, number_in
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """For which impact, tip and oscillation the derived numbers are.
+
+    Parameters
+    ----------
+    impact_speed : float, optional
+        Of the restitution, m/s, in (0, 1e6]; the fastest approach recorded in contact unless given.
+    tip : Tip, optional
+        :class:`Sphere`, :class:`FlatPunch` or :class:`Cone`; without one there is no modulus.
+    poisson_ratio : float, optional
+        Of the material, in (−1, 0.5]; 0.5, incompressible as soft tissue, assumed unless given.
+    frequency : float, optional
+        Of a small oscillation, rad/s, > 0; the motion's own unless given.
+    """
+
+    impact_speed: float | None = None
+    tip: Tip | None = None
+    poisson_ratio: float | None = None
+    frequency: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.impact_speed is not None:
+            number_in("impact_speed", self.impact_speed, 0.0, 1e6, open_low=True)
+        instance("tip", self.tip, (Tip, type(None)))
+        if self.poisson_ratio is not None:
+            number_in("poisson_ratio", self.poisson_ratio, -1.0, 0.5, open_low=True)
+        if self.frequency is not None:
+            number_in("frequency", self.frequency, 0.0, 1e12, open_low=True)
+
+
+class Derivable(Protocol):
+    """What a quantity follows from: a contact, its estimator, and what they gave."""
+
+    @property
+    def contact(self) -> Contact:
+        """What was identified."""
+
+    @property
+    def data(self) -> Data | None:
+        """With the checks of its channels."""
+
+    @property
+    def trace(self) -> Trace:
+        """Every sample."""
+
+    @property
+    def estimator(self) -> ContactEstimator:
+        """As it stood after the last sample."""
+
+    @property
+    def estimate(self) -> Estimate:
+        """What it knew then."""
+
+    @property
+    def law(self) -> Any:
+        """The contact model, SI."""
+
+    @property
+    def fixed(self) -> tuple[str, ...]:
+        """The law's parameters that were given."""
+
+    @property
+    def covariance(self) -> Floats:
+        """Of the law's parameters, SI."""
+
+    @property
+    def standard_errors(self) -> Floats:
+        """Of the law's parameters, SI."""
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """What may be wrong."""
+
+    @property
+    def wanted(self) -> Wanted:
+        """For which impact, tip and oscillation."""
+
+    def at(self, depth: "ArrayLike") -> WorkingDepth:
+        """Force, stiffness and damping at a depth, m."""
+
+
+# What a small oscillation about a depth feels: numbers that laws of any kind have in common.
+
+_TURN = 2.0 * math.pi
+
+
+@dataclass(frozen=True, slots=True)
+class SmallOscillation(Plain):
+    """Dynamic stiffness K′ + iωB′ about a depth.
+
+    Attributes
+    ----------
+    depth, frequency : float
+        Below the surface, m, and ω, rad/s.
+    stiffness, damping : Quantity
+        K′, N/m, and B′, N·s/m. Of a law without memory those at rest, whatever the frequency.
+    loss_tangent : Quantity
+        tan δ = ωB′/K′.
+    """
+
+    depth: float
+    frequency: float
+    stiffness: Quantity
+    damping: Quantity
+    loss_tangent: Quantity
+
+
+def oscillation_of(
+    result: Derivable, frequency: float | None, depth: float | None
+) -> SmallOscillation:
+    """Return what :meth:`Identification.dynamic_stiffness` says."""
+    omega = _in_band(result, frequency)
+    x = result.diagnosis.working_depth.depth if depth is None else depth
+    x = number_in("depth", x, 0.0, 1e100, open_low=True)
+    there = _at(result, x)
+    if isinstance(result.law, GeneralisedHuntCrossley):
+
+        def slope(law: GeneralisedHuntCrossley, at: float) -> complex:
+            return complex(law.dynamic_stiffness(at, omega))
+
+        real = _by_law(result, x, lambda law, at: slope(law, at).real)
+        imaginary = _by_law(result, x, lambda law, at: slope(law, at).imag / omega)
+        stiffness = Quantity(*real, there.stiffness.systematic)
+        damping = Quantity(*imaginary, there.damping.systematic)
+    else:
+        stiffness, damping = there.stiffness, there.damping
+    return SmallOscillation(x, omega, stiffness, damping, _tangent(omega, stiffness, damping))
+
+
+def static_of(result: Derivable, depth: float | None, *, relaxed: bool) -> Quantity:
+    """Return the stiffness ∂F/∂x at a depth before, or after, everything has relaxed, N/m."""
+    x = result.diagnosis.working_depth.depth if depth is None else depth
+    there = _at(result, number_in("depth", x, 0.0, 1e100, open_low=True)).stiffness
+    if relaxed or not isinstance(result.law, GeneralisedHuntCrossley):
+        return there
+    found = _by_law(result, x, lambda law, at: float(law.instantaneous().stiffness_at(at)))
+    return Quantity(*found, there.systematic)
+
+
+def relaxation_time_of(result: Derivable) -> Quantity | None:
+    """Return the relaxation time, s; None of a law that has none, or many."""
+    law = result.law
+    if not isinstance(law, GeneralisedHuntCrossley) or not law.remembers:
+        return None
+    if not isinstance(law.relaxation, SingleRelaxation):
+        return None
+    error = float(result.standard_errors[law.names().index("longest_time")])
+    return Quantity(law.relaxation.time, error, 0.0)
+
+
+def band_of(result: Derivable) -> tuple[float, float]:
+    """Return the frequencies that the motion contained, rad/s: half to twice its own."""
+    return band_about(_own_frequency(result))
+
+
+def in_hertz(frequency: float) -> str:
+    """A frequency in words."""
+    return f"{rounded(frequency / _TURN, 3)} Hz"
+
+
+def _own_frequency(result: Derivable) -> float:
+    """Rms speed over that of the way from the mean depth, rad/s; NaN of a probe held still."""
+    if isinstance(result.estimator, ViscoelasticContact):
+        verdict = result.estimator.verdict()
+        return verdict.frequency if verdict.known else math.nan
+    taken, contact = result.trace.taken, result.contact
+    x, v = contact.penetration[taken], contact.velocity[taken]
+    way = float(np.std(x)) if x.size else 0.0
+    return float(np.sqrt(np.mean(v**2))) / way if way > 0.0 else math.nan
+
+
+def _in_band(result: Derivable, frequency: float | None) -> float:
+    low, high = band_of(result)
+    if not (low > 0.0 and math.isfinite(high)):
+        raise InvalidParameterError(
+            "frequency must be one of the motion, which has none: the probe was held still, or "
+            "there are too few samples"
+        )
+    if frequency is None:
+        return _own_frequency(result)
+    omega = number("frequency", frequency)
+    if not low <= omega <= high:
+        raise InvalidParameterError(
+            f"frequency must be in the band of the motion, {in_hertz(low)} to {in_hertz(high)} "
+            f"({rounded(low, 3)} to {rounded(high, 3)} rad/s), not {in_hertz(omega)}: what the "
+            "probe did not do, its recording does not say"
+        )
+    return omega
+
+
+def _by_law(
+    result: Derivable, depth: float, value: Callable[[Any, float], float]
+) -> tuple[float, float]:
+    """A number by the law at a depth, with its own error and that of the surface."""
+    found, error = result.estimate.with_error(lambda law: value(law, depth))
+    off = min(result.contact.surface_deviation or 0.0, 0.5 * depth)
+    moved = value(result.law, depth + off) - value(result.law, depth - off) if off else 0.0
+    return found, math.hypot(error, 0.5 * moved)
+
+
+def _at(result: Derivable, depth: float) -> WorkingDepth:
+    """The numbers at a depth; at the working depth those that there are."""
+    known = result.diagnosis.working_depth
+    return known if known.depth == depth else result.at(depth)
+
+
+def _tangent(omega: float, stiffness: Quantity, damping: Quantity) -> Quantity:
+    """ωB′/K′, its errors by those of both as if they were independent."""
+    if not stiffness.value:
+        return Quantity(math.nan, math.nan, math.nan)
+    value = omega * damping.value / stiffness.value
+
+    def error(of_stiffness: float, of_damping: float) -> float:
+        return math.hypot(omega * of_damping, value * of_stiffness) / abs(stiffness.value)
+
+    return Quantity(
+        value,
+        error(stiffness.standard_error, damping.standard_error),
+        error(stiffness.systematic, damping.systematic),
+    )
+
+
+# From an identification to the numbers that follow from its law and its motion.
 
 # Usual times between samples: the way of a probe over a longer gap is not known.
 LONGEST_GAP = 20.0

@@ -1,17 +1,281 @@
-"""The restitution of what was identified, with its error bar."""
+"""What is quoted for the restitution of a Hunt–Crossley contact, in place of the exact relation.
+
+Each is published as the dissipation that a wanted e needs, d = b v₀ = d(e); it is solved for e.
+How near they come to the exact e was found over d from 10⁻³ to 10².
+
+How a free body rebounds from a Hunt–Crossley contact: exactly, and its inverse.
+
+A rigid body of mass m meets the surface at v₀, with no other force on it and no adhesion. It moves
+by m ẍ = −K xⁿ (1 + b ẋ), b = B/K; with the depth in place of the time, and divided by 1 + b v,
+
+    m v dv/(1 + b v) = −K xⁿ dx.
+
+The right side comes to as much on the way in as, with the other sign, on the way out. So must the
+left, from v₀ to rest and from rest to −e v₀. With ∫₀ᵛ u du/(1 + b u) = [b v − ln(1 + b v)]/b² and
+d = b v₀ that is
+
+    d − ln(1 + d) = −d e − ln(1 − d e),  or  d (1 + e) = ln[(1 + d)/(1 − d e)].
+
+Mass, stiffness and exponent have gone: e depends on d alone, and falls from 1 towards 0 as d grows.
+As 1 − d e stays positive, a free body never comes back faster than 1/b, and such a contact never
+pulls. The relation is implicit in Hunt & Crossley, *J. Applied Mechanics* 42 (1975) 440–445, and
+written out by Gonthier et al., *Multibody System Dynamics* 11 (2004) 209–233.
+"""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
-from palpate.quantities.approximations import APPROXIMATIONS
-from palpate.quantities.impact import restitution, restitution_slope
-from palpate.validation import Floats, Plain
+from palpate.validation import Floats, Plain, all_good, number_in, together
+
+
+@dataclass(frozen=True, slots=True)
+class Approximation:
+    """A relation of dissipation and restitution that is not exact.
+
+    Attributes
+    ----------
+    name : str
+        Of those who published it.
+    formula : str
+        d = b v₀ by e, as published but for the factor K/v₀.
+    source : str
+        Where.
+    range : str
+        How near it comes to the exact e, and where it ends.
+    solved : callable
+        e by d ≥ 0; NaN where it has none in [0, 1].
+    """
+
+    name: str
+    formula: str
+    source: str
+    range: str
+    solved: Callable[[float], float]
+
+    def restitution(self, dissipation: float, speed: float) -> float:
+        """Return what it says of e, at a dissipation b [s/m] and a speed v₀ ≥ 0 [m/s].
+
+        NaN where it says nothing: for a negative dissipation, and where its e would be below 0.
+        """
+        d = number_in("dissipation", dissipation, -1e300, 1e300)
+        d *= number_in("speed", speed, 0.0, 1e300)
+        e = self.solved(min(d, 1e150)) if d >= 0.0 else math.nan
+        return e if e >= 0.0 else math.nan
+
+
+def _lankarani_nikravesh(d: float) -> float:
+    return math.sqrt(1.0 - 4.0 * d / 3.0) if d <= 0.75 else math.nan
+
+
+def _gonthier(d: float) -> float:
+    return 2.0 / (d + math.hypot(d, 2.0))  # (√(d² + 4) − d)/2, without cancellation
+
+
+def _carvalho_martins(d: float) -> float:
+    # The lesser root of e² − 2 p e + q = 0, as q over the larger one.
+    p, q = 6.0 + 3.0 * d, 11.0 - 2.0 * d / 3.0
+    return q / (p + math.sqrt(p * p - q))
+
+
+#: In the order of their years.
+APPROXIMATIONS = (
+    Approximation(
+        "Hunt–Crossley",
+        "d = 3 (1 − e)/2",
+        "Hunt & Crossley, J. Applied Mechanics 42 (1975) 440–445",
+        "within 0.01 for e > 0.905; none for d > 3/2",
+        lambda d: 1.0 - 2.0 * d / 3.0,
+    ),
+    Approximation(
+        "Lankarani–Nikravesh",
+        "d = 3 (1 − e²)/4",
+        "Lankarani & Nikravesh, J. Mechanical Design 112 (1990) 369–376",
+        "within 0.01 for e > 0.924; none for d > 3/4",
+        _lankarani_nikravesh,
+    ),
+    Approximation(
+        "Gonthier",
+        "d = (1 − e²)/e",
+        "Gonthier, McPhee, Lange & Piedbœuf, Multibody System Dynamics 11 (2004) 209–233, "
+        "beside the exact relation",
+        "within 0.033 for every e, and exact towards e = 0",
+        _gonthier,
+    ),
+    Approximation(
+        "Flores",
+        "d = 8 (1 − e)/(5 e)",
+        "Flores, Machado, Silva & Martins, Multibody System Dynamics 25 (2011) 357–375",
+        "within 0.046 for every e, 0.01 for e > 0.818",
+        lambda d: 8.0 / (8.0 + 5.0 * d),
+    ),
+    Approximation(
+        "Carvalho–Martins",
+        "d = 3 (1 − e)(11 − e)/(2 + 18 e)",
+        "Carvalho & Martins, Mechanism and Machine Theory 139 (2019) 174–194",
+        "within 0.01 for e > 0.225; none for d > 33/2",
+        _carvalho_martins,
+    ),
+)
+
+
+# Below it e = 1 − 2d/3 + 4d²/9 is exact: the next term, 44 d³/135, is under 10⁻¹⁵. They follow from
+# φ(d) = e² φ(−d e), where φ(z) = 2 [z − ln(1 + z)]/z² = 1 − 2z/3 + z²/2 − …: of e = 1 + p d + q d²
+# the terms in d say 2p + 2/3 = −2/3, those in d² say 2q + p² + 2p + 1/2 = 1/2.
+SMALL = 1e-5
+# Newton's method on a convex function from above comes down on every step, and doubles its digits
+# once it is near. Seen: 5 for d > 0, 11 for d just above −1, 5 for the inverse.
+MOST_STEPS = 20
+# ln(1 + z) = 2 artanh r, r = z/(2 + z): for |r| ≤ 1/4 the terms after r³³ are below 10⁻²⁰.
+_ODD = 1.0 / np.arange(3.0, 34.0, 2.0)
+
+
+@overload
+def restitution(dissipation: float, speed: float) -> float: ...
+@overload
+def restitution(dissipation: "ArrayLike", speed: "ArrayLike") -> Floats: ...
+def restitution(dissipation: "ArrayLike", speed: "ArrayLike") -> float | Floats:
+    """Return the coefficient of restitution e of a free impact on a Hunt–Crossley contact.
+
+    e = −v₁/v₀, of the velocities after and before, by d (1 + e) = ln[(1 + d)/(1 − d e)], d = b v₀,
+    solved to some roundings for any d; this module says above where that comes from.
+    Neither adhesion nor any other force, such as the body's weight.
+
+    Parameters
+    ----------
+    dissipation : float or array_like
+        b = B/K, s/m. Where it is negative the law makes energy: e > 1 for d > −1; and NaN for
+        d ≤ −1, where the force draws the body in and nothing rebounds.
+    speed : float or array_like
+        v₀ at first touch, m/s, ≥ 0; of a shape that goes together with the other's.
+
+    Raises
+    ------
+    InvalidParameterError
+        It names the first value that is no finite number, or a speed below 0.
+    """
+    d = _product(dissipation, speed)
+    e = _solved(d.reshape(-1))[0].reshape(d.shape)
+    return e if e.ndim else float(e)
+
+
+def restitution_slope(d: float) -> float:
+    """Return de/dd of the exact relation at one d > −1, by which an error of b becomes one of e.
+
+    With y = d e, d − ln(1 + d) = −y − ln(1 − y) has d/(1 + d) dd = y/(1 − y) dy, so that
+    de/dd = [(1 − y)/(e (1 + d)) − e]/d; near 0, where that cancels, −2/3 + 8d/9 − 44d²/45.
+    """
+    return float(_slopes(np.array([d]))[0])
+
+
+@overload
+def dissipation_for(restitution: float, speed: float) -> float: ...
+@overload
+def dissipation_for(restitution: "ArrayLike", speed: "ArrayLike") -> Floats: ...
+def dissipation_for(restitution: "ArrayLike", speed: "ArrayLike") -> float | Floats:
+    """Return the dissipation b = B/K [s/m] with which a free body that comes at v₀ rebounds by e.
+
+    The inverse of :func:`restitution`, for a simulator that is given the one and needs the other.
+
+    Parameters
+    ----------
+    restitution : float or array_like
+        e, in [10⁻¹², 1].
+    speed : float or array_like
+        v₀, m/s, > 0; of a shape that goes together with the other's.
+
+    Raises
+    ------
+    InvalidParameterError
+        It names the first value that is out of its range.
+    """
+    e, speeds = together(restitution=restitution, speed=speed)
+    all_good("restitution", e, (e >= 1e-12) & (e <= 1.0), "in [1e-12, 1]")
+    all_good("speed", speeds, (speeds > 0.0) & np.isfinite(speeds), "above 0 and finite")
+    found = _inverse(e.reshape(-1)).reshape(e.shape) / speeds
+    return found if found.ndim else float(found)
+
+
+def _solved(d: Floats) -> tuple[Floats, Floats]:
+    """Restitution, and what is left: 1 − d e, without cancellation."""
+    few = np.clip(d, -SMALL, SMALL)
+    e = 1.0 - 2.0 * few / 3.0 + 4.0 * few**2 / 9.0
+    left = 1.0 - few * e
+    e[d <= -1.0] = left[d <= -1.0] = np.nan
+    many = (d > -1.0) & (np.abs(d) >= SMALL)
+    # By t = −ln(1 − d e), of the sign of d: t − 1 + exp(−t) = d − ln(1 + d).
+    wanted = _without_logarithm(d[many])
+    # d e < 1 and (d e)²/2 < d − ln(1 + d) bound t from above; for d < 0 its size, as t²/2 does.
+    root = np.sqrt(2.0 * wanted)
+    t = np.where(d[many] > 0.0, wanted + np.minimum(root, 1.0), -root)
+    for _ in range(MOST_STEPS):
+        change = (_without_exponential(t) - wanted) / -np.expm1(-t)
+        t -= change
+        if (np.abs(change) <= 1e-15 * np.abs(t)).all():
+            break
+    e[many], left[many] = -np.expm1(-t) / d[many], np.exp(-t)
+    return e, left
+
+
+def _without_logarithm(z: Floats) -> Floats:
+    """Return z − ln(1 + z); where that cancels r z − 2 (r³/3 + r⁵/5 + …), r = z/(2 + z)."""
+    near = (z > -0.4) & (z < 0.66)
+    value = z - np.log1p(np.where(near, 0.0, z))
+    r = z[near] / (2.0 + z[near])
+    value[near] = r * z[near] - 2.0 * r**3 * np.polynomial.polynomial.polyval(r**2, _ODD)
+    return value
+
+
+def _without_exponential(t: Floats) -> Floats:
+    """Return t − 1 + exp(−t); near 0 as z − ln(1 + z) of z = exp(−t) − 1."""
+    value = t + np.expm1(-t)
+    near = np.abs(t) < 0.5
+    value[near] = _without_logarithm(np.expm1(-t[near]))
+    return value
+
+
+def _slopes(d: Floats) -> Floats:
+    e, left = _solved(d)
+    few = np.clip(d, -1e-4, 1e-4)
+    slopes = -2.0 / 3.0 + 8.0 * few / 9.0 - 44.0 * few**2 / 45.0
+    far = np.abs(d) > 1e-4  # there what the series leaves off and what cancels are both some 10⁻¹²
+    slopes[far] = (left[far] / (e[far] * (1.0 + d[far])) - e[far]) / d[far]
+    return slopes
+
+
+def _inverse(e: Floats) -> Floats:
+    """Newton's method on ln e over ln d, which is concave: it comes down from above.
+
+    There d ≤ min(3 (1 − e)/2e, 1/e): exact to the second order at e = 1, and at e = 0.
+    """
+    d = np.minimum(1.5 * (1.0 - e), 1.0) / e
+    moving = d > 0.0
+    for _ in range(MOST_STEPS):
+        now = _solved(d[moving])[0]
+        change = np.log(now / e[moving]) * now / (_slopes(d[moving]) * d[moving])
+        d[moving] *= np.exp(-change)
+        # ln e holds 10⁻¹⁶, of which d near 0 keeps so much the less.
+        if (np.abs(change) * np.minimum(d[moving], 1.0) <= 1e-15).all():
+            break
+    return d
+
+
+def _product(dissipation: "ArrayLike", speed: "ArrayLike") -> Floats:
+    b, speeds = together(dissipation=dissipation, speed=speed)
+    all_good("dissipation", b, np.isfinite(b), "finite")
+    all_good("speed", speeds, (speeds >= 0.0) & np.isfinite(speeds), "at least 0 and finite")
+    with np.errstate(over="ignore"):  # what overflows rebounds as little as 10³⁰⁰ does
+        return np.clip(b * speeds, -1e300, 1e300)
+
+
+# The restitution of what was identified, with its error bar.
 
 UNKNOWN = Quantity(math.nan, math.nan, math.nan)
 UNTRUSTED = "the diagnosis does not trust the damping"

@@ -16,12 +16,7 @@ from afmformats.meta import META_FIELDS, MetaDataMissingError
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.bounds import (
-    first_line,
-    refuse_losses,
-    regular_size,
-)
-from palpate.recordings.formats import Request
+from palpate.recordings.opening import Request, first_line, refuse_losses, regular_size
 from palpate.recordings.recording import Recording, printable
 
 # afmformats' own errors derive from BaseException.

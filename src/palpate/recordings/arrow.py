@@ -12,9 +12,8 @@ import pyarrow.parquet as parquet
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.bounds import LARGEST, first_line, in_words, refuse_losses
-from palpate.recordings.formats import Request
 from palpate.recordings.nested import MOST_COLUMNS, text_of
+from palpate.recordings.opening import LARGEST, Request, first_line, in_words, refuse_losses
 from palpate.recordings.recording import Faults, Recording, printable
 
 # What Arrow raises on a damaged file, whichever part of it is met.

@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.bounds import LARGEST, in_words
-from palpate.recordings.formats import Request
 from palpate.recordings.nested import OBJECTS, UNIT_FIELDS, Findings, no_class, plain_numbers
+from palpate.recordings.opening import LARGEST, Request, in_words
 from palpate.recordings.recording import Recording, printable
 
 Order = Literal["little", "big"]
@@ -84,7 +83,7 @@ def read(path: Path, request: Request) -> Recording:
     with path.open("rb") as file:
         begin = file.read(128)
     if begin.startswith((b"MATLAB 7.3", b"\x89HDF")):
-        from palpate.recordings.matlab73 import read_matlab  # needs h5py, and version 5 does not
+        from palpate.recordings.hdf5 import read_matlab  # needs h5py, and version 5 does not
 
         return read_matlab(path, request)
     if not begin.startswith(b"MATLAB 5.0"):

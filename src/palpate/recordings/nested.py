@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.bounds import first_line, refuse_losses
-from palpate.recordings.clocks import clock_rank, epoch_unit
-from palpate.recordings.formats import Request, within
+from palpate.recordings.opening import Request, first_line, refuse_losses, within
 from palpate.recordings.recording import Recording
+from palpate.recordings.times import clock_rank, epoch_unit_of
 
 #: An array with more columns than this is an image or a table of another kind.
 MOST_COLUMNS = 256
@@ -181,7 +180,7 @@ class Findings:
         unit = leaf.unit
         if leaf.rank is not None:
             values = _whole_times(values)
-            unit = unit or epoch_unit(values)
+            unit = unit or epoch_unit_of(values)
             if unit and not leaf.unit:
                 self.note(leaf.channel, f"taken as {unit} since 1970, by its size")
         for name, column in _columns(leaf, values, clock):

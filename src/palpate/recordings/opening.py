@@ -1,21 +1,353 @@
-"""From a file to the format that reads it: by its content, else by the suffix of its name."""
+"""The formats that can be read: how a file of each is known, and the module that reads it."""
 
+import io
 import logging
 import os
 import stat
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
-from palpate.errors import InvalidParameterError, RecordingError
-from palpate.recordings.bounds import LARGEST, regular_size, unreadable
-from palpate.recordings.formats import FORMATS, TEXT, Format, Request
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.contact import Contact
+from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
 from palpate.recordings.recording import Recording, printable
-from palpate.writing import scratch_file
+from palpate.writing import scratch_file, write_bytes, write_text
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What is asked of a reader.
+
+    Attributes
+    ----------
+    channels : tuple of str, optional
+        Read these only: whole names, or what names begin with, such as ``"/ft"``. None: all that
+        hold numbers.
+    strict : bool
+        Refuse what cannot be read, where else it would be left out and said.
+    curve : int, optional
+        Which curve of a file that holds many, from 0.
+    progress : callable, optional
+        Called now and then with the fraction that has been read, 0 to 1.
+    """
+
+    channels: tuple[str, ...] | None = None
+    strict: bool = False
+    curve: int | None = None
+    progress: Callable[[float], None] | None = None
+
+    def wants(self, name: str) -> bool:
+        """Whether a channel, or any below a topic or a group, is asked for."""
+        return self.channels is None or any(
+            within(name, wanted) or within(wanted, name) for wanted in self.channels
+        )
+
+    def report(self, fraction: float) -> None:
+        """Say how much has been read, to whoever asked."""
+        if self.progress is not None:
+            self.progress(min(max(fraction, 0.0), 1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format of files.
+
+    Attributes
+    ----------
+    name : str
+        For a person.
+    suffixes : tuple of str
+        What names of its files end with, in lower case.
+    module : str
+        Its whole name; its ``read(path, request)`` returns a :class:`Recording`.
+    marks : tuple of bytes
+        What its files begin with: content comes before the suffix.
+    extra : str, optional
+        Of ``pyproject.toml``, where it takes packages that palpate alone does not need.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    module: str
+    marks: tuple[bytes, ...] = ()
+    extra: str | None = None
+
+    def read(self, path: Path, request: Request) -> Recording:
+        """Read a file by its module.
+
+        Raises
+        ------
+        MissingExtraError
+            A package that it takes is not installed.
+        """
+        try:
+            recording: Recording = import_module(self.module).read(path, request)
+            return recording
+        except ModuleNotFoundError as error:
+            if self.extra is None or (error.name or "").startswith("palpate"):
+                raise
+            raise MissingExtraError(
+                f"{self.name} files are read with the package {error.name}, which is not "
+                f"installed: pip install '.[{self.extra}]' in a checkout of palpate"
+            ) from None
+
+
+_HERE = "palpate.recordings"
+_MESSAGES = f"{_HERE}.messages.containers"
+_PACKED = ("", ".gz", ".bz2", ".xz")
+_TEXTS = tuple(f".{kind}{end}" for end in _PACKED for kind in ("csv", "tsv", "txt", "dat"))
+_CURVES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw")
+_BAGS = (".db3", ".db3.zstd", ".mcap.zstd", "metadata.yaml")
+_MAT = (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT")
+
+TEXT = Format("text", _TEXTS, f"{_HERE}.text")
+FORCE_CURVES = Format("AFM force curve", _CURVES, f"{_HERE}.afm", (b"# afmformats",), "afm")
+
+#: Every format. To add one: a module with ``read``, and its row.
+FORMATS: list[Format] = [
+    TEXT,
+    Format("MCAP", (".mcap",), _MESSAGES, (b"\x89MCAP0\r\n",), "recordings"),
+    Format("ROS 1 bag", (".bag", ".bag.active"), _MESSAGES, (b"#ROSBAG V",), "recordings"),
+    Format("ROS 2 bag", _BAGS, _MESSAGES, (b"SQLite format 3\0",), "recordings"),
+    FORCE_CURVES,
+    Format("Feather", (".feather", ".arrow"), f"{_HERE}.arrow", (b"ARROW1", b"FEA1"), "recordings"),
+    Format(
+        "HDF5", (".h5", ".hdf5", ".hdf"), f"{_HERE}.hdf5", (b"\x89HDF\r\n\x1a\n",), "recordings"
+    ),
+    Format("MATLAB", (".mat",), f"{_HERE}.matlab", _MAT, "recordings"),
+    Format("Parquet", (".parquet", ".pq"), f"{_HERE}.arrow", (b"PAR1",), "recordings"),
+]
+
+
+def within(name: str, whole: str) -> bool:
+    """Return whether a channel is that one, or a field or an element of it."""
+    return name == whole or (name.startswith(whole) and name[len(whole)] in "./[")
+
+
+# What every reader asks of a file, and how it says that something is lost.
+
+#: What a file, or a part of it, may unpack to or claim, bytes: beyond that no recording goes, and
+#: a damaged size does.
+LARGEST = 8 << 30
+
+
+def regular_size(path: Path, source: str = "") -> int:
+    """Return the size of a file that is read at any place, not from its beginning to its end.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read, is empty, or is a folder or a device.
+    """
+    source = source or printable(path)
+    try:
+        status = path.stat()
+        if stat.S_ISDIR(status.st_mode):
+            raise RecordingError(f"{source}: this is a folder; name a file in it")
+        if not stat.S_ISREG(status.st_mode):
+            raise RecordingError(
+                f"{source}: this is a device or a socket, which no recording is read from; write "
+                "it to a file"
+            )
+        with path.open("rb"):
+            pass
+    except (OSError, ValueError) as error:
+        raise unreadable(source, error) from None
+    if not status.st_size:
+        raise RecordingError(f"{source}: the file is empty; record or copy it again")
+    return status.st_size
+
+
+def unreadable(source: str, error: Exception) -> Exception:
+    """Return the error of a file that the system does not let read; any other error as it is.
+
+    A ValueError is the system's only where it is about a zero byte in the name.
+    """
+    if not isinstance(error, OSError) and "embedded null" not in str(error):
+        return error
+    reason = getattr(error, "strerror", None) or "cannot be read"
+    return RecordingError(f"{source}: {reason}; check the path")
+
+
+def in_words(size: float) -> str:
+    """Return a number of bytes as a person says it."""
+    for unit in ("bytes", "kB", "MB", "GB", "TB"):
+        if size < 1000 or unit == "TB":
+            break
+        size /= 1000
+    return f"{size:.3g} {unit}" if size < 1000 else f"{size:.0f} {unit}"
+
+
+def first_line(error: BaseException) -> str:
+    """Return what a library says of an error, on one line of bounded length."""
+    lines = str(error).strip().splitlines()
+    words = " ".join((lines[0] if lines else type(error).__name__).split())
+    return words if len(words) <= 160 else f"{words[:159]}…"
+
+
+def refuse_losses(source: str, losses: Sequence[str], request: Request) -> None:
+    """Refuse a damaged file, where that is asked for.
+
+    Raises
+    ------
+    RecordingError
+        Something is lost, and the request is strict.
+    """
+    if request.strict and losses:
+        more = f" (and {len(losses) - 1} more)" if len(losses) > 1 else ""
+        raise RecordingError(
+            f"{source}: {losses[0]}{more}; without --strict the rest of the file is read"
+        )
+
+
+# Tables of named columns, and contacts, written: Parquet by pyarrow, or CSV.
+
+_ROWS = 100_000  # of text that are made at once
+
+
+def write_columns(
+    columns: Mapping[str, NDArray[Any]],
+    path: Path,
+    *,
+    units: Mapping[str, str] | None = None,
+    notes: Mapping[str, str] | None = None,
+    inputs: Sequence[Path] = (),
+) -> None:
+    """Write columns of equal length, whole or not at all; every number comes back as it was.
+
+    :func:`palpate.open_recording` reads it, with units and notes. A unit is in the description of
+    its column in Parquet, and in a note in CSV.
+
+    Parameters
+    ----------
+    columns : mapping
+        One-dimensional arrays of numbers or text.
+    path : Path
+        Ends in .parquet or .csv.
+    units, notes : mapping, optional
+        Units of columns, and what else is to be said.
+    inputs : sequence of Path
+        Files that must not be written over.
+
+    Raises
+    ------
+    InvalidParameterError
+        The path has another ending.
+    MissingExtraError
+        Parquet is asked for, and pyarrow is not installed.
+    RecordingError
+        The path cannot be written.
+    """
+    ending = path.suffix.lower()
+    if ending == ".parquet":
+        write_bytes(path, _as_parquet(columns, units or {}, notes or {}), inputs)
+    elif ending == ".csv":
+        write_text(path, _as_csv(columns, units or {}, notes or {}), inputs)
+    else:
+        raise InvalidParameterError(f"{path}: a table's name must end in .parquet or .csv")
+
+
+def has_parquet() -> bool:
+    """Whether pyarrow, which writes Parquet, is installed."""
+    try:
+        import pyarrow.parquet  # noqa: F401 - whether it can be imported is the question
+    except ImportError:
+        return False
+    return True
+
+
+def _as_parquet(
+    columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
+) -> bytes:
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise MissingExtraError(
+            "Parquet needs pyarrow: pip install 'palpate[recordings]', or write .csv"
+        ) from None
+    arrays = [pa.array(values) for values in columns.values()]
+    fields = [
+        pa.field(name, array.type, metadata={"unit": units[name]} if name in units else None)
+        for name, array in zip(columns, arrays, strict=True)
+    ]
+    table = pa.table(arrays, schema=pa.schema(fields, metadata=dict(notes)))
+    written = io.BytesIO()
+    parquet.write_table(table, written, compression="zstd")
+    return written.getvalue()
+
+
+def _as_csv(
+    columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
+) -> str:
+    text = io.StringIO()
+    units_note = {"units": ", ".join(f"{name} {unit}" for name, unit in units.items())}
+    for name, words in {**notes, **(units_note if units else {})}.items():
+        text.write(f"# {name}: {' '.join(words.split())}\n")
+    text.write(",".join(columns) + "\n")
+    length = len(next(iter(columns.values())))
+    for start in range(0, length, _ROWS):
+        # repr: the shortest text that is the same number again.
+        cells = [
+            map(str if values.dtype.kind == "U" else repr, values[start : start + _ROWS].tolist())
+            for values in columns.values()
+        ]
+        text.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
+    return text.getvalue()
+
+
+def write_contact(
+    contact: Contact,
+    path: str | Path,
+    notes: Mapping[str, str] | None = None,
+    *,
+    velocity: bool = False,
+) -> None:
+    """Write a contact as CSV, whole or not at all, with what is known of it above the header.
+
+    Parameters
+    ----------
+    contact : Contact
+        For instance of :meth:`palpate.lab.Bench.run`. Several segments get a column.
+    path : str or Path
+        The file.
+    notes : mapping, optional
+        Further lines for its head, before those of the contact's ``provenance``.
+    velocity : bool
+        Write the velocity too. Most rigs record none, and it is worked out when it is needed.
+
+    Raises
+    ------
+    RecordingError
+        The path cannot be written.
+    """
+    head = {**(notes or {}), **contact.provenance}
+    if not velocity:
+        head.pop("velocity", None)
+    columns = {"time_s": (contact.time, "%.9g"), "penetration_m": (contact.penetration, "%.7g")}
+    if velocity:
+        columns["velocity_m_s"] = contact.velocity, "%.7g"
+    columns["force_N"] = contact.force, "%.7g"
+    if contact.segment[-1:].any():
+        columns["segment"] = (contact.segment + 1).astype(np.float64), "%d"
+    text = io.StringIO()
+    for name, words in head.items():
+        text.write(f"# {name}: {' '.join(words.split())}\n")
+    text.write(",".join(columns) + "\n")
+    table = np.column_stack([values for values, _ in columns.values()])
+    np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")
+    write_text(Path(path), text.getvalue())
+
+
+# From a file to the format that reads it: by its content, else by the suffix of its name.
 
 _LOGGER = logging.getLogger(__name__)
 

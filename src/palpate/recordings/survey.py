@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.recordings.clocks import SECONDS, clock_rank, clock_unit
 from palpate.recordings.recording import Recording
+from palpate.recordings.times import SECONDS, clock_rank, clock_unit
 from palpate.stages import timed
 from palpate.validation import Floats
 

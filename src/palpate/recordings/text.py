@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import MissingChannelError, RecordingError
-from palpate.recordings.bounds import LARGEST, first_line, refuse_losses
-from palpate.recordings.formats import Request
+from palpate.recordings.opening import LARGEST, Request, first_line, refuse_losses
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.recordings.text_layout import (
     SPACES,

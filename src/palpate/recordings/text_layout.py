@@ -7,9 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from palpate.errors import RecordingError
-from palpate.recordings.recording import number_in_text
+from palpate.recordings.recording import (
+    KNOWN,
+    OTHER_UNITS,
+    number_in_text,
+    plain_unit,
+    unit_in_name,
+)
 from palpate.recordings.times import is_iso_time
-from palpate.recordings.units import KNOWN, OTHER_UNITS, plain_unit, unit_in_name
 
 DELIMITERS = ",;\t|"
 SPACES = " "  # as a delimiter: any run of spaces and tabs

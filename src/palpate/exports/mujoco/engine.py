@@ -1,25 +1,246 @@
-"""MuJoCo: which of its ways carries a law, and what it needs."""
+"""What is exported to MuJoCo: rows, or the law itself as a callback."""
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import ClassVar
+import json
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 
 from palpate.digits import rounded
-from palpate.errors import InvalidParameterError
-from palpate.exports.asked import Asked
-from palpate.exports.engine import Engine, Fragment
-from palpate.exports.errors import force_error
-from palpate.exports.kelvin_voigt import is_kelvin_voigt, stable_step
-from palpate.exports.mujoco.fitting import FITS, badness
-from palpate.exports.mujoco.fragments import AsCallback, InRows
-from palpate.exports.mujoco.robot import NOTHING_PASSIVE, Robot, read
-from palpate.exports.mujoco.rows import Rows
-from palpate.exports.nearest import kelvin_voigt, with_exponents
-from palpate.exports.text import length, percent
+from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.exports.engine import (
+    Asked,
+    Drop,
+    Engine,
+    Fragment,
+    ProbeMotion,
+    Replayed,
+    drop_to,
+    force_error,
+    is_kelvin_voigt,
+    kelvin_voigt,
+    length,
+    percent,
+    stable_step,
+    with_exponents,
+)
+from palpate.exports.mujoco import callback, robot
+from palpate.exports.mujoco.fitting import FITS, MOST_STEPS, PairRows, badness, rebound
+from palpate.exports.mujoco.robot import (
+    NOTHING_PASSIVE,
+    PADS,
+    TIP,
+    Place,
+    PressableModel,
+    Robot,
+    compiled,
+    engine_here,
+    read,
+)
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.validation import above_zero
+from palpate.validation import Floats, above_zero
+
+#: How the real engine was moved, in words.
+BY_INVERSE = "by mj_inverse, state by state"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _InMuJoCo(Fragment):
+    """What both ways have in common: where it touches, and the small scene.
+
+    Attributes
+    ----------
+    mobility : float
+        Â, 1/kg; of the scene's body it is 1/mass.
+    robot : Robot, optional
+        The user's own model.
+    runs : bool
+        Whether the installed engine has what it takes.
+    """
+
+    mobility: float
+    robot: Robot | None = None
+    runs: bool = True
+
+    @property
+    def tip(self) -> str:
+        """What the geom that touches is called."""
+        return TIP if self.robot is None else self.robot.geom
+
+    @property
+    def place(self) -> Place:
+        """Where the surface is."""
+        return Place() if self.robot is None else self.robot.place
+
+    def scene(self, speed: float, notes: Sequence[str] = ()) -> str:
+        """The smallest scene, of a body that arrives at a speed [m/s]."""
+        rows = self.scene_rows()
+        depth, step = self.asked.motion.deepest, self.asked.time_step
+        return robot.scene(
+            rows, mass=1.0 / self.mobility, time_step=step, speed=speed, depth=depth, notes=notes
+        )
+
+    @property
+    def how(self) -> str:
+        """How the real engine is moved, in words."""
+        return BY_INVERSE if self.robot is None else f"{BY_INVERSE}, in {self.robot.path.name}"
+
+    def scene_rows(self) -> PairRows | None:
+        """The rows of the scene, whose tip has one contact."""
+        return None
+
+    def pressed(self) -> PressableModel:
+        """Return the user's model with the fragment in it, or the small scene."""
+        raise NotImplementedError
+
+    def installed(self, model: Any) -> AbstractContextManager[Any]:
+        """Have in force, meanwhile, what the scene itself does not say."""
+        return nullcontext()
+
+    def rebound(self, drop: Drop) -> float | None:
+        """Restitution in the small scene, of a body of Â's mass."""
+        if not self.runs or not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
+            return None
+        try:
+            mujoco = engine_here()
+        except MissingExtraError:
+            return None
+        model = mujoco.MjModel.from_xml_string(self.scene(drop.speed))
+        with self.installed(model):
+            return _thrown(mujoco, model)
+
+    def _small(self, count: int) -> PressableModel:
+        mujoco = engine_here()
+        model = mujoco.MjModel.from_xml_string(self.scene(0.0))
+        return compiled(mujoco, model, TIP, count, Place())
+
+    def _files(self, first: Mapping[str, str], notes: Sequence[str]) -> Mapping[str, str]:
+        law, deepest = self.asked.law, self.asked.motion.deepest
+        speed = drop_to(law, 1.0 / self.mobility, deepest).speed if law.stiffness > 0.0 else 0.1
+        files = {**first, "scene.xml": self.scene(speed, notes)}
+        if self.robot is not None and self.robot.path.suffix == ".xml":
+            path, (meshes, textures) = self.robot.path, self.robot.asset_folders
+            here = [
+                *notes,
+                'Load it by mujoco.MjModel.from_xml_path("robot_scene.xml"): it includes '
+                f"{path.name} and contact.xml.",
+                "Take your own surface out, or let it not collide with the tip: both would push.",
+            ]
+            files["robot_scene.xml"] = robot.robot(path, meshes, textures, here)
+        return files
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class InRows(_InMuJoCo):
+    """A law as one contact, or as several at the same place.
+
+    Attributes
+    ----------
+    rows : Rows
+        Their numbers.
+    """
+
+    rows: PairRows
+
+    def files(self, notes: Sequence[str]) -> Mapping[str, str]:
+        """Return the pads and pairs, and scenes that have them."""
+        text = robot.fragment(self.rows, self.tip, self.place, notes)
+        return self._files({"contact.xml": text}, notes)
+
+    def scene_rows(self) -> PairRows:
+        """The rows, of one contact."""
+        return robot.as_one_contact(self.rows)
+
+    def predicted(self, motion: ProbeMotion) -> Floats:
+        """Of the rows: the law as fitted, and Σ m_a ẍ."""
+        return self.rows.force(motion.penetration, motion.velocity, motion.acceleration)
+
+    def predicted_rebound(self, drop: Drop) -> float:
+        """Of the rows, by the time step."""
+        return rebound(self.rows, drop, self.asked.time_step)
+
+    def pressed(self) -> PressableModel:
+        """Return the user's model with the pairs in it, or the small scene."""
+        if self.robot is not None:
+            return self.robot.pressed(self.rows.rows)
+        return self._small(len(self.rows.rows))
+
+    def replay(self, motion: ProbeMotion) -> Replayed | None:
+        """Force by inverse dynamics, in the user's own model where there is one."""
+        if not self.runs:
+            return None
+        try:
+            return Replayed(self.pressed().along_motion(motion), self.how)
+        except MissingExtraError:
+            return None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AsCallback(_InMuJoCo):
+    """The law itself, in Python, called at every step."""
+
+    def files(self, notes: Sequence[str]) -> Mapping[str, str]:
+        """Return the module, its numbers and names, and a scene for it."""
+        # Names of a model are data: none of them enters the source, not even as a comment.
+        source = Path(str(callback.__file__)).read_text(encoding="utf-8")
+        numbers = json.dumps({**self._contact(self.tip), "notes": list(notes)}, indent=1)
+        files = {"palpate_contact.py": source, "palpate_contact.json": numbers + "\n"}
+        if self.robot is not None:
+            files["contact.xml"] = robot.fragment(None, self.tip, self.place, notes)
+        return self._files(files, notes)
+
+    def _contact(self, tip: str) -> dict[str, Any]:
+        names = ("stiffness", "exponent", "damping", "damping_exponent")
+        law = self.asked.law
+        return {**{name: getattr(law, name) for name in names}, "tip": tip, "pad": PADS[0]}
+
+    def predicted(self, motion: ProbeMotion) -> Floats:
+        """The law's, at least 0: a contact does not pull."""
+        return np.maximum(motion.force_by(self.asked.law), 0.0)
+
+    def pressed(self) -> PressableModel:
+        """Return the user's model with a surface in it, or the small scene."""
+        return self._small(1) if self.robot is None else self.robot.pressed(())
+
+    def replay(self, motion: ProbeMotion) -> Replayed | None:
+        """Force by inverse dynamics: what the callback adds to the passive forces."""
+        try:
+            pressed = self.pressed()
+        except MissingExtraError:
+            return None
+        contact = callback.ExactContact(pressed.model, self._contact(self.tip))
+        force = np.empty(len(motion))
+        out = pressed.along()
+        with contact:
+            for k in range(len(motion)):
+                pressed.sink(float(motion.penetration[k]))
+                pressed.data.qvel[:] = -motion.velocity[k] * out
+                pressed.mujoco.mj_inverse(pressed.model, pressed.data)
+                force[k] = contact.force
+        return Replayed(force, self.how)
+
+    def installed(self, model: Any) -> AbstractContextManager[Any]:
+        """Install the callback."""
+        return callback.ExactContact(model, self._contact(TIP))
+
+
+def _thrown(mujoco: Any, model: Any) -> float:
+    """Speed after over speed before, of the scene's body from its keyframe on; 0 if it stays."""
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    first = float(data.qvel[0])
+    for _ in range(MOST_STEPS):
+        mujoco.mj_step(model, data)
+        if data.qpos[0] >= 0.0:
+            return max(float(data.qvel[0]), 0.0) / -first
+    return 0.0
+
+
+# MuJoCo: which of its ways carries a law, and what it needs.
 
 #: The first MuJoCo whose contacts may pull (adhesion of a pair).
 PULLS = (3, 11)
@@ -77,7 +298,7 @@ class MuJoCo(Engine):
         words = f"MuJoCo {self.version()} is too old for the adhesion of a pair: not replayed here"
         return replace(made, runs=False, warnings=(*made.warnings, words))
 
-    def _chosen(self, asked: Asked, mobility: float, contacts: int) -> tuple[str, Rows | None]:
+    def _chosen(self, asked: Asked, mobility: float, contacts: int) -> tuple[str, PairRows | None]:
         """The form, and its rows; None of the callback."""
         if asked.form == "callback":
             return asked.form, None
@@ -193,7 +414,7 @@ def _as_callback(asked: Asked, mobility: float, robot: Robot | None) -> AsCallba
     )
 
 
-def _in_rows(form: str, asked: Asked, rows: Rows, robot: Robot | None) -> InRows:
+def _in_rows(form: str, asked: Asked, rows: PairRows, robot: Robot | None) -> InRows:
     law, deepest = asked.law, asked.motion.deepest
     engine_law = kelvin_voigt(law, asked.motion) if form == "kelvin-voigt" else law
     warnings = [_FRICTIONLESS, *_about(form, asked, rows)]
@@ -217,7 +438,7 @@ def _in_rows(form: str, asked: Asked, rows: Rows, robot: Robot | None) -> InRows
     )
 
 
-def _numbers(rows: Rows) -> dict[str, float]:
+def _numbers(rows: PairRows) -> dict[str, float]:
     """Every number of the pairs by its name in MJCF."""
     found = {"inverse mass": rows.mobility}
     for k, row in enumerate(rows.rows):
@@ -227,7 +448,7 @@ def _numbers(rows: Rows) -> dict[str, float]:
     return found
 
 
-def _about(form: str, asked: Asked, rows: Rows) -> tuple[str, ...]:
+def _about(form: str, asked: Asked, rows: PairRows) -> tuple[str, ...]:
     """What is peculiar to a form."""
     mass = (
         f"the numbers hold for a contact of {1.0 / rows.mobility:.4g} kg (the inverse of "
@@ -258,7 +479,7 @@ def _about(form: str, asked: Asked, rows: Rows) -> tuple[str, ...]:
     return tuple(words)
 
 
-def _pulls(law: GeneralisedHuntCrossley, depth: float, rows: Rows) -> tuple[str, ...]:
+def _pulls(law: GeneralisedHuntCrossley, depth: float, rows: PairRows) -> tuple[str, ...]:
     """From which speed on a pair pulls, with what, and what does not."""
     rising = law.exponent - law.damping_exponent
     speed = law.stiffness / law.damping * depth**rising
@@ -273,7 +494,7 @@ def _pulls(law: GeneralisedHuntCrossley, depth: float, rows: Rows) -> tuple[str,
     )
 
 
-def _added(asked: Asked, rows: Rows) -> float:
+def _added(asked: Asked, rows: PairRows) -> float:
     """Of Σ m_a ẍ against the law's force on the motion, %."""
     motion = asked.motion
     pushed = rows.added_mass(motion.penetration) * motion.acceleration
@@ -281,7 +502,7 @@ def _added(asked: Asked, rows: Rows) -> float:
     return force_error(law + pushed, law, motion.judged)
 
 
-def _shallow(law: GeneralisedHuntCrossley, rows: Rows, deepest: float) -> float:
+def _shallow(law: GeneralisedHuntCrossley, rows: PairRows, deepest: float) -> float:
     """Depth [m] above which the force at rest is off by a tenth and more; 0 where it is not."""
     depths = np.geomspace(1e-3, 1.0, 300) * deepest
     still = np.zeros_like(depths)
@@ -291,7 +512,7 @@ def _shallow(law: GeneralisedHuntCrossley, rows: Rows, deepest: float) -> float:
     return float(depths[off].max()) if off.any() else 0.0
 
 
-def _too_narrow(rows: Rows, deepest: float) -> tuple[str, ...]:
+def _too_narrow(rows: PairRows, deepest: float) -> tuple[str, ...]:
     """Refuse a width within the recording, beyond which the impedance stands still."""
     for row in rows.rows:
         low, high, width = row.solimp[:3]

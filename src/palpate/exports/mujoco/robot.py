@@ -1,17 +1,279 @@
-"""The user's own model: how it moves where it touches, and the fragment in it."""
+"""MJCF: the pads and pairs to paste, and the smallest scene that runs."""
 
+import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
-from palpate.errors import InvalidParameterError
-from palpate.exports.mujoco.pressing import Pressed, engine_here
-from palpate.exports.mujoco.rows import Row
-from palpate.exports.mujoco.texts import PADS, Place
+from palpate.errors import InvalidParameterError, RecordingError
+from palpate.exports.engine import ProbeMotion, digits, xml_comment
+from palpate.exports.exporting import STATEMENT, InAnEngine
+from palpate.exports.mujoco.fitting import PairRows, Row
+from palpate.lab.rig import require_mujoco
 from palpate.validation import Floats
+
+#: One surface for each row, at the same place; what both are called in the user's model.
+PADS = ("palpate_pad", "palpate_pad_damper")
+TIP = "tip"
+
+SCENE = """\
+{comment}
+<mujoco model="palpate contact">
+  <option timestep="{time_step}" gravity="0 0 0"/>
+  <worldbody>
+    <light pos="0 -1 2" dir="0 0.4 -1"/>
+{pads}
+    <body name="probe" pos="0 0 {radius}">
+      <joint name="approach" type="slide" axis="0 0 1"/>
+      <geom name="tip" type="sphere" size="{radius}" mass="{mass}" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+{contact}
+  <keyframe>
+    <!-- Free flight from first touch to the deepest that was recorded. -->
+    <key name="drop" qpos="0" qvel="{velocity}"/>
+  </keyframe>
+</mujoco>
+"""
+
+FRAGMENT = """\
+{comment}
+<mujoco>
+  <worldbody>
+    <!-- The surface. Place it where yours is; it stops nothing but the geom of the pairs. -->
+{pads}
+  </worldbody>
+{contact}
+</mujoco>
+"""
+
+ROBOT = """\
+{comment}
+<mujoco>
+  {model}
+  <!-- Assets are looked for from this file on: after the model, so that its own are overridden. -->
+  {assets}
+  <include file="contact.xml"/>
+</mujoco>
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a surface is, and which way it faces.
+
+    Attributes
+    ----------
+    position, normal : tuple of float
+        m, and of length 1, out of the material.
+    """
+
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+
+def pads(count: int, place: Place) -> str:
+    """The surfaces, one a row: massless, static, and met by the pairs alone."""
+    # To a picometre: what is beyond is rounding.
+    position, normal = _numbers(np.round(place.position, 12).tolist()), _numbers(place.normal)
+    turned = "" if place.normal == (0.0, 0.0, 1.0) else f' zaxis="{normal}"'
+    return "\n".join(
+        f'    <geom name="{name}" type="plane" pos="{position}"{turned} size="0.1 0.1 0.01" '
+        'contype="0" conaffinity="0"/>'
+        for name in PADS[:count]
+    )
+
+
+def pair_attributes(row: Row) -> dict[str, str]:
+    """What ``<pair>`` has of a row, in MJCF's words."""
+    attributes = {
+        "condim": "1",
+        # Not "0": a solref that is not negative means something else.
+        "solref": _numbers((-row.spring, -row.damper)),
+        "solimp": _numbers(row.solimp),
+        # Or a model's own <default> for pairs would move the surface.
+        "margin": _numbers([-row.inset]),
+        "gap": "0",
+    }
+    if row.adhesion:
+        attributes["adhesion"] = digits(row.adhesion)
+    return attributes
+
+
+def contact(rows: PairRows, tip: str) -> str:
+    """The ``<contact>`` section."""
+    lines = ["  <contact>"]
+    what = ("spring", "damper") if len(rows.rows) > 1 else ("spring and damper",)
+    for row, pad, name in zip(rows.rows, PADS, what, strict=False):
+        pair = ElementTree.Element("pair", {"geom1": pad, "geom2": tip, **pair_attributes(row)})
+        lines.append(f"    <!-- The {name}. -->")
+        lines.append(f"    {ElementTree.tostring(pair, encoding='unicode')}")
+    return "\n".join([*lines, "  </contact>"])
+
+
+def fragment(rows: PairRows | None, tip: str, place: Place, notes: Sequence[str]) -> str:
+    """What is to be pasted into a model, or included by it; without rows the surface alone."""
+    return FRAGMENT.format(
+        comment=xml_comment(notes),
+        pads=pads(1 if rows is None else len(rows.rows), place),
+        contact="" if rows is None else contact(rows, tip),
+    )
+
+
+def scene(
+    rows: PairRows | None, *, mass: float, time_step: float, speed: float, depth: float,
+    notes: Sequence[str],
+) -> str:  # fmt: skip
+    """A ball on a slide that meets the surface at a speed; without rows it is the callback's."""
+    return SCENE.format(
+        comment=xml_comment(notes),
+        time_step=digits(time_step),
+        pads=pads(1 if rows is None else len(rows.rows), Place()),
+        radius=digits(max(0.03, 2.0 * depth)),
+        mass=digits(mass),
+        velocity=digits(-speed),
+        contact="" if rows is None else contact(rows, TIP),
+    )
+
+
+def robot(model: Path, meshes: str, textures: str, notes: Sequence[str]) -> str:
+    """A scene of the user's model, wherever that is, with the fragment beside this file."""
+    whole = model.absolute()
+    folders = {"meshdir": str(whole.parent / meshes), "texturedir": str(whole.parent / textures)}
+    include = ElementTree.Element("include", file=str(whole))
+    parts = (include, ElementTree.Element("compiler", folders))
+    both = [ElementTree.tostring(part, encoding="unicode") for part in parts]
+    return ROBOT.format(comment=xml_comment(notes), model=both[0], assets=both[1])
+
+
+def as_one_contact(rows: PairRows) -> PairRows:
+    """Rows as strong altogether where the two geoms have one contact."""
+    n = rows.contacts
+    each = [
+        replace(
+            row, spring=n * row.spring, damper=n * row.damper, adhesion=n * row.adhesion
+        )
+        for row in rows.rows
+    ]  # fmt: skip
+    return PairRows(tuple(each), rows.mobility)
+
+
+def _numbers(values: Sequence[float]) -> str:
+    # + 0.0: a negative zero reads as a minus sign that means nothing.
+    return " ".join(digits(value + 0.0) for value in values)
+
+
+# A tip of a compiled model on a surface, moved by inverse dynamics.
+
+
+def engine_here() -> Any:
+    """Return MuJoCo, or say how to install it."""
+    return require_mujoco("a model of MuJoCo needs MuJoCo: pip install 'palpate[exports]'")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PressableModel:
+    """A model in which a geom can be pressed into surfaces.
+
+    Attributes
+    ----------
+    mujoco : module
+        The engine.
+    model, data : mujoco.MjModel, mujoco.MjData
+        In the pose in which it touches.
+    tip : int
+        The geom.
+    pads : tuple of int
+        The surfaces.
+    place : Place
+        Where they are at first touch.
+    surface : int, optional
+        The body of the surfaces, by its place among those that are moved by hand (mocap); without
+        it they stand in the world, and the first joint moves the tip out of the material.
+    """
+
+    mujoco: Any
+    model: Any
+    data: Any
+    tip: int
+    pads: tuple[int, ...]
+    place: Place
+    surface: int | None = None
+
+    def sink(self, penetration: float) -> None:
+        """Put the tip by so much below the surface [m]: raise that, or lower the scene's slide."""
+        if self.surface is None:
+            self.data.qpos[0] = -penetration
+            return
+        raised = penetration * np.asarray(self.place.normal)
+        self.data.mocap_pos[self.surface] = np.asarray(self.place.position) + raised
+
+    def along(self) -> Floats:
+        """Velocities of the joints that move the tip by 1 m/s out of the material."""
+        across = np.zeros((3, self.model.nv))
+        body = self.model.geom_bodyid[self.tip]
+        point = np.asarray(self.place.position)
+        self.mujoco.mj_jac(self.model, self.data, across, None, point, body)
+        row = np.asarray(self.place.normal) @ across
+        size = float(row @ row)
+        return row / size if size > 0.0 else np.full(self.model.nv, np.nan)
+
+    def mass(self) -> float:
+        """Of the model along the normal, kg: 1/(J M⁻¹ Jᵀ)."""
+        out = self.along()
+        row = np.array([out / float(out @ out)])
+        answer = np.zeros_like(row)
+        self.mujoco.mj_solveM(self.model, self.data, answer, row)
+        return 1.0 / float(row[0] @ answer[0])
+
+    def contacts(self, pad: int) -> list[int]:
+        """Places in the data of the contacts between a surface and the tip."""
+        both = {pad, self.tip}
+        found = self.data.contact
+        return [k for k in range(self.data.ncon) if set(found.geom[k].tolist()) == both]
+
+    def force(self) -> float:
+        """What the surfaces push with, N, as MuJoCo reports it of its contacts."""
+        felt, total = np.zeros(6), 0.0
+        for pad in self.pads:
+            for k in self.contacts(pad):
+                self.mujoco.mj_contactForce(self.model, self.data, k, felt)
+                total += float(felt[0])
+        return total
+
+    def counts(self, depths: Floats) -> set[int]:
+        """How many contacts the tip has with one surface, at depths [m]."""
+        seen = set()
+        for depth in depths.tolist():
+            self.sink(depth)
+            self.mujoco.mj_forward(self.model, self.data)
+            seen.add(len(self.contacts(self.pads[0])))
+        return seen
+
+    def along_motion(self, motion: ProbeMotion) -> Floats:
+        """Force at every state of a motion, N, by inverse dynamics: no state leads to the next.
+
+        The surface is set to the penetration, and the joints are given the velocity and the
+        acceleration that move the tip as the motion has it: what a row is made of.
+        """
+        out = self.along()
+        force = np.zeros(len(motion))
+        x, v, a = motion.penetration, motion.velocity, motion.acceleration
+        for k in range(len(motion)):
+            self.sink(float(x[k]))
+            self.data.qvel[:] = -v[k] * out
+            self.data.qacc[:] = -a[k] * out
+            self.mujoco.mj_inverse(self.model, self.data)
+            force[k] = self.force()
+        return force
+
+
+# The user's own model: how it moves where it touches, and the fragment in it.
 
 # The body of the surfaces while they are tried.
 _SURFACE = "palpate_surface"
@@ -72,7 +334,7 @@ class Robot:
     warnings: tuple[str, ...] = ()
     refusals: tuple[str, ...] = ()
 
-    def pressed(self, rows: tuple[Row, ...]) -> Pressed:
+    def pressed(self, rows: tuple[Row, ...]) -> PressableModel:
         """Return the model with the fragment in it, compiled."""
         return _pressed(self.path, self.geom, rows, self.place)
 
@@ -144,7 +406,7 @@ def _names(spec: Any) -> list[str]:
     return [geom.name for geom in spec.geoms if geom.name][:20]
 
 
-def _pressed(path: Path, geom: str, rows: tuple[Row, ...], place: Place) -> Pressed:
+def _pressed(path: Path, geom: str, rows: tuple[Row, ...], place: Place) -> PressableModel:
     """Compile a model with a surface for each row, and a pair of each with the geom."""
     mujoco, spec = engine_here(), _spec(path)
     if geom not in [each.name for each in spec.geoms]:
@@ -179,7 +441,7 @@ def _pressed(path: Path, geom: str, rows: tuple[Row, ...], place: Place) -> Pres
     return compiled(mujoco, model, geom, max(len(rows), 1), place)
 
 
-def compiled(mujoco: Any, model: Any, geom: str, count: int, place: Place) -> Pressed:
+def compiled(mujoco: Any, model: Any, geom: str, count: int, place: Place) -> PressableModel:
     """Return a compiled model in its first pose, ready to be pressed."""
     # Inverse dynamics of the continuous law, whatever the model integrates with.
     model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
@@ -197,10 +459,10 @@ def compiled(mujoco: Any, model: Any, geom: str, count: int, place: Place) -> Pr
         )
     mujoco.mj_forward(model, data)
     pads = tuple(model.geom(pad).id for pad in PADS[:count])
-    return Pressed(mujoco, model, data, model.geom(geom).id, pads, place, surface)
+    return PressableModel(mujoco, model, data, model.geom(geom).id, pads, place, surface)
 
 
-def _touching(pressed: Pressed, kind: str) -> Pressed | None:
+def _touching(pressed: PressableModel, kind: str) -> PressableModel | None:
     """Put the surface where it touches the geom, facing as far up as the geom can move against it.
 
     None where the geom moves against none.
@@ -226,7 +488,7 @@ def _normals(kind: str, turned: Floats) -> Floats:
     return np.concatenate([each[np.argsort(-each[:, 2], kind="stable")] for each in both])
 
 
-def _faced(pressed: Pressed, place: Place) -> Pressed:
+def _faced(pressed: PressableModel, place: Place) -> PressableModel:
     """Move the surface to another place."""
     pressed.data.mocap_pos[pressed.surface] = place.position
     pressed.data.mocap_quat[pressed.surface] = _turn(np.asarray(place.normal))
@@ -298,3 +560,56 @@ def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
         found.append("the model switches contacts off: <flag contact>")
     return tuple(found)
+
+
+# A scene of MuJoCo that an export wrote, read from its file for the laboratory to press.
+
+
+class Scene(InAnEngine):
+    """A material of the laboratory: ``scene.xml`` as MuJoCo compiles it, pressed state by state.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Raises
+    ------
+    RecordingError
+        MuJoCo cannot read it, or it has no contact of palpate's between a tip and a surface.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self._path = Path(path)
+        self.name = f"{self._path.parent.name or 'a'} scene of MuJoCo".removeprefix(".")
+        self._scene = _read(self._path)
+
+    def pushed(self, motion: ProbeMotion) -> Floats:
+        """Force of the scene's contact [N], shape (k,)."""
+        return self._scene.along_motion(motion)
+
+    def describe(self) -> dict[str, Any]:
+        """Return the law that was exported, where a statement beside the scene says it."""
+        beside = self._path.with_name(STATEMENT[0])
+        try:
+            law = json.loads(beside.read_bytes())["exported_law"]
+            return {**law, "engine": "mujoco"}
+        except (OSError, ValueError, LookupError, TypeError):
+            return {"kind": "a scene of MuJoCo", "file": self._path.name}
+
+
+def _read(path: Path) -> PressableModel:
+    mujoco = engine_here()
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except Exception as error:  # the engine's own classes, of several kinds
+        raise RecordingError(f"{path}: MuJoCo cannot read it: {error}") from None
+    names = {model.geom(k).name for k in range(model.ngeom)}
+    pads = [pad for pad in PADS if pad in names]
+    if TIP not in names or not pads or model.npair != len(pads):
+        raise RecordingError(
+            f"{path}: no scene that palpate export wrote, with pairs of {TIP} and {PADS[0]}; that "
+            "of a callback is pressed in Python, by palpate.exports.Pressed"
+        )
+    place = Place(tuple(np.asarray(model.geom(pads[0]).pos).tolist()))
+    return compiled(mujoco, model, TIP, len(pads), place)

@@ -1,37 +1,376 @@
-"""One page, and a WebSocket to each browser that shows it."""
+"""uvicorn's protocols, with bounds on what a hostile client can make them hold."""
 
 import asyncio
+import hmac
 import json
 import mimetypes
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
+from urllib.parse import urlsplit
 
 from starlette.applications import Starlette
-from starlette.responses import FileResponse, Response
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.requests import HTTPConnection
+from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
-from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketClose, WebSocketDisconnect, WebSocketState
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from palpate.errors import InvalidParameterError
-from palpate.live.choices import CHOICES, offered
-from palpate.live.commands import Command
-from palpate.live.page.channels import CHANNELS
-from palpate.live.page.gate import Gate
-from palpate.live.page.history import MOST_ROWS, History
-from palpate.live.page.look import STATIC, style_sheet
-from palpate.live.page.protocol import ABORT, Served
-from palpate.live.page.requests import (
-    VIEWS,
-    Allowance,
-    command_of,
-    depth_of,
-    request_of,
-    thinning_of,
-)
-from palpate.live.page.watch import Watch
+from palpate.estimators import estimator_named
+from palpate.figures.style import DARK, LIGHT
+from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, Command, chosen, offered
+from palpate.live.page.watch import CHANNELS, MOST_ROWS, History, Watch
+from palpate.reports.html import STYLE
+from palpate.validation import number_in, shown
+
+ABORT = "palpate.abort"  # in the scope of a connection: ends it at once, without a word
+_MOST_PIECES = 16  # of one message; a request has hundreds of bytes
+#: Of all kinds, at a time.
+MOST_CONNECTIONS = 64
+#: That a connection has to ask for something, s.
+PATIENCE = 10.0
+#: What may wait for a client that asks and does not read.
+MOST_UNREAD = 1 << 20  # bytes
+
+
+@dataclass(slots=True)
+class Served:
+    """What the page counted.
+
+    Attributes
+    ----------
+    clients : int
+        That watch now.
+    turned_away : int
+        There was no room for, or asked for nothing in :data:`PATIENCE`.
+    stalled : int
+        Closed since they took nothing.
+    skipped : int
+        Rows that a slow client did not get.
+    malformed : int
+        What was no HTTP, no WebSocket frame, each of which ends its connection, or no request.
+    refused : int
+        Without the token or from another origin; or for what does not exist, or too often.
+    """
+
+    clients: int = 0
+    turned_away: int = 0
+    stalled: int = 0
+    skipped: int = 0
+    malformed: int = 0
+    refused: int = 0
+
+
+def protocols(counted: Served) -> tuple[type[H11Protocol], type[WebSocketsSansIOProtocol]]:
+    """Return both protocols; what they refuse is counted there."""
+
+    class Http(H11Protocol):
+        def connection_made(self, transport: Any) -> None:
+            super().connection_made(transport)
+            if len(self.connections) > MOST_CONNECTIONS:
+                counted.turned_away += 1
+                self.transport.abort()
+            self.loop.call_later(PATIENCE, self._give_up)
+
+        def _give_up(self) -> None:
+            # Neither a request nor a WebSocket has come of it: it only takes room.
+            idle = self.cycle is None and self.transport.get_protocol() is self
+            if idle and not self.transport.is_closing():
+                counted.turned_away += 1
+                self.transport.abort()
+
+        def send_400_response(self, msg: str) -> None:
+            counted.malformed += 1
+            super().send_400_response(msg)
+
+    class WebSockets(WebSocketsSansIOProtocol):
+        _pieces = 0
+
+        def handle_connect(self, event: Any) -> None:
+            super().handle_connect(event)
+            with suppress(AttributeError):  # a handshake that failed has no scope
+                cast(dict[str, Any], self.scope)[ABORT] = self.transport.abort
+
+        def handle_cont(self, event: Any) -> None:
+            super().handle_cont(event)
+            # Pieces without content are within the size of any message, and yet take memory.
+            self._pieces = 0 if event.fin else self._pieces + 1
+            if self._pieces > _MOST_PIECES:
+                self._abort()
+
+        def handle_ping(self) -> None:
+            super().handle_ping()
+            # Each is answered: who never reads the answers would fill the memory with them.
+            if self.transport.get_write_buffer_size() > MOST_UNREAD:
+                self._abort()
+
+        def _abort(self) -> None:
+            if not self.transport.is_closing():  # what came with it is still gone through
+                counted.malformed += 1
+                self.transport.abort()
+
+        def handle_parser_exception(self) -> None:
+            counted.malformed += 1
+            super().handle_parser_exception()
+
+    return Http, WebSockets
+
+
+# Who may come in: what every request has to have before anything answers it.
+
+COOKIE = "palpate-token"
+#: Nothing comes from elsewhere, nothing goes elsewhere, and no other page may frame this one.
+HEADERS = {
+    "content-security-policy": "default-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'; object-src 'none'",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "referrer-policy": "no-referrer",
+    "x-content-type-options": "nosniff",
+    "cache-control": "no-store",
+}
+_WITHOUT_TOKEN = "This page needs its token: open the address that palpate printed.\n"
+#: Without a token only these names open the page. Else another site could point a name of its own
+#: here and read what it is not meant to (DNS rebinding); it would not have the token.
+_LOOPBACK = ("localhost", "127.0.0.1", "[::1]", "::1")
+
+
+@dataclass(slots=True)
+class Gate:
+    """In front of the application: host, token and origin are checked, and refusals counted.
+
+    A WebSocket has to come from this very page, as no browser keeps another site from opening one.
+
+    Parameters
+    ----------
+    app : ASGI application
+        What answers.
+    token : str, optional
+        Every request needs it, in its address or in the cookie that this sets. Without one, the
+        page listens on loopback only.
+    counted : Served
+        Where it counts whom it refuses.
+    """
+
+    app: ASGIApp
+    token: str | None
+    counted: Served
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer, or refuse."""
+        # The address that it listens on may be another loopback one, such as 127.0.0.2.
+        hosts = (*_LOOPBACK, scope["server"][0]) if self.token is None else ("*",)
+        guarded = TrustedHostMiddleware(self._checked, hosts, www_redirect=False)
+        await guarded(scope, receive, _with_headers(send))
+
+    async def _checked(self, scope: Scope, receive: Receive, send: Send) -> None:
+        asked = HTTPConnection(scope)
+        socket = scope["type"] == "websocket"
+        given = asked.query_params.get("token", "")
+        answer: ASGIApp = self.app
+        if not self._is_token(given or asked.cookies.get(_cookie_name(asked), "")):
+            self.counted.refused += 1
+            answer = WebSocketClose(1008) if socket else PlainTextResponse(_WITHOUT_TOKEN, 403)
+        elif socket and not _same_origin(asked):
+            self.counted.refused += 1
+            answer = WebSocketClose(1008)  # before accept: 403
+        elif given and self.token is not None and not socket:
+            # The browser remembers the token, and it is taken out of the address.
+            answer = RedirectResponse("/", 303)
+            answer.set_cookie(_cookie_name(asked), given, httponly=True, samesite="strict")
+        await answer(scope, receive, send)
+
+    def _is_token(self, given: str) -> bool:
+        return self.token is None or hmac.compare_digest(given.encode(), self.token.encode())
+
+
+def _with_headers(send: Send) -> Send:
+    more = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+
+    async def sending(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            own = [each for each in message.get("headers", ()) if each[0] != b"cache-control"]
+            message = {**message, "headers": [*own, *more]}
+        await send(message)
+
+    return sending
+
+
+def _cookie_name(asked: HTTPConnection) -> str:
+    """With the port, as browsers give cookies of one port to all others of the machine."""
+    host = asked.headers.get("host", "")
+    try:
+        return f"{COOKIE}-{urlsplit(f'//{host}').port or 80}"
+    except ValueError:
+        return COOKIE
+
+
+def _same_origin(asked: HTTPConnection) -> bool:
+    origin, host = (asked.headers.get(name, "").lower() for name in ("origin", "host"))
+    return origin in (f"http://{host}", f"https://{host}")
+
+
+# What a browser may ask for: messages of a fixed form, and everything else is refused.
+
+MOST_BYTES = 4096  # of a message
+THINNINGS = (1, 2, 4, 8)
+MOST_COMMANDS = 20  # in a burst; then one in each COMMAND_TIME
+COMMAND_TIME = 0.1  # s
+
+#: Of the page itself rather than of the loop.
+VIEWS = ("depth", "every")
+_SIMPLE = ("hold", "resume", "reset")
+_SETTINGS = frozenset({*SWITCHES, *NUMBERS, *CHOICES, "forgetting_factor"})
+
+
+def request_of(text: str | bytes) -> tuple[str, dict[str, Any]]:
+    """Return what a message asks for, and with which options.
+
+    Raises
+    ------
+    InvalidParameterError
+        It is no message of the page's.
+    """
+    if not isinstance(text, str):
+        raise InvalidParameterError("a request must be text")
+    try:
+        given = json.loads(text, parse_constant=_refuse)
+    except (ValueError, RecursionError):
+        raise InvalidParameterError("a request must be JSON") from None
+    if not isinstance(given, dict) or not isinstance(given.get("ask"), str):
+        raise InvalidParameterError('a request must have an "ask"')
+    name = given.pop("ask")
+    return name, given
+
+
+def _refuse(name: str) -> None:
+    raise ValueError(name)
+
+
+def command_of(name: str, options: dict[str, Any], loop: Mapping[str, Any]) -> Command:
+    """Return the loop's command.
+
+    Parameters
+    ----------
+    name, options : str, dict
+        Of :func:`request_of`.
+    loop : mapping
+        What its board says: which method runs, and what the source offers.
+
+    Raises
+    ------
+    InvalidParameterError
+        There is no such command, or its options are out of range.
+    """
+    if name in _SIMPLE:
+        _only(options)
+        return Command(name)  # type: ignore[arg-type]  # one of them
+    if name == "tare":
+        _only(options, "seconds")
+        return Command("tare", {"seconds": number_in("seconds", options["seconds"], 0.01, 60.0)})
+    if name == "record":
+        _only(options, "on")
+        # Where a recording goes is said where it runs, never from a browser.
+        return Command("record", {"on": bool(options["on"])})
+    if name == "estimator":
+        return _estimator(options)
+    if name == "source":
+        return _source(options, loop.get("offers") or {})
+    raise InvalidParameterError(f"nothing is called {shown(name)}")
+
+
+def _only(options: dict[str, Any], *names: str) -> None:
+    if set(options) != set(names):
+        raise InvalidParameterError(f"options must be {', '.join(names) or 'none'}")
+
+
+def _estimator(options: dict[str, Any]) -> Command:
+    unknown = set(options) - _SETTINGS - {"method"}
+    if unknown or "method" not in options:
+        raise InvalidParameterError("an estimator needs a method, and its main settings only")
+    # Made here once, so that the loop is asked for nothing that cannot be made.
+    method = options["method"]
+    chosen(estimator_named(method)(), options)
+    return Command("estimator", options)
+
+
+def _source(options: dict[str, Any], offers: Mapping[str, Any]) -> Command:
+    """One of what the source offers: ``{"material": …}``, ``{"motion": …}``, ``{"change": …}``."""
+    if len(options) != 1:
+        raise InvalidParameterError("a source is asked for one thing at a time")
+    ((name, value),) = options.items()
+    listed = offers.get(name) or ()
+    if not isinstance(value, str) or value not in listed:
+        raise InvalidParameterError(f"the source offers no such {shown(name)}")
+    return Command("source", options)
+
+
+def depth_of(options: dict[str, Any]) -> float:
+    """Return the depth that a person chose, m; NaN for the median."""
+    _only(options, "value")
+    if options["value"] is None:
+        return float("nan")
+    return number_in("value", options["value"], 0.0, 10.0, open_low=True)
+
+
+def thinning_of(options: dict[str, Any]) -> int:
+    """Return how many-th row a client wants."""
+    _only(options, "value")
+    if options["value"] not in THINNINGS or isinstance(options["value"], bool):
+        raise InvalidParameterError(f"value must be one of {THINNINGS}")
+    return int(options["value"])
+
+
+class Allowance:
+    """Commands are a person's: some at once, then ten a second."""
+
+    def __init__(self) -> None:
+        self._left, self._filled = float(MOST_COMMANDS), time.monotonic()
+
+    def spend(self) -> None:
+        """Take one.
+
+        Raises
+        ------
+        InvalidParameterError
+            None is left.
+        """
+        now = time.monotonic()
+        self._left = min(self._left + (now - self._filled) / COMMAND_TIME, MOST_COMMANDS)
+        self._filled = now
+        if self._left < 1.0:
+            raise InvalidParameterError("too many requests: wait a moment")
+        self._left -= 1.0
+
+
+# The page's style sheet: the look of the reports, and what only this page has.
+
+STATIC = Path(__file__).parent / "static"
+
+
+def style_sheet() -> str:
+    """Return it, with the colours of figures as variables, light and dark."""
+    light = "".join(f"{name}: {colour}; " for name, colour in LIGHT.variables().items())
+    dark = "".join(f"{name}: {colour}; " for name, colour in DARK.variables().items())
+    return "\n".join(
+        [
+            STYLE,
+            f":root {{ {light}}}",
+            f"@media (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}",
+            (STATIC / "live.css").read_text(encoding="utf-8"),
+        ]
+    )
+
+
+# One page, and a WebSocket to each browser that shows it.
 
 FRAME_TIME = 1.0 / 30.0  # s
 WORDS_TIME = 0.25  # s

@@ -13,9 +13,8 @@ from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError
-from palpate.live.commands import Command
-from palpate.live.sinks.printing import printed
-from palpate.live.sinks.sink import Session
+from palpate.live.choices import Command
+from palpate.live.sinks import Session, printed
 from palpate.validation import shown, whole_in
 
 if TYPE_CHECKING:
@@ -103,9 +102,7 @@ class Page:
     async def _serve(self, session: Session, commands: Connection) -> None:
         from uvicorn import Config
 
-        from palpate.live.page.protocol import protocols
-        from palpate.live.page.requests import MOST_BYTES
-        from palpate.live.page.server import Server
+        from palpate.live.page.server import MOST_BYTES, Server, protocols
         from palpate.live.page.watch import Watch
 
         watch = Watch(session)

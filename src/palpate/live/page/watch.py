@@ -1,23 +1,253 @@
-"""What the page knows of a run: the rows of the ring, the boards, and what follows from them."""
+"""What of each row goes to the browser."""
 
 import math
+import struct
 import time
 from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate._core import Status
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
-from palpate.live.law_numbers import told
-from palpate.live.page.channels import at_depth, column, parameters_of
-from palpate.live.page.history import SHOWN, History
-from palpate.live.sinks.sink import Session
-from palpate.live.sinks.watching import Watching
-from palpate.live.states import State
-from palpate.live.verdict_on_laws import verdict_on
+from palpate.live.choices import State
+from palpate.live.law_numbers import told, verdict_on
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS, WIDTH
+from palpate.live.sinks import Session, Watching
 from palpate.validation import Floats, plain
+
+#: In their order in a frame, beside the time.
+CHANNELS = (
+    "penetration", "velocity", "force", "predicted_force",
+    "stiffness", "stiffness_error", "damping", "damping_error",
+    *(f"parameter_{k}" for k in range(MOST_PARAMETERS)),
+    *(f"error_{k}" for k in range(MOST_PARAMETERS)),
+    "margin", "state", "lateness",
+)  # fmt: skip
+
+_NUMBERS = slice(8, 8 + MOST_PARAMETERS)
+_ERRORS = slice(8 + MOST_PARAMETERS, 8 + 2 * MOST_PARAMETERS)
+_AT = {name: place for place, name in enumerate(COLUMNS)}
+_PARAMETERS = slice(_AT["parameter_0"], _AT["parameter_0"] + MOST_PARAMETERS)
+_COVARIANCES = slice(_AT["covariance_0"], _AT["covariance_0"] + MOST_PARAMETERS**2)
+_AS_THEY_ARE = [_AT[name] for name in ("penetration", "velocity", "force", "predicted_force")]
+_LAST = [_AT[name] for name in ("margin", "state", "lateness")]
+_LARGEST = 3.4e38  # of a float32: what is beyond is not drawn
+
+
+def column(rows: Floats, name: str) -> Floats:
+    """One column of the ring's rows."""
+    return rows[:, _AT[name]]
+
+
+def parameters_of(rows: Floats, count: int) -> tuple[Floats, Floats]:
+    """The parameters (k, p) of a law, and their covariances (k, p, p)."""
+    square = rows[:, _COVARIANCES].reshape(-1, MOST_PARAMETERS, MOST_PARAMETERS)
+    return rows[:, _PARAMETERS][:, :count], square[:, :count, :count]
+
+
+def at_depth(law: type[ForceLaw], parameters: Floats, covariance: Floats, depth: float) -> Floats:
+    """Stiffness and damping at a depth, each with its standard error, of many estimates.
+
+    By the delta method, √(gᵀ C g), as :meth:`palpate.Estimate.stiffness_at` has it: the gradient
+    by differences over a hundredth of an error, in which a law is as good as linear.
+
+    Returns
+    -------
+    numpy.ndarray, shape (4, k)
+        Stiffness, its error, damping, its error; SI.
+    """
+    count, size = parameters.shape
+    if not depth > 0.0:
+        return np.full((4, count), np.nan)
+    with np.errstate(all="ignore"):  # of a start that knows nothing the errors may be infinite
+        errors = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
+        moves = steps[:, None, :] * np.eye(size)
+        # Once all of them in a row: the estimates, and each with one parameter up and down.
+        every = np.concatenate(
+            [
+                parameters,
+                (parameters[:, None, :] + moves).reshape(-1, size),
+                (parameters[:, None, :] - moves).reshape(-1, size),
+            ]
+        )
+        found = np.empty((4, count))
+        for place, values in enumerate(law.many_at(every, depth)):
+            up, down = values[count:].reshape(2, count, size)
+            gradient = (up - down) / (2.0 * steps)
+            variance = np.einsum("ki,kij,kj->k", gradient, covariance, gradient)
+            found[2 * place] = values[:count]
+            found[2 * place + 1] = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
+    return found
+
+
+def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArray[np.float32]:
+    """Rows of the ring as :data:`CHANNELS`, shape (channels, k).
+
+    Parameters
+    ----------
+    rows : numpy.ndarray, shape (k, columns)
+        As the loop wrote them.
+    law : type, optional
+        Of the estimator; unless it is known, stiffness and damping are NaN.
+    depth : float
+        Where stiffness and damping are worked out, m; NaN where it is not known yet.
+    """
+    found = np.full((len(CHANNELS), len(rows)), np.nan)
+    found[0:4] = rows[:, _AS_THEY_ARE].T
+    found[_NUMBERS] = rows[:, _PARAMETERS].T
+    places = _COVARIANCES.start + np.arange(MOST_PARAMETERS) * (MOST_PARAMETERS + 1)
+    with np.errstate(invalid="ignore"):
+        found[_ERRORS] = np.sqrt(rows[:, places].T)
+    if law is GeneralisedHuntCrossley:  # what one of its laws has not is no curve
+        found[_NUMBERS][found[_ERRORS] == 0.0] = np.nan
+    if law is not None and math.isfinite(depth):
+        parameters, covariance = parameters_of(rows, len(law.symbols))
+        found[4:8] = at_depth(law, parameters, covariance, depth)
+    found[-3:] = rows[:, _LAST].T
+    found[~(np.abs(found) < _LARGEST)] = np.nan
+    return found.astype("<f4")
+
+
+# The last seconds of a run, as every browser gets them.
+
+SHOWN = 10.0  # s
+#: Rows of a frame: 180 kB, of which one at most waits for a client.
+MOST_ROWS = 2000
+#: Kind, rows, number of the first row, rows that this client did not get, 1 if all before is void.
+HEADER = struct.Struct("<IIdII")
+# Rows, as the browser has room for too: 10 s at 6.5 kHz, of a quicker source less.
+_LEAST_KEPT, _MOST_KEPT = 1000, 1 << 16
+_MOST_GENERATIONS = 50  # more resets than that are not within ten seconds
+_BACKWARD = 1.0  # s: what goes back further is another clock; less is jitter
+
+
+class History:
+    """Rows of the ring and what is sent of them, without a gap in memory.
+
+    Attributes
+    ----------
+    total : int
+        Rows taken so far.
+    begins : int
+        Number of the first row of the present clock: what was before it is void.
+    """
+
+    def __init__(self, sample_time: float) -> None:
+        # With room for a source that is a fifth faster than it says.
+        wanted = math.ceil(1.2 * SHOWN / max(sample_time, 1e-6))
+        self._most = min(max(wanted, _LEAST_KEPT), _MOST_KEPT)
+        self._rows = np.empty((2 * self._most, WIDTH))
+        self._times = np.empty(2 * self._most)
+        self._values = np.empty((len(CHANNELS), 2 * self._most), dtype="<f4")
+        self._end = 0
+        self.total = self.begins = 0
+        self._law: type[ForceLaw] | None = None
+        self._generations: list[float] = []
+        self._depth = math.nan
+
+    @property
+    def oldest(self) -> int:
+        """Number of the oldest row that is kept."""
+        return max(self.total - min(self._end, self._most), self.begins)
+
+    def rows(self) -> Floats:
+        """What is kept, as the loop wrote it."""
+        return self._rows[self._end - (self.total - self.oldest) : self._end]
+
+    def show(self, law: type[ForceLaw] | None, depth: float, generation: float) -> bool:
+        """Work out stiffness and damping by another law or at another depth; whether it did.
+
+        Parameters
+        ----------
+        law : type, optional
+            Of the estimator that runs.
+        depth : float
+            m; NaN where it is not known yet.
+        generation : float
+            Number of the estimator, as the loop counts them: of the earlier ones those are shown
+            that identified the same law.
+        """
+        same_depth = depth == self._depth or (math.isnan(depth) and math.isnan(self._depth))
+        if same_depth and law is self._law and generation in self._generations:
+            return False
+        if law is not self._law:
+            self._generations.clear()
+        self._generations = [*self._generations[-_MOST_GENERATIONS:], generation]
+        self._law, self._depth = law, depth
+        start = self._end - (self.total - self.oldest)
+        self._values[:, start : self._end] = self._worked_out(self.rows())
+        return True
+
+    def _worked_out(self, rows: Floats) -> NDArray[np.float32]:
+        """Of rows that an estimator of another law wrote only what needs no law."""
+        found = channels_of(rows, self._law, self._depth)
+        wrote = column(rows, "method")
+        void = ~np.isin(wrote, self._generations)
+        void[1:] |= wrote[1:] != wrote[:-1]  # no line leads from one to the next
+        found[4:-3, void] = np.nan
+        return found
+
+    def add(self, rows: Floats, delay: float) -> None:
+        """Take rows of the ring; times that go back by more than a second void what was before.
+
+        Parameters
+        ----------
+        rows : numpy.ndarray, shape (k, columns)
+            The next ones.
+        delay : float
+            Of the preparation, s: by so much a row is older than the measurement it came with.
+        """
+        if not len(rows):
+            return
+        self.total += max(len(rows) - self._most, 0)
+        rows = rows[-self._most :]
+        times = column(rows, "time").copy()
+        missing = ~np.isfinite(times)
+        times[missing] = column(rows, "arrived")[missing] - delay
+        before = self._times[self._end - 1] if self._end else -math.inf
+        times[~np.isfinite(times)] = -math.inf  # then that of the row before
+        steps = np.diff(times, prepend=before)
+        back = np.flatnonzero((steps < -_BACKWARD) & np.isfinite(times))
+        self.total += len(rows)
+        if len(back):
+            rows, times, before = rows[back[-1] :], times[back[-1] :], -math.inf
+            self._end, self.begins = 0, self.total - len(rows)
+        times = np.maximum.accumulate(np.concatenate([[before], times]))[1:]
+        if not np.isfinite(times[0]):  # of a start without any time
+            times[~np.isfinite(times)] = 0.0
+        self._append(rows, times)
+
+    def _append(self, rows: Floats, times: Floats) -> None:
+        if self._end + len(rows) > len(self._times):
+            kept = slice(self._end - self._most, self._end)
+            self._rows[: self._most] = self._rows[kept]
+            self._times[: self._most] = self._times[kept]
+            self._values[:, : self._most] = self._values[:, kept]
+            self._end = self._most
+        new = slice(self._end, self._end + len(rows))
+        self._rows[new], self._times[new] = rows, times
+        self._values[:, new] = self._worked_out(rows)
+        self._end = new.stop
+
+    def frame(self, first: int, until: int, *, every: int, dropped: int, void: bool) -> bytes:
+        """Rows first to until, without the last, as one binary message.
+
+        Little-endian: :data:`HEADER`; the times [s], float64; then each of :data:`CHANNELS`,
+        float32. With ``every`` > 1 only each so many-th row, by its number.
+        """
+        offset = self._end - self.total
+        first = first + (-first) % every
+        part = slice(offset + first, offset + until, every)
+        times = self._times[part]
+        head = HEADER.pack(every, len(times), first, dropped, void)
+        return head + times.tobytes() + self._values[:, part].tobytes()
+
+
+# What the page knows of a run: the rows of the ring, the boards, and what follows from them.
 
 ALIVE = 2.0  # s: the loop writes its board four times a second
 MOST_CHANGES = 20

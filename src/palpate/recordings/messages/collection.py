@@ -8,12 +8,17 @@ from typing import Any
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.formats import Request, within
-from palpate.recordings.messages.definitions import message_fields
-from palpate.recordings.messages.fields import UndecodableError, normal_name, one_line
-from palpate.recordings.messages.json_text import JsonTopic
+from palpate.recordings.messages.layout import (
+    UndecodableError,
+    message_fields,
+    normal_name,
+    one_line,
+    walk_cdr,
+    walk_ros1,
+)
+from palpate.recordings.messages.protobuf import JsonTopic
 from palpate.recordings.messages.topic import LOG_TIME, BinaryTopic, Found, Topic, stamp_of
-from palpate.recordings.messages.walking import walk_cdr, walk_ros1
+from palpate.recordings.opening import Request, within
 from palpate.recordings.recording import Faults, Recording, printable
 
 NOT_ASKED = "not asked for"

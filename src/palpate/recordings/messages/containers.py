@@ -25,12 +25,10 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from palpate.errors import RecordingError
-from palpate.recordings.bounds import first_line, regular_size
-from palpate.recordings.formats import Request
 from palpate.recordings.messages.collection import Collection
-from palpate.recordings.messages.fields import one_line
-from palpate.recordings.messages.layout import Block, Bytes, Starts, gather
+from palpate.recordings.messages.layout import Block, Bytes, Starts, gather, one_line
 from palpate.recordings.messages.topic import Topic
+from palpate.recordings.opening import Request, first_line, regular_size
 from palpate.recordings.recording import Recording, printable
 from palpate.writing import scratch_file
 

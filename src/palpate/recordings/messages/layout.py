@@ -1,16 +1,215 @@
-"""Messages of one layout, read as arrays: where in them each number stands, and how that is known.
+"""What a message consists of: a tree of numbers, texts, lists and groups.
+
+Messages of one layout, read as arrays: where in them each number stands, and how that is known.
 
 All messages that have the length of the first, and its bytes wherever a byte says how the message
 goes on (the kind of encoding, counts of lists, lengths of strings, names), have their numbers in
 the same places. So they are one matrix of bytes, and a field is some of its columns.
 """
 
-from collections.abc import Sequence
+import re
+import struct
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg
+from rosbags.typesys import get_typestore as typestore
+
+from palpate.errors import PalpateError
+
+# Lists of more elements than this are no vector, matrix or set of joints, but a scan or an image.
+LONGEST_LIST = 64
+
+#: A group of two numbers that is a time, seconds first, and the name by which all formats know it.
+TIME = "builtin_interfaces/msg/Time"
+DURATION = "builtin_interfaces/msg/Duration"
+TRANSFORM = "geometry_msgs/msg/TransformStamped"
+
+
+class UndecodableError(PalpateError):
+    """A message, or a definition of messages, that cannot be understood: the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A number of fixed size; its dtype as NumPy writes it, without the order of bytes: ``f8``."""
+
+    dtype: str
+
+    @property
+    def size(self) -> int:
+        """How many bytes it takes."""
+        return int(self.dtype[1:])
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A string."""
+
+
+@dataclass(frozen=True, slots=True)
+class Many:
+    """A list; of a fixed length, unless that is None."""
+
+    element: "Field"
+    length: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """A message within a message: names and fields.
+
+    Attributes
+    ----------
+    smallest : int
+        The fewest bytes that it can take, without padding.
+    """
+
+    name: str
+    fields: tuple[tuple[str, "Field"], ...]
+    smallest: int
+
+
+Field: TypeAlias = Number | Text | Many | Group
+
+
+def smallest(field: Field) -> int:
+    """Return the fewest bytes that a field can take, without padding."""
+    if isinstance(field, Number):
+        return field.size
+    if isinstance(field, Group):
+        return field.smallest
+    if isinstance(field, Many) and field.length is not None:
+        return field.length * smallest(field.element)
+    return 4  # the count of a list or a string
+
+
+def normal_name(type_name: str) -> str:
+    """Return the name of a type as ROS 2 writes it: ``geometry_msgs/msg/Wrench``."""
+    package, slash, rest = type_name.partition("/")
+    return f"{package}/msg/{rest}" if slash and "/" not in rest else type_name
+
+
+def one_line(text: str) -> str:
+    """Return a name from a file so that it can be shown: one line, printable, not endless."""
+    shown = "".join(each if each.isprintable() else "?" for each in text[:200])
+    return shown if len(text) <= 200 else shown + "…"
+
+
+# From the definition of a message, as bags and MCAP files carry it, to its tree of fields.
+
+_DTYPES = {
+    "bool": "b1", "byte": "u1", "char": "u1", "octet": "u1",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
+    "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8",
+    "float32": "f4", "float64": "f8",
+}  # fmt: skip
+# Seconds and nanoseconds: ROS 1 has no sign in a time, ROS 2 has none in the nanoseconds.
+_TIMES = {
+    (TIME, True): ("u4", "u4"),
+    (DURATION, True): ("i4", "i4"),
+    (TIME, False): ("i4", "u4"),
+    (DURATION, False): ("i4", "u4"),
+}
+
+Definitions = Mapping[str, tuple[Any, Any]]
+
+
+@lru_cache(maxsize=256)
+def message_fields(type_name: str, encoding: str, text: str) -> Group:
+    """Return the fields of a type of messages.
+
+    Parameters
+    ----------
+    type_name : str
+        For instance ``geometry_msgs/msg/Wrench``, or ``geometry_msgs/Wrench``.
+    encoding : str
+        How the definition is written: ``"ros1msg"``, ``"ros2msg"`` or ``"ros2idl"``.
+    text : str
+        The definition; where it is blank, that of the type in ROS itself.
+
+    Raises
+    ------
+    UndecodableError
+        It cannot be understood, or there is none.
+    """
+    name = normal_name(type_name)
+    ros1 = encoding == "ros1msg"
+    if encoding != "ros2idl":
+        text = re.sub(r"^[ \t]*#[^\n]*\n", "", text, flags=re.MULTILINE)
+    known = dict(_standard(ros1))
+    try:
+        if text.strip():
+            known |= _parsed(name, encoding, text)
+        elif name not in known:
+            raise UndecodableError("the file does not hold the definition of its type")
+        return _Builder(known, ros1).group(name)
+    except (RecursionError, TypesysError, ValueError, LookupError, AssertionError) as error:
+        words = " ".join(str(error).split())[:80]
+        raise UndecodableError(f"its definition cannot be understood: {words}") from None
+
+
+def _parsed(name: str, encoding: str, text: str) -> Definitions:
+    if encoding != "ros2idl":
+        return get_types_from_msg(text, name)
+    # Each definition of a file that holds several stands below a line that names it.
+    parts = re.split(r"^=+\s*\nIDL:[^\n]*\n", text, flags=re.MULTILINE)
+    found: dict[str, tuple[Any, Any]] = {}
+    for part in parts:
+        if part.strip():
+            found |= get_types_from_idl(part)
+    return found
+
+
+@lru_cache(maxsize=2)
+def _standard(ros1: bool) -> Definitions:
+    return typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST).fielddefs
+
+
+class _Builder:
+    """Trees of the types of one definition; a type that is used twice is built once."""
+
+    def __init__(self, known: Definitions, ros1: bool) -> None:
+        self.known = known
+        self.ros1 = ros1
+        self.built: dict[str, Group] = {}
+
+    def group(self, name: str) -> Group:
+        if name in self.built:
+            return self.built[name]
+        if (name, self.ros1) in _TIMES:
+            parts = zip(("sec", "nanosec"), _TIMES[name, self.ros1], strict=True)
+            fields: list[tuple[str, Field]] = [(each, Number(dtype)) for each, dtype in parts]
+        else:
+            if name not in self.known:
+                raise UndecodableError(f"the definition of {name[:80]} is missing")
+            fields = [(each, self._field(what)) for each, what in self.known[name][1]]
+        if not fields and not self.ros1:
+            fields = [("", Number("u1"))]  # ROS 2 sends a byte in place of nothing
+        size = sum(smallest(field) for _, field in fields)
+        self.built[name] = Group(name, tuple(fields), size)
+        return self.built[name]
+
+    def _field(self, what: Any) -> Field:
+        kind, value = what
+        if kind == Nodetype.NAME:
+            return self.group(value)
+        if kind == Nodetype.BASE:
+            if value[0] == "string":
+                return Text()
+            if value[0] not in _DTYPES:
+                raise UndecodableError(f"it holds a field of the type {value[0]}")
+            if self.ros1 and value[0] in ("byte", "char"):
+                return Number("i1" if value[0] == "byte" else "u1")
+            return Number(_DTYPES[value[0]])
+        element, length = value
+        return Many(self._field(element), length if kind == Nodetype.ARRAY else None)
+
 
 Bytes: TypeAlias = NDArray[np.uint8]
 Starts: TypeAlias = NDArray[np.int64]
@@ -154,3 +353,216 @@ def gather(data: Bytes, starts: NDArray[np.int64], length: int) -> Matrix:
         return np.empty((len(starts), length), np.uint8)
     windows = np.ndarray((len(data) - length + 1,), f"V{length}", data, 0, (1,))
     return windows[starts].view(np.uint8).reshape(-1, length)
+
+
+# One message of ROS 1 or of ROS 2, walked by its definition: where its numbers stand.
+
+# A message of more parts than this is a map or a plan; walking one takes some 0.1 s.
+MOST_PARTS = 100_000
+
+FRAMES = ("frame_id", "child_frame_id")
+_NAMES = ("name", "names", "joint_names")  # of what the lists beside them hold
+_LONGEST_NAME = 200  # bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Encoding:
+    """How the numbers of a message follow each other.
+
+    Attributes
+    ----------
+    begin : int
+        Bytes before the first field, from which CDR aligns.
+    order : str
+        Of bytes: ``"<"`` or ``">"``.
+    alignment : int
+        The largest: 1 for ROS 1, which packs; 8 for CDR; 4 for its second version.
+    """
+
+    begin: int
+    order: str
+    alignment: int
+
+
+ROS1 = Encoding(0, "<", 1)
+_CDR = {
+    0x00: Encoding(4, ">", 8),
+    0x01: Encoding(4, "<", 8),
+    0x06: Encoding(4, ">", 4),
+    0x07: Encoding(4, "<", 4),
+}
+
+
+def walk_ros1(message: bytes, fields: Group) -> Layout:
+    """Return the layout of a message of ROS 1; UndecodableError where it is not of its type."""
+    return _Walk(message, ROS1).walk(fields)
+
+
+def walk_cdr(message: bytes, fields: Group) -> Layout:
+    """Return the layout of a message of ROS 2; UndecodableError where it is not of its type."""
+    if len(message) < 4:
+        raise UndecodableError(f"a message of {len(message)} bytes has no head")
+    if message[0] != 0 or message[1] not in _CDR:
+        raise UndecodableError(f"the encoding {message[:2].hex()} is not read, only plain CDR")
+    return _Walk(message, _CDR[message[1]]).walk(fields)
+
+
+class _Walk:
+    def __init__(self, message: bytes, encoding: Encoding) -> None:
+        self.message = message
+        self.order = encoding.order
+        self.begin = encoding.begin
+        self.alignment = encoding.alignment
+        self.position = encoding.begin
+        self.left = MOST_PARTS
+        self.layout = Layout(len(message))
+        self.layout.check(message, 0, min(2, encoding.begin))  # padding may differ
+        self.entity = Entity()
+        self.quiet = 0  # inside of a long list nothing is noted
+
+    def walk(self, fields: Group) -> Layout:
+        self.layout.entities.append(self.entity)
+        self._group(fields, "")
+        # Some middlewares pad a message to whole words of 4 bytes.
+        padding = len(self.message) - self.position
+        if padding < 0 or padding > (3 if self.begin else 0):
+            raise UndecodableError(
+                f"a message of {len(self.message)} bytes does not fit its type, which takes "
+                f"{self.position}"
+            )
+        return self.layout
+
+    def _group(self, group: Group, path: str) -> None:
+        if group.name in (TIME, DURATION):
+            return self._time(group, path)
+        names: list[str] = []
+        for name, part in group.fields:
+            below = f"{path}.{name}" if path else name
+            if not self.quiet:
+                self.entity.types[below] = group.name, name
+            if isinstance(part, Many) and isinstance(part.element, Text) and name in _NAMES:
+                names = self._names(part)
+            elif isinstance(part, Text) and name in FRAMES and not self.quiet:
+                self.entity.frames[below] = self._text()
+            else:
+                self._field(part, below, names)
+        return None
+
+    def _field(self, field: Field, path: str, names: list[str]) -> None:
+        self.left -= 1
+        if self.left < 0:
+            raise UndecodableError(f"a message has more than {MOST_PARTS} parts")
+        if isinstance(field, Number):
+            at = self._take(field.size)
+            if not self.quiet and path and not path.endswith("."):
+                self.entity.leaves[path] = NumberAt(at, _dtype(field, self.order))
+        elif isinstance(field, Group):
+            self._group(field, path)
+        elif isinstance(field, Text):
+            self._skip_text()
+        else:
+            self._many(field, path, names)
+
+    def _time(self, group: Group, path: str) -> None:
+        parts = []
+        for _, part in group.fields:
+            assert isinstance(part, Number)
+            parts.append(NumberAt(self._take(part.size), _dtype(part, self.order)))
+        if not self.quiet:
+            self.entity.leaves[path] = TimeAt(*parts)
+
+    def _many(self, many: Many, path: str, names: list[str]) -> None:
+        count = self._count(many)
+        element = many.element
+        begin = self.position
+        if isinstance(element, Number) and (count > LONGEST_LIST or self.quiet):
+            if count:
+                self._take(element.size, count)
+            self._skipped(path, begin)
+            return
+        long = count > LONGEST_LIST
+        self.quiet += long
+        transforms = isinstance(element, Group) and element.name == TRANSFORM
+        for k in range(count):
+            if transforms and not self.quiet:
+                self._transform(element)
+                continue
+            index = names[k] if len(names) == count else str(k)
+            self._field(element, f"{path}[{index}]", [])
+        self.quiet -= long
+        if long:
+            self._skipped(path, begin)
+
+    def _skipped(self, path: str, begin: int) -> None:
+        if not self.quiet:
+            self.layout.skipped[path] = self.position - begin
+
+    def _transform(self, group: Field) -> None:
+        assert isinstance(group, Group)
+        above, self.entity = self.entity, Entity()
+        self._group(group, "")
+        frames = self.entity.frames
+        name = f"[{frames.get('header.frame_id', '')}>{frames.get('child_frame_id', '')}]"
+        self.layout.entities.append(Entity(name, self.entity.leaves, self.entity.types, frames))
+        self.entity = above
+
+    def _names(self, many: Many) -> list[str]:
+        """The names in a list, all different; none where they would say nothing."""
+        count = self._count(many)
+        if count > LONGEST_LIST or self.quiet:
+            for _ in range(count):
+                self._field(many.element, "", [])
+            return []
+        names = [self._text() for _ in range(count)]
+        return names if len(set(names)) == count and all(names) else []
+
+    def _count(self, many: Many) -> int:
+        """How many elements a list has: no more than can be in what is left of the message."""
+        if many.length is not None:
+            return many.length
+        count = self._size()
+        room = len(self.message) - self.position
+        if count * max(1, smallest(many.element)) > room:
+            raise UndecodableError(f"a list claims {count} elements in {room} bytes")
+        return count
+
+    def _size(self) -> int:
+        """A count or a length, which has to be the same in all messages of the layout."""
+        at = self._take(4)
+        self.layout.check(self.message, at, at + 4)
+        size: int = struct.unpack_from(self.order + "I", self.message, at)[0]
+        return size
+
+    def _skip_text(self) -> tuple[int, int]:
+        size = self._size()
+        begin = self.position
+        self.position += size
+        self._inside()
+        return begin, self.position
+
+    def _text(self) -> str:
+        """A text that names something, which has to be the same in all messages of the layout."""
+        begin, end = self._skip_text()
+        if end - begin > _LONGEST_NAME:
+            raise UndecodableError(f"a name is {end - begin} bytes long")
+        self.layout.check(self.message, begin, end)
+        text = self.message[begin:end].rstrip(b"\0").decode("utf-8", "backslashreplace")
+        return one_line(text)
+
+    def _take(self, size: int, count: int = 1) -> int:
+        """Move past numbers of a size; return where they begin."""
+        step = min(size, self.alignment)
+        at = self.position + (self.begin - self.position) % step
+        self.position = at + size * count
+        self._inside()
+        return at
+
+    def _inside(self) -> None:
+        if self.position > len(self.message):
+            raise UndecodableError(
+                f"a message of {len(self.message)} bytes ends before what its type says"
+            )
+
+
+def _dtype(number: Number, order: str) -> str:
+    return number.dtype if number.size == 1 else order + number.dtype

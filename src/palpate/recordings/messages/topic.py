@@ -9,8 +9,6 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from palpate.recordings.formats import Request
-from palpate.recordings.messages.fields import UndecodableError
 from palpate.recordings.messages.layout import (
     Block,
     Entity,
@@ -18,8 +16,10 @@ from palpate.recordings.messages.layout import (
     Matrix,
     Starts,
     TimeAt,
+    UndecodableError,
     gather,
 )
+from palpate.recordings.opening import Request
 from palpate.recordings.recording import Faults
 
 # A topic whose messages cannot be walked is given up after so many: some 0.1 s, of which a file can

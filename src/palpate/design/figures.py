@@ -1,0 +1,191 @@
+"""The figure of a design: the planned motion and the better one, and what each would identify."""
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from palpate.design import Design, PredictedPrecision
+from palpate.digits import rounded
+from palpate.figures.style import Look, head, look_of, scale_of, set_titles, style
+from palpate.validation import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+# Periods of the slowest sine that are shown, and points of the fastest one's.
+_PERIODS = 2.0
+_POINTS, _MOST_POINTS = 40, 1500
+_DURATIONS = 30
+CAPTION = (
+    "Standard errors: the least that any unbiased method can have (Cramér–Rao), over the value of "
+    "the guessed material; lines at 5 % and 1 %."
+)
+
+
+def draw_design(design: Design, *, dark: bool = False, width: float | None = None) -> "Figure":
+    """Draw the planned motion and the better one, and how soon each identifies the material.
+
+    Penetration over time, velocity over penetration within the limits, and the predicted relative
+    standard errors of stiffness, damping and exponent over the time in motion.
+
+    Parameters
+    ----------
+    design : Design
+        As :func:`palpate.design.design` returns it.
+    dark : bool
+        For a dark background.
+    width : float, optional
+        Of the figure as it is printed, m, in [0.06, 0.4]; a page of 11 inches unless given.
+
+    Raises
+    ------
+    InvalidParameterError
+        The width is out of its range.
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    look = look_of(dark=dark, width=width)
+    sheet = look.sheet
+    with style(look.theme, sheet) as new_figure:
+        if sheet.narrow:
+            figure = new_figure(figsize=sheet.size(10.8), layout="constrained")
+            panels = list(figure.subplots(5, 1))
+        else:
+            figure = new_figure(figsize=sheet.size(6.8), layout="constrained")
+            grid = figure.add_gridspec(2, 6)
+            cells = [grid[0, :3], grid[0, 3:], grid[1, :2], grid[1, 2:4], grid[1, 4:]]
+            panels = [figure.add_subplot(cell) for cell in cells]
+        motions = _motions(design)
+        _draw_depth(panels[0], motions, look)
+        _draw_orbit(panels[1], design, motions, look)
+        _draw_precision(panels[2:], design, look)
+        if sheet.narrow:
+            figure.align_ylabels(panels)
+        better = "no better motion" if design.better is None else "better"
+        caption = f"{CAPTION} Circles: with what the sensor's steps repeat."
+        title = [f"{better}: {design.reason}", _guess(design)]
+        set_titles(figure, sheet, title, caption if _rounds(design) else CAPTION, lines=6)
+    return figure
+
+
+def _guess(design: Design) -> str:
+    law = design.law
+    parts = zip(law.symbols, law.parameters, law.units, strict=True)
+    words = (
+        f"{symbol} = {rounded(float(value), 4)} {unit}".strip() for symbol, value, unit in parts
+    )
+    return f"guessed: {', '.join(words)}"
+
+
+def _motions(design: Design) -> list[tuple[str, PredictedPrecision]]:
+    better = [] if design.better is None else [("better", design.better)]
+    return [("planned", design.planned), *better]
+
+
+def _look_of_motion(name: str, look: Look) -> tuple[str, str]:
+    """Colour and dashes of a motion."""
+    return (look.theme.lines[0], "-") if name == "better" else (look.theme.lines[1], "--")
+
+
+def _shown_time(motions: list[tuple[str, PredictedPrecision]]) -> Floats:
+    """Times to draw motions at, s."""
+    frequencies = [
+        w
+        for _, each in motions
+        for a, w in zip(each.motion.amplitudes, each.motion.frequencies, strict=True)
+        if a > 0.0
+    ]
+    longest = motions[0][1].durations[-1]
+    if not frequencies:
+        return np.array([0.0, longest])
+    span = min(_PERIODS * 2.0 * math.pi / min(frequencies), longest)
+    points = _POINTS * span * max(frequencies) / (2.0 * math.pi)
+    return np.linspace(0.0, span, min(int(points) + 2, _MOST_POINTS))
+
+
+def _draw_depth(axes: "Axes", motions: list[tuple[str, PredictedPrecision]], look: Look) -> None:
+    time = _shown_time(motions)
+    depth = scale_of(max(each.peak_penetration for _, each in motions), "m")
+    for name, each in motions:
+        colour, dashes = _look_of_motion(name, look)
+        axes.plot(time, depth.factor * each.motion.at(time)[0], dashes, color=colour, label=name)
+    axes.set(xlabel="time [s]", ylabel=depth.label("penetration"))
+    head(axes, "Penetration")
+
+
+def _draw_orbit(
+    axes: "Axes", design: Design, motions: list[tuple[str, PredictedPrecision]], look: Look
+) -> None:
+    """Velocity over penetration, and the limits that the better motion keeps to."""
+    time, limits = _shown_time(motions), design.limits
+    depth = scale_of(max(each.peak_penetration for _, each in motions), "m")
+    speed = scale_of(max([limits.speed, *(each.peak_speed for _, each in motions)]), "m/s")
+    left, right = limits.least_penetration, limits.peak_penetration
+    axes.plot(
+        depth.factor * np.array([left, right, right, left, left]),
+        speed.factor * limits.speed * np.array([-1.0, -1.0, 1.0, 1.0, -1.0]),
+        ":",
+        color=look.theme.ink,
+        linewidth=look.points(1.0),
+        label="limits",
+    )
+    for name, each in motions:
+        x, v = each.motion.at(time)
+        colour, dashes = _look_of_motion(name, look)
+        axes.plot(depth.factor * x, speed.factor * v, dashes, color=colour, label=name)
+    axes.set(xlabel=depth.label("penetration"), ylabel=speed.label("velocity"))
+    head(axes, "Velocity over penetration")
+
+
+def _draw_precision(panels: "list[Axes]", design: Design, look: Look) -> None:
+    """Relative standard error of each parameter over the time in motion, a panel each."""
+    durations = design.planned.durations
+    first = max(min(0.1, 0.2 * durations[0]), 10.0 * design.sample_time)
+    times = np.geomspace(min(first, durations[-1]), durations[-1], _DURATIONS)
+    for name, each in _motions(design):
+        bounds = [design.measurement.relative_errors(each.motion, t, quick=True) for t in times]
+        colour, dashes = _look_of_motion(name, look)
+        rows = zip(panels, 100.0 * np.transpose(bounds), each.expected_errors.T, strict=True)
+        for axes, errors, expected in rows:
+            known = np.where(np.isfinite(errors), errors, np.nan)
+            label = name if np.isfinite(errors).any() else f"{name}: not identifiable"
+            axes.plot(times, known, dashes, color=colour, label=label)
+            if _rounds(design):
+                circles = np.where(np.isfinite(expected), 100.0 * expected, np.nan)
+                size = look.points(5.0)
+                axes.plot(durations, circles, "o", color=colour, mfc="none", markersize=size)
+    for axes, symbol in zip(panels, design.law.symbols, strict=True):
+        _finish_precision(axes, symbol, design.planned.targets, look)
+
+
+def _finish_precision(axes: "Axes", symbol: str, targets: tuple[float, ...], look: Look) -> None:
+    """Logarithmic axes with numbers written out, and lines at the targets."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    if any(np.isfinite(line.get_ydata()).any() for line in axes.get_lines()):
+        for target in targets:
+            axes.axhline(
+                100.0 * target, color=look.theme.ink, linestyle=":", linewidth=look.points(0.7)
+            )
+        axes.set_yscale("log")
+    axes.set_xscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+        if axis.get_scale() == "log":
+            low, high = axis.get_view_interval()
+            few = high > 100.0 * low and axis is axes.yaxis  # of decades alone there is room
+            axis.set_major_locator(LogLocator(subs=(1.0,) if few else (1.0, 2.0, 5.0), numticks=9))
+    axes.set(xlabel="time in motion [s]", ylabel=f"s.e. of {symbol} [%]")
+    head(axes, f"Relative standard error of {symbol}")
+
+
+def _rounds(design: Design) -> bool:
+    """Whether what a sensor's steps repeat is to be seen beside the bound."""
+    return any(
+        bool((each.expected_errors > 1.02 * each.relative_errors).any())
+        for _, each in _motions(design)
+    )

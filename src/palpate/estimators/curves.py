@@ -1,0 +1,448 @@
+"""The cost that :func:`fit_curves` minimises, written down for one curve.
+
+Whole curves at once: the Hunt–Crossley law by the minimum of a stated cost, thousands a second.
+
+The same least squares as :class:`VariableProjection`, for contacts that are there as a whole and of
+which only the last answer is wanted; ``docs/curves.md`` has the cost and how it is minimised.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate import _core
+from palpate.errors import InvalidParameterError
+from palpate.estimators.estimate import ADVICE
+from palpate.estimators.variable_projection import projection_settings, surfaces_in
+from palpate.force_laws import HuntCrossley
+from palpate.settings import Scale
+from palpate.validation import (
+    Floats,
+    all_good,
+    instance,
+    number_in,
+    real_array,
+    whole_in,
+)
+
+#: What a sample is to a fit, by the codes of :attr:`StatedCost.roles`.
+ROLES = ("absent", "free air", "firm contact", "light contact", "left out")
+_FIRM, _LIGHT = ROLES.index("firm contact"), ROLES.index("light contact")
+# Of the priors, as in include/palpate/projection/priors.hpp.
+_EXPONENT, _EXPONENT_DEVIATION, _DISSIPATION_DEVIATION = 1.3, 1.0, 1.0
+_OFFSET_WITHOUT_TARE = 20.0  # standard deviations of the noise, where a unit of force is less
+
+
+@dataclass(frozen=True, eq=False)
+class StatedCost:
+    """J = Σ (F − F̂)² + σ² [(n − 1.3)² + (b/b_s)² + (F₀ − m)²/s²], over the samples chosen.
+
+    b = B/K is in units of the scale, b_s = 1, and σ² is that of the residual which J ends with.
+
+    Attributes
+    ----------
+    penetration, velocity, force : numpy.ndarray, shape (j,)
+        The samples that it is over, SI.
+    roles : numpy.ndarray of uint8, shape (k,)
+        What each sample of the curve is, by the codes of :data:`ROLES`.
+    scale : Scale
+        The units of the arithmetic.
+    offset_mean, offset_deviation : float
+        The prior of F₀, N; a deviation of 0 is none: one unit of force then, or 20 σ.
+    variance : float
+        σ² of the priors, N².
+    exponent : float or None
+        Where it is fixed.
+    offset : bool
+        Whether F₀ is fitted.
+    """
+
+    penetration: Floats
+    velocity: Floats
+    force: Floats
+    roles: NDArray[np.uint8]
+    scale: Scale
+    offset_mean: float
+    offset_deviation: float
+    variance: float
+    exponent: float | None
+    offset: bool
+
+    @classmethod
+    def of(
+        cls,
+        curve: tuple[Floats, Floats, Floats],
+        roles: NDArray[np.uint8],
+        numbers: Floats,
+        exponent: float | None,
+        offset: bool,
+    ) -> "StatedCost":
+        """From a curve, what the core says of its samples, and its scale, prior and σ²."""
+        chosen = (roles == _FIRM) | (roles == _LIGHT)
+        penetration, velocity, force = (values[chosen] for values in curve)
+        units, (mean, deviation, variance) = numbers[:3], numbers[3:].tolist()
+        return cls(
+            penetration,
+            velocity,
+            force,
+            roles,
+            Scale(*units.tolist()),
+            mean,
+            deviation,
+            variance,
+            exponent,
+            offset,
+        )
+
+    def residuals(self, parameters: Floats) -> Floats:
+        """Residuals of which the squares sum to J, N: of the samples, then of the priors.
+
+        Parameters
+        ----------
+        parameters : numpy.ndarray, shape (5,)
+            K, B, n, F₀ and d, SI.
+        """
+        stiffness, damping, exponent, offset, surface = parameters
+        depth = self.penetration - surface
+        power = np.where(depth > 0.0, np.abs(depth) ** exponent, 0.0)
+        model = power * (stiffness + damping * self.velocity) + offset
+        return np.concatenate([self.force - model, self.prior_residuals(parameters)])
+
+    def prior_residuals(self, parameters: Floats) -> Floats:
+        """The priors' part of :meth:`residuals`, N."""
+        stiffness, damping, exponent, offset, _ = parameters
+        noise = np.sqrt(self.variance)
+        parts = [noise * damping / stiffness * self.scale.velocity / _DISSIPATION_DEVIATION]
+        if self.exponent is None:
+            parts.append(noise * (exponent - _EXPONENT) / _EXPONENT_DEVIATION)
+        if self.offset:
+            parts.append((offset - self.offset_mean) * noise / self.offset_width)
+        return np.array(parts)
+
+    @property
+    def offset_width(self) -> float:
+        """Standard deviation of the prior of F₀, N."""
+        if self.offset_deviation > 0.0:
+            return self.offset_deviation
+        return max(self.scale.force, _OFFSET_WITHOUT_TARE * float(np.sqrt(self.variance)))
+
+    def value(self, parameters: Floats) -> float:
+        """J at K, B, n, F₀ and d, N²."""
+        return float(np.sum(self.residuals(parameters) ** 2))
+
+
+_SIGNALS = ("penetration", "velocity", "force")
+_AT_ONCE = 2_000_000  # samples of one call of the core, between which Ctrl-C is heard
+_RANGE: tuple[float, float] = _core.defaults["VariableProjection"]["exponent_range"]
+_MOST_SAMPLES = 1 << 20  # the levels of error bars that look at noise end there
+#: By the codes of :attr:`CurveFits.status`.
+STATUS_WORDS = ("fitted", "no contact", "did not settle", "surface at the edge of its range")
+
+
+@dataclass(frozen=True, eq=False)
+class CurveFits:
+    """What :func:`fit_curves` found, one row a curve.
+
+    Attributes
+    ----------
+    stiffness, damping, exponent : numpy.ndarray, shape (k,)
+        K, N/mⁿ; B, N·s/mⁿ⁺¹; n. NaN without contact, as all the rest is.
+    offset, surface : numpy.ndarray, shape (k,)
+        F₀, N, and d, m; 0 where it is not estimated.
+    covariance : numpy.ndarray, shape (k, 5, 5)
+        Of (K, B, n, F₀, d), SI; zero where one is not estimated.
+    noise : numpy.ndarray, shape (k,)
+        Standard deviation of the force by the residual, or as it was given, N.
+    cost : numpy.ndarray, shape (k,)
+        The stated cost at its minimum, N².
+    taken : numpy.ndarray of int64, shape (k,)
+        Samples that the cost is over.
+    flags : numpy.ndarray of uint8, shape (k,)
+        Bits of ``IdentifiabilityFlag``; :meth:`flag_words` has them in words.
+    status : numpy.ndarray of uint8, shape (k,)
+        Codes of :data:`STATUS_WORDS`.
+    """
+
+    stiffness: Floats
+    damping: Floats
+    exponent: Floats
+    offset: Floats
+    surface: Floats
+    covariance: Floats
+    noise: Floats
+    cost: Floats
+    taken: NDArray[np.int64]
+    flags: NDArray[np.uint8]
+    status: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def standard_errors(self) -> Floats:
+        """Of (K, B, n, F₀, d), SI, shape (k, 5)."""
+        errors: Floats = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+        return errors
+
+    @property
+    def words(self) -> list[str]:
+        """The status of each curve in words."""
+        return [STATUS_WORDS[code] for code in self.status.tolist()]
+
+    def law(self, curve: int) -> HuntCrossley:
+        """The law of one curve."""
+        return HuntCrossley(
+            float(self.stiffness[curve]), float(self.damping[curve]), float(self.exponent[curve])
+        )
+
+    def flag_words(self, curve: int) -> tuple[str, ...]:
+        """What is not identifiable from the motion of one curve, and what motion would help."""
+        bits = int(self.flags[curve])
+        return tuple(words for bit, words in ADVICE.items() if bits & bit)
+
+
+def fit_curves(
+    penetration: "ArrayLike",
+    velocity: "ArrayLike",
+    force: "ArrayLike",
+    *,
+    surface: Literal["estimate"] | None = None,
+    surface_range: tuple[float, float] | None = None,
+    exponent: float | None = None,
+    exponent_range: tuple[float, float] = _RANGE,
+    offset: bool = True,
+    offset_deviation: "ArrayLike | None" = None,
+    surface_deviation: "ArrayLike | None" = None,
+    noise: float | None = None,
+    scale: Scale | None = None,
+    threads: int = 1,
+) -> CurveFits:
+    """Fit the Hunt–Crossley law to whole curves, thousands a second.
+
+    min over (K, B, n, F₀, d) of Σ (F − K (x − d)ⁿ − B (x − d)ⁿ v − F₀)² + priors
+
+    The samples are those that :class:`VariableProjection` would choose, the priors its own, and so
+    are the error bars; the answer is the minimum of that cost. The recursion, which updates an
+    answer sample by sample, lies within a tenth of a standard error of it where the surface is
+    known. Outliers are not looked for. ``docs/curves.md`` writes the cost down.
+
+    Parameters
+    ----------
+    penetration, velocity, force : array_like, shape (k, samples) or (samples,)
+        m, m/s (positive while penetrating) and N, one row a curve, in the order of time. A sample
+        of which one is not finite is not there: shorter curves are filled up with NaN.
+    surface : "estimate", optional
+        Find where the material begins too, within ``surface_range``. None: at 0.
+    surface_range : tuple of float, optional
+        Where the surface is looked for, m, in the coordinate of the penetration: (lowest, highest).
+        Default: ± a fifth of the unit of penetration; a curve whose best surface lies at an edge of
+        that is fitted again, from one travel of the probe above its highest sample to its deepest.
+    exponent : float, optional
+        n, in [0.1, 10], where the shape of the tip says it: 1.5 for a sphere. None: fitted.
+    exponent_range : tuple of float
+        Where the exponent is looked for: (lowest, highest), within [0.1, 10], 0.2 to 5 apart.
+    offset : bool
+        Fit a constant force offset beside the law.
+    offset_deviation : float or array_like, shape (k,), optional
+        What a tare left of that offset, N, > 0, of all or of each; NaN or None: no tare.
+    surface_deviation : float or array_like, shape (k,), optional
+        How well the surface is known, m, > 0, of all or of each; NaN or None: exactly.
+    noise : float, optional
+        Standard deviation of the force, N, > 0. None: from the residual.
+    scale : Scale, optional
+        Units of the arithmetic, in which the priors are stated. None: the largest penetration,
+        speed and force of each curve, as :func:`identify` chooses them.
+    threads : int
+        That share the curves, 1 to 1024. The interpreter's lock is released: do not change the
+        arrays meanwhile.
+
+    Returns
+    -------
+    CurveFits
+        Numbers with their joint covariance, flags and a status, a row a curve. The same bits for
+        any number of threads.
+
+    Raises
+    ------
+    InvalidParameterError
+        A setting is outside its range, or the arrays are not of one shape.
+    """
+    curves = _checked_curves(penetration, velocity, force)
+    settings = _Settings(
+        *_checked_projection(noise, exponent, exponent_range, offset),
+        _of_each("offset_deviation", offset_deviation, len(curves[0])),
+        _of_each("surface_deviation", surface_deviation, len(curves[0])),
+        surfaces_in(surface, surface_range, (0.0, 0.0), 1e30),  # 0: the core chooses it
+        _checked_scale(scale),
+    )
+    return _fitted(curves, settings, whole_in("threads", threads, 1, 1024)).fits()
+
+
+def stated_cost(
+    penetration: "ArrayLike",
+    velocity: "ArrayLike",
+    force: "ArrayLike",
+    *,
+    exponent: float | None = None,
+    offset: bool = True,
+    **settings: Any,
+) -> StatedCost:
+    """Write down the cost of which :func:`fit_curves` gives the minimum, for one curve.
+
+    Parameters
+    ----------
+    penetration, velocity, force : array_like, shape (samples,)
+        m, m/s and N.
+    exponent, offset, **settings
+        As :func:`fit_curves` takes them.
+
+    Raises
+    ------
+    InvalidParameterError
+        As :func:`fit_curves` does; or nothing of the curve is contact.
+    """
+    curves = _checked_curves(penetration, velocity, force)
+    if len(curves[0]) != 1:
+        raise InvalidParameterError(f"the cost of one curve is asked for, not of {len(curves[0])}")
+    checked = _Settings(
+        *_checked_projection(
+            settings.pop("noise", None), exponent, settings.pop("exponent_range", _RANGE), offset
+        ),
+        _of_each("offset_deviation", settings.pop("offset_deviation", None), 1),
+        _of_each("surface_deviation", settings.pop("surface_deviation", None), 1),
+        surfaces_in(
+            settings.pop("surface", None), settings.pop("surface_range", None), (0.0, 0.0), 1e30
+        ),
+        _checked_scale(settings.pop("scale", None)),
+    )
+    if settings:
+        raise InvalidParameterError(f"there is no setting {', '.join(sorted(settings))}")
+    roles = np.empty(curves[0].shape, np.uint8)
+    answers = _fitted(curves, checked, 1, roles)
+    if answers.codes[0, 1] == STATUS_WORDS.index("no contact"):
+        raise InvalidParameterError("nothing of the curve is contact")
+    x, v, f = (values[0] for values in curves)
+    return StatedCost.of((x, v, f), roles[0], answers.numbers[0, 7:], exponent, offset)
+
+
+class _Settings(NamedTuple):
+    """As the core takes them, checked; what is 0 is not given."""
+
+    exponents: tuple[float, float]
+    offset: bool
+    noise: float
+    offset_deviation: Floats
+    surface_deviation: Floats
+    surfaces: tuple[float, float] | None
+    scale: tuple[float, float, float]
+
+    def rows(self, part: slice) -> "_Settings":
+        return self._replace(
+            offset_deviation=self.offset_deviation[part],
+            surface_deviation=self.surface_deviation[part],
+        )
+
+
+class _Answers(NamedTuple):
+    """What the core writes, a row a curve."""
+
+    numbers: Floats  # K, B, n, F₀, d, noise, cost, scale (3), prior of F₀ (2), σ² of the priors
+    covariance: Floats
+    taken: NDArray[np.int64]
+    codes: NDArray[np.uint8]  # flags, status
+
+    @classmethod
+    def empty(cls, count: int) -> "_Answers":
+        return cls(
+            np.empty((count, 13)),
+            np.empty((count, 5, 5)),
+            np.empty(count, np.int64),
+            np.empty((count, 2), np.uint8),
+        )
+
+    def fits(self) -> CurveFits:
+        columns = (np.ascontiguousarray(self.numbers[:, i]) for i in range(7))
+        stiffness, damping, exponent, offset, surface, noise, cost = columns
+        flags, status = (np.ascontiguousarray(self.codes[:, i]) for i in range(2))
+        return CurveFits(
+            stiffness,
+            damping,
+            exponent,
+            offset,
+            surface,
+            self.covariance,
+            noise,
+            cost,
+            self.taken,
+            flags,
+            status,
+        )
+
+
+def _fitted(
+    curves: tuple[Floats, ...],
+    settings: _Settings,
+    threads: int,
+    roles: NDArray[np.uint8] | None = None,
+) -> _Answers:
+    count, samples = curves[0].shape
+    answers = _Answers.empty(count)
+    rows = max(1, _AT_ONCE // max(samples, 1)) * threads
+    for first in range(0, count, rows):
+        part = slice(first, first + rows)
+        arguments: list[Any] = [values[part] for values in curves]
+        arguments += settings.rows(part)
+        arguments += [column[part] for column in answers]
+        arguments += [None if roles is None else roles[part], threads]
+        _core.fit_curves(*arguments)
+    return answers
+
+
+def _checked_curves(*given: "ArrayLike") -> tuple[Floats, ...]:
+    arrays = [real_array(name, values) for name, values in zip(_SIGNALS, given, strict=True)]
+    shapes = {array.shape for array in arrays}
+    if len(shapes) > 1 or arrays[0].ndim not in (1, 2):
+        found = ", ".join(str(array.shape) for array in arrays)
+        raise InvalidParameterError(
+            f"penetration, velocity and force must be of one shape, (curves, samples), not {found}"
+        )
+    if arrays[0].shape[-1] > _MOST_SAMPLES:
+        raise InvalidParameterError(
+            f"curves must have at most {_MOST_SAMPLES} samples, not {arrays[0].shape[-1]}; "
+            "VariableProjection takes longer ones"
+        )
+    return tuple(np.ascontiguousarray(np.atleast_2d(array)) for array in arrays)
+
+
+def _checked_projection(
+    noise: float | None,
+    exponent: float | None,
+    exponent_range: tuple[float, float],
+    offset: bool,
+) -> tuple[tuple[float, float], bool, float]:
+    level, exponents, *_ = projection_settings(noise, exponent_range, None, offset, None)
+    if exponent is not None:
+        fixed = number_in("exponent", exponent, 0.1, 10.0)
+        exponents = fixed, fixed
+    return exponents, offset, level
+
+
+def _checked_scale(scale: Scale | None) -> tuple[float, float, float]:
+    instance("scale", scale, (Scale, type(None)))
+    return (0.0, 0.0, 0.0) if scale is None else scale._plain()
+
+
+def _of_each(name: str, value: "ArrayLike | None", count: int) -> Floats:
+    """Return a deviation for each curve; 0 is none."""
+    if value is None:
+        return np.zeros(count)
+    given = real_array(name, value)
+    if given.shape not in ((), (1,), (count,)):
+        raise InvalidParameterError(
+            f"{name} must be one number or one for each of {count} curves, not of shape "
+            f"{given.shape}"
+        )
+    all_good(name, given, np.isnan(given) | ((given > 0.0) & (given <= 1e30)), "in (0, 1e+30]")
+    return np.ascontiguousarray(np.broadcast_to(np.nan_to_num(given, nan=0.0), count))

@@ -1,0 +1,701 @@
+"""Drake's text: a surface and a tip on a slide, in SDFormat and in URDF."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from palpate.errors import InvalidParameterError
+from palpate.exports.drake.running import (
+    Plant,
+    Setting,
+    forces,
+    rebound_by_steps,
+    simulated_rebound,
+    steps_down,
+)
+from palpate.exports.drake.shapes import FINEST, Slab, Spheres, nested_spheres, one_sphere, slab
+from palpate.exports.engine import (
+    Asked,
+    Drop,
+    Engine,
+    Fragment,
+    ProbeMotion,
+    Replayed,
+    digits,
+    force_error,
+    hash_comment,
+    is_kelvin_voigt,
+    kelvin_voigt,
+    with_exponents,
+    xml_comment,
+)
+from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.validation import Floats
+
+SDF = """\
+<?xml version="1.0"?>
+{comment}
+<sdf version="1.9" xmlns:drake="http://drake.mit.edu">
+  <model name="contact">
+    <!-- The surface: paste its proximity properties into yours. -->
+    <link name="surface">
+      <collision name="surface">
+        <pose>0 0 {middle} 0 0 0</pose>
+        <geometry><box><size>{width} {width} {height}</size></box></geometry>
+        {surface}
+      </collision>
+    </link>
+    <joint name="fixed" type="fixed">
+      <parent>world</parent>
+      <child>surface</child>
+    </joint>
+    <!-- The tip: its collisions belong into the link that touches. -->
+    <link name="tip">
+      <pose>0 0 {radius} 0 0 0</pose>
+      <inertial>
+        <mass>{mass}</mass>
+        <inertia><ixx>{inertia}</ixx><iyy>{inertia}</iyy><izz>{inertia}</izz></inertia>
+      </inertial>
+{tips}
+    </link>
+    <joint name="slide" type="prismatic">
+      <parent>world</parent>
+      <child>tip</child>
+      <axis><xyz>0 0 -1</xyz><limit><effort>0</effort></limit></axis>
+    </joint>
+  </model>
+</sdf>
+"""
+
+SDF_TIP = """\
+      <collision name="{name}">
+        <pose>0 0 {lift} 0 0 0</pose>
+        <geometry><sphere><radius>{radius}</radius></sphere></geometry>
+        {material}
+      </collision>"""
+
+URDF = """\
+<?xml version="1.0"?>
+{comment}
+<robot name="contact" xmlns:drake="http://drake.mit.edu">
+  <link name="world"/>
+  <!-- The surface: paste its proximity properties into yours. -->
+  <link name="surface">
+    <collision name="surface">
+      <origin xyz="0 0 {middle}"/>
+      <geometry><box size="{width} {width} {height}"/></geometry>
+      {surface}
+    </collision>
+  </link>
+  <joint name="fixed" type="fixed">
+    <parent link="world"/>
+    <child link="surface"/>
+  </joint>
+  <!-- The tip: its collisions belong into the link that touches. -->
+  <link name="tip">
+    <inertial>
+      <mass value="{mass}"/>
+      <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+{tips}
+  </link>
+  <joint name="slide" type="prismatic">
+    <origin xyz="0 0 {radius}"/>
+    <parent link="world"/>
+    <child link="tip"/>
+    <axis xyz="0 0 -1"/>
+    <limit effort="0"/>
+  </joint>
+</robot>
+"""
+
+URDF_TIP = """\
+    <collision name="{name}">
+      <origin xyz="0 0 {lift}"/>
+      <geometry><sphere radius="{radius}"/></geometry>
+      {material}
+    </collision>"""
+
+SCENE = '''\
+"""The smallest scene with this contact: a tip meets the surface, and rebounds.
+
+pip install drake
+"""
+{comment}
+
+from pathlib import Path
+
+from pydrake.all import (
+    AddMultibodyPlant,
+    DiagramBuilder,
+    MultibodyPlantConfig,
+    Parser,
+    Simulator,
+)
+
+SPEED = {speed}  # m/s, at first touch
+CONFIGURATION = MultibodyPlantConfig(
+    time_step={time_step},
+    contact_model="{contact_model}",
+    discrete_contact_approximation="{approximation}",
+)
+
+builder = DiagramBuilder()
+plant, _ = AddMultibodyPlant(CONFIGURATION, builder)
+Parser(plant).AddModels(str(Path(__file__).with_name("contact.sdf")))
+plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
+plant.Finalize()
+simulator = Simulator(builder.Build())
+context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+slide = plant.GetJointByName("slide")
+slide.set_translation_rate(context, SPEED)
+
+deepest, time = 0.0, 0.0
+while time < 10.0:
+    time += CONFIGURATION.time_step or 1e-3
+    simulator.AdvanceTo(time)
+    depth, speed = slide.get_translation(context), slide.get_translation_rate(context)
+    deepest = max(deepest, depth)
+    if depth <= 0.0 and speed < 0.0:
+        print(f"{{1e3 * deepest:.3g}} mm deep, back at {{-speed / SPEED:.3f}} of the speed")
+        break
+else:
+    print(f"{{1e3 * deepest:.3g}} mm deep, and it stays")
+'''
+
+
+@dataclass(frozen=True, slots=True)
+class Tip:
+    """One sphere of the tip: radius, and how far its centre is above the tip's, m."""
+
+    name: str
+    radius: float
+    lift: float
+    material: Mapping[str, float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What the text is made of; a material's property without a number is a flag.
+
+    Attributes
+    ----------
+    surface : mapping of str to float or None
+        The surface's proximity properties.
+    tips : tuple of Tip
+        The tip's spheres.
+    radius, mass : float
+        Of the tip, m and kg.
+    width, height : float
+        Of the box whose top is the surface, m.
+    """
+
+    surface: Mapping[str, float | None]
+    tips: tuple[Tip, ...]
+    radius: float
+    mass: float
+    width: float
+    height: float
+
+
+def sdf(parts: Parts, comment: str) -> str:
+    """Return both bodies in SDFormat."""
+    return _written(parts, comment, SDF, SDF_TIP, "        ", "<drake:{0}>{1}</drake:{0}>")
+
+
+def urdf(parts: Parts, comment: str) -> str:
+    """Return the same in URDF."""
+    return _written(parts, comment, URDF, URDF_TIP, "      ", '<drake:{0} value="{1}"/>')
+
+
+def _written(parts: Parts, comment: str, whole: str, one: str, indent: str, line: str) -> str:
+    tips = [
+        one.format(
+            name=tip.name,
+            lift=digits(tip.lift),
+            radius=digits(tip.radius),
+            material=_properties(tip.material, indent, line),
+        )
+        for tip in parts.tips
+    ]
+    surface = _properties(parts.surface, indent, line)
+    return whole.format(comment=comment, surface=surface, tips="\n".join(tips), **_sizes(parts))
+
+
+def _sizes(parts: Parts) -> dict[str, str]:
+    return {
+        "width": digits(parts.width),
+        "height": digits(parts.height),
+        "middle": digits(-0.5 * parts.height),
+        "radius": digits(parts.radius),
+        "mass": digits(parts.mass),
+        # Of a solid sphere; on its slide the tip does not turn.
+        "inertia": digits(0.4 * parts.mass * parts.radius**2),
+    }
+
+
+def _properties(material: Mapping[str, float | None], indent: str, line: str) -> str:
+    """Proximity properties, one to a line."""
+    lines = [
+        f"<drake:{name}/>" if value is None else line.format(name, digits(value))
+        for name, value in material.items()
+    ]
+    inside = "".join(f"\n{indent}  {each}" for each in lines)
+    return f"<drake:proximity_properties>{inside}\n{indent}</drake:proximity_properties>"
+
+
+# A law as Drake's contacts: what is written, what it will do, and what it does.
+
+#: The other body's stiffness, as a multiple of the contact's: they are in series, and so it changes
+#: the eleventh digit.
+RIGID = 1e10
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DrakeContact(Fragment):
+    """A contact in Drake's text.
+
+    Attributes
+    ----------
+    parts : Parts
+        What the text is made of.
+    setting : Setting
+        How the plant has to be set up beside it.
+    heed : tuple of str
+        What is easily got wrong with it; a comment in every file.
+    """
+
+    # Of a drop on its way down, for the way up may take 20 times as many: some seconds.
+    most_steps: ClassVar[int] = 5000
+    parts: Parts = field(repr=False)
+    setting: Setting
+    heed: tuple[str, ...]
+
+    def force_at(self, penetration: float, velocity: float) -> float:
+        """Force at one state, N, by formula."""
+        raise NotImplementedError
+
+    def files(self, notes: Sequence[str]) -> Mapping[str, str]:
+        """Return both bodies in SDFormat and in URDF, and a script that drops the tip."""
+        said = [*notes, *self._asked_of_plant(), *self.heed]
+        return {
+            "contact.sdf": sdf(self.parts, xml_comment(said)),
+            "contact.urdf": urdf(self.parts, xml_comment(said)),
+            "scene.py": SCENE.format(
+                comment=hash_comment(said),
+                speed=digits(self.asked.motion.fastest),
+                time_step=digits(self.setting.time_step),
+                contact_model=self.setting.contact_model,
+                approximation=self.setting.approximation,
+            ),
+        }
+
+    def predicted_rebound(self, drop: Drop) -> float:
+        """Restitution by the formula and by the plant's own steps."""
+        return rebound_by_steps(self.force_at, drop, self.setting.time_step)
+
+    def replay(self, motion: ProbeMotion) -> Replayed:
+        """Return Drake's force at every state of a motion."""
+        force = forces(Plant(self._text(), self.setting), motion)
+        how = f"state by state in a plant of {self._plant_in_words()}"
+        return Replayed(force, how)
+
+    def rebound(self, drop: Drop) -> float | None:
+        """Restitution in Drake, by steps of the time step; None of a drop that takes too many."""
+        step = self.setting.time_step
+        if step > 0.0 and steps_down(drop, step) > self.most_steps:
+            return None
+        return simulated_rebound(Plant(self._text(), self.setting), drop)
+
+    def _text(self) -> str:
+        return self.files(())["contact.sdf"]
+
+    def _asked_of_plant(self) -> tuple[str, ...]:
+        return (
+            "Drake's plant must be set up beside it:",
+            f"MultibodyPlantConfig(time_step={digits(self.setting.time_step)}, "
+            f'contact_model="{self.setting.contact_model}", '
+            f'discrete_contact_approximation="{self.setting.approximation}")',
+        )
+
+    def _plant_in_words(self) -> str:
+        if self.setting.time_step == 0.0:
+            return "continuous time"
+        return f"{1e3 * self.setting.time_step:.3g} ms, {self.setting.approximation}"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PointContact(DrakeContact):
+    """One sphere, or some in one another, by Drake's point contact of Hunt and Crossley."""
+
+    spheres: Spheres = field(repr=False)
+
+    def predicted(self, motion: ProbeMotion) -> Floats:
+        """Force of all spheres, N."""
+        return self.spheres.force(motion.penetration, motion.velocity, self.setting.time_step)
+
+    def force_at(self, penetration: float, velocity: float) -> float:
+        """Force at one state, N."""
+        return self.spheres.at(penetration, velocity, self.setting.time_step)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SapContact(DrakeContact):
+    """One sphere by Drake's SAP: k (x + τ v)."""
+
+    def predicted(self, motion: ProbeMotion) -> Floats:
+        """Force of its law, N, once the surface was met where the step began."""
+        before = motion.penetration - self.setting.time_step * motion.velocity
+        force: Floats = super().predicted(motion) * (before >= 0.0)
+        return force
+
+    def force_at(self, penetration: float, velocity: float) -> float:
+        """Force at one state, N."""
+        law = self.engine_law
+        assert law is not None
+        return max(law.stiffness * penetration + law.damping * velocity, 0.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SlabContact(DrakeContact):
+    """A rigid sphere on a hydroelastic slab."""
+
+    # A state takes 3 to 5 ms.
+    most_samples: ClassVar[int] = 500
+    most_steps: ClassVar[int] = 200
+    slab: Slab
+
+    def predicted(self, motion: ProbeMotion) -> Floats:
+        """Force of the pressure on the sphere's mesh, N."""
+        return self.slab.force(motion.penetration, motion.velocity)
+
+    def force_at(self, penetration: float, velocity: float) -> float:
+        """Force at one state, N."""
+        return self.slab.at(penetration, velocity)
+
+    def replay(self, motion: ProbeMotion) -> Replayed:
+        """Return Drake's force at every state of a motion, which a continuous plant has as such."""
+        continuous = Setting(self.setting.contact_model, self.setting.approximation, 0.0)
+        return Replayed(forces(Plant(self._text(), continuous), motion), "state by state")
+
+
+def point_parts(spheres: Spheres, radius: float, mass: float, deepest: float) -> Parts:
+    """One sphere on a surface that gives way; or spheres that give way on one that does not.
+
+    Spheres have one centre as long as they fit; of a tip smaller than the gaps the inner ones, a
+    tenth of its radius, are raised instead, and hold for a surface below the tip only.
+    """
+    rigid = _point_material(RIGID * float(spheres.stiffness.sum()), 0.0)
+    soft = [
+        _point_material(float(k), float(d))
+        for k, d in zip(spheres.stiffness, spheres.dissipation, strict=True)
+    ]
+    if len(soft) == 1:
+        tip = Tip("tip", radius, 0.0, rigid)
+        return Parts(soft[0], (tip,), radius, mass, *_box(radius, deepest))
+    tips = []
+    for number, gap in enumerate(spheres.gaps.tolist()):
+        inner = max(radius - gap, 0.1 * radius)
+        # From the outer sphere's lowest point upwards.
+        tips.append(Tip(f"tip_{number + 1}", inner, gap - (radius - inner), soft[number]))
+    return Parts(rigid, tuple(tips), radius, mass, *_box(radius, deepest))
+
+
+def _point_material(stiffness: float, dissipation: float) -> dict[str, float]:
+    return {"point_contact_stiffness": stiffness, "hunt_crossley_dissipation": dissipation}
+
+
+def sap_parts(law: GeneralisedHuntCrossley, radius: float, mass: float, deepest: float) -> Parts:
+    """A surface that gives way, below a tip that does not and whose relaxation time is 0."""
+    tip = {"point_contact_stiffness": RIGID * law.stiffness, "relaxation_time": 0.0}
+    surface = {
+        "point_contact_stiffness": law.stiffness,
+        "relaxation_time": law.damping / law.stiffness,
+    }
+    return Parts(surface, (Tip("tip", radius, 0.0, tip),), radius, mass, *_box(radius, deepest))
+
+
+def slab_parts(slab: Slab, mass: float) -> Parts:
+    """A rigid sphere on a compliant box whose medial plane is the slab's bottom.
+
+    Without friction, which would push back on the sphere's flanks as it goes straight in: with the
+    coefficient 1 that Drake takes where none is given, by nearly half of the force at 50 mm/s.
+    """
+    smooth = {"mu_dynamic": 0.0, "mu_static": 0.0}
+    surface = {
+        "compliant_hydroelastic": None,
+        "hydroelastic_modulus": slab.modulus,
+        "hunt_crossley_dissipation": slab.dissipation,
+        **smooth,
+    }
+    tip = {
+        "rigid_hydroelastic": None,
+        "mesh_resolution_hint": slab.resolution_hint,
+        "hunt_crossley_dissipation": 0.0,
+        **smooth,
+    }
+    # The medial plane reaches as far as H from the rim.
+    width = 2.0 * (slab.radius + 2.0 * slab.thickness)
+    tips = (Tip("tip", slab.radius, 0.0, tip),)
+    return Parts(surface, tips, slab.radius, mass, width, 2.0 * slab.thickness)
+
+
+def _box(radius: float, deepest: float) -> tuple[float, float]:
+    """Width and height of a box of which the top is the nearest face, as deep as it goes, m."""
+    return max(1.0, 10.0 * (radius + deepest)), max(0.2, 4.0 * deepest)
+
+
+# Drake: point contact, spheres in one another, a hydroelastic slab, or SAP.
+
+#: The approximation that has Hunt and Crossley's law; "similar" and "tamsi" gave the same digits.
+LAGGED = "lagged"
+SAP = "sap"
+# Of a tip deeper than this fraction of its radius the closed form was not tried.
+_DEEPEST = 0.9
+
+_TWO_BODIES = (
+    "Stiffnesses of the two bodies are in series, and their dissipations averaged: a body without",
+    "properties of its own would soften the contact, so both are written.",
+)
+_NOT_SAP = (
+    "Not for SAP, which ignores the dissipation and takes 0.1 s of relaxation time for each body.",
+)
+_SAP = (
+    "SAP ignores the dissipation. Stiffnesses of the two bodies are in series and their relaxation",
+    "times add, 0.1 s each unless set: so both are written, the tip's as 0.",
+)
+
+
+class Drake(Engine):
+    """A contact in SDFormat and URDF, with Drake's proximity properties."""
+
+    name: ClassVar[str] = "drake"
+    title: ClassVar[str] = "Drake"
+    forms: ClassVar[Mapping[str, str]] = {
+        "point": "F = k x (1 + d v), one sphere",
+        "nested-spheres": "the same from spheres in one another, for n above 1",
+        "hydroelastic": "a rigid sphere of the tip's radius on a slab: F near x²",
+        "sap": "F = k (x + τ v), Kelvin and Voigt's",
+    }
+    distribution: ClassVar[str | None] = "drake"
+    extra: ClassVar[str] = "peers"
+    takes: ClassVar[frozenset[str]] = frozenset({"tip_radius"})
+    continuous: ClassVar[bool] = True
+
+    def fit(self, asked: Asked) -> DrakeContact:
+        """Return the law as contacts of Drake, of the form asked for or the one that is nearest.
+
+        Raises
+        ------
+        InvalidParameterError
+            The stiffness is not above 0; or the slab is asked for without the tip's radius, or for
+            a tip that is pressed in too deep.
+        """
+        _pushing(asked.law)
+        if asked.form == "point":
+            return _point(asked, "point", _nearest_point(asked))
+        if asked.form == "nested-spheres":
+            return _point(asked, "nested-spheres", _spheres(asked))
+        if asked.form == "hydroelastic":
+            return _hydroelastic(asked)
+        if asked.form == "sap":
+            return _sap(asked)
+        return _nearest(asked)
+
+
+def _nearest(asked: Asked) -> DrakeContact:
+    """By the law: exactly where it is one of Drake's, else the smallest error predicted."""
+    law = asked.law
+    steps = asked.time_step > 0.0  # without them there is no SAP
+    if steps and is_kelvin_voigt(law) and law.damping > 0.0:
+        return _sap(asked)
+    found: DrakeContact
+    if law.exponent <= 1.0:
+        found = _point(asked, "point", _nearest_point(asked))
+    else:
+        spheres = _spheres(asked)
+        form = "nested-spheres" if spheres.gaps.size > 1 else "point"
+        found = _point(asked, form, spheres)
+    # SAP's damper does not grow with depth: not for a law of which it grows nearly as the force.
+    if steps and law.damping > 0.0 and law.damping_exponent < 0.5 * law.exponent:
+        return min(found, _sap(asked), key=_error)
+    return found
+
+
+def _error(contact: DrakeContact) -> float:
+    motion = contact.asked.motion
+    law = motion.force_by(contact.asked.law)
+    return force_error(contact.predicted(motion), law, motion.judged)
+
+
+def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
+    radius, mass, deepest = _radius(asked), asked.mass_or_one, asked.motion.deepest
+    law = asked.law
+    one = spheres.gaps.size == 1
+    numbers = {}
+    for place in range(spheres.gaps.size):
+        mark = "" if one else f"[{place + 1}]"
+        if not one:
+            numbers[f"gap{mark}"] = float(spheres.gaps[place])
+        numbers[f"point_contact_stiffness{mark}"] = float(spheres.stiffness[place])
+        numbers[f"hunt_crossley_dissipation{mark}"] = float(spheres.dissipation[place])
+    exact = law.exponent == 1.0 and (law.damping == 0.0 or law.damping_exponent == 1.0)
+    warnings = [*_negative(law), *_step(asked)]
+    if spheres.gaps[-1] > 0.9 * radius:
+        warnings.append(
+            "the tip is smaller than it is pressed in: its inner spheres are raised, and hold for "
+            "a surface straight below"
+        )
+    return PointContact(
+        form=form,
+        asked=asked,
+        numbers=numbers,
+        exact=exact and law.damping >= 0.0,
+        warnings=tuple(warnings),
+        parts=point_parts(spheres, radius, mass, deepest),
+        setting=Setting("point", LAGGED, asked.time_step),
+        heed=(*_TWO_BODIES, *_NOT_SAP),
+        spheres=spheres,
+    )
+
+
+def _nearest_point(asked: Asked) -> Spheres:
+    """One sphere: where p = n with the law's own dissipation, which keeps restitution."""
+    law, motion = _dissipating(asked.law), asked.motion
+    if law.damping_exponent != law.exponent and law.damping > 0.0:
+        return one_sphere(_pushing(with_exponents(law, motion, 1.0, 1.0)))
+    x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
+    if law.exponent == 1.0:
+        return one_sphere(law)
+    b = law.damping / law.stiffness
+    weight = np.maximum(1.0 + b * v, 0.0) ** 2
+    stiffness = (
+        law.stiffness
+        * float((weight * x ** (law.exponent + 1.0)).sum())
+        / float((weight * x**2).sum())
+    )
+    return one_sphere(GeneralisedHuntCrossley(stiffness, 1.0, stiffness * b, 1.0))
+
+
+def _spheres(asked: Asked) -> Spheres:
+    motion = asked.motion
+    firm = motion.judged
+    return nested_spheres(_dissipating(asked.law), motion.penetration[firm], motion.velocity[firm])
+
+
+def _dissipating(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
+    """The law, without a damper that makes energy."""
+    if law.damping >= 0.0:
+        return law
+    return GeneralisedHuntCrossley(law.stiffness, law.exponent, 0.0, law.exponent)
+
+
+def _pushing(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
+    """The law, which must have a spring."""
+    if law.stiffness > 0.0:
+        return law
+    raise InvalidParameterError(
+        f"a law with a stiffness of {law.stiffness:.3g} cannot be a contact of Drake"
+    )
+
+
+def _negative(law: GeneralisedHuntCrossley) -> tuple[str, ...]:
+    if law.damping >= 0.0:
+        return ()
+    return ("the law's damping is negative, which Drake does not take: it is written as 0",)
+
+
+def _slab(asked: Asked) -> Slab:
+    """The slab that is nearest to the law, where the tip goes with one."""
+    if asked.tip_radius is None:
+        raise InvalidParameterError(
+            "tip_radius is needed for Drake's hydroelastic contact, whose force goes with it: give "
+            "that of the tip, as in --tip-radius 5mm, or another form"
+        )
+    deepest = asked.motion.deepest
+    if deepest > _DEEPEST * asked.tip_radius:
+        raise InvalidParameterError(
+            f"tip_radius of {1e3 * asked.tip_radius:.3g} mm is too small for Drake's hydroelastic "
+            f"contact: the tip was pressed {1e3 * deepest:.3g} mm deep; take another form"
+        )
+    found = slab(_dissipating(asked.law), asked.motion, asked.tip_radius)
+    if found.halvings > FINEST:
+        raise InvalidParameterError(
+            f"tip_radius of {1e3 * asked.tip_radius:.3g} mm is too large for Drake's hydroelastic "
+            f"contact: pressed {1e3 * deepest:.3g} mm deep at most, it would need a mesh finer "
+            "than can be simulated; take another form"
+        )
+    return found
+
+
+def _hydroelastic(asked: Asked) -> DrakeContact:
+    found = _slab(asked)
+    return SlabContact(
+        form="hydroelastic",
+        asked=asked,
+        numbers={
+            "hydroelastic_modulus": found.modulus,
+            "hunt_crossley_dissipation": found.dissipation,
+            "box_height": 2.0 * found.thickness,
+            "mesh_resolution_hint": found.resolution_hint,
+        },
+        warnings=(
+            *_negative(asked.law),
+            "written without friction, which would push back on the tip's flanks as it goes "
+            "straight in: with a coefficient of 1 the force was nearly half higher at 50 mm/s",
+            "the modulus holds for this radius and this box: pressure goes with modulus over "
+            "half of its height",
+            *_step(asked),
+        ),
+        parts=slab_parts(found, asked.mass_or_one),
+        setting=Setting("hydroelastic", LAGGED, asked.time_step),
+        heed=_NOT_SAP,
+        slab=found,
+    )
+
+
+def _sap(asked: Asked) -> DrakeContact:
+    if asked.time_step == 0.0:
+        raise InvalidParameterError(
+            "time_step must be above 0 for Drake's SAP, which solves for the end of a step"
+        )
+    law = _pushing(kelvin_voigt(_dissipating(asked.law), asked.motion))
+    return SapContact(
+        form="sap",
+        asked=asked,
+        numbers={
+            "point_contact_stiffness": law.stiffness,
+            "relaxation_time": law.damping / law.stiffness,
+        },
+        engine_law=law,
+        exact=is_kelvin_voigt(asked.law) and asked.law.damping >= 0.0,
+        warnings=(*_negative(asked.law), *_step(asked)),
+        parts=sap_parts(law, _radius(asked), asked.mass_or_one, asked.motion.deepest),
+        setting=Setting("point", SAP, asked.time_step),
+        heed=_SAP,
+    )
+
+
+def _step(asked: Asked) -> tuple[str, ...]:
+    """What an implicit step damps beside the law: h ∂F/∂x, against B xᵖ."""
+    law, depth = asked.law, asked.motion.deepest
+    more = asked.time_step * law.exponent * law.stiffness * depth ** (law.exponent - 1.0)
+    own = max(law.damping, 0.0) * depth**law.damping_exponent
+    # From two hundredths of the law's own on; e then changes by about a hundredth.
+    if more < 0.02 * own:
+        return ()
+    return (
+        f"a step of {1e3 * asked.time_step:.3g} ms damps a body by {more:.2g} N·s/m beside the "
+        f"law's {own:.2g} at {1e3 * depth:.3g} mm: where impacts matter take a smaller step, or "
+        "time_step=0, a continuous plant",
+    )
+
+
+def _radius(asked: Asked) -> float:
+    """The tip's; point contact does not look at it, so any that is not all below the surface."""
+    return asked.tip_radius or max(0.01, 2.0 * asked.motion.deepest)
+
+
+ENGINE = Drake()

@@ -1,0 +1,337 @@
+"""OpenSim's text: a model with a sphere on a slide above a half-space, and a script.
+
+OpenSim: a sphere on a half-space by ``HuntCrossleyForce``, exact at n = p = 3/2.
+
+Simbody has F = 4/3 √R E x^(3/2) (1 + 3/2 c v)₊, see :func:`palpate.force_laws.engines.simbody`: so
+E = K/(4/3 √R), which OpenSim calls stiffness, and c = (B/K)/1.5. Each body has parameters of its
+own, from a file; set from Python both would be given the same material.
+"""
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import ClassVar
+
+import numpy as np
+
+from palpate.errors import InvalidParameterError
+from palpate.exports.engine import (
+    Asked,
+    Drop,
+    Engine,
+    Fragment,
+    ProbeMotion,
+    Replayed,
+    digits,
+    hash_comment,
+    with_exponents,
+    xml_comment,
+)
+from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.validation import Floats
+from palpate.writing import temporary_file
+
+MODEL = """\
+<?xml version="1.0" encoding="UTF-8"?>
+{comment}
+<OpenSimDocument Version="40500">
+  <Model name="contact">
+    <gravity>0 0 0</gravity>
+    <BodySet name="bodyset">
+      <objects>
+        <Body name="tip">
+          <mass>{mass}</mass>
+          <mass_center>0 0 0</mass_center>
+          <inertia>{inertia} {inertia} {inertia} 0 0 0</inertia>
+        </Body>
+      </objects>
+    </BodySet>
+    <JointSet name="jointset">
+      <objects>
+        <!-- x is into the surface; the coordinate is the penetration. -->
+        <SliderJoint name="slide">
+          <socket_parent_frame>touching</socket_parent_frame>
+          <socket_child_frame>centre</socket_child_frame>
+          <coordinates>
+            <Coordinate name="penetration"/>
+          </coordinates>
+          <frames>
+            <PhysicalOffsetFrame name="touching">
+              <socket_parent>/ground</socket_parent>
+              <translation>{above} 0 0</translation>
+            </PhysicalOffsetFrame>
+            <PhysicalOffsetFrame name="centre">
+              <socket_parent>/bodyset/tip</socket_parent>
+              <translation>0 0 0</translation>
+            </PhysicalOffsetFrame>
+          </frames>
+        </SliderJoint>
+      </objects>
+    </JointSet>
+    <ForceSet name="forceset">
+      <objects>
+        <!-- Paste this force, and give both geometries its names. -->
+        <HuntCrossleyForce name="contact">
+          <HuntCrossleyForce::ContactParametersSet name="contact_parameters">
+            <objects>
+              <HuntCrossleyForce::ContactParameters>
+                <geometry>surface</geometry>
+                <stiffness>{stiffness}</stiffness>
+                <dissipation>{dissipation}</dissipation>
+              </HuntCrossleyForce::ContactParameters>
+              <HuntCrossleyForce::ContactParameters>
+                <geometry>sphere</geometry>
+                <stiffness>{rigid}</stiffness>
+                <dissipation>0</dissipation>
+              </HuntCrossleyForce::ContactParameters>
+            </objects>
+          </HuntCrossleyForce::ContactParametersSet>
+        </HuntCrossleyForce>
+      </objects>
+    </ForceSet>
+    <ContactGeometrySet name="contactgeometryset">
+      <objects>
+        <ContactSphere name="sphere">
+          <socket_frame>/bodyset/tip</socket_frame>
+          <location>0 0 0</location>
+          <radius>{radius}</radius>
+        </ContactSphere>
+        <ContactHalfSpace name="surface">
+          <socket_frame>/ground</socket_frame>
+          <location>0 0 0</location>
+        </ContactHalfSpace>
+      </objects>
+    </ContactGeometrySet>
+  </Model>
+</OpenSimDocument>
+"""
+
+SCENE = '''\
+"""The smallest scene with this contact: a tip meets the surface, and rebounds.
+
+pip install opensim
+"""
+{comment}
+
+from pathlib import Path
+
+import opensim
+
+SPEED = {speed}  # m/s, at first touch
+
+model = opensim.Model(str(Path(__file__).with_name("contact.osim")))
+state = model.initSystem()
+slide = model.getCoordinateSet().get("penetration")
+slide.setSpeedValue(state, SPEED)
+manager = opensim.Manager(model)
+manager.setIntegratorAccuracy(1e-7)
+manager.setIntegratorMaximumStepSize({time_step})
+manager.initialize(state)
+
+deepest, time = 0.0, 0.0
+while time < 10.0:
+    time += {time_step}
+    state = manager.integrate(time)
+    depth, speed = slide.getValue(state), slide.getSpeedValue(state)
+    deepest = max(deepest, depth)
+    if depth <= 0.0 and speed < 0.0:
+        print(f"{{1e3 * deepest:.3g}} mm deep, back at {{-speed / SPEED:.3f}} of the speed")
+        break
+else:
+    print(f"{{1e3 * deepest:.3g}} mm deep, and it stays")
+'''
+
+
+# OpenSim itself: the model as it reads it, pressed and dropped.
+
+# A body is looked at so often on its way down, and given so many times as long to come back.
+_LOOKS, _LONGEST = 100, 20
+# With it the exact restitution came out to seven digits.
+_ACCURACY = 1e-8
+
+
+class Scene:
+    """A tip on a slide above a half-space."""
+
+    def __init__(self, text: str) -> None:
+        self._opensim = _quiet_opensim()
+        with temporary_file("contact.osim", [text.encode()]) as path:
+            self._model = self._opensim.Model(str(path))
+        self._state = self._model.initSystem()
+        self._coordinate = self._model.getCoordinateSet().get("penetration")
+        self._force = self._opensim.HuntCrossleyForce.safeDownCast(
+            self._model.getForceSet().get("contact")
+        )
+        self._column = self._force.getRecordLabels().findIndex("contact.tip.force.X")
+
+    def forces(self, motion: ProbeMotion) -> Floats:
+        """Return the force at every state of a motion, N."""
+        force = np.empty(len(motion))
+        for k in range(len(motion)):
+            self._coordinate.setValue(self._state, float(motion.penetration[k]))
+            self._coordinate.setSpeedValue(self._state, float(motion.velocity[k]))
+            self._model.realizeDynamics(self._state)
+            force[k] = -self._force.getRecordValues(self._state).get(self._column)
+        return force
+
+    def rebound(self, drop: Drop) -> float:
+        """Restitution of a body of the drop's mass; 0 of one that stays."""
+        step = drop.depth / drop.speed / _LOOKS
+        self._model.getBodySet().get("tip").setMass(drop.mass)
+        state = self._model.initSystem()
+        self._coordinate.setValue(state, 0.0)
+        self._coordinate.setSpeedValue(state, drop.speed)
+        manager = self._opensim.Manager(self._model)
+        manager.setIntegratorAccuracy(_ACCURACY)
+        manager.setIntegratorMaximumStepSize(step)
+        manager.initialize(state)
+        for k in range(1, _LOOKS * _LONGEST):
+            state = manager.integrate(k * step)
+            x, v = self._coordinate.getValue(state), self._coordinate.getSpeedValue(state)
+            if x <= 0.0 and v < 0.0:
+                return float(-v / drop.speed)
+            if not math.isfinite(v):
+                break
+        return 0.0
+
+
+def _quiet_opensim() -> ModuleType:
+    with warnings.catch_warnings():
+        # Python 3.12 says it of every extension made by an older SWIG, as it is imported.
+        warnings.filterwarnings(
+            "ignore", "builtin type .* has no __module__ attribute", DeprecationWarning
+        )
+        import opensim
+    # Or it leaves a log in whichever folder this runs in.
+    opensim.Logger.removeFileSink()
+    opensim.Logger.setLevelString("Off")
+    module: ModuleType = opensim
+    return module
+
+
+#: The tip's modulus over the surface's. They combine by their powers 2/3: it changes the ninth
+#: digit.
+RIGID = 1e13
+_EXPONENT = 1.5
+_HEED = (
+    "A sphere of this radius on a half-space. Each geometry has parameters of its own: set from",
+    "Python both would have the same material, and the force would be softer by the root of 8.",
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SphereOnHalfSpace(Fragment):
+    """One sphere on a half-space."""
+
+    def files(self, notes: Sequence[str]) -> Mapping[str, str]:
+        """Return a model, with the force to paste, and a script that drops the tip."""
+        radius, mass = self.asked.tip_radius, self.asked.mass_or_one
+        assert radius is not None
+        modulus = self.numbers["stiffness"]
+        model = MODEL.format(
+            comment=xml_comment([*notes, *_HEED]),
+            mass=digits(mass),
+            # Of a solid sphere; on its slide the tip does not turn.
+            inertia=digits(0.4 * mass * radius**2),
+            above=digits(-radius),
+            radius=digits(radius),
+            stiffness=digits(modulus),
+            dissipation=digits(self.numbers["dissipation"]),
+            rigid=digits(RIGID * modulus),
+        )
+        scene = SCENE.format(
+            comment=hash_comment([*notes, *_HEED]),
+            speed=digits(self.asked.motion.fastest),
+            time_step=digits(self.asked.time_step),
+        )
+        return {"contact.osim": model, "scene.py": scene}
+
+    def replay(self, motion: ProbeMotion) -> Replayed:
+        """Return OpenSim's force at every state of a motion."""
+        return Replayed(self._scene().forces(motion), "state by state")
+
+    def rebound(self, drop: Drop) -> float:
+        """Restitution in OpenSim, whose integrator keeps to an accuracy and not to a step."""
+        return self._scene().rebound(drop)
+
+    def _scene(self) -> Scene:
+        return Scene(self.files(())["contact.osim"])
+
+
+class OpenSim(Engine):
+    """A model with a HuntCrossleyForce."""
+
+    name: ClassVar[str] = "opensim"
+    title: ClassVar[str] = "OpenSim"
+    forms: ClassVar[Mapping[str, str]] = {
+        "hunt-crossley": "F = 4/3 √R E x^1.5 (1 + 1.5 c v), of a sphere of the tip's radius"
+    }
+    distribution: ClassVar[str | None] = "opensim"
+    extra: ClassVar[str] = "peers"
+    takes: ClassVar[frozenset[str]] = frozenset({"tip_radius"})
+
+    def fit(self, asked: Asked) -> SphereOnHalfSpace:
+        """Return the law as a HuntCrossleyForce: exactly at n = p = 3/2, else the nearest.
+
+        Raises
+        ------
+        InvalidParameterError
+            The tip's radius is not given, or the stiffness is not above 0.
+        """
+        if asked.tip_radius is None:
+            raise InvalidParameterError(
+                "tip_radius is needed for OpenSim, whose force goes with its root: give that of "
+                "the tip, as in --tip-radius 5mm"
+            )
+        if asked.law.stiffness <= 0.0:
+            raise InvalidParameterError(
+                f"a law with a stiffness of {asked.law.stiffness:.3g} cannot be a force of OpenSim"
+            )
+        law = nearest(asked)
+        stiffness = law.stiffness / (4.0 / 3.0 * asked.tip_radius**0.5)
+        return SphereOnHalfSpace(
+            form="hunt-crossley",
+            asked=asked,
+            numbers={
+                "stiffness": stiffness,
+                "dissipation": law.damping / law.stiffness / 1.5,
+                "radius": asked.tip_radius,
+            },
+            engine_law=law,
+            exact=law == asked.law,
+            warnings=tuple(_warnings(asked)),
+        )
+
+
+def nearest(asked: Asked) -> GeneralisedHuntCrossley:
+    """The law with n = p = 3/2; where p = n with its own B/K, which keeps restitution."""
+    law, motion = asked.law, asked.motion
+    if law.damping > 0.0 and law.damping_exponent != law.exponent:
+        return with_exponents(law, motion, _EXPONENT, _EXPONENT)
+    b = max(law.damping, 0.0) / law.stiffness
+    if law.exponent == _EXPONENT:
+        return GeneralisedHuntCrossley(law.stiffness, _EXPONENT, law.stiffness * b, _EXPONENT)
+    x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
+    weight = np.maximum(1.0 + b * v, 0.0) ** 2 * x**_EXPONENT
+    stiffness = law.stiffness * float(weight @ x**law.exponent) / float(weight @ x**_EXPONENT)
+    return GeneralisedHuntCrossley(stiffness, _EXPONENT, stiffness * b, _EXPONENT)
+
+
+def _warnings(asked: Asked) -> list[str]:
+    radius = asked.tip_radius
+    assert radius is not None
+    warnings = [
+        f"for a tip of {1e3 * radius:.4g} mm only: the force goes with the root of the radius"
+    ]
+    if asked.motion.deepest > radius:
+        warnings.append(
+            "the tip was pressed deeper than its radius: OpenSim takes the law as it stands there"
+        )
+    if asked.law.damping < 0.0:
+        warnings.append("the law's damping is negative: it is written as 0")
+    return warnings
+
+
+ENGINE = OpenSim()

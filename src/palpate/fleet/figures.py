@@ -1,0 +1,341 @@
+"""How what a fleet found is distributed, and how its repeats scatter."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.figures.style import Look, Scale, head, largest, look_of, scale_of, set_titles, style
+from palpate.fleet.maps import Map, Repeats, numbers
+from palpate.validation import Floats
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+
+
+_BINS = 40
+# Percentiles between which a histogram is drawn; what is beyond is counted in its title.
+_HISTOGRAM_SPAN = (0.5, 99.5)
+# High over low from which values are drawn on a logarithmic axis: by then half of them can lie in
+# the first of the bars.
+_DECADES = 100.0
+
+
+def draw_distributions(
+    table: "pa.Table", *, dark: bool = False, width: float | None = None
+) -> "Figure":
+    """Draw histograms of what was identified, and of how well that is known.
+
+    Stiffness and damping at working depth and the exponent, where one was identified; below each
+    its standard error over its size.
+
+    Parameters
+    ----------
+    table : pyarrow.Table
+        Of results.
+    dark : bool
+        For a dark background.
+    width : float, optional
+        Of the figure as it is printed, m, in [0.06, 0.4]; a page of 11 inches unless given.
+    """
+    look = look_of(dark=dark, width=width)
+    shown = [("stiffness at working depth", "stiffness_at_depth", "N/m")]
+    shown.append(("damping at working depth", "damping_at_depth", "N·s/m"))
+    if "exponent" in table.schema.names and _varies(table, "exponent"):
+        shown.append(("exponent", "exponent", ""))
+    with style(look.theme, look.sheet) as new_figure:
+        count, narrow = len(shown), look.sheet.narrow
+        height = 5.2 * count if narrow else 5.6
+        figure = new_figure(figsize=look.sheet.size(height), layout="constrained")
+        grid = figure.subplots(2 * count, 1) if narrow else figure.subplots(2, count)
+        panels = np.reshape(grid, (count, 2)) if narrow else np.transpose(grid)
+        for (name, column, unit), (above, below) in zip(shown, panels, strict=True):
+            value = numbers(table, column)
+            error = numbers(table, f"{column}_standard_error")
+            scale = scale_of(_typical(value), unit)
+            _histogram(
+                above, scale.factor * value, scale.label(name), name, look,
+                logarithmic=_spans_decades(value),
+            )  # fmt: skip
+            with np.errstate(all="ignore"):
+                relative = np.abs(error / value)[np.isfinite(value)]
+            _histogram(below, relative, "standard error / value", "", look, logarithmic=True)
+    return figure
+
+
+def draw_repeats(
+    found: list[Repeats], quantity: str, *, dark: bool = False, width: float | None = None
+) -> "Figure":
+    """Draw how far the scatter of repeats is what their errors say.
+
+    Parameters
+    ----------
+    found : list of Repeats
+        A group each.
+    quantity : str
+        What they are of.
+    dark : bool
+        For a dark background.
+    width : float, optional
+        As for :func:`draw_distributions`.
+    """
+    look = look_of(dark=dark, width=width)
+    with style(look.theme, look.sheet) as new_figure:
+        figure = new_figure(figsize=look.sheet.size(3.2), layout="constrained")
+        axes = figure.subplots()
+        for agree, words, colour in (
+            (True, "agree", look.theme.lines[0]),
+            (False, "do not agree", look.theme.lines[1]),
+        ):
+            some = [each for each in found if each.agree == agree]
+            axes.plot(
+                [each.count for each in some], [max(each.ratio, 1e-3) for each in some], "o",
+                color=colour, label=f"{words}: {len(some)}", markersize=look.points(5.0),
+            )  # fmt: skip
+        axes.axhline(1.0, color=look.theme.ink, linewidth=look.points(0.8), linestyle=":")
+        axes.set_yscale("log")
+        axes.set(xlabel="repeats", ylabel="scatter / standard errors")
+        head(axes, f"Repeats of the {quantity}")
+    return figure
+
+
+def _varies(table: "pa.Table", name: str) -> bool:
+    """Whether a parameter was identified; one that was given has no error."""
+    return bool((numbers(table, f"{name}_standard_error") > 0.0).any())
+
+
+def _spans_decades(values: Floats) -> bool:
+    """Whether most bars of a linear axis would be empty: cells and springs in one archive.
+
+    Never of values of which one is 0 or below: a logarithmic axis has no place for it.
+    """
+    known = values[np.isfinite(values)]
+    if not known.size or known.min() <= 0.0:
+        return False
+    low, high = np.percentile(known, _HISTOGRAM_SPAN).tolist()
+    return bool(high > _DECADES * low)
+
+
+def _typical(values: Floats) -> float:
+    known = np.abs(values[np.isfinite(values)])
+    return float(np.percentile(known, 90.0)) if known.size else 0.0
+
+
+def _histogram(
+    axes: "Axes", values: Floats, label: str, title: str, look: Look, *, logarithmic: bool = False
+) -> None:
+    known = values[np.isfinite(values) & ((values > 0.0) | (not logarithmic))]
+    if known.size:
+        low, high = np.percentile(known, _HISTOGRAM_SPAN).tolist()
+        if high <= low:
+            low, high = low - 0.5 * abs(low) - 1e-12, high + 0.5 * abs(high) + 1e-12
+            low = max(low, 1e-12) if logarithmic else low
+        spaced = np.geomspace if logarithmic else np.linspace
+        edges = spaced(low, high, _BINS + 1).tolist()
+        inside = known[(known >= low) & (known <= high)]
+        axes.hist(inside, edges, color=look.theme.lines[0], linewidth=0)
+        if logarithmic:
+            axes.set_xscale("log")
+            axes.xaxis.set_minor_formatter("")
+        beyond = known.size - inside.size
+        if beyond and title:
+            title = f"{title} ({beyond} beyond)"
+    missing = values.size - known.size
+    if missing and not title:
+        title = f"{missing} without a known error"
+    axes.set(xlabel=label, ylabel="contacts")
+    axes.locator_params(axis="y", nbins=5)
+    head(axes, title, legend=False)
+
+
+# A map: what was found over where it was found, with its error beside it.
+
+# A strip that is longer than so many times its width is drawn wider, or nobody would see across it.
+_LONGEST = 20.0
+Indices = NDArray[np.intp]
+# Cells are drawn where the places fill a grid at least so far.
+_FILLED = 0.6
+# Percentiles that the colours span: one wild place leaves the others their differences.
+_COLOUR_SPAN = (2.0, 98.0)
+
+
+def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "Figure":
+    """Draw values over place, and beside them their standard errors.
+
+    Parameters
+    ----------
+    found : Map
+        By :func:`palpate.fleet.maps.map_of`.
+    dark : bool
+        For a dark background.
+    width : float, optional
+        Of the figure as it is printed, m, in [0.06, 0.4]; a page of 11 inches unless given.
+
+    Raises
+    ------
+    InvalidParameterError
+        The width is out of its range.
+    MissingExtraError
+        matplotlib is not installed.
+    """
+    look = look_of(dark=dark, width=width)
+    with style(look.theme, look.sheet) as new_figure:
+        narrow = look.sheet.narrow
+        line = len(found.axes) == 1
+        height = (4.2 if line else 4.8) if not narrow else (7.5 if line else 9.5)
+        figure = new_figure(figsize=look.sheet.size(height), layout="constrained")
+        panels = list(figure.subplots(2, 1) if narrow else figure.subplots(1, 2))
+        for axes, what in zip(panels, ("value", "error"), strict=True):
+            unit = scale_of(_usual(getattr(found, what)), found.unit)
+            (_draw_line if line else _draw_plane)(axes, found, what, unit, look)
+        set_titles(figure, look.sheet, [found.summary], lines=6)
+    return figure
+
+
+def _usual(values: Floats) -> float:
+    """The size that a unit is chosen for: one wild value does not."""
+    known = np.abs(values[np.isfinite(values)])
+    return float(np.percentile(known, _COLOUR_SPAN[1])) if known.size else 0.0
+
+
+def _titled(found: Map, what: str, unit: Scale) -> str:
+    name = found.quantity if what == "value" else "its standard error"
+    return unit.label(name)
+
+
+def _draw_line(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) -> None:
+    """Over one coordinate: values with their errors, and the errors by themselves."""
+    along = scale_of(largest(found.places[:, 0]), found.units[0])
+    x = along.factor * found.places[:, 0]
+    colour = look.theme.lines[0]
+    y = unit.factor * getattr(found, what)
+    size = look.points(4.0)
+    if what == "value":
+        bars = np.where(np.isfinite(found.error), unit.factor * found.error, 0.0)
+        axes.errorbar(x, y, bars, fmt="o", color=colour, markersize=size, linewidth=size / 4.0)
+        _mark_line(axes, x, y, found, look)
+    else:
+        axes.plot(x, y, "o", color=colour, markersize=size)
+        axes.set_ylim(bottom=0.0)
+    axes.set(xlabel=along.label(found.axes[0]), ylabel=_titled(found, what, unit))
+    head(axes, found.quantity.capitalize() if what == "value" else "Its standard error")
+
+
+def _mark_line(axes: "Axes", x: Floats, y: Floats, found: Map, look: Look) -> None:
+    """Mark what is not to be trusted, and at the foot of the panel what has no number."""
+    options: dict[str, Any] = {"color": look.theme.lines[1], "linestyle": "none"}
+    known = np.isfinite(y)
+    if (marked := known & found.mistrusted).any():
+        axes.plot(
+            x[marked], y[marked], "s", fillstyle="none", markersize=look.points(8.0),
+            label="not to be trusted", **options,
+        )  # fmt: skip
+    if not known.all():
+        foot = axes.get_xaxis_transform()
+        axes.plot(
+            x[~known], np.full(np.count_nonzero(~known), 0.02), "x", transform=foot,
+            markersize=look.points(5.0), label="no number", **options,
+        )  # fmt: skip
+
+
+def _draw_plane(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) -> None:
+    """Over two coordinates: cells of a grid, or a dot a place."""
+    places = found.places - _origin(found)
+    along = scale_of(largest(places), found.units[0])
+    x, y = (along.factor * places).T
+    values = unit.factor * getattr(found, what)
+    known = np.isfinite(values)
+    low, high = _span(values[known], zero=what == "error")
+    colours = "viridis" if what == "value" else "cividis"
+    grid = _grid(x, y)
+    if grid is not None and (~known).sum() < len(known):
+        columns, rows, i, j = grid
+        cells = np.full((len(rows), len(columns)), np.nan)
+        cells[j, i] = values
+        drawn: ScalarMappable = axes.pcolormesh(
+            _edges(columns), _edges(rows), cells, cmap=colours, vmin=low, vmax=high
+        )
+    else:
+        drawn = axes.scatter(
+            x[known], y[known], c=values[known], cmap=colours, vmin=low, vmax=high,
+            s=look.points(60.0) * min(1.0, 200.0 / max(len(x), 1)) + look.points(8.0),
+            edgecolors=look.theme.ink, linewidths=0.4,
+        )  # fmt: skip
+    if not known.all():
+        axes.plot(
+            x[~known], y[~known], "x", color=look.theme.lines[1], markersize=look.points(5.0),
+            label="no number",
+        )  # fmt: skip
+    marked = known & found.mistrusted
+    if marked.any():
+        axes.plot(
+            x[marked], y[marked], "s", color=look.theme.lines[1], fillstyle="none",
+            markersize=look.points(9.0), label="not to be trusted",
+        )  # fmt: skip
+    wide, high = np.ptp(x), np.ptp(y)
+    if found.units[0] == found.units[1] == "m" and max(wide, high) < _LONGEST * min(wide, high):
+        axes.set_aspect("equal", adjustable="box")
+    axes.grid(False)
+    beyond = _beyond(values[known], low, high)
+    bar = axes.figure.colorbar(drawn, ax=axes, extend=beyond)
+    bar.set_label(_titled(found, what, unit))
+    names = [f"{name} [{along.unit}]" if along.unit else name for name in found.axes]
+    axes.set(xlabel=names[0], ylabel=names[1])
+    title = found.quantity if what == "value" else "its standard error"
+    head(axes, title.capitalize())
+
+
+def _origin(found: Map) -> Floats:
+    """Where coordinates are counted from: a stage's own zero may be a metre away."""
+    low, high = found.places.min(axis=0), found.places.max(axis=0)
+    far = np.abs(found.places).max(axis=0) > 20.0 * np.maximum(high - low, 1e-12)
+    origin: Floats = np.where(far & (np.array(found.units) == "m"), low, 0.0)
+    return origin
+
+
+def _span(values: Floats, *, zero: bool) -> tuple[float, float]:
+    if not values.size:
+        return 0.0, 1.0
+    low, high = np.percentile(values, _COLOUR_SPAN).tolist()
+    if high <= low:
+        low, high = float(values.min()), float(values.max())
+    if high <= low:
+        low, high = low - 0.5 * abs(low) - 1e-30, high + 0.5 * abs(high) + 1e-30
+    return (0.0 if zero else low), high
+
+
+def _beyond(values: Floats, low: float, high: float) -> str:
+    under, over = bool((values < low).any()), bool((values > high).any())
+    return {(True, True): "both", (True, False): "min", (False, True): "max"}.get(
+        (under, over), "neither"
+    )
+
+
+def _grid(x: Floats, y: Floats) -> tuple[Floats, Floats, Indices, Indices] | None:
+    """Columns and rows of a grid that the places fill, and the cell of each; None of no grid."""
+    columns, rows = _levels(x), _levels(y)
+    cells = len(columns) * len(rows)
+    if len(columns) < 2 or len(rows) < 2 or len(x) < _FILLED * cells:
+        return None
+    i = np.abs(x[:, None] - columns).argmin(axis=1)
+    j = np.abs(y[:, None] - rows).argmin(axis=1)
+    if len({*zip(i.tolist(), j.tolist(), strict=True)}) < len(x):  # repeats would hide each other
+        return None
+    return columns, rows, i, j
+
+
+def _levels(values: Floats) -> Floats:
+    """The distinct coordinates; those within a thousandth of the whole are one."""
+    order = np.sort(values)
+    apart = 1e-3 * max(float(order[-1] - order[0]), 1e-300)
+    groups = np.split(order, np.flatnonzero(np.diff(order) > apart) + 1)
+    return np.array([group.mean() for group in groups])
+
+
+def _edges(levels: Floats) -> Floats:
+    middle = 0.5 * (levels[1:] + levels[:-1])
+    ends = [2.0 * levels[:1] - middle[:1], middle, 2.0 * levels[-1:] - middle[-1:]]
+    return np.concatenate(ends)

@@ -1,0 +1,641 @@
+"""Contacts that are stored as arrays, curves × samples, by Zarr; and files in object storage."""
+
+import glob
+import hashlib
+import io
+import json
+import math
+import os
+import re
+import stat
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from palpate.errors import FleetError, MissingExtraError, RecordingError
+from palpate.fleet.arrays import Curves
+from palpate.fleet.tasks import Batch, Settings, Source, digest_of, line_of, needed
+from palpate.recordings.opening import FORCE_CURVES, FORMATS
+from palpate.recordings.recording import UNITS, plain_unit, printable
+from palpate.validation import Floats
+from palpate.writing import make_folder, temporary_file, write_bytes, write_text
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+_ZARR_ENDINGS = (".zarr", ".zarr.zip")
+_MARKS = ("zarr.json", ".zgroup", ".zarray")
+_CHANNELS = {
+    "penetration": "penetration",
+    "force": "force",
+    "velocity": "velocity",
+    "time": "time",
+    "x": "penetration",
+    "y": "penetration",
+    "z": "penetration",
+}
+_CLOCK = "sample_time"
+_PIECE = 1 << 20  # bytes of an object that are fetched at once
+
+
+def is_array(name: str) -> bool:
+    """Whether a name is that of arrays by Zarr: by its ending, or by what is in the folder."""
+    if name.rstrip("/").lower().endswith(_ZARR_ENDINGS):
+        return True
+    return "://" not in name and any(os.path.isfile(f"{name}/{mark}") for mark in _MARKS)  # noqa: PTH113 - of text
+
+
+def described_array(name: str) -> Source:
+    """Return what a group of arrays holds.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be opened, or is no ``penetration`` and ``force`` of curves × samples.
+    """
+    group = _opened(name)
+    shape, chunks = _shape(group, name)
+    if not shape[0]:
+        raise RecordingError(f"{name}: holds no contact: penetration and force have no row")
+    return Source(name, "zarr", shape[0], shape[1], chunks[0], stamp_of(name))
+
+
+def stamp_of(name: str) -> str:
+    """What would change if something was written again: how many files, sizes, latest time."""
+    if "://" in name:
+        fsspec = needed("fsspec", "object storage")
+        files, root = fsspec.core.url_to_fs(name)
+        known = files.find(root, detail=True).values()
+        marks = sorted(
+            f"{about['name']} {about.get('size')} {about.get('ETag') or about.get('mtime') or ''}"
+            for about in known
+        )
+        return hashlib.sha256("\n".join(marks).encode()).hexdigest()[:16]
+    try:
+        status = [os.stat(name)]  # noqa: PTH116 - of text
+        for folder, _, inside in os.walk(name):
+            status += [os.stat(f"{folder}/{each}") for each in inside]  # noqa: PTH116
+    except OSError as error:  # its row will say it
+        return str(error.strerror)
+    whole = [each for each in status if not stat.S_ISDIR(each.st_mode)]
+    size, latest = sum(each.st_size for each in whole), max(each.st_mtime_ns for each in status)
+    return f"{len(whole)} {size} {latest}"
+
+
+def curves_of(name: str, first: int, count: int) -> Curves:
+    """Read some of the contacts of a group of arrays, in SI.
+
+    Parameters
+    ----------
+    name : str
+        Of the group. It holds ``penetration`` and ``force``, curves × samples; ``velocity``, where
+        it was measured; ``time``, for all curves or for each, or an attribute ``sample_time``, s;
+        and ``x``, ``y`` and ``z``, one a curve. An attribute ``units`` of an array names its unit;
+        SI unless given.
+    first, count : int
+        Which.
+
+    Raises
+    ------
+    RecordingError
+        They cannot be read.
+    """
+    group = _opened(name)
+    (_, samples), _ = _shape(group, name)
+    rows = slice(first, first + count)
+    try:
+        found = {
+            channel: _in_si(group[channel], kind, rows, name)
+            for channel, kind in _CHANNELS.items()
+            if channel in group
+        }
+    except RecordingError:
+        raise
+    except Exception as error:
+        raise RecordingError(f"{name}: cannot be read: {line_of(error)}") from None
+    time = found.get("time")
+    if time is None:
+        time = _even_clock(group, samples, name)
+    if time.shape[-1] != samples:
+        raise RecordingError(f"{name}: time has {time.shape[-1]} samples, force {samples}")
+    return Curves(
+        time,
+        found["penetration"],
+        found["force"],
+        found.get("velocity"),
+        source=name,
+        index=np.arange(first, first + len(found["force"]), dtype=np.int64),
+        places={axis: found[axis] for axis in "xyz" if axis in found},
+    )
+
+
+@contextmanager
+def on_this_machine(name: str) -> Iterator[Path]:
+    """A source as a file here: itself, or a copy of an object, which is gone afterwards.
+
+    Raises
+    ------
+    RecordingError
+        The object cannot be fetched.
+    """
+    if "://" not in name:
+        yield Path(_on_disk(name))
+        return
+    fsspec = needed("fsspec", "object storage")
+    with temporary_file(PurePosixPath(name).name, _fetched(fsspec, name)) as path:
+        yield path
+
+
+def _on_disk(name: str) -> str:
+    """The name of a file as its folder has it: tables take UTF-8, a folder takes any bytes."""
+    if "\\x" not in name or os.path.lexists(name):
+        return name
+    raw = re.sub(
+        rb"\\x([0-9a-f]{2})", lambda found: bytes.fromhex(found[1].decode()), os.fsencode(name)
+    )
+    return os.fsdecode(raw)
+
+
+def _fetched(fsspec: Any, name: str) -> Iterator[bytes]:
+    try:
+        with fsspec.open(name, "rb").open() as file:
+            while piece := file.read(_PIECE):
+                yield piece
+    except Exception as error:
+        raise RecordingError(f"{name}: cannot be fetched: {line_of(error)}") from None
+
+
+def _opened(name: str) -> Any:
+    zarr = needed("zarr", "an array of contacts")
+    try:
+        return zarr.open_group(_on_disk(name), mode="r")
+    except Exception as error:
+        raise RecordingError(
+            f"{name}: is no group of arrays by Zarr that can be opened: {line_of(error)}"
+        ) from None
+
+
+def _shape(group: Any, name: str) -> tuple[tuple[int, int], tuple[int, int]]:
+    known = set(group.array_keys())
+    for channel in ("penetration", "force"):
+        if channel not in known:
+            raise RecordingError(
+                f"{name}: has no array {channel!r}; penetration and force are needed, curves × "
+                f"samples, and there are {', '.join(sorted(known)) or 'none at all'}"
+            )
+    shape = tuple(group["force"].shape)
+    if len(shape) != 2 or tuple(group["penetration"].shape) != shape:
+        raise RecordingError(
+            f"{name}: penetration and force must be of one shape, curves × samples, not "
+            f"{tuple(group['penetration'].shape)} and {shape}"
+        )
+    for channel in known & set(_CHANNELS):
+        if group[channel].dtype.kind not in "fiu":
+            raise RecordingError(
+                f"{name}: {channel} is an array of {group[channel].dtype}, not of real numbers"
+            )
+    for channel in ("velocity", "x", "y", "z"):
+        wanted = shape if channel == "velocity" else shape[:1]
+        if channel in known and tuple(group[channel].shape) != wanted:
+            raise RecordingError(
+                f"{name}: {channel} must be of the shape {wanted}, not {group[channel].shape}"
+            )
+    return (shape[0], shape[1]), tuple(group["force"].chunks)
+
+
+def _in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
+    attributes: Mapping[str, Any] = array.attrs
+    unit = attributes.get("units", attributes.get("unit"))
+    known = UNITS[kind]
+    word = next(iter(known)) if unit is None else plain_unit(str(unit))
+    if word not in known:
+        raise RecordingError(f"{name}: {array.basename} is in {word}, not in {', '.join(known)}")
+    taken = array[:] if kind == "time" and array.ndim == 1 else array[rows]
+    values: Floats = np.asarray(taken, dtype=np.float64)
+    # As netCDF and xarray pack numbers: what is missing, then a factor, then an offset.
+    for missing in ("_FillValue", "missing_value"):
+        if isinstance(attributes.get(missing), int | float):
+            values = np.where(values == attributes[missing], np.nan, values)
+    factor, offset = (_packing(attributes, kind, name) for kind in ("scale_factor", "add_offset"))
+    if (factor, offset) != (1.0, 0.0):
+        values = values * factor + offset
+    return values if known[word] == 1.0 else values * known[word]
+
+
+def _packing(attributes: Mapping[str, Any], kind: str, name: str) -> float:
+    value = attributes.get(kind, 1.0 if kind == "scale_factor" else 0.0)
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        raise RecordingError(f"{name}: its attribute {kind} is no number: {value!r}")
+    return float(value)
+
+
+def _even_clock(group: Any, samples: int, name: str) -> Floats:
+    step = group.attrs.get(_CLOCK)
+    if isinstance(step, bool) or not isinstance(step, int | float) or not 0.0 < step < math.inf:
+        raise RecordingError(
+            f"{name}: when its samples were taken is not said; give the group an array time, or an "
+            f"attribute {_CLOCK}, s"
+        )
+    clock: Floats = float(step) * np.arange(float(samples))
+    return clock
+
+
+# The folder of a fleet's results: one file of Parquet a batch, each whole or not there.
+
+MANIFEST = "_fleet.json"
+#: Beside the results, and not among them: two runs differ in nothing else.
+TIMES = "_seconds"
+REPORT = "report.html"
+_PART = re.compile(r"part-(\d{6,})\.parquet")
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """A folder for the results of one fleet.
+
+    Attributes
+    ----------
+    folder : Path
+        Where they are.
+    settings : Settings
+        They are made by.
+    batches : tuple of Batch
+        That they are of.
+    """
+
+    folder: Path
+    settings: Settings
+    batches: tuple[Batch, ...]
+
+    @classmethod
+    def begin(
+        cls,
+        folder: Path,
+        settings: Settings,
+        sources: Sequence[Source],
+        batches: Sequence[Batch],
+    ) -> "Results":
+        """Make the folder, or go on with what a run of the same settings and sources left there.
+
+        Raises
+        ------
+        FleetError
+            It holds what another run left, or something else.
+        RecordingError
+            It cannot be made or written to.
+        """
+        make_folder(folder)
+        wanted = {
+            "palpate": settings.version,
+            "settings": settings.plain(),
+            "sources": digest_of(sources),
+            "contacts": sum(batch.contacts for batch in batches),
+            "batches": len(batches),
+        }
+        path = folder / MANIFEST
+        if path.exists():
+            _check_same(folder, _manifest(folder), wanted)
+        else:
+            _check_empty(folder)
+            write_text(path, json.dumps(wanted, ensure_ascii=False, indent=1) + "\n")
+        make_folder(folder / TIMES)
+        return cls(folder, settings, tuple(batches))
+
+    def waiting(self) -> list[Batch]:
+        """The batches that are not there yet."""
+        there = {int(found[1]) for each in _names(self.folder) if (found := _PART.fullmatch(each))}
+        return [batch for batch in self.batches if batch.number not in there]
+
+    def error_kinds(self) -> list[str | None]:
+        """Why rows that are there have no numbers; None of one that has.
+
+        Raises
+        ------
+        FleetError
+            They cannot be read.
+        """
+        kinds: list[str | None] = []
+        if _parts(self.folder):
+            kinds = _joined(self.folder, self.folder, ["error_kind"])["error_kind"].to_pylist()
+        return kinds
+
+    def write(self, batch: Batch, table: "pa.Table", seconds: Floats) -> None:
+        """Write the rows of a batch, whole or not at all; its times first.
+
+        Raises
+        ------
+        RecordingError
+            They cannot be written.
+        """
+        pa = needed("pyarrow", "a table of contacts")
+        times = pa.table({"source": table["source"], "index": table["index"], "seconds": seconds})
+        write_bytes(self.folder / TIMES / _name(batch), as_parquet(times))
+        write_bytes(self.folder / _name(batch), as_parquet(table))
+
+
+def as_parquet(table: "pa.Table") -> bytes:
+    """Return a table as a file of Parquet: the same table, the same bytes."""
+    parquet = needed("pyarrow.parquet", "a table of contacts")
+    written = io.BytesIO()
+    parquet.write_table(table, written, compression="zstd")
+    return written.getvalue()
+
+
+def read_results(folder: Path) -> "pa.Table":
+    """Read the rows of a fleet, in the order of its sources.
+
+    Raises
+    ------
+    FleetError
+        The folder holds no results, or not all.
+    """
+    about = _manifest(folder)
+    table = _joined(folder, folder)
+    missing = about["batches"] - len(_parts(folder))
+    if missing:
+        raise FleetError(
+            f"{folder}: {missing} of {about['batches']} batches are missing; the command that made "
+            "the others goes on with them"
+        )
+    return table
+
+
+def read_seconds(folder: Path) -> "pa.Table":
+    """Read how long each row took: ``source``, ``index`` and ``seconds``."""
+    return _joined(folder, folder / TIMES)
+
+
+def manifest_of(folder: Path) -> dict[str, Any]:
+    """Return what a fleet's folder says of the run that made it.
+
+    Raises
+    ------
+    FleetError
+        It holds no results of a fleet.
+    """
+    return _manifest(folder)
+
+
+def _joined(folder: Path, place: Path, columns: list[str] | None = None) -> "pa.Table":
+    pa = needed("pyarrow", "a table of contacts")
+    parquet = needed("pyarrow.parquet", "a table of contacts")
+    parts = _parts(place)
+    if not parts:
+        raise FleetError(f"{folder}: holds no results yet")
+    try:
+        return pa.concat_tables([parquet.read_table(part, columns=columns) for part in parts])
+    except (OSError, pa.ArrowException) as error:
+        words = " ".join(str(error).split())
+        raise FleetError(f"{folder}: cannot be read: {words}") from None
+
+
+def _parts(folder: Path) -> list[Path]:
+    return [folder / name for name in sorted(_names(folder)) if _PART.fullmatch(name)]
+
+
+def _name(batch: Batch) -> str:
+    return f"part-{batch.number:06d}.parquet"
+
+
+def _names(folder: Path) -> list[str]:
+    try:
+        return [path.name for path in folder.iterdir()]
+    except OSError as error:
+        raise RecordingError(f"{folder}: {error.strerror or error}") from None
+
+
+def _manifest(folder: Path) -> dict[str, Any]:
+    path = folder / MANIFEST
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if not {"palpate", "settings", "sources", "batches", "contacts"} <= set(found):
+            raise ValueError("it lacks what palpate writes")
+    except FileNotFoundError:
+        raise FleetError(
+            f"{folder}: holds no results of palpate fleet; name the folder that it wrote"
+        ) from None
+    except (OSError, ValueError, TypeError) as error:
+        raise FleetError(f"{path}: cannot be read: {error}; choose another folder") from None
+    return dict(found)
+
+
+def _check_same(folder: Path, there: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    """Refuse a folder of another run, by what differs first."""
+    differs = _difference(there, wanted)
+    if differs:
+        raise FleetError(
+            f"{folder}: holds the results of a run with {differs}; choose another folder, or "
+            "remove this one"
+        )
+
+
+def _difference(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
+    if there["palpate"] != wanted["palpate"]:
+        return f"palpate {there['palpate']}, and this is {wanted['palpate']}"
+    before, now = there["settings"], wanted["settings"]
+    for name in sorted({*before, *now}):
+        if before.get(name) != now.get(name):
+            return f"{name} {_shown(before.get(name))}, and this asks {_shown(now.get(name))}"
+    if (there["sources"], there["batches"]) != (wanted["sources"], wanted["batches"]):
+        return (
+            f"{there['contacts']} contacts in {there['batches']} batches of other sources, or of "
+            "these before they were changed"
+        )
+    return ""
+
+
+def _shown(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _check_empty(folder: Path) -> None:
+    for name in sorted(_names(folder)):
+        if not name.startswith("."):
+            raise FleetError(
+                f"{folder}: holds {name}, which is of no run of palpate fleet; choose another "
+                "folder"
+            )
+
+
+# From what a person names to the sources there are: files, globs, folders, arrays, objects.
+
+#: Endings of files that hold several force curves.
+_MAPS = (".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
+_ENDINGS = tuple(ending for each in FORMATS for ending in each.suffixes)
+_BAG = "metadata.yaml"
+
+
+def sources_of(
+    names: Sequence[str | os.PathLike[str]], leave_out: Path | None = None
+) -> list[Source]:
+    """List what there is to identify, in an order that depends on the names alone.
+
+    Parameters
+    ----------
+    names : sequence of str or path-like
+        Files, patterns with ``*``, folders, which are gone through, Zarr arrays, and addresses such
+        as ``s3://bucket/folder``.
+    leave_out : Path, optional
+        A folder that is not gone into, such as that of the results.
+
+    Raises
+    ------
+    RecordingError
+        There is nothing of a name, or an array is none of contacts.
+    MissingExtraError
+        What reads the storage is not installed.
+    """
+    found: dict[str, Source] = {}
+    for name in names:
+        text = os.fspath(name)
+        kind = _remote if "://" in text else _local
+        listed = [(_identity(source.name), source) for source in kind(text, leave_out)]
+        if not listed:
+            raise RecordingError(
+                f"{printable(text)}: there is no recording here; recordings end in "
+                f"{', '.join(_ENDINGS)}"
+            )
+        for identity, source in listed:
+            found.setdefault(identity, replace(source, name=printable(source.name)))
+    return list(found.values())
+
+
+def _identity(name: str) -> str:
+    """The same for every name of one file, which is one contact however it is named."""
+    return name if "://" in name else os.path.realpath(name)
+
+
+def _local(text: str, leave_out: Path | None) -> Iterator[Source]:
+    path = Path(text)
+    if glob.has_magic(text) and not path.exists():
+        for each in sorted(glob.glob(text, recursive=True)):  # noqa: PTH207 - ** of absolute paths
+            yield from _at(Path(each), leave_out)
+        return
+    if not path.exists():
+        raise RecordingError(f"{printable(path)}: there is no such file or folder")
+    if leave_out is not None and _same(path, leave_out):
+        raise RecordingError(f"{printable(path)}: is the folder of the results; choose another")
+    yield from _at(path, leave_out, named=True)
+
+
+def _at(
+    path: Path, leave_out: Path | None, above: tuple[str, ...] = (), *, named: bool = False
+) -> Iterator[Source]:
+    """What a path holds; a file that was named is one whatever its name ends with.
+
+    What cannot be read is a source too, of which a row will say that, unless it was named.
+    """
+    name = str(path)
+    if path.is_dir() and not is_array(name):
+        yield from _in_folder(path, leave_out, above)
+    elif is_array(name):
+        yield described_array(name) if named else _found_array(name)
+    elif named or (path.name.lower().endswith(_ENDINGS) and (path.is_file() or _dangling(path))):
+        yield _file(name, path)
+
+
+def _in_folder(path: Path, leave_out: Path | None, above: tuple[str, ...]) -> Iterator[Source]:
+    here = os.path.realpath(path)
+    if (path / _BAG).is_file():  # a bag of ROS 2 is a folder
+        yield Source(str(path), "file", stamp=stamp_of(str(path)))
+        return
+    results = leave_out is not None and _same(path, leave_out)
+    if results or here in above or (path / MANIFEST).is_file():  # results, of whichever run
+        return
+    try:
+        inside = sorted(path.iterdir())
+    except OSError as error:
+        raise RecordingError(f"{printable(path)}: {error.strerror or error}") from None
+    for each in inside:
+        if not each.name.startswith((".", "_")):
+            yield from _at(each, leave_out, (*above, here))
+
+
+def _found_array(name: str) -> Source:
+    """An array that was found on the way: what is wrong with it is for its row to say."""
+    try:
+        return described_array(name)
+    except RecordingError:
+        return Source(name, "zarr", 1)
+
+
+def _dangling(path: Path) -> bool:
+    """Whether it is a link to what is not there; a pipe would be waited for without end."""
+    return path.is_symlink() and not path.exists()
+
+
+def _file(name: str, path: Path) -> Source:
+    stamp = stamp_of(str(path))
+    if path.name.lower().endswith(_MAPS):
+        return Source(name, "map", _curves_in(path), stamp=stamp)
+    return Source(name, "file", stamp=stamp)
+
+
+def _curves_in(path: Path) -> int | None:
+    """How many curves a map holds; None where it cannot be read, which its row will say."""
+    try:
+        from palpate.recordings.afm import count_curves
+    except ModuleNotFoundError as error:
+        raise MissingExtraError(
+            f"{FORCE_CURVES.name} files are read with the package {error.name}, which is not "
+            f"installed: pip install 'palpate[{FORCE_CURVES.extra}]'"
+        ) from None
+    try:
+        return count_curves(path)
+    except RecordingError:
+        return None
+
+
+def _same(one: Path, other: Path) -> bool:
+    return os.path.realpath(one) == os.path.realpath(other)
+
+
+def _remote(text: str, leave_out: Path | None) -> Iterator[Source]:
+    """What is at an address; the results are on disk, and never within."""
+    if is_array(text):
+        yield described_array(text)
+        return
+    fsspec = needed("fsspec", "object storage")
+    try:
+        files, root = fsspec.core.url_to_fs(text)
+        protocol = text.partition("://")[0]
+        entries = _entries(files, root)
+    except ImportError as error:
+        raise MissingExtraError(f"{text}: {error}; it goes beside 'palpate[fleet]'") from None
+    except Exception as error:
+        raise RecordingError(f"{text}: cannot be listed: {line_of(error)}") from None
+    arrays = _arrays_among(entries)
+    for name in sorted(arrays):
+        yield _found_array(f"{protocol}://{name}")
+    for name, about in entries:
+        if any(name.startswith(f"{array}/") for array in arrays):
+            continue
+        if name == root.rstrip("/") or name.lower().endswith(_ENDINGS):
+            stamp = f"{about.get('size')} {about.get('ETag') or about.get('mtime') or ''}"
+            yield Source(f"{protocol}://{name}", "file", stamp=stamp)
+
+
+def _entries(files: Any, root: str) -> list[tuple[str, dict[str, Any]]]:
+    if glob.has_magic(root):
+        found: dict[str, dict[str, Any]] = files.glob(root, detail=True)
+    else:
+        found = files.find(root, detail=True)
+    return sorted(
+        (name, about) for name, about in found.items() if about.get("type") != "directory"
+    )
+
+
+def _arrays_among(entries: Iterable[tuple[str, dict[str, Any]]]) -> set[str]:
+    """Folders of objects that are groups of Zarr, and in no other such."""
+    marks = (".zgroup", "zarr.json")
+    found = {name.rpartition("/")[0] for name, _ in entries if name.endswith(marks)}
+    return {
+        name
+        for name in found
+        if not any(name.startswith(f"{other}/") for other in found if other != name)
+    }

@@ -1,0 +1,269 @@
+"""The report of a fleet: one page that says what all of it comes to, and what to look at."""
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from palpate.digits import rounded, with_error
+from palpate.fleet import maps
+from palpate.fleet.figures import draw_distributions, draw_map, draw_repeats
+from palpate.fleet.files import REPORT, manifest_of, read_results, read_seconds
+from palpate.fleet.maps import map_of
+from palpate.fleet.rows import AT_DEPTH
+from palpate.reports import html
+from palpate.reports.html import DRAWINGS, REPORT_STYLE, STYLE, drawing
+from palpate.writing import write_text
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+#: Rows of a list; a page with more is read by nobody, and the dataset has them all.
+MOST = 20
+# Fewer contacts make no distribution.
+_FEWEST = 5
+# Of the longest side: along what is shorter there is no map, but the waviness of a surface.
+_FLAT = 0.05
+_OWN = """
+.wide td { overflow-wrap: anywhere; }
+.wide td:last-child { overflow-wrap: normal; }
+"""
+
+
+def save_report(folder: Path) -> Path:
+    """Write the page of a fleet beside its results.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the results.
+
+    Returns
+    -------
+    Path
+        Of the page.
+
+    Raises
+    ------
+    FleetError
+        The folder holds no results, or not all.
+    MissingExtraError
+        matplotlib is not installed.
+    RecordingError
+        The page cannot be written.
+    """
+    path = folder / REPORT
+    write_text(path, fleet_page(folder))
+    return path
+
+
+def fleet_page(folder: Path) -> str:
+    """Return the page of a fleet."""
+    table, times = read_results(folder), read_seconds(folder)
+    name = folder.resolve().name or "fleet"
+    parts = [
+        "<header>",
+        f"<h1>{escape(name)}</h1>",
+        *_tiles(table),
+        "</header>",
+        "<main>",
+        *html.section("distributions", "What was identified", _distributions(table)),
+        *html.section("map", "Over the material", _map(table)),
+        *html.section("repeats", "Repeats", _repeats(table)),
+        *html.section("flags", "Flags", _flags(table)),
+        *html.section("findings", "Findings of the diagnosis", _findings(table)),
+        *html.section("outliers", "Outliers", _outliers(table)),
+        *html.section("failures", "Failures", _failures(table)),
+        *html.section("slowest", "What took longest", _slowest(times)),
+        *html.section("made", "How it was made", _made(folder)),
+        "</main>",
+    ]
+    style = STYLE + DRAWINGS + REPORT_STYLE + _OWN
+    return html.document(f"{name}: what a fleet found", style, parts)
+
+
+def _tiles(table: "pa.Table") -> Iterator[str]:
+    failed = sum(error is not None for error in table.column("error").to_pylist())
+    parts = any(part is not None for part in table.column("part").to_pylist())
+    tiles = [
+        ("rows", f"{table.num_rows}", "one a place of a contact" if parts else "one a contact"),
+        ("identified", f"{table.num_rows - failed}", _percent(table.num_rows - failed, table)),
+        ("failed", f"{failed}", "each with its reason"),
+    ]
+    for quantity in maps.JUDGED:
+        value = maps.numbers(table, f"{quantity}_at_depth")
+        known = value[np.isfinite(value)]
+        if known.size:
+            low, middle, high = (rounded(v, 3) for v in np.percentile(known, (5, 50, 95)).tolist())
+            words = f"median, {AT_DEPTH[quantity]}; 5 to 95 %: {low} to {high}"
+            tiles.append((f"{quantity} at depth", middle, words))
+    yield '<div class="tiles">'
+    for heading, number, words in tiles:
+        about = f"<small>{heading}</small><b>{number}</b><small>{words}</small>"
+        yield f'<div class="tile">{about}</div>'
+    yield "</div>"
+    verdicts = maps.verdicts_of(table)
+    if verdicts:
+        words = ", ".join(f"{html.badge(mark)} {count}" for mark, count in sorted(verdicts.items()))
+        yield f"<p>Verdicts: {words}.</p>"
+    elif set(table.column("checked").to_pylist()) == {"none"}:
+        yield (
+            f"<p>{html.badge('with-care', 'not checked')} Neither the data nor the fits were "
+            "checked: that takes <code>--diagnosis input</code> or <code>full</code>.</p>"
+        )
+    else:
+        yield (
+            '<p class="soft">The data were checked, the fits were not, and there are no verdicts: '
+            "they take <code>--diagnosis full</code>.</p>"
+        )
+
+
+def _percent(count: int, table: "pa.Table") -> str:
+    return f"{100.0 * count / max(table.num_rows, 1):.3g}\N{NO-BREAK SPACE}%"
+
+
+def _distributions(table: "pa.Table") -> Iterator[str]:
+    known = np.isfinite(maps.numbers(table, "stiffness_at_depth"))
+    if np.count_nonzero(known) < _FEWEST:
+        return
+    words = (
+        "How what was identified is distributed, stiffness and damping at the working depth, and "
+        "below each how well it is known: its standard error over its value."
+    )
+    yield from drawing(
+        "distributions", lambda **options: draw_distributions(table, **options), words
+    )
+
+
+def _map(table: "pa.Table") -> Iterator[str]:
+    """Over the first two coordinates that vary, where there are two."""
+    spans = {}
+    for axis in "xyz":
+        values = maps.numbers(table, axis)
+        known = values[np.isfinite(values)]
+        spans[axis] = float(np.ptp(known)) if known.size else 0.0
+    wide = [axis for axis in "xyz" if spans[axis] > _FLAT * max(spans.values())]
+    varying = wide[:2]
+    if len(varying) < 2:
+        return
+    found = map_of(table, varying)
+    words = f"{found.summary[0].upper()}{found.summary[1:]}."
+    yield from drawing("over-place", lambda **options: draw_map(found, **options), words)
+
+
+def _repeats(table: "pa.Table") -> Iterator[str]:
+    for quantity in maps.JUDGED:
+        found = maps.repeats_of(table, quantity)
+        if not found:
+            continue
+        apart = sorted((each for each in found if not each.agree), key=lambda each: -each.z)
+        agreeing = len(found) - len(apart)
+        yield (
+            f"<p>{quantity.capitalize()} at depth: {agreeing} of {len(found)} groups of repeats "
+            "scatter as their own errors say (χ² within 3 σ).</p>"
+        )
+        if len(found) > 1:
+            words = (
+                f"Scatter of each group of repeats of the {quantity} over what their standard "
+                "errors say: 1 where the errors are right."
+            )
+            yield from drawing(
+                f"repeats-{quantity}",
+                lambda found=found, quantity=quantity, **options: draw_repeats(
+                    found, quantity, **options
+                ),
+                words,
+            )
+        unit = AT_DEPTH[quantity]
+        rows = [
+            [
+                escape(each.name),
+                f"{each.count}" if each.count == each.total else f"{each.count} of {each.total}",
+                escape(with_error(each.mean, each.error, unit=unit)),
+                rounded(each.ratio, 3),
+                html.badge("trust" if each.agree else "with-care", "agree" if each.agree else
+                           f"do not agree, {rounded(each.z, 2)} σ"),
+            ]
+            for each in [*apart, *(e for e in found if e.agree)][:MOST]
+        ]  # fmt: skip
+        header = ["repeats of", "with numbers", "weighted mean", "scatter / errors", ""]
+        yield from html.table(_listed(f"Repeats of the {quantity}", len(found)), header, rows)
+
+
+def _flags(table: "pa.Table") -> Iterator[str]:
+    yield from _kinds("Flags by kind", maps.kinds_of(table.column("flags").to_pylist()), table)
+
+
+def _findings(table: "pa.Table") -> Iterator[str]:
+    rows = table.column("findings").to_pylist()
+    notable = [[f for f in row or () if not f.startswith("note:")] for row in rows]
+    yield from _kinds("Findings by kind, notes left out", maps.kinds_of(notable), table)
+
+
+def _kinds(title: str, kinds: list[tuple[str, int, str]], table: "pa.Table") -> Iterator[str]:
+    if not kinds:
+        return
+    rows = [
+        [escape(example if count == 1 else kind), f"{count}", _percent(count, table)]
+        for kind, count, example in kinds[:MOST]
+    ]
+    yield from html.table(_listed(title, len(kinds)), ["what is said", "rows", ""], rows)
+
+
+def _outliers(table: "pa.Table") -> Iterator[str]:
+    found = maps.outliers_of(table)
+    if not found:
+        return
+    yield (
+        "<p>Farther from the median than five robust standard deviations of the logarithm, their "
+        "own errors counted.</p>"
+    )
+    rows = [
+        [
+            escape(each.name),
+            each.quantity,
+            escape(with_error(each.value, each.error, unit=AT_DEPTH[each.quantity])),
+            rounded(each.distance, 2),
+        ]
+        for each in found[:MOST]
+    ]
+    header = ["contact", "", "at working depth", "robust σ"]
+    yield from html.table(_listed("Outliers", len(found)), header, rows)
+
+
+def _failures(table: "pa.Table") -> Iterator[str]:
+    found = maps.reasons_of(table)
+    if not found:
+        return
+    rows = [[escape(kind), f"{count}", escape(name)] for kind, count, name in found[:MOST]]
+    title = _listed("Why there are no numbers", len(found))
+    yield from html.table(title, ["reason", "rows", "the first of them"], rows)
+
+
+def _slowest(times: "pa.Table") -> Iterator[str]:
+    found = maps.slowest(times)
+    if len(found) < 2:
+        return
+    rows = [[escape(name), f"{rounded(s, 3)} s", f"{count}"] for name, s, count in found]
+    yield from html.table("The slowest sources", ["source", "took", "rows"], rows)
+
+
+def _made(folder: Path) -> Iterator[str]:
+    about = manifest_of(folder)
+    settings = {name: value for name, value in about["settings"].items() if value not in (None, {})}
+    yield from html.definitions(
+        {
+            "palpate": about["palpate"],
+            "settings": ", ".join(f"{name} {value}" for name, value in settings.items()),
+            "contacts": f"{about['contacts']} in {about['batches']} batches",
+            "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        }
+    )
+
+
+def _listed(title: str, count: int) -> str:
+    return title if count <= MOST else f"{title}: the first {MOST} of {count}"

@@ -1,0 +1,700 @@
+"""Why a contact cannot be identified, in words: what, where and what to do."""
+
+import itertools
+import logging
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from palpate._core import Status
+from palpate.contact import Contact
+from palpate.diagnosis import (
+    MARKS,
+    Data,
+    Diagnosis,
+    Episode,
+    Quantity,
+    WorkingDepth,
+    diagnose_parts,
+    stacked,
+)
+from palpate.diagnosis.diagnosing import count_of_outliers
+from palpate.diagnosis.fit import DEEP
+from palpate.diagnosis.marks import BETTER
+from palpate.digits import rounded, with_error
+from palpate.errors import RecordingError
+from palpate.estimators import ContactEstimator, LawVerdict, ViscoelasticContact
+from palpate.estimators.estimate import (
+    ADVICE,
+    Estimate,
+    Trace,
+    Traced,
+    checked_trace,
+    has_prediction_error,
+    prediction_rmse_percent,
+    rmse_percent,
+    violated_fraction,
+)
+from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley, force_over_breaks
+from palpate.identification.replaying import (
+    choices,
+    estimator_of,
+    joint_covariance,
+    laws_beside,
+    placed,
+    replayed,
+)
+from palpate.preparation.along_penetration import Place, at_places
+from palpate.preparation.gates import choose_gate
+from palpate.preparation.velocity import window_samples
+from palpate.quantities.derived import (
+    SmallOscillation,
+    Wanted,
+    elastic_modulus_from,
+    energy_from,
+    oscillation_of,
+    passivity_from,
+    relaxation_time_of,
+    restitution_from,
+    static_of,
+)
+from palpate.quantities.elastic_modulus import ElasticModulus, Tip
+from palpate.quantities.energy import EnergyLoss, Passivity
+from palpate.quantities.restitution import Restitution
+from palpate.settings import ChangeDetector, ContactGate, Scale
+from palpate.validation import Floats, number_in, positive
+
+# Samples above the surface that a search for it needs: the force out of contact is then known to a
+# quarter of σ.
+FEWEST_ABOVE = 20
+
+
+def why_nothing(data: Data, gate: ContactGate) -> str:
+    """Why no sample was taken: by what the checks of the data found, if anything."""
+    for finding in data.findings:
+        if finding.severity == "do-not-trust":
+            where = f"{data.contact.source}: " if data.contact.source else ""
+            return f"{where}{finding.sentence} ({finding.remedy})"
+    return nothing_taken(data.contact, gate)
+
+
+def nothing_taken(contact: Contact, gate: ContactGate) -> str:
+    """Say why no sample was taken."""
+    where = f"{contact.source}: " if contact.source else ""
+    if not len(contact):
+        return f"{where}there are no samples"
+    inside = (contact.penetration > gate.minimum_penetration) & (contact.force > gate.make_force)
+    if inside.any() and not np.isfinite(contact.velocity[inside]).any():
+        return (
+            f"{where}no sample of the contact has a velocity: {not_finite(contact)}; without that "
+            "channel it is worked out from the penetration"
+        )
+    return (
+        f"{where}the probe never touches: no sample has penetration above "
+        f"{rounded(gate.minimum_penetration, 3)} m and force above {rounded(gate.make_force, 3)} N "
+        f"(the largest are {_largest(contact.penetration)} m and {_largest(contact.force)} N); "
+        "check the units and signs, or lower the gate"
+    )
+
+
+def not_finite(contact: Contact) -> str:
+    """Which channels are not finite, where they come from, and how often, in words."""
+    penetration, force = ~np.isfinite(contact.penetration), ~np.isfinite(contact.force)
+    velocity = ~np.isfinite(contact.velocity) & ~penetration  # beyond what follows from the depth
+    words = []
+    for name, wrong in {"penetration": penetration, "velocity": velocity, "force": force}.items():
+        if wrong.any():
+            origin = f" ({contact.provenance[name]})" if name in contact.provenance else ""
+            words.append(f"{name}{origin} is NaN or infinite in {wrong.sum()}")
+    return f"{', '.join(words)} of {len(contact)} samples"
+
+
+def _largest(values: Floats) -> str:
+    known = values[~np.isnan(values)]
+    return rounded(known.max(), 3) if known.size else "no"
+
+
+def check_approach(contact: Contact, trace: Trace, surface: float) -> None:
+    """A surface is where the force begins: without samples before it, it is a guess from below."""
+    above = int(np.count_nonzero(contact.penetration[trace.taken] < surface))
+    if above < FEWEST_ABOVE:
+        where = f"{contact.source}: " if contact.source else ""
+        raise RecordingError(
+            f"{where}the search for the surface needs the free approach: {above} of "
+            f"{len(contact)} samples lie above the best surface, {rounded(surface, 3)} m, and at "
+            f"least {FEWEST_ABOVE} have to; record from before the touch, or give the "
+            "penetration from a known surface and leave surface out"
+        )
+
+
+# What a reader should know before trusting the numbers of an identification.
+
+#: What the bits of an estimate's flags say, for each of their combinations.
+ADVICE_OF = [tuple(words for bit, words in ADVICE.items() if bits & bit) for bits in range(256)]
+
+
+NEGATIVE_STIFFNESS = (
+    "negative stiffness: by this law the force falls as the probe goes deeper; check the signs"
+)
+NEGATIVE_DAMPING = "negative damping: this law gives energy back, which no passive material does"
+
+
+def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> list[str]:
+    """Return the flags of the last estimate, and those of the contact as a whole."""
+    estimate = estimator.estimate()
+    law = estimate.law
+    flags = list(estimate.flags)
+    if estimate.samples < 10 * len(law.symbols):
+        flags.append(f"only {estimate.samples} samples in contact")
+    if isinstance(law, HuntCrossley) and law.stiffness < 0.0:
+        flags.append(NEGATIVE_STIFFNESS)
+    if law.as_dict().get("damping", 0.0) < 0.0:
+        flags.append(NEGATIVE_DAMPING)
+    violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
+    if violated > 0.0:
+        flags.append(f"condition 10 violated in {violated:.1%} of the contact")
+    if not has_prediction_error(trace, contact.force, contact.time_steps):
+        flags.append("less than 0.2 s of contact: no prediction error")
+    if estimate.guarded:
+        flags.append(f"covariance guard acted on {estimate.guarded} samples")
+    if left_out := int(np.count_nonzero(trace.rejected)):
+        flags.append(count_of_outliers(left_out, left_out + int(np.count_nonzero(trace.taken))))
+    if isinstance(law, GeneralisedHuntCrossley) and law.stiffness < 0.0 and not law.remembers:
+        flags.append(NEGATIVE_STIFFNESS)
+    if isinstance(estimator, ViscoelasticContact):
+        flags += _memory_flags(estimator)
+    for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
+        count = int(np.count_nonzero(trace.status == refusal))
+        if count:
+            words = refusal.name.lower().replace("_", " ")
+            if refusal == Status.NOT_FINITE:
+                words += f": {not_finite(contact)}"
+            flags.append(f"{count} samples refused: {words}")
+    return flags
+
+
+def _memory_flags(estimator: ViscoelasticContact) -> list[str]:
+    """Say of what a law with memory has a stiffness, and what is open of the verdict."""
+    verdict = estimator.verdict()
+    if not estimator.estimate().law.remembers:
+        return list(verdict.flags)
+    words = (
+        f"the material remembers ({verdict.candidate}): force, stiffness and damping at a depth "
+        "are those once it has relaxed; K′ and B′ are what a small oscillation feels"
+    )
+    return [words, *verdict.flags]
+
+
+# What a whole contact gave.
+
+_LOGGER = logging.getLogger(__name__)
+
+_Placed: TypeAlias = tuple[Place, Contact]
+
+
+@dataclass(frozen=True, eq=False, repr=False)  # no slots: the diagnosis is kept in the instance
+class Identified:
+    """What a whole contact gave, in numbers; :class:`palpate.Identification` shows them.
+
+    That class says what each field is.
+    """
+
+    contact: Contact
+    estimator: ContactEstimator
+    trace: Trace
+    flags: tuple[str, ...] = ()
+    data: Data | None = field(default=None, repr=False)
+    depth: float | None = None
+    stretches: tuple["Identified", ...] = ()
+    noticed: Trace | None = field(default=None, repr=False)
+    place: Place | None = field(default=None, repr=False)
+    chosen: tuple[str, ...] = ()
+    wanted: Wanted = field(default_factory=Wanted)
+    traced: Traced = 2000
+
+    @classmethod
+    def of(
+        cls,
+        data: Data,
+        estimator: ContactEstimator | str | None = None,
+        *,
+        trace: Traced = 2000,
+    ) -> Self:
+        """Identify a contact that is prepared; :func:`palpate.identify` says the rest.
+
+        Parameters
+        ----------
+        data : Data
+            The contact with the checks of its channels.
+        estimator : ContactEstimator or str, optional
+            Method and settings; variable projection unless given.
+        trace : int, float, "full" or False
+            Which estimates are written down.
+        """
+        contact, given, traced = data.contact, estimator_of(estimator), checked_trace(trace)
+        chosen = choices(contact, given)
+        fresh = given.replace(**chosen)
+        if isinstance(fresh, ViscoelasticContact) and "sample_time" in chosen:
+            chosen["sample_time"] = placed(contact, fresh).settings["sample_time"]
+            fresh = given.replace(**chosen)
+        known = ", ".join(f"{name}={value}" for name, value in chosen.items() if value is not None)
+        _LOGGER.info("%s: chosen from the data: %s", fresh.method, known or "nothing")
+        written = replayed(contact, fresh, traced)
+        flags = tuple(flags_of(contact, written, fresh))
+        taken = np.count_nonzero(written.taken)
+        _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
+        result = cls(contact, fresh, written, flags, data, chosen=tuple(chosen), traced=traced)
+        if not (written.taken & ~(contact.force <= 0.0)).any():
+            raise RecordingError(why_nothing(data, result.gate))
+        if fresh.settings.get("surface") == "estimate":
+            check_approach(contact, written, result.estimate.surface)
+        return result
+
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """What may be wrong, and how far to trust it; worked out when it is first asked for."""
+        return self._diagnosed_at(self.depths)
+
+    def _diagnosed_at(self, depths: Sequence[float]) -> Diagnosis:
+        data = self.data or Data(self.contact)
+        laws = laws_beside(data, self.estimator, self.chosen)
+        return diagnose_parts(data, self.trace, self.estimate, depths=depths, laws=laws)
+
+    @cached_property
+    def depths(self) -> tuple[float, ...]:
+        """Working depth, and the 90th percentile of the penetration, m; none without firm contact.
+
+        Of the samples taken that a gate would take: a method that chooses its samples takes light
+        ones too, and a probe that rests at the surface would leave its working depth there. The
+        diagnosis is made at these; asking for them does not make it.
+        """
+        penetration = self._firm_penetration
+        depths = np.percentile(penetration, (50.0, DEEP)).tolist() if penetration.size else []
+        if not all(depth > 0.0 for depth in depths):
+            depths = []
+        if self.depth is not None:
+            depths[:1] = [self.depth]
+        return tuple(depths)
+
+    @property
+    def largest_depth(self) -> float:
+        """The largest penetration below the surface in firm contact, m; NaN without any.
+
+        Beyond it the law is extrapolated.
+        """
+        largest = float(np.max(self._firm_penetration, initial=0.0))
+        return largest if largest > 0.0 else math.nan
+
+    @cached_property
+    def _firm_penetration(self) -> Floats:
+        contact, inside = self.contact, self.trace.taken
+        if self.estimator.chooses_samples:
+            gate = choose_gate(contact)
+            firm = contact.penetration > gate.minimum_penetration
+            inside = inside & firm & (contact.force > gate.make_force)
+        penetration: Floats = contact.penetration[inside] - self.estimate.surface
+        return penetration
+
+    @property
+    def working_depths(self) -> tuple[WorkingDepth, ...]:
+        """Force, stiffness and damping at the working depth and at the 90th percentile, SI."""
+        return self.diagnosis.working_depths
+
+    def at(self, depth: "ArrayLike") -> WorkingDepth:
+        """Force, stiffness and damping at other depths, each with both error bars, SI.
+
+        Those of the diagnosis: what repeats, and what the causes that were found would move. It is
+        made once more, so ask for many depths at once.
+
+        Parameters
+        ----------
+        depth : float or array_like
+            Below the surface, m, > 0. Beyond the depths in contact the law is extrapolated, and
+            the error bars hold only as far as the law does.
+
+        Returns
+        -------
+        WorkingDepth
+            Its numbers are arrays of the shape of ``depth``, or floats for a float.
+
+        Raises
+        ------
+        InvalidParameterError
+            A depth is not a finite number > 0.
+        """
+        wanted = positive("depth", depth)
+        first = self.diagnosis.working_depth.depth
+        depths = (first, *wanted.reshape(-1).tolist())
+        found = self._diagnosed_at(depths).working_depths[1:]
+        return stacked(found, wanted.shape)
+
+    def force_at(self, depth: "ArrayLike") -> Quantity:
+        """Force at depths [m] and at rest, N, with both error bars; see :meth:`at`."""
+        return self.at(depth).force
+
+    def stiffness_at(self, depth: "ArrayLike") -> Quantity:
+        """∂F/∂x at depths [m] and at rest, N/m, with both error bars; see :meth:`at`."""
+        return self.at(depth).stiffness
+
+    def damping_at(self, depth: "ArrayLike") -> Quantity:
+        """∂F/∂v at depths [m], N·s/m, with both error bars; see :meth:`at`."""
+        return self.at(depth).damping
+
+    def dynamic_stiffness(
+        self, frequency: float | None = None, depth: float | None = None
+    ) -> SmallOscillation:
+        """What a small oscillation about a depth feels, by a law of any kind: K′ + iωB′.
+
+        Of a law without memory the stiffness and the damping of :meth:`at`; of one with memory
+        those at the frequency, the repeatable error by the delta method.
+
+        Parameters
+        ----------
+        frequency : float, optional
+            ω, rad/s; the motion's own unless given.
+        depth : float, optional
+            Below the surface, m, > 0; the working depth unless given.
+
+        Raises
+        ------
+        InvalidParameterError
+            The frequency is outside the band of the motion, half to twice its own, rms speed over
+            rms way; or the depth is out of its range.
+        """
+        return oscillation_of(self, frequency, depth)
+
+    def relaxed_stiffness(self, depth: float | None = None) -> Quantity:
+        """∂F/∂x at a depth [m], or at the working depth, once everything has relaxed, N/m."""
+        return static_of(self, depth, relaxed=True)
+
+    def instantaneous_stiffness(self, depth: float | None = None) -> Quantity:
+        """∂F/∂x at a depth [m], or at the working depth, before anything has relaxed, N/m."""
+        return static_of(self, depth, relaxed=False)
+
+    @property
+    def relaxation_time(self) -> Quantity | None:
+        """The law's one relaxation time, s; None of a law that has none, or a spectrum of many."""
+        return relaxation_time_of(self)
+
+    def at_depth(self, depth: float) -> Self:
+        """Return the same with another working depth, m, for its diagnosis."""
+        return replace(self, depth=number_in("depth", depth, 0.0, 1e100, open_low=True))
+
+    def wanting(self, wanted: Wanted) -> Self:
+        """Return the same with derived numbers for an impact and a tip."""
+        return replace(self, wanted=wanted)
+
+    def restitution(self, speed: float | None = None) -> Restitution:
+        """How a free body would rebound that meets the material at a speed.
+
+        Parameters
+        ----------
+        speed : float, optional
+            m/s, > 0; unless given that of :attr:`wanted`, or the fastest approach in contact.
+        """
+        return restitution_from(self, speed)
+
+    @cached_property
+    def energy(self) -> EnergyLoss:
+        """Energy lost a touch, or a cycle of a probe that stays in contact; and by the law."""
+        return energy_from(self)
+
+    @cached_property
+    def passivity(self) -> Passivity:
+        """Whether the law pulls anywhere in the recorded motion, and the recorded force too."""
+        return passivity_from(self)
+
+    def elastic_modulus(
+        self, tip: Tip | None = None, poisson_ratio: float | None = None
+    ) -> ElasticModulus:
+        """Young's modulus by the force at working depth and the shape of the tip.
+
+        Parameters
+        ----------
+        tip : Tip, optional
+            Such as ``Sphere(radius=5e-3)``; that of :attr:`wanted` unless given.
+        poisson_ratio : float, optional
+            Of the material, in (−1, 0.5]; that of :attr:`wanted` unless given, or 0.5.
+
+        Raises
+        ------
+        InvalidParameterError
+            No tip is given, or Poisson's ratio is out of its range.
+        """
+        return elastic_modulus_from(self, tip, poisson_ratio)
+
+    def by_stretch(self) -> Self:
+        """Return the same with each stretch between the changes that were found by itself.
+
+        Each is identified afresh with the same settings, and diagnosed at the same working depth; a
+        stretch that cannot be identified is left out, and so are the samples at a border that a
+        filter of the velocity smears over it. Without a change there are none. The whole is
+        replayed once more with a change detector: when would a control loop have noticed?
+        """
+        parts = (self.stretch(episode) for episode in self.diagnosis.episodes)
+        found = tuple(part for part in parts if part is not None)
+        return replace(self, stretches=found, noticed=self._watched())
+
+    def by_place(self, watch: "Callable[[Sequence[_Placed]], Iterable[_Placed]]" = iter) -> Self:
+        """Return the same with each place of a probe that travels by itself.
+
+        Each is identified afresh with the same settings, and diagnosed at its own working depth; a
+        place that cannot be identified is left out. Of a probe that stays at one there are none.
+
+        Parameters
+        ----------
+        watch : callable
+            Goes through the places, such as with a progress bar.
+        """
+        found = []
+        for place, contact in watch(list(at_places(self.contact))):
+            with suppress(RecordingError):
+                part = self.of(Data(contact), self._fresh(), trace=self.traced)
+                found.append(replace(part, place=place, wanted=self.wanted))
+        return replace(self, stretches=tuple(found))
+
+    def _fresh(self) -> ContactEstimator:
+        """An estimator of the same settings, but for those that were chosen from these data."""
+        return self.estimator.replace(**dict.fromkeys(self.chosen))
+
+    def stretch(self, episode: Episode) -> Self | None:
+        """Identify an episode of the diagnosis by itself; None where that cannot be."""
+        smear = window_samples(self.contact.sample_time) * self.contact.sample_time
+        with suppress(RecordingError):
+            part = self.contact.window(episode.start + smear, episode.stop - smear)
+            found = self.of(Data(part), self.estimator.replace(), trace=self.traced)
+            there = self.diagnosis.working_depth
+            return replace(found.at_depth(there.depth), wanted=self.wanted)
+        return None
+
+    def _watched(self) -> Trace:
+        """The trace with a change detector, where the estimator can have one."""
+        settings = self.estimator.settings
+        if settings.get("change_detector", self) is not None:
+            return self.trace
+        watched = self.estimator.replace(change_detector=ChangeDetector())
+        return replayed(self.contact, watched, self.traced)
+
+    @property
+    def method(self) -> str:
+        """Name of the method."""
+        return self.estimator.method
+
+    @property
+    def estimate(self) -> Estimate:
+        """What the estimator knew at the end."""
+        return self.estimator.estimate()
+
+    @property
+    def law(self) -> Any:
+        """The contact model, SI."""
+        return self.estimate.law
+
+    @property
+    def fixed(self) -> tuple[str, ...]:
+        """The law's parameters that were given, such as a known exponent, and not identified."""
+        return self.estimate.fixed
+
+    @property
+    def law_verdict(self) -> LawVerdict | None:
+        """Which law it is, and by what evidence.
+
+        By a method that chooses one, that choice. Beside another's Hunt–Crossley or Kelvin–Voigt
+        law, which of the everyday laws the same samples say it is; None beside other laws.
+        """
+        return self.diagnosis.law_verdict
+
+    @property
+    def standard_errors(self) -> Floats:
+        """Standard errors of the law's parameters, SI: square roots of the variances.
+
+        0 of a parameter that is :attr:`fixed`.
+        """
+        errors: Floats = np.sqrt(np.diag(self.covariance))
+        return errors
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Joint covariance of the law's parameters, SI, as wide as a correlated residual asks for.
+
+        That of the estimate, but for methods that take their residual for white, the paper's:
+        there as much wider as its correlation makes the least squares of the samples that they took
+        since their last restart. Where the preparation found the surface, with what the parameters
+        are elsewhere when that is off by its deviation.
+        """
+        return joint_covariance(self.contact, self.trace, self.estimator)
+
+    @property
+    def correlations(self) -> Floats:
+        """Correlations of the law's parameters, shape (p, p); NaN beside one without an error."""
+        errors = self.standard_errors
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found: Floats = self.covariance / np.outer(errors, errors)
+        return found
+
+    @property
+    def gate(self) -> ContactGate:
+        """The gate that chose the samples."""
+        return self.estimator.settings.get("gate") or ContactGate()
+
+    @property
+    def scale(self) -> Scale:
+        """The units of the arithmetic."""
+        return self.estimator.settings.get("scale") or Scale()
+
+    @property
+    def prediction_rmse_percent(self) -> float:
+        """RMSE% of the a-priori force after 0.2 s of contact."""
+        return prediction_rmse_percent(self.trace, self.contact.force, self.contact.time_steps)
+
+    @property
+    def fit_rmse_percent(self) -> float:
+        """RMSE% of the final law, and offset where one is estimated, over every sample taken."""
+        taken = self.trace.taken
+        return rmse_percent(self.contact.force[taken], self.fitted_force[taken])
+
+    @property
+    def fitted_force(self) -> Floats:
+        """Force by the final law, and offset where one is estimated, at every sample, N.
+
+        Where there are stretches, by the law of the one that began last.
+        """
+        contact, parts = self.contact, self.stretches
+        fitted = (parts[0] if parts else self).predicted_force(contact)
+        for before, part in pairwise(parts):
+            border = 0.5 * (before.contact.time[-1] + part.contact.time[0])
+            begun = contact.time >= border
+            fitted[begun] = part.predicted_force(contact)[begun]
+        return fitted
+
+    def predicted_force(self, contact: Contact) -> Floats:
+        """Force by the final law, and offset, at every sample of a contact, N."""
+        estimate = self.estimate
+        depth = contact.penetration - estimate.surface
+        starts = [part.start for part in contact.segments()]
+        force = force_over_breaks(estimate.law, depth, contact.velocity, contact.time_steps, starts)
+        return force + estimate.offset
+
+    @property
+    def violated_fraction(self) -> float:
+        """Fraction of contact without condition 10; NaN for laws that it does not concern."""
+        if not self.law.has_condition_10:
+            return math.nan
+        return violated_fraction(self.trace)
+
+    @property
+    def changes(self) -> Floats:
+        """Times at which a change detector alarmed, s."""
+        trace = self.noticed or self.trace
+        times: Floats = self.contact.time[trace.status == Status.RESTARTED]
+        return times
+
+
+# Methods side by side: which to take, which fail, and whose error bars exclude each other.
+
+EXCLUDED = 3.0  # standard errors of the difference
+
+
+@dataclass(frozen=True, slots=True)
+class Ranking:
+    """What a comparison comes to.
+
+    Attributes
+    ----------
+    order : tuple of str
+        The methods, the best first: by verdict, without those of a law that another is clearly
+        better than, then by what their law leaves unexplained.
+    recommended : str or None
+        The method to take; None where none is to be trusted.
+    failing : tuple of str
+        Methods whose answer is not the least squares of their own law, or that found none.
+    exclusions : tuple of str
+        A sentence for each pair whose error bars exclude each other.
+    """
+
+    order: tuple[str, ...]
+    recommended: str | None
+    failing: tuple[str, ...]
+    exclusions: tuple[str, ...]
+
+
+def rank(results: "Mapping[str, Identified]") -> Ranking:
+    """Rank what :func:`palpate.compare` returned.
+
+    Parameters
+    ----------
+    results : mapping
+        An identification by the name of its method.
+    """
+    common = np.logical_and.reduce([result.trace.taken for result in results.values()])
+    left = {name: _left(result, common) for name, result in results.items()}
+    outdone = _outdone(results, left)
+    order = tuple(
+        sorted(results, key=lambda name: _badness(results[name], left[name], name in outdone))
+    )
+    failing = tuple(name for name in order if fails(results[name]))
+    pairs = itertools.combinations(order, 2)
+    words = (_exclusion(results[a], results[b]) for a, b in pairs)
+    hopeless = all(r.diagnosis.verdict.overall == "do-not-trust" for r in results.values())
+    best = None if hopeless else order[0]
+    return Ranking(order, best, failing, tuple(each for each in words if each))
+
+
+def fails(result: "Identified") -> bool:
+    """Whether the method's answer is not the least squares of its own law on these samples."""
+    return any(f.check == "method" and f.severity != "note" for f in result.diagnosis.findings)
+
+
+def _left(result: "Identified", common: NDArray[np.bool_]) -> float:
+    """RMSE% on the samples that every method took: variable projection takes light ones too."""
+    fit = rmse_percent(result.contact.force[common], result.fitted_force[common])
+    return fit if math.isfinite(fit) else math.inf
+
+
+def _outdone(results: "Mapping[str, Identified]", left: Mapping[str, float]) -> set[str]:
+    """Methods that leave clearly more than the one that chooses a law, where one was named."""
+    chosen = left.get(ViscoelasticContact.method)
+    named = any(f.check == "law" for each in results.values() for f in each.diagnosis.findings)
+    if chosen is None or not named:
+        return set()
+    return {name for name, fit in left.items() if chosen <= BETTER * fit}
+
+
+def _badness(result: "Identified", left: float, outdone: bool) -> tuple[float, ...]:
+    verdict = result.diagnosis.verdict
+    overall, *others = (
+        MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)
+    )
+    # To a tenth: methods of one law that fit alike stay in the order of the registry.
+    return overall, outdone, *others, round(left, 1)
+
+
+def _exclusion(one: "Identified", other: "Identified") -> str | None:
+    if one.law.remembers or other.law.remembers:
+        return None  # the stiffness of a relaxed material is no other's
+    first, second = one.diagnosis.working_depth, other.diagnosis.working_depth
+    words = []
+    for name, a, b in (
+        ("stiffness", first.stiffness, second.stiffness),
+        ("damping", first.damping, second.damping),
+    ):
+        apart = abs(a.value - b.value) / math.hypot(_bar(a), _bar(b))
+        if apart > EXCLUDED:
+            both = f"{with_error(a.value, _bar(a))} and {with_error(b.value, _bar(b))}"
+            words.append(f"{name} {both} ({rounded(apart, 2)} standard errors)")
+    if not words:
+        return None
+    return f"{one.method} and {other.method} exclude each other: {', '.join(words)}"
+
+
+def _bar(quantity: Quantity) -> float:
+    """Both error bars together; infinite where the repeatable one is not known."""
+    bar = math.hypot(quantity.standard_error, quantity.systematic)
+    return bar if math.isfinite(bar) and bar > 0.0 else math.inf

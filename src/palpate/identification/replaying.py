@@ -1,0 +1,318 @@
+"""An estimator for a whole contact: what was asked for, what the data choose, and the replay."""
+
+import logging
+import math
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from palpate._core import Status, correlated_variances
+from palpate.contact import Contact
+from palpate.diagnosis import Data, Laws
+from palpate.errors import InvalidParameterError
+from palpate.estimators import (
+    ESTIMATORS,
+    ContactEstimator,
+    VariableProjection,
+    ViscoelasticContact,
+    estimator_named,
+)
+from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
+from palpate.estimators.law_verdicts import CANDIDATES
+from palpate.force_laws import ForceLaw, HuntCrossley, KelvinVoigt
+from palpate.preparation.gates import choose_gate, suggest_scale, suggest_surface_deviation
+from palpate.settings import OutlierRejection
+from palpate.stages import timed
+from palpate.validation import Floats, shown
+
+_LOGGER = logging.getLogger(__name__)
+
+
+def choices(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
+    """What an estimator leaves open and the data can choose."""
+    settings = given.settings
+    ways: dict[str, Callable[[Contact], object]] = {
+        "scale": suggest_scale,
+        "outlier_rejection": lambda _: OutlierRejection(),
+        "sample_time": lambda contact: contact.sample_time,
+    }
+    if not given.chooses_samples:
+        ways["gate"] = choose_gate
+    # A search for the surface has the free approach.
+    if given.knows_offset and settings.get("surface") is None:
+        ways["offset_deviation"] = lambda contact: contact.tare_deviation
+        ways["surface_deviation"] = _surface_deviation
+    return {
+        name: choose(contact)
+        for name, choose in ways.items()
+        if name in settings and settings[name] is None
+    }
+
+
+def _surface_deviation(contact: Contact) -> float | None:
+    """How well the surface is known: as it was found, and as the position is resolved."""
+    resolved = suggest_surface_deviation(contact)
+    if contact.surface_deviation is None:
+        return resolved
+    return math.hypot(contact.surface_deviation, resolved or 0.0)
+
+
+def estimator_of(given: ContactEstimator | str | None) -> ContactEstimator:
+    """An estimator as it was asked for: itself, by its name, or the default."""
+    if given is None:
+        return VariableProjection()
+    if isinstance(given, str):
+        return estimator_named(given)()
+    if not isinstance(given, ContactEstimator):
+        raise InvalidParameterError(
+            f"estimator must be a ContactEstimator or one of {', '.join(ESTIMATORS)}, "
+            f"not {shown(given)}"
+        )
+    return given
+
+
+def with_surface_off(contact: Contact, estimator: ContactEstimator, deviation: float) -> Estimate:
+    """What an estimator makes of a contact whose surface lies deeper, by a deviation in m."""
+    replayed(replace(contact, penetration=contact.penetration - deviation), estimator, trace=False)
+    return estimator.estimate()
+
+
+@timed("replay")
+def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trace:
+    """Replay a contact, a segment at a time; the estimator has then learned all of it.
+
+    The trace has the contact's clock, thinned as requested.
+    """
+    _LOGGER.debug("settings: %s", _in_words(estimator))
+    steps, segments = contact.time_steps, list(contact.segments())
+    after = thinned(trace, contact.time, segments)
+    traces = []
+    for part in segments:
+        estimator.leave_contact()
+        channels = contact.penetration[part], contact.velocity[part], contact.force[part]
+        at = None
+        if after is not None:
+            first, last = np.searchsorted(after, (part.start, part.stop))
+            at = after[first:last] - part.start
+        traces.append(estimator.replay(*channels, steps[part], at=at))
+    settle = getattr(estimator, "settle", None)
+    if settle is not None:  # its answer would be of most of the samples only
+        settle()
+    one = len(traces) == 1
+    whole = traces[0] if one else Trace.joined(traces, len(estimator.law_type.symbols))
+    return replace(whole, time=contact.time if after is None else contact.time[after])
+
+
+def _in_words(estimator: ContactEstimator) -> str:
+    return ", ".join(f"{name}={value!r}" for name, value in estimator.settings.items())
+
+
+# Error bars, as wide as a correlated residual and an uncertain surface ask for.
+
+
+def joint_covariance(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floats:
+    """Joint covariance of a law's parameters: see :attr:`Identification.covariance`.
+
+    Parameters
+    ----------
+    contact : Contact
+        What was identified.
+    trace : Trace
+        Of it.
+    estimator : ContactEstimator
+        As it stood at the end.
+    """
+    estimate, widths = estimator.estimate(), _widths(contact, trace, estimator)
+    own: Floats = estimate.covariance * np.outer(widths, widths)
+    deviation = contact.surface_deviation
+    if deviation is None or estimate.surface_standard_error > 0.0:
+        return own
+    off = with_surface_off(contact, estimator.replace(), deviation)
+    moved = off.parameters - estimate.parameters
+    whole: Floats = own + np.outer(moved, moved)
+    return whole if np.isfinite(whole).all() else own
+
+
+def _widths(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floats:
+    """How much wider a correlated residual makes the method's own standard errors."""
+    estimate = estimator.estimate()
+    law = estimate.law
+    if estimator.minimises is None:
+        return np.ones(len(law.parameters))
+    taken = np.flatnonzero(trace.taken)
+    restarts = np.flatnonzero(trace.status == Status.RESTARTED)
+    if restarts.size:
+        taken = taken[taken >= restarts[-1]]
+    return widening(
+        law,
+        contact.penetration[taken],
+        contact.velocity[taken],
+        contact.force[taken],
+        logarithmic=estimator.minimises == "logarithm",
+        fixed=estimate.fixed,
+    )
+
+
+def widening(
+    law: ForceLaw,
+    penetration: Floats,
+    velocity: Floats,
+    force: Floats,
+    *,
+    logarithmic: bool,
+    fixed: tuple[str, ...] = (),
+) -> Floats:
+    """Factors ≥ 1 on the standard errors of a law's parameters, shape (p,).
+
+    C = (Σ w JJᵀ)⁻¹ [Σ w² d D] (Σ w JJᵀ)⁻¹ over (Σ w JJᵀ)⁻¹ Σ w r²/(N − p), with the residual of
+    force r, its slopes J, and w = 1, or 1/F̂² for a least squares of ln F. D and d are information
+    and noise by how quick they are (``docs/variable-projection.md``), with t₀.₉₇₅(ν)/1.96 in C.
+
+    Parameters
+    ----------
+    law : force law
+        What the method ended with, of two or three parameters.
+    penetration, velocity, force : numpy.ndarray, shape (k,)
+        The samples that it took, SI.
+    logarithmic : bool
+        Whether it minimises the residual of ln F rather than of F.
+    fixed : tuple of str
+        The law's parameters that were not identified; the factors of these are 1.
+    """
+    own = np.array([name not in fixed for name in law.names()])
+    factors, model = np.ones(len(own)), law.force(penetration, velocity)
+    slopes = law.parameter_gradient(penetration, velocity)[:, own]
+    if logarithmic:
+        used = (model > 0.0) & (force > 0.0)
+        slopes, model, force = slopes[used], model[used], force[used]
+    freedom = len(force) - slopes.shape[1]
+    if freedom < 1:
+        return factors
+    residual = force - model
+    with np.errstate(all="ignore"):  # what comes to nothing widens nothing
+        weight = 1.0 / model**2 if logarithmic else np.ones_like(model)
+        weighted = weight[:, None] * slopes
+        information = slopes.T @ weighted
+        units = np.sqrt(np.diag(information))  # of the parameters
+        noise = np.sqrt(np.mean(residual**2))
+        if not ((np.isfinite(units) & (units > 0.0)).all() and 0.0 < noise < np.inf):
+            return factors
+        inverse = np.linalg.pinv(information / np.outer(units, units), hermitian=True)
+        white = np.diag(inverse) * (np.sum(weight * residual**2) / freedom)
+        # Neither squares nor sums leave the range of a double in units of their own.
+        unit = weight.max()
+        found = np.empty_like(white)
+        correlated_variances(weighted / (unit * units), residual / noise, unit * inverse, found)
+        wide = np.sqrt(np.maximum(found * noise**2 / white, 1.0))
+    if (white > 0.0).all():
+        factors[own] = np.where(np.isfinite(wide), wide, 1.0)
+    return factors
+
+
+# For how long a material relaxes: the place of the relaxation times, by a whole contact.
+
+# In sample times: where the last relaxation time's part of a spectrum ends.
+_LONGEST = 4096.0
+# From one place to the next: the everyday bank's times are as far apart.
+_FURTHER = 4.0
+# Of the cost of a number. Memory that explains nothing costs a whole one more; of a material that
+# relaxes more slowly than the first place can tell, the first finds some.
+_SOME = 0.75
+_MOST = 3  # places beyond the first: up to 260 000 sample times
+
+
+@timed("relaxation times")
+def placed(contact: Contact, bank: ViscoelasticContact) -> ViscoelasticContact:
+    """Return a bank that has learned a contact, with the place of its relaxation times.
+
+    They go from the sample time that it is given: the contact's own, unless a bank that begins
+    later and ends later fits better by more than one number of the law would have to: 2 ln N_eff.
+    None is tried where memory explains nothing by the first, nor one that lasts four times as long
+    as the contact.
+
+    Parameters
+    ----------
+    contact : Contact
+        All of it.
+    bank : ViscoelasticContact
+        With the settings that were chosen; it is left as it is.
+    """
+    own, duration = contact.sample_time, float(contact.time_steps.sum())
+    best = bank.replace(sample_time=own)
+    replayed(contact, best, trace=False)
+    # By the samples that count with the first: of what fits better others do.
+    effective = max(best.evidence().effective_samples, math.e)
+    forgets, remembers = _costs(best, effective)
+    least, some = min(forgets, remembers), remembers < forgets + _SOME * _penalty(effective)
+    for place in range(1, 1 + _MOST):
+        step = own * _FURTHER**place
+        if not some or _LONGEST * step >= _FURTHER * duration:
+            break
+        trial = bank.replace(sample_time=step)
+        replayed(contact, trial, trace=False)
+        cost = min(_costs(trial, effective)) + _penalty(effective)
+        if cost < least:
+            best, least = trial, cost
+    return best
+
+
+def _penalty(effective: float) -> float:
+    return 2.0 * math.log(effective)
+
+
+def _costs(bank: ViscoelasticContact, effective: float) -> tuple[float, float]:
+    """What the best law without memory leaves, and the best with, with what their numbers cost."""
+    costs = [math.inf, math.inf]
+    for index, _, mean_square in bank.evidence().rows:
+        law = CANDIDATES[int(index)]
+        cost = effective * math.log(max(mean_square, sys.float_info.min))
+        cost += _penalty(effective) * law.parameters
+        costs[law.memory != "none"] = min(cost, costs[law.memory != "none"])
+    return costs[0], costs[1]
+
+
+# The everyday laws by samples that another method identified, to say whether one is better.
+
+
+def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) -> Laws | None:
+    """Which law it is; None where the identified one is none of those that are compared.
+
+    Methods of one contact that were given the same share the answer.
+
+    Parameters
+    ----------
+    data : Data
+        The contact.
+    estimator : ContactEstimator
+        As it stood at the end. What it was given of which samples are contact, and of the
+        exponent, holds for the other laws too.
+    chosen : sequence of str
+        Its settings that were chosen from the data, for its own method.
+    """
+    if isinstance(estimator, ViscoelasticContact):
+        return Laws.of(estimator, own=True)
+    estimate = estimator.estimate()
+    if not isinstance(estimate.law, HuntCrossley | KelvinVoigt):
+        return None
+    given = {name: value for name, value in estimator.settings.items() if name not in chosen}
+    names = ("gate", "outlier_rejection", "exponent")
+    key = repr([*(given.get(name) for name in names), estimate.surface])
+    if key not in data.laws:
+        data.laws[key] = Laws.of(_compared(data.contact, given, estimate.surface))
+    return data.laws[key]
+
+
+@timed("laws")
+def _compared(contact: Contact, given: dict[str, Any], surface: float) -> ViscoelasticContact:
+    kept = given.get("exponent")
+    low, high = ViscoelasticContact.exponents
+    bank = ViscoelasticContact(
+        gate=given.get("gate"),
+        outlier_rejection=given.get("outlier_rejection"),
+        exponent=kept if kept is not None and low <= kept <= high else None,
+    )
+    below = replace(contact, penetration=contact.penetration - surface) if surface else contact
+    return placed(below, bank.replace(**choices(below, bank)))

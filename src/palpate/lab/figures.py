@@ -1,0 +1,178 @@
+"""A picture of the rig as it presses the material, by MuJoCo's own renderer."""
+
+import io
+import os
+import sys
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import InvalidParameterError, PalpateError
+from palpate.figures.style import DARK, LIGHT, Theme, save, style
+from palpate.lab.bench import Bench
+from palpate.lab.rig import Geometry, Simulation, TwinPantograph, require_mujoco
+from palpate.writing import write_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+class NoRendererError(PalpateError, RuntimeError):
+    """MuJoCo cannot render here: there is no graphics library that it can use."""
+
+
+def photograph(bench: Bench, at: float = 3.0, size: tuple[int, int] = (1200, 760)) -> NDArray[Any]:
+    """Return the rig of a bench as it stands at a time [s] of its trajectory.
+
+    Parameters
+    ----------
+    bench : Bench
+        Its robot, material and trajectory.
+    at : float
+        s.
+    size : tuple of int
+        Width and height in pixels, at most 1600 × 1000.
+
+    Returns
+    -------
+    numpy.ndarray of uint8, shape (height, width, 3)
+
+    Raises
+    ------
+    MissingExtraError
+        MuJoCo is not installed.
+    NoRendererError
+        There is no graphics library that it can use.
+    """
+    robot = bench.probe if isinstance(bench.probe, TwinPantograph) else TwinPantograph()
+    step = bench.sensors.sample_time
+    time = step * np.arange(max(round(at / step), 1), dtype=np.float64)
+    command = bench.trajectory.at(time)
+    run = robot.start(command, step, np.random.default_rng(0))
+    run.simulate(time, command, bench.material.touch())
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a screen that is missing, which the error says
+            return _rendered(run, *size)
+    except Exception as error:  # each graphics library fails in its own way
+        raise NoRendererError(f"MuJoCo cannot render here: {error}") from None
+
+
+def _rendered(run: Simulation, width: int, height: int) -> NDArray[Any]:
+    mujoco = require_mujoco()
+    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        from mujoco.egl import GLContext  # needs no screen
+    else:
+        from mujoco.gl_context import GLContext
+    context = GLContext(width, height)
+    try:
+        context.make_current()
+        scene = mujoco.MjvScene(run.model, maxgeom=200)
+        mujoco.mjv_updateScene(
+            run.model,
+            run.data,
+            mujoco.MjvOption(),
+            None,
+            _camera(),
+            mujoco.mjtCatBit.mjCAT_ALL,
+            scene,
+        )
+        target = mujoco.MjrContext(run.model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, target)
+        view, pixels = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), np.uint8)
+        mujoco.mjr_render(view, scene, target)
+        mujoco.mjr_readPixels(pixels, None, view, target)
+        target.free()
+    finally:
+        context.free()
+    return pixels[::-1]
+
+
+def _camera() -> Any:
+    camera = require_mujoco().MjvCamera()
+    camera.lookat[:] = (0.02, -0.085, -0.02)
+    camera.distance, camera.azimuth, camera.elevation = 0.46, 58.0, -40.0
+    return camera
+
+
+# The laboratory's rig as it presses the material: MuJoCo's picture of it, or a drawing.
+
+
+def save_rig(bench: Bench, path: str | Path, *, dark: bool = False) -> str:
+    """Write a picture of the rig; return "rendered" or "drawn".
+
+    A .png is rendered by MuJoCo where that can run; anything else is a drawing.
+
+    Parameters
+    ----------
+    bench : Bench
+        Its probe has to be a :class:`palpate.lab.TwinPantograph`.
+    path : str or Path
+        .png, .svg or .pdf.
+    dark : bool
+        For a dark background, of the drawing.
+    """
+    path = Path(path)
+    if not isinstance(bench.probe, TwinPantograph):
+        raise InvalidParameterError(f"an {bench.probe.name} has no rig to draw; use a robot")
+    if path.suffix.lower() == ".png":
+        try:
+            pixels = photograph(bench)
+        except NoRendererError:
+            pass
+        else:
+            write_bytes(path, _as_png(pixels))
+            return "rendered"
+    save(draw_rig(bench, dark=dark), path)
+    return "drawn"
+
+
+def _as_png(pixels: NDArray[Any]) -> bytes:
+    with style(LIGHT):
+        from matplotlib.image import imsave
+
+        file = io.BytesIO()
+        imsave(file, pixels, format="png")
+        return file.getvalue()
+
+
+def draw_rig(bench: Bench, *, dark: bool = False) -> "Figure":
+    """Draw the rig from above, 3 s into its trajectory, as its command has it."""
+    theme = DARK if dark else LIGHT
+    command = bench.trajectory.at(np.array([3.0]))
+    with style(theme) as new_figure:
+        figure = new_figure(figsize=(7.6, 5.8), layout="constrained")
+        axes = figure.add_subplot()
+        _draw_linkage(
+            axes, float(command.lateral_position[0]), float(command.penetration[0]), theme
+        )
+        axes.axhspan(0.0, 40.0, color=theme.lines[1], alpha=0.25, linewidth=0.0)
+        axes.text(-165.0, 34.0, bench.material.name, va="top")
+        axes.set(xlabel="along the surface [mm]", ylabel="into the material [mm]")
+        axes.set(aspect="equal", xlim=(-175.0, 175.0), ylim=(-215.0, 40.0))
+        depth = 1e3 * float(command.penetration[0])
+        axes.set_title(f"Planar twin pantograph, {depth:.1f} mm in the {bench.material.name}")
+    return figure
+
+
+def _draw_linkage(axes: "Axes", lateral_position: float, penetration: float, theme: Theme) -> None:
+    geometry, x, y = Geometry(), np.array([lateral_position]), np.array([penetration])
+    angles = geometry.motor_angles(x, y)
+    elbows, wrists = 1e3 * geometry.elbows(angles)[0], 1e3 * geometry.wrists(x, y)[0]
+    motors = 1e3 * geometry.motors
+    for i in range(4):
+        links = np.array([motors[i], elbows[i], wrists[i // 2]])
+        axes.plot(*links.T, color=theme.lines[0], linewidth=5.0, solid_capstyle="round")
+    axes.plot(*wrists.T, color=theme.ink, linewidth=7.0, solid_capstyle="round")
+    middle = wrists.mean(axis=0)
+    tip = np.array([1e3 * lateral_position, 1e3 * penetration])
+    axes.plot(*np.array([middle, tip]).T, color=theme.lines[1], linewidth=4.0)
+    axes.plot(*motors.T, "o", color=theme.ink, markersize=17.0)
+    axes.plot(*np.vstack([elbows, wrists]).T, "o", color=theme.background, markersize=4.0)
+    for text, at in (("two motors, two encoders", motors[:2].mean(axis=0)), ("handle", middle)):
+        axes.text(at[0], at[1] - 12.0, text, ha="center", va="top")
+    axes.text(6.0, -20.0, "force sensor and poker", va="center")

@@ -1,0 +1,250 @@
+"""Numbers of a run, as a line of text has them."""
+
+import math
+import os
+import sys
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import suppress
+from io import TextIOWrapper
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+from palpate._core import Status
+from palpate.digits import rounded, with_error
+from palpate.errors import printable
+from palpate.estimators.estimate import Estimate
+from palpate.force_laws import FORCE_LAWS
+from palpate.live.choices import State
+from palpate.live.law_numbers import in_words, law_lines, numbers_of, verdict_on
+from palpate.live.ring import MOST_PARAMETERS
+from palpate.live.sinks import PLACE, Session, Watching, printed
+from palpate.validation import Floats
+
+_FIRST, _COVARIANCE = PLACE["parameter_0"], PLACE["covariance_0"]
+_KEPT = 200  # penetrations in contact, a few a look: of the last minute or so
+_AT_ONCE = 5
+_IN_CONTACT = (State.CONTACT, State.CHANGED)
+
+
+class WorkingDepth:
+    """The median penetration of late, in contact."""
+
+    def __init__(self) -> None:
+        self._seen: deque[float] = deque(maxlen=_KEPT)
+
+    def see(self, rows: Floats) -> None:
+        """Take rows of the ring, of which a few are enough."""
+        touching = np.isin(rows[:, PLACE["state"]], _IN_CONTACT)
+        depths = rows[touching, PLACE["penetration"]]
+        depths = depths[depths > 0.0]
+        self._seen.extend(depths[:: max(len(depths) // _AT_ONCE, 1)].tolist())
+
+    @property
+    def value(self) -> float:
+        """In m, to two digits; NaN before a contact."""
+        return float(f"{np.median(self._seen):.1e}") if self._seen else math.nan
+
+
+def at_depth(status: dict[str, Any], row: Floats, depth: float) -> str:
+    """Stiffness and damping at a depth [m], with error bars, of a row of the ring.
+
+    Of an estimator that compares laws which it is, and what a small oscillation feels.
+    """
+    kind = FORCE_LAWS.get(status.get("law", {}).get("kind", ""))
+    if kind is None or not depth > 0.0:
+        return "no contact yet"
+    if row[PLACE["method"]] != status.get("generation"):
+        return "another estimator begins"  # of which the board has not said yet what it identifies
+    size = len(kind.symbols)
+    parameters = row[_FIRST : _FIRST + size]
+    covariance = row[_COVARIANCE:].reshape(-1)[: MOST_PARAMETERS**2]
+    square = covariance.reshape(MOST_PARAMETERS, MOST_PARAMETERS)[:size, :size]
+    if not np.isfinite(parameters).all():
+        return "nothing known yet"
+    if verdict := verdict_on(status):
+        return in_words(verdict, numbers_of(verdict))
+    law = kind.from_parameters(parameters)
+    estimate = Estimate.from_law(law, square, status=Status(int(row[PLACE["status"]])), samples=1)
+    stiffness = with_error(*estimate.stiffness_at(depth), unit="N/m")
+    damping = with_error(*estimate.damping_at(depth), unit="N·s/m")
+    return f"{stiffness}, {damping} at {rounded(1e3 * depth, 2)} mm"
+
+
+def seconds(value: float | None) -> str:
+    """A short time as a person reads it: 6.3 µs, 0.4 ms, 2 s."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    units = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6))
+    unit, size = next((each for each in units if value >= each[1]), units[-1])
+    return f"{value / size:.3g} {unit}"
+
+
+def percent(fraction: float | None) -> str:
+    """Of 1, with as many digits as its distance from all needs: 99.993 %."""
+    if fraction is None or not math.isfinite(fraction):
+        return "–"
+    rest = round(100.0 * (1.0 - fraction), 9)
+    digits = 0 if rest <= 0.0 else min(max(1 - math.floor(math.log10(rest)), 0), 4)
+    # Rounded down, but for the error of doubles: what is not all is never written as all.
+    shown = math.floor(100.0 * fraction * 10**digits + 1e-6) / 10**digits
+    return f"{shown:.{digits}f} %"
+
+
+# A line of figures where the loop was started, and a summary at the end.
+
+_REFRESHED_EVERY = 0.2  # s, on a terminal
+_LINE_EVERY = 1.0  # s, elsewhere
+_OTHERS_END = 0.5  # s that the other sinks have to say their last
+#: What is counted, in the order of how grave it is; those that are 0 are left out of the line.
+COUNTED = (
+    ("lost", "lost before the loop"),
+    ("malformed", "malformed"),
+    ("unpaired", "unpaired"),
+    ("refused", "refused"),
+    ("repeated", "repeated"),
+    ("disordered", "out of order"),
+    ("gaps", "gaps"),
+    ("jumps", "jumps of the clock"),
+    ("silences", "silences"),
+    ("late", "late"),
+)
+
+
+class Console:
+    """One line, written anew where there is a terminal; else a line a second.
+
+    Parameters
+    ----------
+    quiet : bool
+        Only what is said, and the summary at the end.
+    """
+
+    name = "console"
+
+    def __init__(self, *, quiet: bool = False) -> None:
+        self._quiet = quiet
+
+    def run(self, session: Session, commands: Connection) -> None:
+        """Print until the loop stops, and then the summary."""
+        if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
+            sys.stdout.reconfigure(errors="replace")
+        watching = Watching(session)
+        terminal = sys.stdout is not None and sys.stdout.isatty()
+        _Printing(watching, terminal=terminal, quiet=self._quiet).run()
+        watching.close()
+
+
+class _Printing:
+    def __init__(self, watching: Watching, *, terminal: bool, quiet: bool) -> None:
+        self._watching, self._terminal, self._quiet = watching, terminal, quiet
+        self._depth, self._said = WorkingDepth(), list[str]()
+        self._row, self._next, self._heard = np.empty(0), 0.0, True
+
+    def run(self) -> None:
+        while self._watching.wait(_REFRESHED_EVERY) and self._heard:
+            self._look()
+        self._watching.wait(_OTHERS_END)
+        self._look()
+        self._clear()
+        status = self._watching.status()
+        if status and not status.get("stopped"):
+            self._print("the loop has ended without a word; this is what it counted last:")
+        for line in summary(status, self._watching.others()):
+            self._print(printable(line))
+
+    def _print(self, words: str, end: str = "\n") -> None:
+        self._heard = self._heard and printed(words, end)
+
+    def _look(self) -> None:
+        rows = self._watching.take().rows
+        status = self._watching.status()
+        if len(rows):
+            self._row = rows[-1]
+            self._depth.see(rows)
+        for sentence in self._new(status):
+            self._clear()
+            self._print(printable(sentence))
+        if not self._quiet and len(self._row) and not status.get("stopped"):
+            self._show(printable(_line(status, self._row, self._depth.value)))
+        self._watching.tell({})
+
+    def _new(self, status: dict[str, Any]) -> Iterator[str]:
+        """What was said since the last look: of the last sentences those that were not there."""
+        said = [*status.get("said", ())]
+        said += [f"{name}: {page['said']}" for name, page in self._others_saying()]
+        for sentence in said:
+            if sentence not in self._said:
+                yield sentence
+        self._said = said
+
+    def _others_saying(self) -> list[tuple[str, dict[str, Any]]]:
+        return [(name, page) for name, page in self._watching.others().items() if page.get("said")]
+
+    def _show(self, line: str) -> None:
+        if self._terminal:
+            with suppress(OSError):
+                line = line[: os.get_terminal_size(sys.stdout.fileno()).columns - 1]
+            self._print(f"\r{line}\x1b[K", end="")
+        elif time.monotonic() >= self._next:
+            self._next = time.monotonic() + _LINE_EVERY
+            self._print(line)
+
+    def _clear(self) -> None:
+        if self._terminal:
+            self._print("\r\x1b[K", end="")
+
+
+def _line(status: dict[str, Any], row: Any, depth: float) -> str:
+    counts = status.get("counts", {})
+    wrong = [f"{counts[key]} {words}" for key, words in COUNTED if counts.get(key)]
+    lateness = status.get("lateness", {})
+    state = State(int(row[PLACE["state"]])).name.lower()
+    if status.get("state") == "lost":  # of which there is no row
+        state = "lost"
+    parts = [
+        state.ljust(7),
+        at_depth(status, row, depth),
+        *(wrong or ["none lost or late"]),  # of a long line a narrow terminal has only the first
+        f"{counts.get('taken', 0)} samples, 99 % within {seconds(lateness.get('p99'))}",
+    ]
+    return " · ".join(parts)
+
+
+def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterator[str]:
+    """How a run went, in lines.
+
+    Parameters
+    ----------
+    status : dict
+        What the loop said last.
+    others : dict
+        What each sink said last, by its name.
+    """
+    counts = status.get("counts", {})
+    if verdict := verdict_on(status):
+        yield from law_lines(verdict)
+    taken, learned = counts.get("taken", 0), counts.get("learned", 0)
+    yield f"{status.get('source', '')}: {taken} samples, {learned} learned, " + _many(
+        counts.get("changes", 0), "change"
+    )
+    yield "                     p50      p99    p99.9      max   in time"
+    for name, words in (("cycle", "update, estimate"), ("lateness", "after its sample")):
+        figures = status.get(name, {})
+        known = figures if figures.get("count") else {}
+        columns = [seconds(known.get(key)) for key in ("p50", "p99", "p99.9", "max")]
+        limit = f"{percent(known.get('within'))} within {seconds(figures.get('limit'))}"
+        yield f"{words:<16}" + "".join(f"{each:>9}" for each in columns) + f"   {limit}"
+    yield ", ".join(f"{counts.get(key, 0)} {words}" for key, words in COUNTED)
+    dropped = [f"{page.get('dropped', 0)} by the {name}" for name, page in others.items()]
+    if dropped:
+        yield f"rows dropped: {', '.join(dropped)}"
+    if recorded := others.get("recorder", {}).get("said"):
+        yield str(recorded)
+
+
+def _many(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"

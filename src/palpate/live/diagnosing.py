@@ -1,0 +1,142 @@
+"""The diagnosis of the last seconds, again and again, in a process of its own."""
+
+import time
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+from palpate._core import Status
+from palpate.contact import Contact
+from palpate.errors import PalpateError
+from palpate.estimators import ContactEstimator, estimator_named
+from palpate.identifying import identify
+from palpate.live.choices import CHOICES
+from palpate.live.realtime import go_last
+from palpate.live.sinks import PLACE, Session, Watching, basis_of, outdated
+from palpate.validation import Floats
+
+WINDOW = 20.0  # s
+EVERY = 5.0  # s from the end of one to the next, at the least
+_LOOKED_EVERY = 0.5  # s
+_LEAST = 500  # samples
+_MOST_ROWS = 200_000  # 20 s at 10 kHz; of quicker ones the window is shorter, and says so
+_SAMPLE = [PLACE[name] for name in ("time", "penetration", "velocity", "force", "status")]
+# A velocity filter needs no more than a few samples of a gap: of so many steps, another segment.
+_GAP = 10.0
+# Delays after a change: for two the velocity's window has both materials in it.
+_SMEARED = 3.0
+
+
+class Diagnosing:
+    """Identifies the last seconds anew by the loop's method, and says what may be wrong with it.
+
+    Parameters
+    ----------
+    window : float
+        s.
+    every : float
+        s between two of them; more where one takes longer.
+    """
+
+    name = "diagnosis"
+
+    def __init__(self, window: float = WINDOW, every: float = EVERY) -> None:
+        self._window, self._every = window, every
+
+    def run(self, session: Session, commands: Connection) -> None:
+        """Diagnose until the loop stops."""
+        go_last()
+        watching = Watching(session)
+        samples, due = np.empty((0, len(_SAMPLE))), time.monotonic() + self._every
+        runs, page, tare = 0, dict[str, Any](), None
+        while watching.wait(_LOOKED_EVERY):
+            rows = watching.take().rows[:, _SAMPLE]
+            status = watching.status()
+            if status.get("tare") != tare:  # another offset is in the samples before it
+                samples, rows, tare = samples[:0], rows[:0], status.get("tare")
+            delay = float(status.get("delay", 0.0))
+            samples = recent(np.concatenate([samples, rows]), self._window, delay)
+            if time.monotonic() >= due and len(samples) >= _LEAST:
+                runs += 1
+                page = {**diagnosed(samples, status), "runs": runs}
+                due = time.monotonic() + self._every
+            watching.tell({**page, "outdated": outdated(page, status)} if page else page)
+        watching.close()
+
+
+def recent(samples: Floats, window: float, delay: float) -> Floats:
+    """The samples of the last seconds, since the clock was set and the material has changed.
+
+    The loop's estimate is of what came since it noticed a change, and so is what is said of it.
+
+    Parameters
+    ----------
+    samples : numpy.ndarray, shape (k, 5)
+        Time, penetration, velocity, force and status.
+    window : float
+        s.
+    delay : float
+        Of the preparation, s: half of its window, and two samples.
+    """
+    samples = samples[np.isfinite(samples).all(axis=1)][-_MOST_ROWS:]
+    if not len(samples):
+        return samples
+    time = samples[:, 0]
+    back = np.flatnonzero(np.diff(time) <= 0.0)
+    samples = samples[back[-1] + 1 :] if len(back) else samples
+    changed = np.flatnonzero(samples[:, 4] == Status.RESTARTED)
+    if len(changed):
+        settled = samples[changed[-1], 0] + _SMEARED * delay
+        samples = samples[samples[:, 0] > settled]
+    if not len(samples):
+        return samples
+    recent: Floats = samples[samples[:, 0] >= samples[-1, 0] - window]
+    return recent
+
+
+def contact_of(samples: Floats, sample_time: float) -> Contact:
+    """Return a contact of time, penetration, velocity, force and status, cut at gaps."""
+    gaps = np.diff(samples[:, 0], prepend=samples[:1, 0]) > _GAP * sample_time
+    return Contact(
+        samples[:, 0],
+        penetration=samples[:, 1],
+        velocity=samples[:, 2],
+        force=samples[:, 3],
+        segment=np.cumsum(gaps),
+        source="the last seconds",
+    )
+
+
+def _estimator(status: dict[str, Any]) -> ContactEstimator | None:
+    """That of the loop, as far as the status names it: which laws compete is another question."""
+    method, settings = status.get("method"), status.get("settings", {})
+    if method is None:
+        return None
+    return estimator_named(method)(**{name: settings[name] for name in CHOICES if name in settings})
+
+
+def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
+    """Return what the board says of these samples, by the method that the loop's status names."""
+    began = time.monotonic()
+    page: dict[str, Any] = {
+        "at": time.strftime("%H:%M:%S"),
+        "window": [float(samples[0, 0]), float(samples[-1, 0])],
+        "samples": len(samples),
+        "method": status.get("method"),
+        "of": basis_of(status),
+    }
+    try:
+        contact = contact_of(samples, float(status.get("sample_time", 1e-3)))
+        diagnosis = identify(contact, _estimator(status), trace=False).diagnosis
+    except PalpateError as error:  # the probe touched nothing
+        return {**page, "verdict": None, "reason": str(error), "remedy": None, "said": str(error)}
+    return {
+        **page,
+        "said": f"{diagnosis.verdict.overall.replace('-', ' ')}: {diagnosis.reason}",
+        "verdict": diagnosis.verdict.as_dict(),
+        "reason": diagnosis.reason,
+        "remedy": diagnosis.remedy,
+        "working_depths": [depth.as_dict() for depth in diagnosis.working_depths],
+        "took": time.monotonic() - began,
+    }

@@ -1,0 +1,437 @@
+"""What is published of every sample, whatever the wire: names, and numbers in their order.
+
+Estimates as messages that every user of ROS can echo and plot.
+
+``…/estimate`` is a ``std_msgs/Float64MultiArray`` for each sample, whose layout names its numbers:
+one dimension, with all the names, and commas between them, as its label. ``…/status`` is a
+``diagnostic_msgs/DiagnosticArray`` a few times a second: the state in words, and each number with
+its name and unit.
+"""
+
+import math
+import struct
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from multiprocessing.connection import Connection
+from typing import Any, Protocol
+
+import numpy as np
+
+from palpate.digits import parameter
+from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
+from palpate.live.choices import State
+from palpate.live.law_numbers import fields_of, verdict_on
+from palpate.live.loop import TAKEN
+from palpate.live.ordering import NANO
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS
+from palpate.live.sinks import PLACE, Session, Sink, Watching
+from palpate.live.sources import NO_ROS1
+from palpate.validation import Floats, shown
+
+#: Before the law's parameters and their standard errors: name as published, and column of the ring.
+BEFORE = (
+    ("time", "arrived"),  # of the newest measurement, s, by the robot's clock
+    ("prepared_time", "time"),  # to which penetration, velocity and force belong
+    ("penetration", "penetration"),
+    ("velocity", "velocity"),
+    ("force", "force"),
+    ("predicted_force", "predicted_force"),  # before the sample was learned
+    ("state", "state"),  # a number of palpate.live.choices.State
+    ("offset", "offset"),  # N
+    ("surface", "surface"),  # m
+    ("margin", "margin"),  # of condition 10
+)
+#: Behind all of them: the verdict as a number, and s since a sample was learned.
+AFTER = ("verdict", "age")
+#: Of these names and those of the status; a field that goes, or means another thing, makes it the
+#: next.
+SCHEMA = 2
+_TIMES = (0, 1)
+_COLUMNS = [COLUMNS.index(column) for _, column in BEFORE]
+_PARAMETER = COLUMNS.index("parameter_0")
+_COVARIANCE = COLUMNS.index("covariance_0")
+GENERATION = COLUMNS.index("method")
+
+
+@dataclass(frozen=True, slots=True)
+class Fields:
+    """What the estimates of one estimator consist of.
+
+    Attributes
+    ----------
+    generation : int
+        Number of the estimator; a change of estimator makes another one.
+    parameters : tuple of str
+        Names of the law's parameters.
+    origin : int
+        What the source's times are counted from, ns.
+    """
+
+    generation: int
+    parameters: tuple[str, ...]
+    origin: int
+
+    @classmethod
+    def of(cls, page: dict[str, Any]) -> "Fields":
+        """Read them from the loop's board."""
+        return cls(page["generation"], tuple(page["law"]["names"]), page["origin"])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All names, in the order of the numbers."""
+        errors = (f"{name}_standard_error" for name in self.parameters)
+        return (*(name for name, _ in BEFORE), *self.parameters, *errors, *AFTER)
+
+    def values(self, rows: Floats, after: Floats) -> Floats:
+        """Return the numbers of rows of the ring, shape (k, len(names)); those after are given."""
+        size = len(self.parameters)
+        fixed = rows[:, _COLUMNS]
+        fixed[:, _TIMES] += 1e-9 * self.origin
+        variances = rows[:, _COVARIANCE : _COVARIANCE + MOST_PARAMETERS**2 : MOST_PARAMETERS + 1]
+        with np.errstate(invalid="ignore"):
+            errors = np.sqrt(variances[:, :size])
+        return np.hstack([fixed, rows[:, _PARAMETER : _PARAMETER + size], errors, after])
+
+
+ESTIMATE, STATUS = "std_msgs/msg/Float64MultiArray", "diagnostic_msgs/msg/DiagnosticArray"
+#: What is published: the end of a topic's name, and its type.
+TOPICS = (("estimate", ESTIMATE), ("status", STATUS))
+# DiagnosticStatus: OK, WARN, ERROR, STALE.
+_LEVELS = {"invalid": 1, "held": 1, "lost": 3}
+
+
+class RosEncoder:
+    """Makes messages of ROS 2, in CDR."""
+
+    def __init__(self) -> None:
+        try:
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError:
+            raise MissingExtraError(
+                "messages of ROS need rosbags: pip install 'palpate[live]'"
+            ) from None
+        self._store = get_typestore(Stores.LATEST)
+        self._names: tuple[str, ...] = ()
+        self._template, self._at, self._form = bytearray(), 0, struct.Struct("")
+
+    def hash_of(self, type_name: str) -> str:
+        """Return the hash of a type's description, by which ROS 2 distinguishes versions of it."""
+        return self._store.hash_rihs01(type_name)
+
+    def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
+        """Return the message of one sample; only its numbers are written anew."""
+        if names != self._names:
+            self._prepare(names)
+        self._form.pack_into(self._template, self._at, *values)
+        return bytes(self._template)
+
+    def _prepare(self, names: tuple[str, ...]) -> None:
+        types, size = self._store.types, len(names)
+        dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
+        layout = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
+        message = types[ESTIMATE](layout, np.zeros(size))
+        # The numbers are the last of it.
+        self._template = bytearray(self._bytes(message, ESTIMATE))
+        self._form = struct.Struct(f"<{size}d")
+        self._at = len(self._template) - self._form.size
+        self._names = names
+
+    def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
+        """Return the message that says the state in words.
+
+        Parameters
+        ----------
+        state : str
+            A :class:`~palpate.live.choices.State`, in small letters.
+        source : str
+            Where the samples come from.
+        stamp : int
+            ns, by the robot's clock.
+        values : dict
+            What is said, by name; numbers are written with 15 digits.
+        """
+        types = self._store.types
+        time = types["builtin_interfaces/msg/Time"](*divmod(max(stamp, 0), NANO))
+        header = types["std_msgs/msg/Header"](time, "")
+        pairs = [
+            types["diagnostic_msgs/msg/KeyValue"](
+                name, value if isinstance(value, str) else f"{value:.15g}"
+            )
+            for name, value in values.items()
+        ]
+        one: Any = types["diagnostic_msgs/msg/DiagnosticStatus"](
+            _LEVELS.get(state, 0), "palpate", state, source, pairs
+        )
+        return self._bytes(types[STATUS](header, [one]), STATUS)
+
+    def _bytes(self, message: object, type_name: str) -> bytes:
+        return bytes(self._store.serialize_cdr(message, type_name, little_endian=True))
+
+
+# Estimates published back on a wire, for the robot or whoever listens.
+
+#: Of an estimate, in place of words.
+LEVELS = {"do-not-trust": 0.0, "with-care": 1.0, "trust": 2.0}
+_PAUSE = 1e-3  # s: how often new rows are looked for
+_ASKED_EVERY = 0.02  # s: whether the loop has stopped
+_TOLD_EVERY = 0.25  # s: the status, and the sink's own board
+
+
+_now = time.monotonic
+
+
+class Wire(Protocol):
+    """One way of publishing."""
+
+    @property
+    def name(self) -> str:
+        """Scheme and address."""
+
+    def open(self) -> None:
+        """Begin; PalpateError where it cannot."""
+
+    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
+        """Send estimates, one after the other; return how many of them could not be sent."""
+
+    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
+        """Send what is said in words, and a few numbers."""
+
+    def close(self) -> None:
+        """End; may be called twice."""
+
+
+class Publisher:
+    """Publishes each estimate, and a few times a second the state in words.
+
+    Parameters
+    ----------
+    wire : Wire
+        Where.
+    """
+
+    gently = False  # a robot may act on what is published
+
+    def __init__(self, wire: Wire) -> None:
+        self._wire = wire
+
+    @property
+    def name(self) -> str:
+        """Scheme and address, for instance ``publish zmq:tcp://127.0.0.1:5556``."""
+        return f"publish {self._wire.name}"
+
+    def check(self) -> None:
+        """Begin and end, so that an address in use is known before the loop begins.
+
+        Raises
+        ------
+        PalpateError
+            It cannot be published there.
+        """
+        try:
+            self._wire.open()
+        finally:
+            self._wire.close()
+
+    def run(self, session: Session, commands: Connection) -> None:
+        """Publish what the loop finds until it stops."""
+        watching = Watching(session)
+        try:
+            self._wire.open()
+            _Publishing(self._wire, watching).run()
+        except PalpateError as error:
+            watching.tell({"fault": str(error)})
+            print(f"palpate: {error}", file=sys.stderr)
+        finally:
+            self._wire.close()
+            watching.close()
+
+
+class _Publishing:
+    def __init__(self, wire: Wire, watching: Watching) -> None:
+        self._wire, self._watching = wire, watching
+        self._sent = 0
+        self._fields: Fields | None = None
+        self._last: dict[str, float] = {}  # of what was published
+        self._seen = self._learned = math.nan  # when; and when a sample was, by the robot's clock
+        self._told = 0.0
+
+    def run(self) -> None:
+        waiting = self._watching.take().rows
+        over, asked = False, 0.0
+        while not over:
+            now = _now()
+            if now >= asked:
+                asked, over = now + _ASKED_EVERY, self._watching.over
+            page, rows = self._watching.status(), self._watching.take().rows
+            waiting = np.concatenate([waiting, rows]) if len(waiting) else rows
+            # What times are counted from is known with the first sample.
+            if page and page["counts"]["taken"]:
+                waiting = self._publish(page, waiting)
+                self._tell(page, silent=not len(rows))
+            if not over:
+                time.sleep(_PAUSE)
+        self._report()
+
+    def _publish(self, page: dict[str, Any], rows: Floats) -> Floats:
+        """Send rows whose estimator the board knows by now; return the others."""
+        fields = self._fields
+        if fields is None or (fields.generation, fields.origin) != (
+            page["generation"],
+            page["origin"],
+        ):
+            fields = self._fields = Fields.of(page)
+            self._last, self._learned = {}, math.nan
+        mine = rows[:, GENERATION] == fields.generation
+        # Rows of the estimator before, which the board does not know any more, are not published.
+        self._watching.dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
+        if mine.any():
+            values = fields.values(rows[mine], self._after(page, rows[mine])).tolist()
+            self._last, self._seen = dict(zip(fields.names, values[-1], strict=True)), _now()
+            refused = self._wire.send(fields.names, values)
+            self._watching.dropped += refused  # they came to nobody, as those that the ring lost
+            self._sent += len(values) - refused
+        return rows[rows[:, GENERATION] > fields.generation]
+
+    def _after(self, page: dict[str, Any], rows: Floats) -> Floats:
+        """The verdict as a number, NaN of none; and s since a sample was learned."""
+        level = LEVELS.get(str(self._watching.diagnosis(page)["verdict"]), math.nan)
+        # Of a change the board does not know at once.
+        levels = np.where(rows[:, PLACE["state"]] == State.CHANGED, math.nan, level)
+        times, taken = rows[:, PLACE["arrived"]], np.isin(rows[:, PLACE["status"]], list(TAKEN))
+        latest = np.maximum.accumulate(np.where(taken, np.arange(len(rows)), -1))
+        learned = np.where(latest < 0, self._learned, times[latest])
+        self._learned = float(learned[-1])
+        return np.column_stack([levels, times - learned])
+
+    def _tell(self, page: dict[str, Any], *, silent: bool) -> None:
+        """Say it whether rows come or not: of a source that is lost there are none."""
+        now, last = _now(), self._last
+        if now < self._told or not last or self._fields is None:
+            return
+        if not math.isfinite(last["time"]):
+            return
+        self._told = now + _TOLD_EVERY
+        stamp = round(1e9 * (last["time"] - 1e-9 * self._fields.origin)) + self._fields.origin
+        lost = silent and page["state"] == "lost"
+        state = "lost" if lost else State(int(last["state"])).name.lower()
+        said = words_of(page, self._fields, {**last, "age": last["age"] + now - self._seen})
+        said |= self._watching.diagnosis(page)
+        self._wire.tell(state, page["source"], stamp, said)
+        self._report()
+
+    def _report(self) -> None:
+        self._watching.tell({"published": self._sent})
+
+
+def words_of(
+    page: dict[str, Any], fields: Fields, named: dict[str, float]
+) -> dict[str, str | float]:
+    """What is said beside the estimates: numbers as such in SI, and in a sentence with their units.
+
+    And which law it is, by an estimator that compares laws.
+    """
+    law = page["law"]
+    said: dict[str, str | float] = {"schema": SCHEMA, "method": page["method"], "law": law["kind"]}
+    said |= {"flags": "; ".join(page["flags"]), "age": named["age"]}
+    verdict = verdict_on(page)
+    own = verdict["own"] if verdict and verdict["parameters"] else fields.parameters
+    fixed, words = verdict["fixed"] if verdict else (), []
+    for place in law.get("shown", range(len(fields.parameters))):
+        name, unit = fields.parameters[place], law["units"][place]
+        value, error = named[name], named[f"{name}_standard_error"]
+        if name in own:
+            words.append(f"{name} {_parameter(value, error, unit, fixed=name in fixed)}")
+        else:
+            value = error = math.nan
+        said |= {name: value, f"{name}_standard_error": error}
+    said["words"] = ", ".join(words)
+    if verdict:
+        origin = 1e-9 * fields.origin  # what the loop counts its times from
+        said |= {f"verdict_{name}": each for name, each in fields_of(verdict, origin).items()}
+    for name in ("lost", "repeated", "disordered", "malformed", "unpaired", "refused"):
+        said[name] = page["counts"].get(name, 0)
+    return said
+
+
+def _parameter(value: float, error: float, unit: str, *, fixed: bool) -> str:
+    if not math.isfinite(value):
+        return "not known"
+    if math.isfinite(error):
+        return parameter(value, error, unit=unit, fixed=fixed)
+    return f"{value:.4g} {unit}".strip() + ", error not known"
+
+
+class RosWire:
+    """What wires of ROS have in common: a prefix of topics, and messages.
+
+    Parameters
+    ----------
+    scheme, prefix : str
+        Of the address; topics are ``<prefix>/estimate`` and ``<prefix>/status``.
+    """
+
+    def __init__(self, scheme: str, prefix: str) -> None:
+        self._scheme, self._prefix = scheme, prefix
+        self._encoder: RosEncoder | None = None
+
+    @property
+    def name(self) -> str:
+        """Scheme and prefix."""
+        return f"{self._scheme}:{self._prefix}"
+
+    @property
+    def encoder(self) -> RosEncoder:
+        """Made when it is first needed, in the process that needs it."""
+        if self._encoder is None:
+            self._encoder = RosEncoder()
+        return self._encoder
+
+    def close(self) -> None:
+        """Forget what only this process can have."""
+        self._encoder = None
+
+    @property
+    def topics(self) -> list[tuple[str, str]]:
+        """Names and types of the topics."""
+        return [(f"{self._prefix}/{end}", kind) for end, kind in TOPICS]
+
+    def estimates(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> list[bytes]:
+        """Return messages of estimates."""
+        return [self.encoder.estimate(names, each) for each in values]
+
+
+# From the options of the command line to sinks.
+
+#: Where estimates are published back, by what stands before the colon of an address: a module, and
+#: its :class:`~palpate.live.publishing.Wire`, which is made of the rest of the address.
+PUBLISHERS: Mapping[str, tuple[str, str]] = {
+    "zmq": ("palpate.live.zeromq", "ZeroMQWire"),
+    "dds": ("palpate.live.dds", "DDSWire"),
+    "zenoh": ("palpate.live.zenoh", "ZenohWire"),
+}
+
+
+def open_publisher(address: str) -> Sink:
+    """Return the sink that publishes estimates on a wire, such as ``zmq:tcp://127.0.0.1:5556``.
+
+    Raises
+    ------
+    InvalidParameterError
+        There is no such wire.
+    MissingExtraError
+        What it needs is not installed.
+    """
+    scheme, colon, rest = address.partition(":")
+    if scheme == "ros1":
+        raise InvalidParameterError(NO_ROS1)
+    if not colon or scheme not in PUBLISHERS:
+        known = ", ".join(f"{name}:…" for name in PUBLISHERS)
+        raise InvalidParameterError(f"--publish must be one of {known}, not {shown(address)}")
+
+    module, wire = PUBLISHERS[scheme]
+    publisher = Publisher(getattr(import_module(module), wire)(rest))
+    publisher.check()
+    return publisher

@@ -1,0 +1,417 @@
+"""Messages of a recording made live: what came, and what was found; in CDR, as ROS 2 has it."""
+
+import os
+import struct
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from datetime import datetime
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from palpate.errors import MissingExtraError
+from palpate.live.law_numbers import verdict_on
+from palpate.live.ring import MOST_PARAMETERS
+from palpate.live.sinks import PLACE, Session, Watching
+from palpate.writing import opened_new
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+
+#: Topics; a recording is identified again from the first.
+INPUT, ESTIMATE = "/input", "/estimate"
+_RULE = "=" * 80
+_TIME = f"""{_RULE}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+_NUMBERS = f"""# One measurement as it came: a number along the contact normal each, m and N.
+builtin_interfaces/Time stamp
+float64 position
+float64 force
+{_TIME}"""
+_VECTORS = f"""# One measurement as it came, m and N.
+builtin_interfaces/Time stamp
+geometry_msgs/Vector3 position
+geometry_msgs/Vector3 force
+{_TIME}{_RULE}
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+"""
+_MATRIX = MOST_PARAMETERS**2
+# What was made of the measurement has names of its own, so that nothing takes it for one.
+_ESTIMATE = f"""# What the loop made of a measurement, and found.
+builtin_interfaces/Time stamp    # of the measurement that the estimator took
+float64 travel                   # penetration that it took, m
+float64 rate                     # its velocity, m/s
+float64 felt                     # its force, N
+float64 predicted                # a priori, N
+float64[{MOST_PARAMETERS}] parameters            # of the law, in its order, SI; NaN beyond them
+float64[{_MATRIX}] covariance           # row by row
+float64 offset                   # N
+float64 beginning                # of the material, m
+float64 margin                   # of condition 10
+float64 cycle                    # update and estimate took so long, s
+float64 lateness                 # done so long after the measurement was there, s
+uint8 status                     # palpate.Status
+uint8 preparation                # palpate.Status
+uint8 state                      # free 0, contact 1, held 2, changed 3, invalid 4, lost 5, taring 6
+uint16 method                    # how often the estimator was exchanged
+{_TIME}"""
+#: Name and definition of each topic's messages; those of the input where it has vectors.
+TYPES = {
+    "numbers": ("palpate_msgs/msg/Measurement", _NUMBERS),
+    "vectors": ("palpate_msgs/msg/MeasurementInSpace", _VECTORS),
+    "estimate": ("palpate_msgs/msg/Estimate", _ESTIMATE),
+}
+_HEAD = b"\0\1\0\0"  # CDR, little endian
+_NUMBERS_CDR = struct.Struct("<4siI2d")
+_VECTORS_CDR = struct.Struct("<4siI6d")
+_ESTIMATE_CDR = struct.Struct(f"<4siI{4 + MOST_PARAMETERS + _MATRIX + 5}d3BxH")
+_LATEST = 2**31  # s: what a time in ROS 2 can hold
+
+Row = list[float]
+
+
+def _slice(first: str, count: int) -> slice:
+    return slice(PLACE[first], PLACE[first] + count)
+
+
+_POSITION, _FORCE = PLACE["input_position_x"], PLACE["input_force_x"]
+_IN_SPACE = _slice("input_position_x", 6)
+_SAMPLE = _slice("penetration", 4)
+_FOUND = _slice("parameter_0", MOST_PARAMETERS + _MATRIX)
+_REST = [PLACE[name] for name in ("offset", "surface", "margin", "cycle", "lateness")]
+_WHOLE = [PLACE[name] for name in ("status", "preparation", "state")]
+_METHOD = PLACE["method"]
+_ARRIVED, _TIME_OF = PLACE["arrived"], PLACE["time"]
+
+
+class Encoder:
+    """From rows to messages.
+
+    Parameters
+    ----------
+    origin : int
+        What the source counts its times from, ns.
+    vectors : bool
+        Whether the source has vectors.
+    """
+
+    def __init__(self, origin: int, *, vectors: bool) -> None:
+        self._origin = origin
+        self.measured: Callable[[Row], tuple[int, bytes] | None] = (
+            self._in_space if vectors else self._number
+        )
+
+    def _number(self, row: Row) -> tuple[int, bytes] | None:
+        stamp = self._stamp(row[_ARRIVED])
+        if stamp is None:
+            return None
+        split = divmod(stamp, 1_000_000_000)
+        return stamp, _NUMBERS_CDR.pack(_HEAD, *split, row[_POSITION], row[_FORCE])
+
+    def _in_space(self, row: Row) -> tuple[int, bytes] | None:
+        stamp = self._stamp(row[_ARRIVED])
+        if stamp is None:
+            return None
+        return stamp, _VECTORS_CDR.pack(_HEAD, *divmod(stamp, 1_000_000_000), *row[_IN_SPACE])
+
+    def found(self, row: Row) -> bytes | None:
+        """What was found at a row; None where no sample was prepared."""
+        stamp = self._stamp(row[_TIME_OF])
+        if stamp is None:
+            return None
+        return _ESTIMATE_CDR.pack(
+            _HEAD,
+            *divmod(stamp, 1_000_000_000),
+            *row[_SAMPLE],
+            *row[_FOUND],
+            *[row[k] for k in _REST],
+            *[int(row[k]) & 0xFF for k in _WHOLE],
+            int(row[_METHOD]) & 0xFFFF,
+        )
+
+    def _stamp(self, time: float) -> int | None:
+        """A time of the source's clock, ns; None where it is none."""
+        if not -_LATEST < time < _LATEST:
+            return None
+        stamp = self._origin + round(1e9 * time)
+        return stamp if -_LATEST < stamp // 1_000_000_000 < _LATEST else None
+
+
+def described(status: dict[str, Any]) -> dict[str, str]:
+    """What is to be known of a recording beside its messages, in words."""
+    law = status.get("law", {})
+    units = zip(law.get("symbols", ()), law.get("units", ()), strict=True)
+    tare, preparation = status.get("tare"), str(status.get("preparation", ""))
+    if "tare_time=" not in preparation:
+        tared = "none"
+    else:
+        tared = "being measured" if tare is None else f"{tare:.6g} N was taken off online"
+    verdict = verdict_on(status)
+    told = {"law": str(verdict["law"])} if verdict and verdict["known"] else {}
+    diagnosis = status.get("diagnosis", {})
+    told |= {name: str(diagnosis[name]) for name in ("verdict", "reason") if name in diagnosis}
+    return {
+        "source": str(status.get("source", "")),
+        "method": str(status.get("method", "")),
+        **told,
+        "parameters": ", ".join(f"{name} [{unit or '1'}]" for name, unit in units),
+        "preparation": preparation or "as usual",
+        "tare": tared,
+        "delay": f"{status.get('delay', 0.0):g} s from a measurement to its estimate",
+    }
+
+
+# An MCAP recording of what came and what was found.
+
+#: s: what a process that is killed has not yet written.
+FLUSHED_EVERY = 0.25
+_SECOND_AXIS = PLACE["input_position_y"]
+# A clock that was set is no longer followed by the times of the log, ns.
+_SET = 5_000_000_000
+
+
+class Recorder:
+    """Records to a file when it is asked to; never over one that is there.
+
+    What came is the topic ``/input``, of which ``palpate identify`` makes the same again; what was
+    found is ``/estimate``. All is written four times a second, and the disk is asked to keep it: a
+    process that is killed loses no more, and the file is read as far as it goes.
+
+    Parameters
+    ----------
+    path : Path, optional
+        Recorded to from the beginning on. Without one it waits until it is asked to, by
+        ``Command("record", {"on": True})``.
+    folder : Path, optional
+        Where recordings without a path go; the current one unless given.
+
+    Raises
+    ------
+    MissingExtraError
+        The package ``mcap`` is not installed.
+    """
+
+    name = "recorder"
+    gently = False
+
+    def __init__(self, path: Path | None = None, folder: Path | None = None) -> None:
+        try:
+            import mcap.writer
+        except ImportError:
+            raise MissingExtraError("a recording needs mcap: pip install 'palpate[live]'") from None
+        del mcap
+        self._path = path
+        self._folder = Path() if folder is None else folder
+
+    def run(self, session: Session, commands: Connection) -> None:
+        """Record until the loop stops; the exit status is 1 where not all could be recorded."""
+        watching = Watching(session)
+        recording, wish, said, failed = None, 0, "", False
+        if self._path is not None:
+            recording, said = _begun(self._path)
+            failed = recording is None
+        goes_on = True
+        while goes_on:
+            goes_on = watching.wait(FLUSHED_EVERY)
+            status = watching.status()
+            status["diagnosis"] = watching.diagnosis(status)
+            asked = status.get("record", {})
+            rows = watching.take().rows.tolist()
+            if recording is not None:
+                said = recording.write(rows, status, watching.dropped) or said
+            if asked.get("wish", 0) != wish:
+                wish = asked["wish"]
+                recording, said = self._obey(recording, asked)
+                watching.go_back(asked["since"])  # when it was asked for
+            if recording is not None and recording.failed:
+                recording, failed = None, True
+            watching.tell(_page(recording, said))
+        if recording is not None:
+            said = recording.finish()
+            failed = failed or recording.failed
+        watching.tell({**_page(recording, said), "on": False})
+        watching.close()
+        if failed:
+            sys.exit(1)  # by which the loop's process knows
+
+    def _obey(
+        self, recording: "Recording | None", asked: dict[str, Any]
+    ) -> "tuple[Recording | None, str]":
+        if recording is not None:
+            said = recording.finish()
+            if not asked["on"]:
+                return None, said
+        elif not asked["on"]:
+            return None, "nothing is being recorded"
+        path = asked.get("path")
+        named = datetime.now().strftime("palpate-%Y-%m-%d-%H%M%S.mcap")
+        return _begun(Path(path) if path else self._folder / named)
+
+
+def _page(recording: "Recording | None", said: str) -> dict[str, Any]:
+    if recording is None:
+        return {"on": False, "said": said}
+    return {
+        "on": True,
+        "path": str(recording.path),
+        "rows": recording.rows,
+        "bytes": recording.bytes,
+        "unstamped": recording.unstamped,
+        "said": said,
+    }
+
+
+def _begun(path: Path) -> "tuple[Recording | None, str]":
+    try:
+        file, taken = opened_new(path)
+    except OSError as error:
+        return None, f"{path} cannot be recorded to: {error.strerror or error}"
+    words = f"recording to {taken}"
+    if taken != path:
+        words += f", as {path} is there already"
+    return Recording(taken, file), words
+
+
+class Recording:
+    """One file that grows.
+
+    Parameters
+    ----------
+    path : Path
+        Its name.
+    file : file object
+        Open for writing, empty.
+    """
+
+    def __init__(self, path: Path, file: IO[bytes]) -> None:
+        self.path, self._file = path, file
+        self.rows = self.bytes = self.unstamped = 0
+        self.failed = False
+        self._writer: Writer | None = None
+        # A disk may take seconds; what is written meanwhile is safe from all but a loss of power.
+        self._disk = ThreadPoolExecutor(1)
+        self._synced: Future[None] | None = None
+        self._shift = self._last = 0
+        self._dropped = -1
+        self._described = dict[str, str]()
+
+    def write(self, rows: list[Row], status: dict[str, Any], dropped: int) -> str:
+        """Write rows, and see to it that they are on the disk; what went wrong, in words."""
+        try:
+            if rows:
+                self._begin(rows, status)
+                for row in rows:
+                    self._add(row)
+            self._note_dropped(dropped)
+            self._note_changed(status)
+            self._file.flush()
+            self.bytes = self._file.tell()
+            if self._synced is None or self._synced.done():
+                self._raise_failed()
+                self._synced = self._disk.submit(os.fsync, self._file.fileno())
+        except OSError as error:
+            return self._given_up(error)
+        return ""
+
+    def _given_up(self, error: OSError) -> str:
+        """Close the file as it is: the disk is full, or gone."""
+        self.failed = True
+        self._disk.shutdown()
+        with suppress(OSError):  # what waits cannot be written either
+            self._file.close()
+        words = f"{self.path}: {error.strerror or error}; "
+        return words + f"of {self.rows} rows those up to {FLUSHED_EVERY:g} s before are in it"
+
+    def _raise_failed(self) -> None:
+        if self._synced is not None and (error := self._synced.exception()) is not None:
+            raise error
+
+    def _begin(self, rows: list[Row], status: dict[str, Any]) -> None:
+        if self._writer is not None:
+            return
+        from mcap.writer import IndexType, Writer
+
+        # Without chunks each message is whole as soon as it is written; and there is no index, of
+        # which a reader would be without where the process is killed.
+        writer = Writer(self._file, use_chunking=False, index_types=IndexType.METADATA)
+        writer.start(profile="ros2", library="palpate")
+        vectors = rows[0][_SECOND_AXIS] == rows[0][_SECOND_AXIS]
+        self._encoder = Encoder(int(status.get("origin", 0)), vectors=vectors)
+        schemas = [
+            writer.register_schema(name, "ros2msg", text.encode())
+            for name, text in (TYPES["vectors" if vectors else "numbers"], TYPES["estimate"])
+        ]
+        self._channels = [
+            writer.register_channel(topic, "cdr", schema)
+            for topic, schema in zip((INPUT, ESTIMATE), schemas, strict=True)
+        ]
+        self._described = described(status)
+        writer.add_metadata("palpate", self._described)
+        self._writer = writer
+
+    def _add(self, row: Row) -> None:
+        measured = self._encoder.measured(row)
+        if measured is None:
+            self.unstamped += 1
+            return
+        stamp, message = measured
+        log = self._log_time(stamp)
+        assert self._writer is not None  # it has begun
+        number = self.rows & 0xFFFFFFFF
+        self._writer.add_message(self._channels[0], log, message, log, number)
+        found = self._encoder.found(row)
+        if found is not None:
+            self._writer.add_message(self._channels[1], log, found, log, number)
+        self.rows += 1
+
+    def _log_time(self, stamp: int) -> int:
+        """When a measurement came by this machine's clock, ns: from the source's steps."""
+        now = time.time_ns()
+        if not abs(stamp + self._shift - now) < _SET:
+            self._shift = now - stamp
+        self._last = max(stamp + self._shift, self._last)
+        return self._last
+
+    def _note_dropped(self, dropped: int) -> None:
+        """Say in the file what the recorder lost, as soon as it does."""
+        if self._writer is None or dropped == self._dropped:
+            return
+        if self._dropped >= 0:
+            lost = str(dropped - self._dropped)
+            self._writer.add_metadata("palpate", {f"rows lost after {self.rows}": lost})
+        self._dropped = dropped
+
+    def _note_changed(self, status: dict[str, Any]) -> None:
+        """Say in the file what is another than at its beginning, such as the estimator."""
+        now = described(status)
+        changed = {name: words for name, words in now.items() if self._described.get(name) != words}
+        if self._writer is not None and changed:
+            since = f"by row {self.rows}, estimator {status.get('generation', 0)}"
+            notes = {f"{name} {since}": words for name, words in changed.items()}
+            self._writer.add_metadata("palpate", notes)
+            self._described = now
+
+    def finish(self) -> str:
+        """Write the end, and close the file."""
+        try:
+            if self._writer is not None:
+                self._writer.finish()  # type: ignore[no-untyped-call]
+            self._file.flush()
+            self._disk.shutdown()
+            self._raise_failed()
+            os.fsync(self._file.fileno())
+            self.bytes = self._file.tell()
+            self._file.close()
+        except OSError as error:
+            return self._given_up(error)
+        return f"recorded {self.rows} rows to {self.path}"

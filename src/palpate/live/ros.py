@@ -1,0 +1,448 @@
+"""Messages of ROS as they come: the numbers that are wanted of each, wherever they stand in it.
+
+A message is walked once by its definition, as those of a recording are
+(:mod:`palpate.recordings.messages`); every other one with the same bytes wherever a byte says how a
+message goes on has its numbers in the same places, and costs a few comparisons.
+"""
+
+import struct
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
+from palpate.live.ordering import (
+    NANO,
+    Followed,
+    Order,
+    Origin,
+    Pair,
+    Pairing,
+    Receipt,
+    Stamped,
+    Succession,
+    WireAddress,
+    topics_of,
+)
+from palpate.live.sources import Arrival, Counts, SourceOptions, Value
+from palpate.recordings.messages.layout import (
+    Field,
+    Group,
+    Layout,
+    Leaf,
+    Number,
+    NumberAt,
+    TimeAt,
+    UndecodableError,
+)
+
+# bytes: the state of a hundred joints, with their names, has some 6000; to walk so many takes up to
+# 4 ms, once.
+LONGEST = 16_384
+_MOST_LAYOUTS = 64  # kept to compare messages with; a robot's topic has one
+_STAMP = "header.stamp"
+
+#: Where in a message the position is, by its type.
+POSITIONS = {
+    "geometry_msgs/msg/PoseStamped": "pose.position",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose.position",
+    "geometry_msgs/msg/Pose": "position",
+    "geometry_msgs/msg/PointStamped": "point",
+    "geometry_msgs/msg/Point": "",
+    "geometry_msgs/msg/TransformStamped": "transform.translation",
+    "geometry_msgs/msg/Vector3Stamped": "vector",
+    "geometry_msgs/msg/Vector3": "",
+    "nav_msgs/msg/Odometry": "pose.pose.position",
+    "std_msgs/msg/Float64": "data",
+    "std_msgs/msg/Float32": "data",
+}
+#: Where in a message the force is, by its type.
+FORCES = {
+    "geometry_msgs/msg/WrenchStamped": "wrench.force",
+    "geometry_msgs/msg/Wrench": "force",
+    "geometry_msgs/msg/Vector3Stamped": "vector",
+    "geometry_msgs/msg/Vector3": "",
+    "std_msgs/msg/Float64": "data",
+    "std_msgs/msg/Float32": "data",
+}
+
+
+class Reading(NamedTuple):
+    """What one message says.
+
+    Attributes
+    ----------
+    stamp : int or None
+        Of its header, ns; None where it has none, or one of 0, which ROS takes for none.
+    values : tuple of Value
+        In the order of the paths that are wanted.
+    """
+
+    stamp: int | None
+    values: tuple[Value, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Places:
+    """A layout, as comparisons and struct's formats."""
+
+    checks: tuple[tuple[int, int, bytes], ...]
+    stamp: tuple[struct.Struct, int, struct.Struct, int] | None
+    numbers: tuple[tuple[tuple[struct.Struct, int], ...], ...]
+
+    def fits(self, message: bytes) -> bool:
+        return all(message[start:stop] == want for start, stop, want in self.checks)
+
+    def read(self, message: bytes) -> Reading:
+        stamp = None
+        if self.stamp is not None:
+            seconds, at, nanoseconds, after = self.stamp
+            whole: int = seconds.unpack_from(message, at)[0]
+            rest: int = nanoseconds.unpack_from(message, after)[0]
+            stamp = whole * NANO + rest or None
+        found = [
+            [float(form.unpack_from(message, at)[0]) for form, at in each] for each in self.numbers
+        ]
+        values: tuple[Any, ...] = tuple(e[0] if len(e) == 1 else tuple(e) for e in found)
+        return Reading(stamp, values)
+
+
+class MessageReader:
+    """Reads the messages of one topic.
+
+    Parameters
+    ----------
+    topic, type_name : str
+        For errors; and the type, such as ``geometry_msgs/msg/WrenchStamped``.
+    paths : sequence of str
+        The fields that are wanted: a number such as ``wrench.force.z`` or ``position[joint_1]``, or
+        a vector such as ``wrench.force``.
+    vectors : bool
+        Whether vectors are wanted.
+
+    Raises
+    ------
+    InvalidParameterError
+        ROS has no such type.
+    MissingExtraError
+        rosbags, which knows ROS's types, is not installed.
+    """
+
+    def __init__(self, topic: str, type_name: str, paths: Sequence[str], *, vectors: bool) -> None:
+        self._paths, self._vectors = tuple(paths), vectors
+        self._known: dict[int, list[_Places]] = {}
+        self._kept = 0
+        fields, self._walk = _walk_of(topic, type_name)
+        for path in paths:
+            self._check(f"topic {topic} of the type {type_name}", fields, path)
+
+    def _check(self, where: str, fields: Group, path: str) -> None:
+        """Refuse a path that no message of the type can have; those into lists are seen later."""
+        if "[" in path:
+            return
+        found: Field = fields
+        for name in path.split(".") if path else ():
+            below = dict(found.fields) if isinstance(found, Group) else {}
+            if name not in below:
+                known = ", ".join(below) or "nothing more"
+                raise InvalidParameterError(f"{where} has no field {path}: there is {known[:200]}")
+            found = below[name]
+        axes = dict(found.fields) if isinstance(found, Group) else {}
+        vector = all(isinstance(axes.get(axis), Number) for axis in "xyz")
+        if isinstance(found, Number) and self._vectors:
+            raise InvalidParameterError(
+                f"{where}: {path} is a number, where a direction asks for vectors"
+            )
+        if vector and not self._vectors:
+            raise InvalidParameterError(f"{where}: {_vector_words(path)}")
+        if not vector and not isinstance(found, Number):
+            raise InvalidParameterError(f"{where}: {path} is neither a number nor a vector")
+
+    def read(self, message: bytes) -> Reading:
+        """Return what a message says.
+
+        Raises
+        ------
+        PalpateError
+            It is damaged, or has not the fields that are wanted; the message says which.
+        """
+        for places in self._known.get(len(message), ()):
+            if places.fits(message):
+                return places.read(message)
+        if len(message) > LONGEST:
+            raise InvalidParameterError(f"a message of {len(message)} bytes")
+        places = self._places(message, self._walk(message))
+        if self._kept >= _MOST_LAYOUTS:
+            self._known.clear()
+            self._kept = 0
+        self._known.setdefault(len(message), []).append(places)
+        self._kept += 1
+        return places.read(message)
+
+    def _places(self, message: bytes, layout: Layout) -> _Places:
+        leaves = layout.entities[0].leaves
+        checks = []
+        for start, want in layout.checks:
+            checks.append((start, start + len(want), want.tobytes()))
+        stamp = leaves.get(_STAMP)
+        return _Places(
+            tuple(checks),
+            (*_form(stamp.seconds), *_form(stamp.nanoseconds))
+            if isinstance(stamp, TimeAt)
+            else None,
+            tuple(
+                tuple(_form(leaf) for leaf in self._leaves(leaves, path)) for path in self._paths
+            ),
+        )
+
+    def _leaves(self, leaves: dict[str, Leaf], path: str) -> list[Leaf]:
+        if path in leaves:
+            if self._vectors:
+                raise InvalidParameterError(
+                    f"{path} is a number, where a direction asks for vectors"
+                )
+            return [leaves[path]]
+        below = [f"{path}.{axis}" if path else axis for axis in "xyz"]
+        if not all(each in leaves for each in below):
+            known = ", ".join(each for each in leaves if each != _STAMP)
+            raise InvalidParameterError(f"it has no {path}, but {known[:200] or 'no number'}")
+        if not self._vectors:
+            raise InvalidParameterError(_vector_words(path))
+        return [leaves[each] for each in below]
+
+
+def _vector_words(path: str) -> str:
+    one = f"{path}.z".removeprefix(".")
+    return (
+        f"{path or 'it'} is a vector: say --direction, such as 0,0,-1, or name one of its numbers, "
+        f"such as {one}"
+    )
+
+
+def _walk_of(topic: str, type_name: str) -> tuple[Group, Callable[[bytes], Layout]]:
+    try:
+        from palpate.recordings.messages.layout import message_fields, walk_cdr
+    except ImportError:
+        raise MissingExtraError(
+            "messages of ROS need rosbags: pip install 'palpate[live]'"
+        ) from None
+    try:
+        fields = message_fields(type_name, "ros2msg", "")
+    except UndecodableError:
+        raise InvalidParameterError(
+            f"topic {topic} is of the type {type_name}, which ROS itself does not define"
+        ) from None
+    return fields, lambda message: walk_cdr(message, fields)
+
+
+def _form(leaf: Leaf) -> tuple[struct.Struct, int]:
+    assert isinstance(leaf, NumberAt)  # the others are protobuf's
+    order = "<" if leaf.dtype[0] not in "<>" else leaf.dtype[0]
+    kind = {"f4": "f", "f8": "d", "b1": "B"}.get(leaf.dtype.lstrip("<>"))
+    if kind is None:
+        sign, size = leaf.dtype.lstrip("<>")[0], leaf.dtype[-1]
+        kind = {"1": "b", "2": "h", "4": "i", "8": "q"}[size]
+        kind = kind.upper() if sign == "u" else kind
+    return struct.Struct(order + kind), leaf.offset
+
+
+# Topics of ROS, on whatever wire they come: from their messages to positions with forces.
+
+#: Options of an address that all wires of ROS know.
+OPTIONS = ("position", "force", "at", "tolerance")
+#: Letters of what is said of a message: a name in it may have as many as a peer likes.
+LONGEST_WORDS = 300
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A message as it came.
+
+    Attributes
+    ----------
+    topic : int
+        Which of the topics of the address.
+    payload : bytes
+        In CDR, with its head.
+    written : int
+        When it was sent, ns since 1970, or when it came where the wire does not say.
+    number : int, optional
+        By the sender's count.
+    sender : object
+        By which publishers are distinguished.
+    """
+
+    topic: int
+    payload: bytes
+    written: int
+    number: int | None = None
+    sender: object = None
+
+
+@dataclass(slots=True)
+class _Topic:
+    name: str
+    paths: tuple[str | None, ...]  # of position and force, or one of them; None is by the type
+    roles: tuple[dict[str, str], ...]
+    order: Order
+    followed: Followed = field(default_factory=Followed)
+    receipt: Receipt = field(default_factory=Receipt)
+    type_name: str = ""
+    reader: MessageReader | None = None
+
+
+class RosTopics:
+    """Takes messages, gives arrivals: a source, but for the wire that the messages come on.
+
+    Parameters
+    ----------
+    address : WireAddress
+        Topics, and options: ``position`` and ``force`` name a field of a message, such as
+        ``wrench.force.z``; those of :data:`POSITIONS` and :data:`FORCES` unless given.
+        ``at=force`` gives a sample at each force, ``at=position`` at each position. ``tolerance``
+        is that of :class:`Pairing`, s; two sample times unless given.
+    options : SourceOptions
+        What is known of the samples.
+    """
+
+    def __init__(self, address: WireAddress, options: SourceOptions) -> None:
+        names = topics_of(address, 2)
+        self.sample_time = options.sample_time or 1e-3
+        self.counts, self._origin = Counts(), Origin()
+        self.ready: deque[Arrival] = deque()
+        self._news: list[str] = []
+        self._vectors, self._scheme = options.vectors, address.scheme
+        given = (address.options.get("position"), address.options.get("force"))
+        roles = (POSITIONS, FORCES)
+        if len(names) == 1:
+            self.topics = [_Topic(names[0], given, roles, Order(self.counts))]
+        else:
+            self.topics = [
+                _Topic(name, (path,), (role,), Order(self.counts))
+                for name, path, role in zip(names, given, roles, strict=True)
+            ]
+        self._leads = ("position", "force").index(address.one_of("at", ("position", "force")))
+        tolerance = address.number("tolerance", 2.0 * self.sample_time, 0.0, 10.0)
+        self._pairing = Pairing(round(tolerance * NANO), self.counts)
+
+    @property
+    def names(self) -> list[str]:
+        """The topics' names."""
+        return [topic.name for topic in self.topics]
+
+    @property
+    def name(self) -> str:
+        """Scheme and topics."""
+        return f"{self._scheme}:{','.join(self.names)}"
+
+    @property
+    def origin(self) -> int:
+        """What times are counted from, ns by the sender's clock."""
+        return self._origin.value or 0
+
+    def accept(self, index: int, type_name: str) -> None:
+        """Learn the type of a topic.
+
+        Raises
+        ------
+        InvalidParameterError
+            Positions or forces cannot be read from it.
+        """
+        topic = self.topics[index]
+        if topic.type_name == type_name:
+            return
+        paths = []
+        for path, role, word in zip(topic.paths, topic.roles, self._words(topic), strict=True):
+            if path is None and type_name not in role:
+                raise InvalidParameterError(
+                    f"{self._scheme}: topic {topic.name} is of the type {type_name}, of which the "
+                    f"{word} is not known: {_advice(word, role)}"
+                )
+            paths.append(role[type_name] if path is None else path)
+        topic.reader = MessageReader(topic.name, type_name, paths, vectors=self._vectors)
+        topic.type_name = type_name
+        self._news.append(f"topic {topic.name} is there, of the type {type_name}")
+
+    def news(self) -> list[str]:
+        """What is to be said since the last call."""
+        said, self._news = self._news, []
+        return said
+
+    def await_topics(self) -> None:
+        """Say of which topics nothing is known yet."""
+        waiting = [topic.name for topic in self.topics if not topic.type_name]
+        if waiting:
+            self._news.append(f"nobody publishes {' or '.join(waiting)} yet: waiting")
+
+    def _words(self, topic: _Topic) -> Sequence[str]:
+        if len(topic.paths) == 2:
+            return "position", "force"
+        return ("position",) if topic is self.topics[0] else ("force",)
+
+    def receive(self, message: Message, *, waited: bool) -> None:
+        """Take a message; what comes of it is in ``ready``."""
+        topic = self.topics[message.topic]
+        assert topic.reader is not None  # it was accepted before
+        if not topic.followed.accepts(message.sender):
+            self.refuse(f"a second publisher sends on {topic.name}: it is not followed")
+            return
+        try:
+            reading = topic.reader.read(message.payload)
+        except PalpateError as fault:
+            self.refuse(f"{topic.name}: {fault}")
+            return
+        stamp = message.written if reading.stamp is None else reading.stamp
+        verdict = topic.order.admit(stamp, message.number)
+        if verdict is Succession.REFUSED:
+            return
+        there = topic.receipt.there(stamp, waited=waited)
+        if len(self.topics) == 1:
+            self._give(stamp, reading.values[0], reading.values[1], there)
+            return
+        sample, anew = Stamped(stamp, reading.values[0], there), verdict is Succession.ANEW
+        leads = message.topic == self._leads
+        for pair in (self._pairing.lead if leads else self._pairing.follow)(sample, anew=anew):
+            self._give_pair(pair)
+
+    def _give_pair(self, pair: Pair) -> None:
+        first, second = pair.leader, pair.follower
+        if self._leads == 1:
+            first, second = second, first
+        self._give(pair.stamp, first, second, pair.there)
+
+    def _give(self, stamp: int, position: Value, force: Value, there: float) -> None:
+        self.ready.append(Arrival(self._origin.seconds(stamp), position, force, there))
+
+    def refuse(self, words: str, count: int = 1) -> None:
+        """Count messages that hold no sample."""
+        self.counts.malformed += count
+        self.counts.last_fault = words[:LONGEST_WORDS]  # a peer's own may be in it
+
+    def ask(self, options: dict[str, Any]) -> str:
+        """A robot cannot be asked for anything."""
+        raise InvalidParameterError("a robot on the wire moves as it does: nothing can be chosen")
+
+    def settle(self) -> None:
+        """Count what is missing so far."""
+        for topic in self.topics:
+            topic.order.settle()
+
+
+def _advice(word: str, role: dict[str, str]) -> str:
+    types = ", ".join(name.rpartition("/")[2] for name in role)
+    return f"name a field with {word}=…, or publish one of {types}"
+
+
+def ros2_type(dds_name: str) -> str:
+    """``geometry_msgs/msg/WrenchStamped`` of ``geometry_msgs::msg::dds_::WrenchStamped_``."""
+    parts = dds_name.split("::")
+    if len(parts) == 4 and parts[2] == "dds_" and parts[3].endswith("_"):
+        return f"{parts[0]}/{parts[1]}/{parts[3][:-1]}"
+    return dds_name
+
+
+def dds_type(ros2_name: str) -> str:
+    """``geometry_msgs::msg::dds_::WrenchStamped_`` of ``geometry_msgs/msg/WrenchStamped``."""
+    package, kind, name = ros2_name.split("/")
+    return f"{package}::{kind}::dds_::{name}_"

@@ -1,0 +1,328 @@
+"""Zenoh as rmw_zenoh uses it: sessions, keys, and what is attached to each message."""
+
+import json
+import struct
+import time
+import uuid
+from collections.abc import Sequence
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
+from palpate.live import ros
+from palpate.live.ordering import WireAddress, parsed, topics_of
+from palpate.live.publishing import RosWire
+from palpate.live.ros import LONGEST, Message, RosTopics, dds_type
+from palpate.live.sources import Arrival, SourceOptions
+from palpate.validation import shown
+
+if TYPE_CHECKING:
+    import zenoh
+
+
+#: Of an address: the domain, and how the session reaches the others.
+OPTIONS = ("domain", "connect", "listen", "scouting")
+#: Where rmw_zenoh's router listens.
+ROUTER = "tcp/127.0.0.1:7447"
+# bytes: longer messages end in the session, before they take memory.
+_LONGEST = 1 << 20
+# Number and time of sending, each int64, then how many bytes the publisher's identity has, and it.
+_ATTACHED = struct.Struct("<qqB16s")
+# As rmw_zenoh 0.2.0 to 0.2.3 wrote it, each with its name before it.
+_NAMED = struct.Struct("<16sq17sq11sB16s")
+_NAMES = (b"\x0fsequence_number", b"\x10source_timestamp", b"\x0asource_gid")
+
+
+class Attached(NamedTuple):
+    """What rmw_zenoh attaches to a message."""
+
+    number: int
+    written: int  # ns since 1970
+    sender: bytes
+
+
+def attachment(number: int, written: int, sender: bytes) -> bytes:
+    """Return what is attached to a message: its number, when it is sent, and by whom (16 bytes)."""
+    return _ATTACHED.pack(number, written, 16, sender)
+
+
+def attached(data: bytes) -> Attached | None:
+    """Return what is attached, or None where it is not what rmw_zenoh attaches."""
+    if len(data) == _ATTACHED.size and data[16] == 16:
+        number, written, _, sender = _ATTACHED.unpack(data)
+        return Attached(number, written, sender)
+    if len(data) == _NAMED.size:
+        first, number, second, written, third, size, sender = _NAMED.unpack(data)
+        if (first, second, third) == _NAMES and size == 16:
+            return Attached(number, written, sender)
+    return None
+
+
+def key_of(domain: int, topic: str, type_name: str, type_hash: str) -> str:
+    """Return the key of a topic of ROS 2; the type's name and hash may be ``*``."""
+    name = type_name if type_name == "*" else dds_type(type_name)
+    return f"{domain}/{topic.strip('/')}/{name}/{type_hash}"
+
+
+def opened(address: WireAddress) -> "zenoh.Session":
+    """Open a session, a client of one router or peer unless ``listen`` says otherwise.
+
+    Raises
+    ------
+    PalpateError
+        Nobody answers, or the address to listen on is in use.
+    """
+    try:
+        import zenoh
+    except ImportError:
+        raise MissingExtraError(
+            "ROS 2 over Zenoh needs eclipse-zenoh: pip install 'palpate[live]'"
+        ) from None
+    listen = _endpoints(address, "listen", "")
+    connect = _endpoints(address, "connect", "" if listen else ROUTER)
+    settings = {
+        "mode": "peer" if listen else "client",
+        "listen/endpoints": listen,
+        "connect/endpoints": connect,
+        "scouting/multicast/enabled": address.one_of("scouting", ("no", "yes")) == "yes",
+        "scouting/gossip/enabled": address.one_of("scouting", ("no", "yes")) == "yes",
+        "transport/link/rx/max_message_size": _LONGEST,
+    }
+    config = zenoh.Config()
+    try:
+        for name, value in settings.items():
+            config.insert_json5(name, json.dumps(value))
+    except zenoh.ZError as error:
+        raise InvalidParameterError(
+            f"zenoh: an address must be such as {ROUTER}: {_first_line(error)}"
+        ) from None
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        if "Address already in use" in str(error):
+            raise PalpateError(f"zenoh: {', '.join(listen)}: address already in use") from None
+        if listen and "listener" in str(error):
+            raise PalpateError(
+                f"zenoh: cannot listen on {', '.join(listen)}: {_first_line(error)}"
+            ) from None
+        raise PalpateError(
+            f"zenoh: nobody answers at {', '.join(connect)}: start the router, `ros2 run "
+            "rmw_zenoh_cpp rmw_zenohd`, or say where it is with connect=tcp/ADDRESS:7447"
+        ) from None
+
+
+def _endpoints(address: WireAddress, name: str, default: str) -> list[str]:
+    given = address.text(name, default)
+    endpoints = given.split(",") if given else []
+    for endpoint in endpoints:
+        if "/" not in endpoint:
+            raise InvalidParameterError(
+                f"zenoh: {name} must be such as {ROUTER}, not {shown(endpoint)}"
+            )
+    return endpoints
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).partition(" at /")[0].splitlines()[0][:120]
+
+
+# Samples of ROS 2 over Zenoh, as rmw_zenoh sends them: ``zenoh:/pose,/wrench``.
+
+SOURCE_OPTIONS = (*ros.OPTIONS, *OPTIONS)
+# Messages that wait for the loop, 10 s of two topics at 1 kHz. What comes beyond them is lost, and
+# known by its number.
+WAITING = 20_000
+
+
+def open_source(address: str, options: SourceOptions | None = None) -> "Zenoh":
+    """Return the source of an address: ``/pose,/wrench?connect=tcp/192.168.1.2:7447``."""
+    return Zenoh(parsed("zenoh", address, SOURCE_OPTIONS), options or SourceOptions())
+
+
+class _Came(NamedTuple):
+    topic: int
+    key: str
+    payload: bytes | None  # None where it is too long
+    attachment: bytes | None
+    written: int
+    length: int
+
+
+class Zenoh(RosTopics):
+    """Topics of ROS 2; their types are known by the keys of the messages.
+
+    Parameters
+    ----------
+    address : WireAddress
+        Topics and options: those of :class:`~palpate.live.ros.RosTopics`, ``domain``;
+        ``connect``, where a router or peer listens; ``listen``, to be a peer oneself; ``scouting``
+        to find others by multicast.
+    options : SourceOptions
+        What is known of the samples.
+    """
+
+    def __init__(self, address: WireAddress, options: SourceOptions) -> None:
+        super().__init__(address, options)
+        self._address = address
+        self._domain = address.whole("domain", 0, 0, 1_000_000)
+        self._queue: SimpleQueue[_Came] = SimpleQueue()
+        self._session: zenoh.Session | None = None
+
+    def open(self) -> None:
+        """Open the session; a topic that comes later is waited for."""
+        self._session = opened(self._address)
+        import zenoh
+
+        for index, name in enumerate(self.names):
+            key = key_of(self._domain, name, "*", "*")
+            # In Zenoh's own thread: another one between would cost each message a change of thread.
+            took = zenoh.handlers.Callback(self._taker(index), lambda: None, indirect=False)
+            self._session.declare_subscriber(key, took)
+        self.await_topics()
+
+    def _taker(self, index: int) -> Any:
+        queue = self._queue
+
+        def take(sample: "zenoh.Sample") -> None:
+            if queue.qsize() >= WAITING:
+                return
+            payload, extra = sample.payload, sample.attachment
+            length = len(payload)
+            queue.put(
+                _Came(
+                    index,
+                    str(sample.key_expr),
+                    payload.to_bytes() if length <= LONGEST else None,
+                    extra.to_bytes() if extra is not None and len(extra) < LONGEST else None,
+                    time.time_ns(),
+                    length,
+                )
+            )
+
+        return take
+
+    def take(self, timeout: float) -> Arrival | None:
+        """Return the next sample, or None where none came in time [s]."""
+        if self._session is None:
+            raise PalpateError(f"{self.name} is not open")
+        until, ready = time.monotonic() + timeout, self.ready
+        while not ready:
+            waited = self._queue.empty()
+            try:
+                came = self._queue.get(timeout=max(until - time.monotonic(), 0.0))
+            except Empty:
+                self.settle()
+                return None
+            self._receive(came, waited=waited)
+            if not ready and time.monotonic() >= until:
+                return None
+        return ready.popleft()
+
+    def _receive(self, came: _Came, *, waited: bool) -> None:
+        topic = self.topics[came.topic]
+        type_name = ros.ros2_type(came.key.split("/")[-2])
+        if topic.type_name and type_name != topic.type_name:
+            self.refuse(f"{topic.name}: a publisher of the type {type_name} is not followed")
+            return
+        self.accept(came.topic, type_name)
+        if came.payload is None:
+            self.refuse(f"{topic.name}: a message of {came.length} bytes")
+            return
+        written, number, sender = came.written, None, b""
+        if came.attachment is not None:
+            known = attached(came.attachment)
+            if known is None:
+                self.refuse(
+                    f"{topic.name}: an attachment of {len(came.attachment)} bytes that is not "
+                    "rmw_zenoh's"
+                )
+                return
+            number, written, sender = known
+        message = Message(came.topic, came.payload, written, number, sender)
+        self.receive(message, waited=waited)
+
+    def close(self) -> None:
+        """Close the session."""
+        self.settle()
+        if self._session is not None:
+            self._session.close()  # type: ignore[no-untyped-call]
+        self._session = None
+
+
+# Estimates to ROS 2 over Zenoh: ``--publish zenoh:/palpate``.
+
+
+class ZenohWire(RosWire):
+    """Two topics under rmw_zenoh's keys, which wait where there is no room.
+
+    Parameters
+    ----------
+    address : str
+        The topics' prefix, and options: ``domain``, ``connect``, ``listen`` and ``scouting``, such
+        as ``/palpate?connect=tcp/192.168.1.2:7447``.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = parsed("zenoh", address, OPTIONS)
+        super().__init__("zenoh", topics_of(self._address, 1)[0])
+        self._domain = self._address.whole("domain", 0, 0, 1_000_000)
+        self._session: zenoh.Session | None = None
+        self._publishers: list[zenoh.Publisher] = []
+        self._tokens: list[Any] = []
+        self._numbers = [0, 0]
+        self._sender = uuid.uuid4().bytes
+
+    def open(self) -> None:
+        """Open the session, and become a node that ``ros2 topic list`` finds."""
+        self._session = opened(self._address)
+        import zenoh
+
+        node = f"@ros2_lv/{self._domain}/{self._session.zid()}/0"
+        self._declare(f"{node}/0/NN/%/%/palpate")
+        for index, (name, type_name) in enumerate(self.topics):
+            kind, checksum = dds_type(type_name), self.encoder.hash_of(type_name)
+            self._publishers.append(
+                self._session.declare_publisher(
+                    key_of(self._domain, name, type_name, checksum),
+                    congestion_control=zenoh.CongestionControl.BLOCK,
+                    express=True,  # not kept back to be sent with others
+                )
+            )
+            mangled = name.replace("/", "%")
+            # Of its quality of service only the depth is not ROS's default.
+            self._declare(
+                f"{node}/{index + 1}/MP/%/%/palpate/{mangled}/{kind}/{checksum}/::,1000:,:,:,,"
+            )
+
+    def _declare(self, key: str) -> None:
+        assert self._session is not None  # it is open
+        self._tokens.append(self._session.liveliness().declare_token(key))
+
+    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
+        """Send estimates; it waits where there is no room."""
+        for each in self.estimates(names, values):
+            self._put(0, each)
+        return 0
+
+    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
+        """Send what is said in words."""
+        self._put(1, self.encoder.status(state, source, stamp, values))
+
+    def _put(self, index: int, data: bytes) -> None:
+        import zenoh
+
+        self._numbers[index] += 1
+        attached = attachment(self._numbers[index], time.time_ns(), self._sender)
+        try:
+            self._publishers[index].put(data, attachment=attached)
+        except zenoh.ZError as error:
+            raise PalpateError(f"{self.name}: {str(error).partition(' at /')[0]}") from None
+
+    def close(self) -> None:
+        """Close the session."""
+        super().close()
+        self._publishers.clear()
+        self._tokens.clear()
+        if self._session is not None:
+            self._session.close()  # type: ignore[no-untyped-call]
+        self._session = None

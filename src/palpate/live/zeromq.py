@@ -1,0 +1,362 @@
+"""Samples as ZeroMQ carries them: 32 or 64 bytes, or JSON.
+
+Little-endian: number uint64, time float64 [s], position 1 or 3 float64 [m], force 1 or 3 float64
+[N]. Or an object of JSON with ``time``, ``position``, ``force`` and, optionally, ``number``.
+"""
+
+import json
+import math
+import struct
+import time
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
+from palpate.live.ordering import Order, Origin, Receipt, Succession, WireAddress, parsed
+from palpate.live.publishing import AFTER, BEFORE
+from palpate.live.ring import MOST_PARAMETERS
+from palpate.live.sources import Arrival, Counts, SourceOptions, Value
+from palpate.validation import plain, shown
+
+if TYPE_CHECKING:
+    import zmq
+
+
+NUMBERS = struct.Struct("<Qddd")
+VECTORS = struct.Struct("<Qd3d3d")
+# bytes; JSON of six numbers with all their digits has some 300.
+LONGEST = 4096
+# s: three thousand years, and 2⁶³ ns are less than three hundred: a time beyond that is none.
+_LATEST = 9e9
+
+
+class PacketError(PalpateError):
+    """A packet that holds no sample; the message says why."""
+
+
+class Packet(NamedTuple):
+    """One sample."""
+
+    number: int | None
+    stamp: int  # ns
+    position: Value
+    force: Value
+
+
+def packed(number: int, time: float, position: Value, force: Value) -> bytes:
+    """Return the packet of a sample: its number, time [s], position [m] and force [N]."""
+    if isinstance(position, tuple) and isinstance(force, tuple):
+        return VECTORS.pack(number, time, *position, *force)
+    return NUMBERS.pack(number, time, position, force)
+
+
+def unpacked(data: bytes, *, vectors: bool) -> Packet:
+    """Return the sample of a packet.
+
+    Raises
+    ------
+    PacketError
+        It holds none, or one of another kind than is asked for.
+    """
+    size = len(data)
+    # A force whose last byte is a brace would be of 10²⁹⁴ N.
+    if size in (NUMBERS.size, VECTORS.size) and not (data[:1] == b"{" and data[-1:] == b"}"):
+        if (size == VECTORS.size) is not vectors:
+            raise _other_kind(vectors)
+        if vectors:
+            number, time, *six = VECTORS.unpack(data)
+            position: Value = (six[0], six[1], six[2])
+            force: Value = (six[3], six[4], six[5])
+        else:
+            number, time, position, force = NUMBERS.unpack(data)
+        return Packet(number, _stamp(time), position, force)
+    if size > LONGEST:
+        raise PacketError(f"a packet of {size} bytes")
+    return _of_json(data, vectors)
+
+
+def _of_json(data: bytes, vectors: bool) -> Packet:
+    try:
+        given = json.loads(data)
+    except (ValueError, RecursionError):
+        raise PacketError(
+            f"a packet of {len(data)} bytes, neither {NUMBERS.size}, {VECTORS.size} nor JSON"
+        ) from None
+    if not isinstance(given, dict):
+        raise PacketError("JSON that is no object")
+    number = given.get("number")
+    if number is not None and (type(number) is not int or not 0 <= number < 1 << 64):
+        raise PacketError("a number that is no whole number of 64 bits")
+    time = _number(given, "time")
+    return Packet(
+        number, _stamp(time), _value(given, "position", vectors), _value(given, "force", vectors)
+    )
+
+
+def _stamp(time: float) -> int:
+    if not abs(time) < _LATEST:  # or NaN
+        raise PacketError("a time that is none")
+    return round(time * 1e9)
+
+
+def _number(given: dict[str, Any], name: str) -> float:
+    if name not in given:
+        raise PacketError(f"JSON without {name}")
+    return _float(given[name], name)
+
+
+def _value(given: dict[str, Any], name: str, vectors: bool) -> Value:
+    value = given.get(name)
+    if isinstance(value, list) is not vectors and value is not None:
+        raise _other_kind(vectors)
+    if not isinstance(value, list):
+        return _number(given, name)
+    if len(value) != 3:
+        raise PacketError(f"a {name} of {len(value)} numbers, not 3")
+    x, y, z = (_float(each, name) for each in value)
+    return x, y, z
+
+
+def _float(value: Any, name: str) -> float:
+    if value is None:
+        return math.nan  # JSON has no NaN of its own
+    if type(value) not in (int, float):
+        raise PacketError(f"a {name} that is no number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise PacketError(f"a {name} of {len(str(value))} digits") from None
+
+
+def _other_kind(vectors: bool) -> PacketError:
+    if vectors:
+        return PacketError("position and force are numbers, where a direction asks for vectors")
+    return PacketError("position and force are vectors: say --direction, such as 0,0,-1")
+
+
+class Endpoint:
+    """A socket of ZeroMQ that connects or binds.
+
+    Parameters
+    ----------
+    address : WireAddress
+        An endpoint of ZeroMQ, and the option ``bind``.
+    example : str
+        What an endpoint is such as.
+    binds : bool
+        Whether it binds where ``bind`` does not say.
+    """
+
+    def __init__(self, address: WireAddress, example: str, *, binds: bool) -> None:
+        choices = ("yes", "no") if binds else ("no", "yes")
+        self._endpoint, self._bind = address.target, address.one_of("bind", choices) == "yes"
+        if "://" not in self._endpoint:
+            raise InvalidParameterError(
+                f"zmq: an endpoint must be such as {example}, not {shown(self._endpoint)}"
+            )
+        self._context: zmq.Context[zmq.Socket[bytes]] | None = None
+        self._socket: zmq.Socket[bytes] | None = None
+
+    @property
+    def name(self) -> str:
+        """Scheme and endpoint."""
+        return f"zmq:{self._endpoint}"
+
+    def _open(self, kind: str, options: Mapping[str, int | bytes]) -> "zmq.Socket[bytes]":
+        """Bind or connect; a peer that is not there yet is waited for in the background."""
+        try:
+            import zmq
+        except ImportError:
+            raise MissingExtraError("ZeroMQ needs pyzmq: pip install 'palpate[live]'") from None
+        self._context = zmq.Context()
+        self._socket = socket = self._context.socket(getattr(zmq, kind))
+        for name, value in options.items():
+            socket.setsockopt(getattr(zmq, name), value)
+        try:
+            (socket.bind if self._bind else socket.connect)(self._endpoint)
+        except zmq.ZMQError as error:
+            self.close()
+            raise PalpateError(f"{self.name}: {zmq.strerror(error.errno or 0).lower()}") from None
+        return socket
+
+    def close(self) -> None:
+        """Close the socket."""
+        if self._socket is not None:
+            self._socket.close()
+        if self._context is not None:
+            self._context.term()
+        self._socket = self._context = None
+
+
+# Samples by ZeroMQ, from a controller in any language: ``zmq:tcp://127.0.0.1:5555``.
+
+SOURCE_OPTIONS = ("socket", "bind", "topic")
+# Packets that wait in the socket, 20 s at 1 kHz: the default of 1000 would lose what comes while
+# the loop is held up for a second.
+WAITING = 20_000
+
+
+def open_source(address: str, options: SourceOptions | None = None) -> "ZeroMQ":
+    """Return the source of an address such as ``tcp://127.0.0.1:5555?socket=pull&bind=yes``."""
+    return ZeroMQ(parsed("zmq", address, SOURCE_OPTIONS), options or SourceOptions())
+
+
+class ZeroMQ(Endpoint):
+    """A SUB or PULL socket, that connects or binds.
+
+    Parameters
+    ----------
+    address : WireAddress
+        An endpoint of ZeroMQ, and options: ``socket`` (``sub`` or ``pull``), ``bind`` (``no`` or
+        ``yes``), and ``topic``, by which a SUB chooses: the beginning of the first frame of two.
+    options : SourceOptions
+        What is known of the samples.
+    """
+
+    def __init__(self, address: WireAddress, options: SourceOptions) -> None:
+        self._pull = address.one_of("socket", ("sub", "pull")) == "pull"
+        self._topic = address.text("topic", "")
+        if self._pull and self._topic:
+            raise InvalidParameterError("zmq: topic is for socket=sub; a PULL socket takes all")
+        super().__init__(address, "tcp://127.0.0.1:5555 or ipc:///tmp/robot", binds=False)
+        self._vectors = options.vectors
+        self.sample_time = options.sample_time or 1e-3
+        self.counts, self._origin, self._receipt = Counts(), Origin(), Receipt()
+        self._order = Order(self.counts)
+        self._poller: zmq.Poller | None = None
+
+    @property
+    def origin(self) -> int:
+        """What times are counted from, ns by the sender's clock."""
+        return self._origin.value or 0
+
+    def open(self) -> None:
+        """Bind or connect; a peer that is not there yet is waited for in the background."""
+        # No MAXMSGSIZE: it would end the connection for good, and the loop would hear nothing more.
+        options: dict[str, int | bytes] = {"LINGER": 0, "RCVHWM": WAITING}
+        if not self._pull:
+            options["SUBSCRIBE"] = self._topic.encode()
+        socket = self._open("PULL" if self._pull else "SUB", options)
+        import zmq
+
+        self._poller = zmq.Poller()
+        self._poller.register(socket, zmq.POLLIN)
+
+    def take(self, timeout: float) -> Arrival | None:
+        """Return the next sample, or None where none came in time [s]."""
+        socket = self._socket
+        if socket is None:
+            raise PalpateError(f"{self.name} is not open")
+        until = time.monotonic() + timeout
+        while True:
+            waited = not self._poll(0.0)
+            if waited and not self._poll(until - time.monotonic()):
+                self._order.settle()
+                return None
+            arrival = self._next(socket, waited=waited)
+            if arrival is not None or time.monotonic() >= until:
+                return arrival
+
+    def _poll(self, seconds: float) -> bool:
+        """Whether a packet is there, or comes in time."""
+        assert self._poller is not None  # it is open
+        return bool(self._poller.poll(max(round(1e3 * seconds), 0)))
+
+    def _next(self, socket: "zmq.Socket[bytes]", *, waited: bool) -> Arrival | None:
+        """The sample of the packet that is there, or None where it holds none."""
+        counts = self.counts
+        data = socket.recv()
+        try:
+            if socket.rcvmore:
+                first, data = data, socket.recv()
+                if socket.rcvmore:
+                    frames = 2 + len(socket.recv_multipart())
+                    raise PacketError(f"a message of {frames} frames, not 1 or 2")
+                del first  # the topic
+            packet = unpacked(data, vectors=self._vectors)
+        except PacketError as fault:
+            counts.malformed += 1
+            counts.last_fault = str(fault)
+            return None
+        if self._order.admit(packet.stamp, packet.number) is Succession.REFUSED:
+            return None
+        there = self._receipt.there(packet.stamp, waited=waited)
+        return Arrival(self._origin.seconds(packet.stamp), packet.position, packet.force, there)
+
+    def ask(self, options: dict[str, Any]) -> str:
+        """A robot cannot be asked for anything."""
+        raise InvalidParameterError("a robot on the wire moves as it does: nothing can be chosen")
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._order.settle()
+        super().close()
+
+
+# Estimates by ZeroMQ: ``--publish zmq:tcp://127.0.0.1:5556``.
+
+SINK_OPTIONS = ("bind", "format")
+# Messages that wait for each subscriber, 20 s at 1 kHz; what is beyond them is counted.
+#: Number uint64, then float64: what stands before the parameters, parameters, standard errors; NaN
+#: in the places of parameters that the law has not.
+BINARY = struct.Struct(f"<Q{len(BEFORE) + 2 * MOST_PARAMETERS}d")
+
+
+class ZeroMQWire(Endpoint):
+    """A PUB socket: frames ``estimate`` and the numbers, or ``status`` and words, in JSON.
+
+    Parameters
+    ----------
+    text : str
+        An endpoint, and options: ``bind`` (``yes`` or ``no``), and ``format`` of the estimates:
+        ``json`` or ``binary``, :data:`BINARY`; such as ``tcp://127.0.0.1:5556?format=binary``.
+    """
+
+    def __init__(self, text: str) -> None:
+        address = parsed("zmq", text, SINK_OPTIONS)
+        super().__init__(address, "tcp://127.0.0.1:5556 or ipc:///tmp/estimates", binds=True)
+        self._binary = address.one_of("format", ("json", "binary")) == "binary"
+        self._number = 0
+
+    def open(self) -> None:
+        """Bind or connect."""
+        # 200 ms for what waits at the end. Where there is no room it says so, where it would drop
+        # without a word.
+        self._open("PUB", {"LINGER": 200, "SNDHWM": WAITING, "XPUB_NODROP": 1})
+
+    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
+        """Send estimates; return how many there was no room for."""
+        refused = 0
+        for each in values:
+            self._number += 1
+            refused += not self._put(b"estimate", self._packed(names, each))
+        return refused
+
+    def _packed(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
+        if self._binary:
+            values = values[: -len(AFTER)]  # which the status has too: the layout stays
+            size = (len(values) - len(BEFORE)) // 2
+            rest = [math.nan] * (MOST_PARAMETERS - size)
+            first = len(BEFORE) + size
+            return BINARY.pack(self._number, *values[:first], *rest, *values[first:], *rest)
+        return _json({"number": self._number, **dict(zip(names, values, strict=True))})
+
+    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
+        """Send what is said in words."""
+        said = {"state": state, "source": source, "time": 1e-9 * stamp, **values}
+        self._put(b"status", _json(said))
+
+    def _put(self, topic: bytes, data: bytes) -> bool:
+        import zmq
+
+        assert self._socket is not None  # it is open
+        try:
+            self._socket.send_multipart([topic, data], zmq.NOBLOCK)
+        except zmq.Again:
+            return False
+        return True
+
+
+def _json(page: dict[str, Any]) -> bytes:
+    """JSON has no NaN: what is not known is null."""
+    return json.dumps(plain(page)).encode()

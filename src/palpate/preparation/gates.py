@@ -1,0 +1,166 @@
+"""A gate and a scale chosen from the data, where the user chooses none."""
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from palpate import _core
+from palpate.contact import Contact
+from palpate.preparation.clocks import runs_of
+from palpate.settings import ContactGate, Scale
+from palpate.validation import Floats, number_in
+
+LARGEST = 1e100  # m, m/s or N; beyond it no estimator takes a sample
+
+
+def choose_gate(
+    contact: Contact,
+    *,
+    minimum_penetration: float | None = None,
+    minimum_force: float | None = None,
+) -> ContactGate:
+    """Return the gate of a contact: the thresholds that are given, the suggested ones elsewhere.
+
+    Parameters
+    ----------
+    contact : Contact
+        What the gate is for.
+    minimum_penetration : float, optional
+        Contact is deeper than this, m, in [0, 1e100].
+    minimum_force : float, optional
+        Contact is made and lost at this force, N, in [0, 1e100].
+    """
+    gate = suggest_gate(contact)
+    if minimum_penetration is not None:
+        depth = number_in("minimum_penetration", minimum_penetration, 0.0, LARGEST)
+        gate = dataclasses.replace(gate, minimum_penetration=depth)
+    if minimum_force is not None:
+        force = number_in("minimum_force", minimum_force, 0.0, LARGEST)
+        gate = dataclasses.replace(gate, make_force=force, break_force=force)
+    return gate
+
+
+def suggest_scale(contact: Contact) -> Scale:
+    """Units for the arithmetic: the largest penetration, speed and force of the contact."""
+    x, speed, force = contact.penetration, np.abs(contact.velocity), contact.force
+    touching = (x > 0.0) & (force > 0.0) & (x < LARGEST) & (speed < LARGEST) & (force < LARGEST)
+    largest = [np.max(each[touching], initial=0.0) for each in (x, speed, force)]
+    return Scale(*(float(np.clip(each, 1e-30, 1e30)) if each > 0.0 else 1.0 for each in largest))
+
+
+def suggest_gate(contact: Contact) -> ContactGate:
+    """Thresholds at ten times the noise, kept between 1 % and 10 % of the largest values.
+
+    A force near its threshold is taken where noise made it large, which biases: probing near the
+    surface costs a soft material 10 % of K. Where that is more than 3 % of the contact the depth
+    decides instead, where it separates them: contact is then what is deeper than where the force
+    falls short of its threshold.
+    """
+    return ContactGate(*_core.gate_of(contact.penetration, contact.velocity, contact.force))
+
+
+def noise_of(values: Floats) -> float:
+    """Return the standard deviation of white noise on a smooth signal, from its fourth differences.
+
+    They suppress the signal as (ωT)⁴ and have 70 times the noise's variance.
+    """
+    return _core.noise_of(values)
+
+
+# The touches of a contact, found and numbered.
+
+BREAK = 0.8  # of the force that makes contact, as of the gate that is chosen
+# s. A shorter time out of contact is noise at the surface, or a bounce.
+SHORTEST_LIFT = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """One time in contact.
+
+    Attributes
+    ----------
+    number : int
+        From 1.
+    start, stop : float
+        s.
+    peak_force : float
+        N.
+    peak_penetration : float
+        m.
+    """
+
+    number: int
+    start: float
+    stop: float
+    peak_force: float
+    peak_penetration: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+def touches_of(contact: Contact, gate: ContactGate | None = None) -> list[Touch]:
+    """Find the touches: times in which the force is above that of a gate, lifts of 50 ms apart.
+
+    Parameters
+    ----------
+    contact : Contact
+        Of any number of touches; those of separate segments are separate.
+    gate : ContactGate, optional
+        Whose forces make and break contact; chosen from the data unless given.
+    """
+    chosen = choose_gate(contact) if gate is None else gate
+    limit = max(chosen.break_force or BREAK * chosen.make_force, 0.0)
+    found = []
+    for part in contact.segments():
+        time, force = contact.time[part], np.nan_to_num(contact.force[part])
+        depth = np.nan_to_num(contact.penetration[part])
+        runs = [run for run in runs_of(force > limit) if force[run[0]] > limit]
+        for start, stop in _joined(runs, time.tolist()):
+            peak = float(force[start:stop].max())
+            if peak > chosen.make_force:
+                deepest = float(depth[start:stop].max())
+                found.append((float(time[start]), float(time[stop - 1]), peak, deepest))
+    return [Touch(number, *each) for number, each in enumerate(found, start=1)]
+
+
+def _joined(runs: list[tuple[int, int]], time: list[float]) -> list[tuple[int, int]]:
+    joined: list[tuple[int, int]] = []
+    for start, stop in runs:
+        if joined and time[start] - time[joined[-1][1] - 1] < SHORTEST_LIFT:
+            joined[-1] = joined[-1][0], stop
+        else:
+            joined.append((start, stop))
+    return joined
+
+
+# How well a recording can tell where things are.
+
+
+def suggest_surface_deviation(contact: Contact) -> float | None:
+    """How well the surface is known, m: twice the noise of the penetration, its rounding included.
+
+    None where the penetration has neither.
+    """
+    [found] = resolutions_of(contact.penetration[None]).tolist()
+    return None if math.isnan(found) else found
+
+
+def resolutions_of(penetration: Floats, *, threads: int = 1) -> Floats:
+    """Twice the noise of each row, its rounding included, m; NaN where it has neither.
+
+    Parameters
+    ----------
+    penetration : numpy.ndarray, shape (k, samples)
+        m.
+    threads : int
+        That share the rows.
+    """
+    found = np.empty(len(penetration))
+    _core.resolutions(penetration, found, threads)
+    return found

@@ -1,0 +1,555 @@
+"""Options as TOML, which ``--config`` takes back.
+
+What was identified, as plain numbers and words: the object that ``--json`` prints.
+
+``docs/results.md`` says what each field means.
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate._core import Status, __version__
+from palpate.contact import Contact, Remark
+from palpate.diagnosis import MARKS, Episode, Finding, Quantity, Verdict, WorkingDepth
+from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
+from palpate.estimators import LawVerdict
+from palpate.estimators.estimate import Trace
+from palpate.force_laws import FORCE_LAWS, ForceLaw, law_from
+from palpate.identification.identified import rank
+from palpate.preparation.gates import touches_of
+from palpate.recordings import open_recording
+from palpate.recordings.recording import Recording
+from palpate.validation import Floats, defined, or_nan
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+    from palpate.identification.identified import Identified
+    from palpate.settings import ContactGate
+
+
+# No TOML may hold them, not even in a comment; a name of a file and a note may.
+_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
+
+
+def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
+    """Return options as TOML, with comments below them.
+
+    Parameters
+    ----------
+    options : mapping
+        Values by their option's name without dashes before it.
+    comments : iterable of str
+        Lines.
+    """
+    lines = [f"{name} = {_value(value)}" for name, value in options.items()]
+    lines += [""] if lines else []
+    lines += [f"# {_CONTROL.sub('?', ' '.join(each.split()))}" for each in comments]
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(_value(each) for each in value)}]"
+    if isinstance(value, int | float):
+        return repr(value)
+    # JSON's escapes are TOML's, but for those of characters beyond 16 bits: left as they are; and
+    # JSON leaves the one control character beyond its range.
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def how_made(contact: Contact, files: Sequence[Path]) -> list[str]:
+    """Of which files a contact was made, and how, a line each: for comments."""
+    made = contact.provenance
+    if len(files) > 1:  # the first one's stands there without its name too
+        made = {name: words for name, words in made.items() if " of " in name} or made
+    lines = [f"of {file}" for file in files]
+    lines += [f"{channel}: {words}" for channel, words in made.items()]
+    return lines + [f"{remark.step}: {remark.sentence}" for remark in contact.remarks]
+
+
+# A contact and its trace as named columns, a row a sample.
+
+_CONTACT = {"time": "s", "penetration": "m", "velocity": "m/s", "force": "N"}
+#: In a file, where they are found without being named.
+FILE_NAMES = {
+    "time": "time_s",
+    "penetration": "penetration_m",
+    "velocity": "velocity_m_s",
+    "force": "force_N",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TraceColumns:
+    """Columns of equal length.
+
+    Attributes
+    ----------
+    columns : dict
+        Arrays by name, in their order; ``status`` is text.
+    units : dict
+        Of those that have one.
+    """
+
+    columns: dict[str, NDArray[Any]]
+    units: dict[str, str]
+
+
+def trace_columns(result: "Identified") -> TraceColumns:
+    """Return the contact, what was predicted of it, and the law after each sample.
+
+    ``time``, ``penetration``, ``velocity``, ``force``, ``segment``, ``predicted_force`` (a priori),
+    ``fitted_force`` (by the final law), ``status`` and ``validity_margin`` (condition 10), then
+    each parameter of the law and its ``…_standard_error``, SI; NaN where a thinned trace has none.
+    """
+    contact, trace, law = result.contact, result.trace, result.law
+    columns: dict[str, NDArray[Any]] = {name: getattr(contact, name) for name in _CONTACT}
+    columns |= {
+        "segment": contact.segment,
+        "predicted_force": trace.predicted_force,
+        "fitted_force": result.fitted_force,
+        "status": _names()[trace.status],
+        "validity_margin": trace.validity_margin,
+    }
+    units = {**_CONTACT, "predicted_force": "N", "fitted_force": "N"}
+    for k, (name, unit) in enumerate(zip(law.names(), law.units, strict=True)):
+        for column, values in (
+            (name, trace.parameters),
+            (f"{name}_standard_error", trace.standard_errors),
+        ):
+            columns[column] = trace.everywhere(values[:, k])
+            units |= {column: unit} if unit else {}
+    return TraceColumns(columns, units)
+
+
+def in_file(table: TraceColumns) -> TraceColumns:
+    """The same columns by the names that they have in a file."""
+    columns = {FILE_NAMES.get(name, name): values for name, values in table.columns.items()}
+    units = {FILE_NAMES.get(name, name): unit for name, unit in table.units.items()}
+    return TraceColumns(columns, units)
+
+
+def contact_and_trace(recording: Recording, law: type[ForceLaw]) -> tuple[Contact, Trace]:
+    """Return what :func:`trace_columns` made columns of, read from a file.
+
+    Raises
+    ------
+    RecordingError
+        A column is not there, or holds what it cannot.
+    """
+    time, penetration, velocity, force = map(recording.numbers, FILE_NAMES.values())
+    names = law.names()
+    texts = recording.channels.get("status", np.empty(0, dtype=str)).astype(str)
+    known = {str(name): value for value, name in enumerate(_names())}
+    if not set(texts.tolist()) <= set(known):
+        raise RecordingError(f"{recording.source}: column 'status' names what is no status")
+    parameters = np.column_stack([recording.numbers(name) for name in names])
+    errors = np.column_stack([recording.numbers(f"{name}_standard_error") for name in names])
+    after = np.flatnonzero(np.isfinite(parameters).all(axis=1))  # as every estimate is
+    trace = Trace(
+        parameters[after],
+        errors[after],
+        recording.numbers("predicted_force"),
+        recording.numbers("validity_margin"),
+        np.array([known[text] for text in texts.tolist()], dtype=np.uint8),
+        time[after],
+        None if len(after) == len(time) else after,
+    )
+    if len(trace) != len(time):
+        raise RecordingError(f"{recording.source}: there is no column 'status'")
+    contact = Contact(
+        time,
+        penetration=penetration,
+        velocity=velocity,
+        force=force,
+        segment=recording.numbers("segment"),
+    )
+    return contact, trace
+
+
+def _names() -> NDArray[np.str_]:
+    """Names of the statuses, in lower case, by their numbers."""
+    names = {int(status.value): status.name.lower() for status in Status}
+    return np.array([names.get(k, "") for k in range(max(names) + 1)])
+
+
+#: A field that goes, or means another thing, makes it the next.
+SCHEMA_VERSION = 1
+
+
+def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[str, Any]:
+    """Return what files gave, by one method or by several.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        Where the contact came from; may be empty.
+    results : sequence of Identification
+        Of one contact, a method each.
+    """
+    first = results[0]
+    gate, scale, contact = _gate(results), first.scale, first.contact
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "palpate_version": __version__,
+        "file": ", ".join(map(str, files)) or contact.source,
+        **({"files": [str(file) for file in files]} if len(files) > 1 else {}),
+        "samples": len(contact),
+        "touches": [touch.as_dict() for touch in touches_of(contact)],
+        "provenance": dict(contact.provenance),
+        "remarks": [asdict(remark) for remark in contact.remarks],
+        "tare_deviation": contact.tare_deviation,
+        "surface_deviation": contact.surface_deviation,
+        "gate": asdict(gate),
+        "scale": asdict(scale),
+        "results": [of_one(result) for result in results],
+        **({"ranking": _ranking(results)} if len(results) > 1 else {}),
+    }
+
+
+def of_one(result: "Identified") -> dict[str, Any]:
+    """Return what one method gave; what is not defined is None."""
+    law, estimate, trace = result.law, result.estimate, result.trace
+    beside: dict[str, float] = {}
+    for name in ("offset", "surface"):
+        value, error = getattr(estimate, name), getattr(estimate, f"{name}_standard_error")
+        # An error bar that is undefined, or 0 of samples without noise, has its number too.
+        if value != 0.0 or error > 0.0:
+            beside |= {name: value, f"{name}_standard_error": error}
+    return {
+        "method": result.method,
+        **result.diagnosis.as_dict(),
+        "episodes": _episodes(result),
+        "law": {"kind": law.kind, **law.as_dict()},
+        "standard_errors": dict(zip(law.as_dict(), result.standard_errors.tolist(), strict=True)),
+        **({"fixed": list(result.fixed)} if result.fixed else {}),
+        "correlations": _correlations(result.correlations),
+        **beside,
+        **derived(result),
+        **({"law_verdict": result.law_verdict.as_dict()} if result.law_verdict else {}),
+        "prediction_rmse_percent": defined(result.prediction_rmse_percent),
+        "fit_rmse_percent": defined(result.fit_rmse_percent),
+        "violated_fraction": defined(result.violated_fraction),
+        "changes": result.changes.tolist(),
+        "contact_samples": int(np.count_nonzero(trace.taken)),
+        "rejected_samples": int(np.count_nonzero(trace.rejected)),
+        "flags": list(result.flags),
+    }
+
+
+def _episodes(result: "Identified") -> list[dict[str, Any]]:
+    """Each stretch by its own law; or as the change was found, with the verdict on it alone."""
+    if result.stretches:
+        return [_episode(stretch) for stretch in result.stretches]
+    return [
+        {**episode.as_dict(), "verdict": part.diagnosis.verdict.as_dict() if part else None}
+        for episode in result.diagnosis.episodes
+        for part in (result.stretch(episode),)
+    ]
+
+
+def _episode(stretch: "Identified") -> dict[str, Any]:
+    """One of the episodes of a longer contact."""
+    found, time = stretch.diagnosis, stretch.contact.time
+    own = Episode(float(time[0]), float(time[-1]), stretch.law, found.working_depth)
+    there: dict[str, Any] = {}
+    if stretch.place is not None:
+        there = {"kind": "place", "place": stretch.place.as_dict()}
+    return {
+        **own.as_dict(),
+        "verdict": found.verdict.as_dict(),
+        **there,
+        **derived(stretch),
+    }
+
+
+def _gate(results: "Sequence[Identified]") -> "ContactGate":
+    """Return the gate of those methods that need one."""
+    gated = (result.gate for result in results if result.estimator.settings.get("gate"))
+    return next(gated, results[0].gate)
+
+
+def _ranking(results: "Sequence[Identified]") -> dict[str, Any]:
+    ranking = rank({result.method: result for result in results})
+    return {
+        "recommended": ranking.recommended,
+        "order": list(ranking.order),
+        "failing": list(ranking.failing),
+        "exclusions": list(ranking.exclusions),
+    }
+
+
+def _correlations(matrix: Floats) -> list[list[float | None]]:
+    return [[defined(value) for value in row] for row in matrix.tolist()]
+
+
+def derived(result: "Identified") -> dict[str, Any]:
+    """Return what follows from a law as plain numbers and words, a key each."""
+    modulus = {}
+    if result.wanted.tip is not None:
+        modulus = {"elastic_modulus": result.elastic_modulus().as_dict()}
+    felt: dict[str, Any] | None = None
+    with suppress(InvalidParameterError):  # of a probe held still, or beyond the band of a part
+        felt = result.dynamic_stiffness(result.wanted.frequency).as_dict()
+    return {
+        "restitution": result.restitution().as_dict(),
+        "energy": result.energy.as_dict(),
+        "passivity": result.passivity.as_dict(),
+        "small_oscillation": felt,
+        **modulus,
+    }
+
+
+# A result that was saved, read back.
+
+RESULT = "result.json"
+TRACES = ("trace.parquet", "trace.csv")  # the second where there is no pyarrow
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SavedResult:
+    """What :meth:`Identification.save` or ``palpate identify -o`` wrote.
+
+    Attributes
+    ----------
+    folder : Path
+        Where it lies.
+    method : str
+        Name of the estimator.
+    law : ForceLaw
+        The contact model, SI.
+    standard_errors, correlations : numpy.ndarray, shapes (p,) and (p, p)
+        Of the law's parameters, in their order.
+    verdict : Verdict
+        How far to trust it.
+    findings : tuple of Finding
+        The gravest first.
+    working_depths : tuple of WorkingDepth
+        Force, stiffness and damping, with both error bars.
+    contact : Contact
+        What was identified; :func:`palpate.identify` takes it again.
+    trace : Trace
+        Every sample; thinned as it was saved.
+    fixed : tuple of str
+        The law's parameters that were given, and not identified.
+    law_verdict : LawVerdict, optional
+        Which law it is, and by what evidence; None where no laws were compared.
+    description : dict
+        The whole of ``result.json``; ``docs/results.md`` says what is in it.
+    """
+
+    folder: Path
+    method: str
+    law: Any
+    standard_errors: Floats
+    correlations: Floats
+    verdict: Verdict
+    findings: tuple[Finding, ...]
+    working_depths: tuple[WorkingDepth, ...]
+    contact: Contact = field(repr=False)
+    trace: Trace = field(repr=False)
+    fixed: tuple[str, ...]
+    law_verdict: LawVerdict | None
+    description: Mapping[str, Any] = field(repr=False)
+
+
+def load_result(path: str | Path) -> SavedResult:
+    """Read back what ``palpate identify -o`` or :meth:`Identification.save` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        The folder, or its ``result.json``.
+
+    Raises
+    ------
+    RecordingError
+        There is no result, it is damaged, another run wrote the trace beside it, or another version
+        of palpate wrote it in a way that this one does not know.
+    """
+    named = Path(path)
+    if named.suffix != ".json" and named.is_file():
+        raise RecordingError(
+            f"{named}: this is a recording, not a result; run palpate identify {named} -o FOLDER, "
+            "and give that folder"
+        )
+    file = named if named.suffix == ".json" and not named.is_dir() else named / RESULT
+    whole = _described(file)
+    try:
+        [found], name = whole["results"], whole["trace"]
+        if name not in TRACES:
+            raise ValueError(f"no trace of palpate is called {name!r}")
+        law = law_from(found["law"])
+        recording = open_recording(file.parent / name)
+        if whole.get("trace_digest", digest := digest_of(file.parent / name)) != digest:
+            raise RecordingError(
+                f"{file}: {name} beside it is another run's, or was changed; save the result again"
+            )
+        contact, trace = contact_and_trace(recording, FORCE_LAWS[law.kind])
+        return SavedResult(
+            folder=file.parent,
+            method=found["method"],
+            law=law,
+            standard_errors=_numbers([found["standard_errors"][name] for name in law.names()]),
+            correlations=_numbers(found["correlations"]),
+            verdict=_verdict(found["verdict"]),
+            findings=tuple(_finding(each) for each in found["findings"]),
+            working_depths=tuple(_working_depth(each) for each in found["working_depths"]),
+            contact=_as_it_was(contact, whole),
+            trace=trace,
+            fixed=tuple(map(str, found.get("fixed", ()))),
+            law_verdict=_law_verdict(found.get("law_verdict")),
+            description=whole,
+        )
+    except RecordingError:
+        raise
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise RecordingError(f"{file}: the result is damaged ({reason}); identify again") from None
+
+
+def digest_of(trace: Path) -> dict[str, Any]:
+    """Return what tells one trace from another: the length of the file and its SHA-256."""
+    with trace.open("rb") as file:
+        found = hashlib.file_digest(file, "sha256").hexdigest()
+        return {"bytes": file.tell(), "sha256": found}
+
+
+def _described(file: Path) -> dict[str, Any]:
+    try:
+        whole = json.loads(file.read_bytes())
+    except OSError as error:
+        raise RecordingError(
+            f"{file}: {error.strerror or 'cannot be read'}; palpate identify FILE -o FOLDER writes "
+            "a result"
+        ) from None
+    except (ValueError, RecursionError):
+        raise RecordingError(f"{file}: no JSON; it is cut off, or no result of palpate") from None
+    version = whole.get("schema_version") if isinstance(whole, dict) else None
+    if version is None:
+        raise RecordingError(f"{file}: no result of palpate: it has no schema_version")
+    if version != SCHEMA_VERSION:
+        raise RecordingError(
+            f"{file}: written by palpate {whole.get('palpate_version', 'of another version')} as "
+            f"schema {version}, and this one reads {SCHEMA_VERSION}; install that version, or "
+            "identify again"
+        )
+    if "trace" not in whole:
+        raise RecordingError(
+            f"{file}: printed by --json, which has no samples; palpate identify FILE -o FOLDER "
+            "writes a result that can be read back"
+        )
+    return dict(whole)
+
+
+def _as_it_was(contact: Contact, whole: Mapping[str, Any]) -> Contact:
+    """The contact with what was known of it."""
+    return Contact(
+        contact.time,
+        penetration=contact.penetration,
+        velocity=contact.velocity,
+        force=contact.force,
+        segment=contact.segment,
+        source=whole["file"],
+        provenance=whole["provenance"],
+        tare_deviation=whole["tare_deviation"],
+        surface_deviation=whole["surface_deviation"],
+        remarks=[Remark(**remark) for remark in whole["remarks"]],
+    )
+
+
+def _law_verdict(words: Mapping[str, Any] | None) -> LawVerdict | None:
+    """The verdict on laws; None of a result that has none, or only names it, as earlier ones."""
+    return LawVerdict.from_dict(words) if words and "damping" in words else None
+
+
+def _verdict(words: Mapping[str, Any]) -> Verdict:
+    """The verdict; a mark that is none would pass for trust."""
+    verdict = Verdict(**words)
+    for mark in verdict.as_dict().values():
+        if mark not in MARKS:
+            raise ValueError(f"no verdict of palpate is {mark!r}")
+    return verdict
+
+
+def _finding(words: Mapping[str, Any]) -> Finding:
+    numbers = ("z", "moves_stiffness_percent", "moves_damping_percent")
+    return Finding(**{**words, **{name: or_nan(words[name]) for name in numbers}})
+
+
+def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:
+    quantities = {
+        name: Quantity(**{part: or_nan(value) for part, value in words[name].items()})
+        for name in ("force", "stiffness", "damping")
+    }
+    return WorkingDepth(or_nan(words["depth"]), **quantities)
+
+
+def _numbers(values: Any) -> Floats:
+    """Numbers, of which JSON's null is NaN."""
+    return np.array(values, dtype=np.float64)
+
+
+# A contact and its trace for pandas and xarray.
+
+
+def to_pandas(result: "Identified") -> "pandas.DataFrame":
+    """Columns of :func:`trace_columns`, indexed by time; units in ``attrs``."""
+    try:
+        import pandas
+    except ImportError:
+        raise MissingExtraError("to_pandas needs pandas: pip install 'palpate[notebook]'") from None
+    table = trace_columns(result)
+    frame = pandas.DataFrame(table.columns).set_index("time")
+    frame.attrs["units"] = table.units
+    if result.fixed:
+        frame.attrs["fixed"] = list(result.fixed)
+    return frame
+
+
+def to_xarray(result: "Identified") -> "xarray.Dataset":
+    """The samples along ``time``, the law's parameters along ``parameter``; units as attributes."""
+    try:
+        import xarray
+    except ImportError:
+        raise MissingExtraError("to_xarray needs xarray: pip install 'palpate[notebook]'") from None
+    law, trace, table = result.law, result.trace, trace_columns(result)
+    own = {name for each in law.names() for name in (each, f"{each}_standard_error")}
+    variables: dict[str, Any] = {
+        name: ("time", values, {"units": table.units[name]} if name in table.units else {})
+        for name, values in table.columns.items()
+        if name not in own and name != "time"
+    }
+    variables["parameters"] = (("time", "parameter"), trace.everywhere(trace.parameters))
+    errors = trace.everywhere(trace.standard_errors)
+    variables["standard_errors"] = (("time", "parameter"), errors)
+    variables["covariance"] = (("parameter", "other_parameter"), result.covariance)
+    names = np.array(law.names())
+    return xarray.Dataset(
+        variables,
+        coords={
+            "time": ("time", table.columns["time"], {"units": "s"}),
+            "parameter": names,
+            "other_parameter": names,
+            "unit": ("parameter", list(law.units)),
+        },
+        attrs={
+            "law": law.kind,
+            "method": result.method,
+            "source": result.contact.source,
+            **({"fixed": list(result.fixed)} if result.fixed else {}),
+        },
+    )
