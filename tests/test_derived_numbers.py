@@ -13,6 +13,7 @@ from cases import contact_of, exciting, tapping
 
 import palpate
 from palpate import Contact, HuntCrossley, KelvinVoigt, Wanted, identify
+from palpate.preparation.gates import touches_of
 from palpate.quantities.derived import path_of
 from palpate.quantities.energy import loops_of
 from palpate.results.saved import derived
@@ -150,7 +151,7 @@ def test_a_touch_is_a_loop_from_free_air_to_free_air(clean):
     result = identify(contact)
     found = result.energy
     assert found.kind == "touch"
-    whole = [t for t in palpate.preparation.touches.touches_of(contact) if t.stop < 5.999]
+    whole = [t for t in touches_of(contact) if t.stop < 5.999]
     assert len(found.lost) in (len(whole), len(whole) - 1)  # it may begin in contact
     assert found.measured.value == pytest.approx(found.predicted.value, rel=0.05)
     for start, stop in zip(found.start, found.stop, strict=True):

@@ -20,6 +20,7 @@ from palpate import ESTIMATORS, Contact, InvalidParameterError, RecordingError, 
 from palpate.design import Motion, design
 from palpate.figures import style
 from palpate.figures.style import DARK, LIGHT
+from palpate.identification.identified import rank
 
 
 def contact_of(signals: Signals, **more) -> Contact:
@@ -203,7 +204,7 @@ def test_each_stretch_has_a_box_of_its_own():
 def test_a_comparison_names_every_method_in_the_order_of_its_rank_in_a_colour_of_its_own():
     figure = figures.draw_comparison(all_methods())
     rows = {axes.get_title(loc="left").split(":")[0]: axes for axes in figure.axes}
-    ranking = palpate.ranking.rank(all_methods())
+    ranking = rank(all_methods())
     named = [f"{i + 1}. {method}" for i, method in enumerate(ranking.order)]
     assert [name for name in rows if name[:1].isdigit()] == named
     assert len({rows[name].get_lines()[0].get_color() for name in named}) == len(ESTIMATORS)

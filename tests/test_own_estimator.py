@@ -12,7 +12,7 @@ import pytest
 import palpate
 from palpate import Status, figures, force_laws, lab
 from palpate.design.motion import cramer_rao_bound
-from palpate.estimators import conformance, registry
+from palpate.estimators import conformance, contact_estimator
 from palpate.validation import instance, number_in
 
 
@@ -110,9 +110,9 @@ class StickyRLS(palpate.PythonEstimator):
 @pytest.fixture
 def registered():
     force_laws.register(Sticky)
-    registry.register(StickyRLS)
+    contact_estimator.register(StickyRLS)
     yield
-    del force_laws.FORCE_LAWS["sticky"], registry.ESTIMATORS["sticky"]
+    del force_laws.FORCE_LAWS["sticky"], contact_estimator.ESTIMATORS["sticky"]
 
 
 TRUTH = Sticky(800.0, 3e4, 12.0, 0.5)
@@ -165,15 +165,15 @@ def test_its_bound_is_known(registered):
 
 
 INCOMPLETE = {
-    "no estimator": (registry.register, int, "must be a ContactEstimator"),
+    "no estimator": (contact_estimator.register, int, "must be a ContactEstimator"),
     "no law": (force_laws.register, int, "must be a dataclass of ForceLaw"),
     "a name that is taken": (
-        registry.register,
+        contact_estimator.register,
         type("Other", (StickyRLS,), {"method": "single-stage"}),
         "method must be new: 'single-stage' is SingleStageRLS",
     ),
     "a part that is missing": (
-        registry.register,
+        contact_estimator.register,
         type("Half", (palpate.PythonEstimator,), {"method": "half", "law_type": Sticky}),
         "Half lacks update, predict, estimate, reset, leave_contact",
     ),
@@ -182,7 +182,7 @@ INCOMPLETE = {
 
 @pytest.mark.parametrize("register, thing, words", INCOMPLETE.values(), ids=INCOMPLETE)
 def test_what_is_incomplete_is_not_registered(register, thing, words):
-    before = dict(registry.ESTIMATORS), dict(force_laws.FORCE_LAWS)
+    before = dict(contact_estimator.ESTIMATORS), dict(force_laws.FORCE_LAWS)
     with pytest.raises(palpate.InvalidParameterError, match=words):
         register(thing)
-    assert before == (registry.ESTIMATORS, force_laws.FORCE_LAWS)
+    assert before == (contact_estimator.ESTIMATORS, force_laws.FORCE_LAWS)

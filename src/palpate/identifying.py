@@ -9,8 +9,8 @@ from palpate.diagnosis import Data, Diagnosis
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ESTIMATORS, ContactEstimator
 from palpate.estimators.by_law import estimator_by_law
+from palpate.estimators.contact_estimator import Rejection, known_exponent
 from palpate.estimators.estimate import Traced, checked_trace
-from palpate.estimators.registry import Rejection, known_exponent
 from palpate.identification.identified import Identified
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.preparing import Recorded, prepare

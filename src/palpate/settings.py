@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from palpate import _core
+import palpate._core as _core
 from palpate.errors import InvalidParameterError
 from palpate.validation import number_in, shown, whole_in
 

@@ -1,39 +1,29 @@
-"""The estimators: a method is a file, and a line here, in the order of a table."""
+"""The estimators: a method is a class, and its place in the table here."""
 
-from palpate.estimators.contact_estimator import (
-    CompiledEstimator,
-    ContactEstimator,
-    PythonEstimator,
+from palpate.estimators.contact_estimator import ESTIMATORS as ESTIMATORS
+from palpate.estimators.contact_estimator import CompiledEstimator as CompiledEstimator
+from palpate.estimators.contact_estimator import ContactEstimator as ContactEstimator
+from palpate.estimators.contact_estimator import PythonEstimator as PythonEstimator
+from palpate.estimators.contact_estimator import estimator_named as estimator_named
+from palpate.estimators.contact_estimator import register as register
+from palpate.estimators.law_verdicts import DynamicStiffness as DynamicStiffness
+from palpate.estimators.law_verdicts import LawVerdict as LawVerdict
+from palpate.estimators.recursive_least_squares import DoubleStageRLS as DoubleStageRLS
+from palpate.estimators.recursive_least_squares import (
+    ExtendedKelvinVoigtRLS as ExtendedKelvinVoigtRLS,
 )
-from palpate.estimators.law_verdicts import DynamicStiffness, LawVerdict
-from palpate.estimators.registry import ESTIMATORS, estimator_named, register
-
-from palpate.estimators.variable_projection import VariableProjection  # isort: skip
-from palpate.estimators.recursive_least_squares import (  # isort: skip
-    DoubleStageRLS,
-    ExtendedKelvinVoigtRLS,
-    KelvinVoigtRLS,
-    RecursiveLeastSquaresEstimator,
-    SingleStageRLS,
+from palpate.estimators.recursive_least_squares import KelvinVoigtRLS as KelvinVoigtRLS
+from palpate.estimators.recursive_least_squares import (
+    RecursiveLeastSquaresEstimator as RecursiveLeastSquaresEstimator,
 )
-from palpate.estimators.variable_projection import DriftTracking  # isort: skip
-from palpate.estimators.viscoelastic import ViscoelasticContact  # isort: skip
+from palpate.estimators.recursive_least_squares import SingleStageRLS as SingleStageRLS
+from palpate.estimators.variable_projection import DriftTracking as DriftTracking
+from palpate.estimators.variable_projection import VariableProjection as VariableProjection
+from palpate.estimators.viscoelastic import ViscoelasticContact as ViscoelasticContact
 
-__all__ = [
-    "ESTIMATORS",
-    "CompiledEstimator",
-    "ContactEstimator",
-    "DoubleStageRLS",
-    "DriftTracking",
-    "DynamicStiffness",
-    "ExtendedKelvinVoigtRLS",
-    "KelvinVoigtRLS",
-    "LawVerdict",
-    "PythonEstimator",
-    "RecursiveLeastSquaresEstimator",
-    "SingleStageRLS",
-    "VariableProjection",
-    "ViscoelasticContact",
-    "estimator_named",
-    "register",
-]
+# In this order they stand in tables, and are asked which fits best: the default first.
+for _kind in (
+    VariableProjection, SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS, ExtendedKelvinVoigtRLS,
+    DriftTracking, ViscoelasticContact,
+):  # fmt: skip
+    register(_kind)

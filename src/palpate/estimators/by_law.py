@@ -3,9 +3,8 @@
 from typing import Any
 
 from palpate.errors import InvalidParameterError
-from palpate.estimators.contact_estimator import ContactEstimator
+from palpate.estimators.contact_estimator import ESTIMATORS, ContactEstimator, estimator_named
 from palpate.estimators.law_verdicts import CANDIDATES
-from palpate.estimators.registry import ESTIMATORS, estimator_named
 from palpate.estimators.variable_projection import VariableProjection
 from palpate.estimators.viscoelastic import ViscoelasticContact
 from palpate.force_laws import FORCE_LAWS, GeneralisedHuntCrossley

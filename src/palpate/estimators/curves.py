@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate import _core
+import palpate._core as _core
 from palpate.errors import InvalidParameterError
 from palpate.estimators.estimate import ADVICE
 from palpate.estimators.variable_projection import projection_settings, surfaces_in

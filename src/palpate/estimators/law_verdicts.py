@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from palpate import _core
+import palpate._core as _core
 from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate
 from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation

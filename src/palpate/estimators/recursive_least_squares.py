@@ -7,10 +7,14 @@ from typing import Any, ClassVar, Literal
 
 from numpy.typing import ArrayLike
 
-from palpate import _core
+import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.estimators.contact_estimator import CompiledEstimator
-from palpate.estimators.registry import Rejection, known_exponent, loop_settings, register
+from palpate.estimators.contact_estimator import (
+    CompiledEstimator,
+    Rejection,
+    known_exponent,
+    loop_settings,
+)
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
 from palpate.settings import (
     SAMPLE_TIME,
@@ -166,7 +170,6 @@ class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):
         return start, covariance, exponent is not None, *loop
 
 
-@register
 class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
     """The paper's method: the Hunt–Crossley law, linear in one logarithm.
 
@@ -201,7 +204,6 @@ class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
         return plain
 
 
-@register
 class DoubleStageRLS(HuntCrossleyRLS, _core.DoubleStageRLS):
     """The double-stage method of Diolaiti, Melchiorri & Stramigioli (2005).
 
@@ -236,7 +238,6 @@ class DoubleStageRLS(HuntCrossleyRLS, _core.DoubleStageRLS):
         return plain
 
 
-@register
 class KelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.KelvinVoigtRLS):
     """The linear contact model by recursive least squares.
 
@@ -254,7 +255,6 @@ class KelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.KelvinVoigtRLS):
     default_covariance = _core.defaults["KelvinVoigtRLS"]["initial_covariance"]
 
 
-@register
 class ExtendedKelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.ExtendedKelvinVoigtRLS):
     """The extended Kelvin–Voigt model by recursive least squares.
 

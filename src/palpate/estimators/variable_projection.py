@@ -2,10 +2,14 @@
 
 from typing import Any, Literal
 
-from palpate import _core
+import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.estimators.contact_estimator import CompiledEstimator
-from palpate.estimators.registry import Rejection, known_exponent, loop_settings, register
+from palpate.estimators.contact_estimator import (
+    CompiledEstimator,
+    Rejection,
+    known_exponent,
+    loop_settings,
+)
 from palpate.force_laws import HuntCrossley
 from palpate.settings import (
     SAMPLE_TIME,
@@ -23,7 +27,6 @@ _DEFAULTS = _core.defaults["VariableProjection"]
 PROBING = Scale(*_DEFAULTS["scale"])
 
 
-@register
 class VariableProjection(CompiledEstimator, _core.VariableProjection):
     """The Hunt–Crossley law by variable projection: exact least squares in the force domain.
 
@@ -190,7 +193,6 @@ def _checked_range(exponent_range: tuple[float, float]) -> tuple[float, float]:
 _DRIFT_DEFAULTS = _core.defaults["DriftTracking"]
 
 
-@register
 class DriftTracking(CompiledEstimator, _core.DriftTracking):
     """The Hunt–Crossley law of a material that drifts, by an extended Kalman filter.
 

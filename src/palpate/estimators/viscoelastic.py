@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from typing import Any, Literal
 
-from palpate import _core
+import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.estimators.contact_estimator import CompiledEstimator
+from palpate.estimators.contact_estimator import CompiledEstimator, Rejection, loop_settings
 from palpate.estimators.law_verdicts import (
     CANDIDATES,
     DAMPINGS,
@@ -17,7 +17,6 @@ from palpate.estimators.law_verdicts import (
     LawVerdict,
     verdict_of,
 )
-from palpate.estimators.registry import Rejection, loop_settings, register
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.settings import (
     SAMPLE_TIME,
@@ -37,7 +36,6 @@ Damping = Literal["auto", "hunt-crossley", "half-space", "none"]
 Memory = Literal["auto", "any", "none", "flat", "single", "power-law"]
 
 
-@register
 class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     """Generalised Hunt–Crossley laws, with memory and without, and which of them it is.
 

@@ -491,7 +491,8 @@ def identify_many(
     """Identify many contacts: a table with a row for each.
 
     Contacts of equal length are best given as arrays: the default method then fits all of them at
-    once, by the whole-curve fit of :func:`palpate.fit_curves`, hundreds of times as quick. Other methods go through their recursion, a contact at a time.
+    once, by the whole-curve fit of :func:`palpate.fit_curves`, hundreds of times as quick. Other
+    methods go through their recursion, a contact at a time.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from palpate import _core
+import palpate._core as _core
 from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Finding

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate import _core
+import palpate._core as _core
 from palpate.errors import InvalidParameterError
 from palpate.force_laws.laws import (
     CompiledLaw,

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self, TypeVar, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate import _core
+import palpate._core as _core
 from palpate.errors import InvalidParameterError
 from palpate.validation import in_contact, number, shown
 

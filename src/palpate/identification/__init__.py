@@ -1,1 +1,1 @@
-"""What a whole contact gave: the replay, the law that it ends with, and which of several is best."""
+"""What a whole contact gave: its replay, its law, and which of several laws is best."""

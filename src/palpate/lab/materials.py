@@ -8,7 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from palpate import _core
+import palpate._core as _core
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import FlatSpectrum, ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.validation import Floats, instance, number, number_in

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate import _core
+import palpate._core as _core
 from palpate.contact import Contact
 from palpate.preparation.clocks import runs_of
 from palpate.settings import ContactGate, Scale

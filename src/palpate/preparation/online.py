@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate import _core
+import palpate._core as _core
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
 from palpate.preparation.settings import FLIPPED

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate import _core
+import palpate._core as _core
 from palpate.validation import Floats, number_in
 
 
