@@ -21,7 +21,7 @@ from palpate import GeneralisedHuntCrossley, InvalidParameterError, exports, lab
 from palpate.exports import Asked, Motion, engine_called, export
 from palpate.exports.engine import drop_to, force_error
 from palpate.exports.mujoco.engine import _too_narrow
-from palpate.exports.mujoco.fitting import PairRows, Row
+from palpate.exports.mujoco.fitting import PairRow, PairRows
 from palpate.exports.mujoco.robot import Scene
 
 mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
@@ -95,8 +95,8 @@ def test_the_force_of_a_row_is_that_of_the_engine_on_any_motion(pull):
     v, a = random.normal(0.0, 0.5, 200), random.normal(0, 50, 200)
     motion = Motion(np.arange(200.0), x, v, a, x > 0.0)
     rows = (
-        Row(4e5, 0.0, (3e-3, 0.02, 0.025, 0.1, 4.0), 0.0, pull),
-        Row(900.0, 3e3, (1e-4, 0.05, 0.015, 0.8, 2.5), 1e-3, pull),
+        PairRow(4e5, 0.0, (3e-3, 0.02, 0.025, 0.1, 4.0), 0.0, pull),
+        PairRow(900.0, 3e3, (1e-4, 0.05, 0.015, 0.8, 2.5), 1e-3, pull),
     )
     fragment = replace(fitted(KELVIN_VOIGT), rows=PairRows(rows, 1.0))
     predicted = fragment.predicted(motion)
@@ -343,7 +343,7 @@ def test_a_mass_that_the_contact_adds_is_told_where_it_counts():
 
 
 def test_a_width_within_the_recording_is_refused():
-    [words] = _too_narrow(PairRows((Row(1.0, 1.0, (1e-4, 0.02, 0.01, 0.5, 2.0)),), 1.0), 0.014)
+    [words] = _too_narrow(PairRows((PairRow(1.0, 1.0, (1e-4, 0.02, 0.01, 0.5, 2.0)),), 1.0), 0.014)
     assert "10 mm, is less than the recorded depth of 14" in words
 
 

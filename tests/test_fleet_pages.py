@@ -8,7 +8,7 @@ from palpate import InvalidParameterError
 from palpate.fleet.files import Results, read_results
 from palpate.fleet.maps import kinds_of, map_of, outliers_of, reasons_of, repeats_of, slowest
 from palpate.fleet.rows import table_of_rows
-from palpate.fleet.tasks import Settings, Source, batches
+from palpate.fleet.tasks import ContactSource, Settings, batches
 from palpate.identification.identified import NEGATIVE_STIFFNESS
 
 pa = pytest.importorskip("pyarrow")
@@ -135,7 +135,7 @@ def test_a_map_over_what_is_not_there_is_refused(by, words, run, tmp_path):
 
 def written(folder, table):
     """A folder of results that holds these rows."""
-    sources = [Source("all", "file")]
+    sources = [ContactSource("all", "file")]
     results = Results.begin(folder, Settings(), sources, batches(sources))
     results.write(results.batches[0], table, np.ones(table.num_rows))
     return folder

@@ -11,7 +11,7 @@ from fleets import LAW, STEP, contact, curves, write_recordings, write_zarr
 import palpate
 from palpate import FleetError, InvalidParameterError, VariableProjection, identify, identify_many
 from palpate.fleet.running import identify_batch
-from palpate.fleet.tasks import Settings, Source, batches, digest_of, tasks_table
+from palpate.fleet.tasks import ContactSource, Settings, batches, digest_of, tasks_table
 
 pa = pytest.importorskip("pyarrow")
 
@@ -312,9 +312,9 @@ def test_a_worker_of_another_version_and_a_batch_without_its_columns_are_refused
 
 def test_batches_hold_every_contact_once_and_keep_chunks_whole():
     sources = [
-        Source("a.zarr", "zarr", 10_007, 1000, 300),
-        *(Source(f"{k}.csv", "file") for k in range(70)),
-        Source("m.jpk-force-map", "map", 65),
+        ContactSource("a.zarr", "zarr", 10_007, 1000, 300),
+        *(ContactSource(f"{k}.csv", "file") for k in range(70)),
+        ContactSource("m.jpk-force-map", "map", 65),
     ]
     cut = batches(sources)
     pieces = [piece for batch in cut for piece in batch.pieces]
@@ -323,7 +323,7 @@ def test_batches_hold_every_contact_once_and_keep_chunks_whole():
     assert [batch.number for batch in cut] == list(range(len(cut)))
     assert all(piece.first % 300 == 0 for piece in pieces if piece.source.kind == "zarr")
     assert batches(sources) == cut
-    changed = [*sources[:-1], Source("m.jpk-force-map", "map", 65, stamp="later")]
+    changed = [*sources[:-1], ContactSource("m.jpk-force-map", "map", 65, stamp="later")]
     assert digest_of(changed) != digest_of(sources)
 
 

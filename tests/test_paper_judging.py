@@ -5,7 +5,7 @@ import math
 import pytest
 from paper_cases import Tiny
 
-from palpate.paper import Claim, Finding
+from palpate.paper import Claim, SeedAnswer
 from palpate.paper.experiment import Seeds
 from palpate.paper.judging import (
     NEVER,
@@ -19,7 +19,7 @@ from palpate.paper.judging import (
     number,
     readable,
 )
-from palpate.paper.report import SIGNS, Judgement, Section, Verdict
+from palpate.paper.report import SIGNS, Judgement, Reproduction, Section
 
 NUMBERS = {
     "scatter α = 5 K [%]": 1.0,
@@ -47,7 +47,7 @@ QUANTITIES = {
 
 @pytest.mark.parametrize("quantity, value", QUANTITIES.values(), ids=QUANTITIES)
 def test_a_quantity_is_computed_from_the_numbers(quantity, value):
-    assert judge(quantity)(NUMBERS) == Finding(None, value)  # without conditions: not checked
+    assert judge(quantity)(NUMBERS) == SeedAnswer(None, value)  # without conditions: not checked
 
 
 BOUNDS = {
@@ -79,7 +79,7 @@ def test_what_is_not_known_cannot_be_checked():
     for unknown in (number("error") > 3.0, number("bias") < "error", largest("bias", "error") < 3):
         assert judge(unknown, number("bias") < 0.0)(numbers).holds is None
     assert judge(number("bias") < "error").words([numbers]) == "error: not known"
-    assert judge()(NUMBERS) == Finding(None)
+    assert judge()(NUMBERS) == SeedAnswer(None)
     with pytest.raises(KeyError, match="scatter α = 6"):
         judge("scatter α = 6")(NUMBERS)
 
@@ -125,25 +125,29 @@ def test_every_number_is_tabulated_with_median_range_and_unit_a_row_for_one_laws
 
 CLAIM = Claim("key", "V", "words", unit="mm")
 VERDICTS = {
-    "all seeds hold": ((True, True), Verdict.REPRODUCED, "reproduced"),
-    "no seed holds": ((False, False), Verdict.NOT_REPRODUCED, "not reproduced"),
-    "some hold": ((True, False, True), Verdict.PARTLY, "reproduced in 2 of 3 seeds"),
-    "none can tell": ((None, None), Verdict.UNCHECKED, "cannot be checked"),
-    "one cannot tell": ((True, None), Verdict.REPRODUCED, "reproduced (1 of 2 seeds can tell)"),
+    "all seeds hold": ((True, True), Reproduction.REPRODUCED, "reproduced"),
+    "no seed holds": ((False, False), Reproduction.NOT_REPRODUCED, "not reproduced"),
+    "some hold": ((True, False, True), Reproduction.PARTLY, "reproduced in 2 of 3 seeds"),
+    "none can tell": ((None, None), Reproduction.UNCHECKED, "cannot be checked"),
+    "one cannot tell": (
+        (True, None),
+        Reproduction.REPRODUCED,
+        "reproduced (1 of 2 seeds can tell)",
+    ),
 }
 
 
 @pytest.mark.parametrize("holds, verdict, words", VERDICTS.values(), ids=VERDICTS)
 def test_a_verdict_counts_the_seeds_that_can_tell(holds, verdict, words):
-    judgement = Judgement("fig", CLAIM, tuple(Finding(each) for each in holds))
+    judgement = Judgement("fig", CLAIM, tuple(SeedAnswer(each) for each in holds))
     assert (judgement.verdict, judgement.verdict_words, judgement.ours) == (verdict, words, None)
-    assert len({SIGNS[each] for each in Verdict}) == 4
+    assert len({SIGNS[each] for each in Reproduction}) == 4
 
 
 def test_ours_is_the_median_of_what_was_measured_with_the_range_and_the_unit():
-    findings = tuple(Finding(True, each) for each in (3.0, 1.0, math.nan, None, 2.5))
+    findings = tuple(SeedAnswer(True, each) for each in (3.0, 1.0, math.nan, None, 2.5))
     assert Judgement("fig", CLAIM, findings).ours_words == "2.50 mm (1.00 to 3.00)"
     # Of a whole experiment, each claim against each seed.
     even, lost = Section(Tiny(), [Tiny().run(seed) for seed in range(3)]).judgements
-    assert (even.held, even.checked, even.verdict) == (2, 3, Verdict.PARTLY)
-    assert lost.verdict is Verdict.UNCHECKED
+    assert (even.held, even.checked, even.verdict) == (2, 3, Reproduction.PARTLY)
+    assert lost.verdict is Reproduction.UNCHECKED

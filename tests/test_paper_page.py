@@ -7,7 +7,7 @@ import pytest
 from paper_cases import Tiny
 from test_report_page import Reading
 
-from palpate.paper import EXPERIMENTS, Claim, Finding
+from palpate.paper import EXPERIMENTS, Claim, SeedAnswer
 from palpate.paper.experiment import all_claims, claims_file
 from palpate.paper.report import Judgement, Report, abstract, figures_of, not_held, write_report
 
@@ -84,7 +84,7 @@ def test_the_abstract_names_every_claim_that_can_be_checked_once():
 
     def judged(key, holds):
         name, _, short = key.partition(".")
-        return Judgement(name, Claim(short, "V", "words"), (Finding(holds),))
+        return Judgement(name, Claim(short, "V", "words"), (SeedAnswer(holds),))
 
     for holds, counted in (((True, True), (2, 2)), ((True, False), (1, 2)), ((None, True), (1, 1))):
         (line,) = abstract([judged(*each) for each in zip(lines[0], holds, strict=False)])

@@ -15,7 +15,7 @@ from palpate import (
     ViscoelasticContact,
 )
 from palpate.estimators.by_law import estimator_by_law
-from palpate.live.choices import Command
+from palpate.live.choices import LiveCommand
 from palpate.live.law_numbers import (
     NUMBERS,
     certainty,
@@ -189,7 +189,10 @@ def test_a_touch_that_begins_in_contact_is_flagged_until_it_is_known_without_it(
 
 
 def test_a_reset_forgets_the_verdict_and_another_method_has_none():
-    commands = {1500: Command("reset"), 2500: Command("estimator", {"method": "single-stage"})}
+    commands = {
+        1500: LiveCommand("reset"),
+        2500: LiveCommand("estimator", {"method": "single-stage"}),
+    }
     script = arrivals(*pressed(MEMORY, 3.0))
     loop, said, verdict = watched(script, at=(1499, 1510), commands=commands)
     assert said[1499]["known"]
@@ -200,7 +203,7 @@ def test_a_reset_forgets_the_verdict_and_another_method_has_none():
 
 
 def test_laws_on_offer_can_be_chosen_while_it_runs():
-    commands = {1000: Command("estimator", {"method": "viscoelastic", "memory": "any"})}
+    commands = {1000: LiveCommand("estimator", {"method": "viscoelastic", "memory": "any"})}
     loop, _, verdict = watched(arrivals(*pressed(ONE_TIME, 3.0)), commands=commands)
     assert "one relaxation time" in verdict["law"]
     assert loop.status()["settings"]["memory"] == "any"

@@ -11,7 +11,7 @@ import palpate
 from palpate import ESTIMATORS, OnlinePreparation, Status
 from palpate.contact import Remark
 from palpate.estimators.estimate import Trace
-from palpate.live.choices import Command, State
+from palpate.live.choices import LiveCommand, State
 from palpate.live.console import at_depth
 from palpate.live.ring import Writer
 from palpate.live.running import default_estimator
@@ -202,7 +202,7 @@ def test_the_same_fault_in_each_sample_is_said_once_a_second():
 
 def test_hold_and_resume_and_reset_after_which_nothing_is_known_until_something_is_learned():
     wishes = {600: "hold", 1200: "resume", 1400: "hold", 1500: "reset"}
-    loop, rows = looped(SCRIPT, commands=[(k, Command(wish)) for k, wish in wishes.items()])
+    loop, rows = looped(SCRIPT, commands=[(k, LiveCommand(wish)) for k, wish in wishes.items()])
     stiffness, states = column(rows, "parameter_0"), column(rows, "state")
     assert (stiffness[600:1200] == stiffness[599]).all()
     assert stiffness[1210] != stiffness[599]
@@ -221,7 +221,7 @@ def test_hold_and_resume_and_reset_after_which_nothing_is_known_until_something_
 def test_a_tare_is_taken_and_taken_off():
     free = arrivals(TIMES[:600], [-1e-3] * 600, [3.0] * 600)
     touching = [each._replace(force=each.force + 3.0) for each in SCRIPT[600:]]
-    loop, rows = looped([*free, *touching], commands=[(50, Command("tare", {"seconds": 0.5}))])
+    loop, rows = looped([*free, *touching], commands=[(50, LiveCommand("tare", {"seconds": 0.5}))])
     assert (column(rows, "state")[60:540] == State.TARING).all()
     assert loop.status()["tare"] == pytest.approx(3.0, rel=1e-12)
     assert column(rows, "force")[-1] == pytest.approx(FORCES[-10], abs=1e-9)
@@ -229,12 +229,12 @@ def test_a_tare_is_taken_and_taken_off():
 
 def test_another_estimator_and_what_there_is_not():
     commands = [
-        (500, Command("estimator", {"method": "single-stage"})),
-        (600, Command("estimator", {"method": "magic"})),
-        (700, Command("source", {"material": "ball"})),
-        (800, Command("record", {"on": True})),
-        (900, Command("tare", {"seconds": -1.0})),
-        (1000, Command("stop")),
+        (500, LiveCommand("estimator", {"method": "single-stage"})),
+        (600, LiveCommand("estimator", {"method": "magic"})),
+        (700, LiveCommand("source", {"material": "ball"})),
+        (800, LiveCommand("record", {"on": True})),
+        (900, LiveCommand("tare", {"seconds": -1.0})),
+        (1000, LiveCommand("stop")),
     ]
     known = default_estimator().replace(exponent=1.5)
     loop, rows = looped(SCRIPT, estimator=known, commands=commands)

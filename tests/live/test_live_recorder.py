@@ -17,8 +17,8 @@ from scripted import Scripted, T, arrivals, column, in_a_process, looped, measur
 import palpate
 from palpate import OnlinePreparation
 from palpate.live import run
-from palpate.live.choices import Command
-from palpate.live.recorder import Recorder, Recording
+from palpate.live.choices import LiveCommand
+from palpate.live.recorder import Recorder, RunFile
 from palpate.live.ring import COLUMNS
 from palpate.writing import opened_new
 
@@ -128,12 +128,12 @@ def test_vectors_are_recorded_as_they_came(tmp_path):
 
 
 def test_what_changes_meanwhile_stands_in_the_recording(tmp_path):
-    commands = [(300, Command("estimator", {"method": "kelvin-voigt"}))]
+    commands = [(300, LiveCommand("estimator", {"method": "kelvin-voigt"}))]
     loop, rows = looped(arrivals(TIMES, POSITIONS, FORCES), commands=commands)
     end = {**loop.status(), "preparation": "tare_time=0.5", "tare": 0.5, "generation": 300}
     begin = {**end, "method": "variable-projection", "tare": None}
     file, path = opened_new(tmp_path / "a.mcap")
-    recording = Recording(path, file)
+    recording = RunFile(path, file)
     recording.write(rows[:400].tolist(), begin, 0)
     rows[400:, COLUMNS.index("method")] = 300.0
     recording.write(rows[400:].tolist(), end, 0)
@@ -148,10 +148,10 @@ def test_what_changes_meanwhile_stands_in_the_recording(tmp_path):
 @pytest.mark.slow
 def test_a_person_starts_and_stops_recordings(tmp_path):
     commands = [
-        (0.1, Command("record", {"path": str(tmp_path / "first.mcap")})),
-        (0.7, Command("record", {"on": False})),
-        (1.0, Command("record", {"on": True})),
-        (1.9, Command("record", {"path": str(tmp_path / "none" / "second.mcap")})),
+        (0.1, LiveCommand("record", {"path": str(tmp_path / "first.mcap")})),
+        (0.7, LiveCommand("record", {"on": False})),
+        (1.0, LiveCommand("record", {"on": True})),
+        (1.9, LiveCommand("record", {"path": str(tmp_path / "none" / "second.mcap")})),
     ]
     source = paced([*TIMES, *(1.5 + time for time in TIMES)], POSITIONS * 2, FORCES * 2)
     run(source, None, [Recorder(folder=tmp_path), Commanding(commands)], seconds=2.8)
@@ -169,7 +169,7 @@ def test_a_person_starts_and_stops_recordings(tmp_path):
 def test_a_disk_that_is_full_ends_the_recording_in_words():
     _, rows = looped(arrivals(TIMES, POSITIONS, FORCES))
     full = Path("/dev/full")
-    recording = Recording(full, full.open("wb"))  # which closes it
+    recording = RunFile(full, full.open("wb"))  # which closes it
     words = recording.write(rows.tolist(), {}, 0)
     assert recording.failed
     assert words.startswith("/dev/full: No space left on device")

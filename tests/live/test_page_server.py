@@ -19,7 +19,7 @@ from websockets.sync.client import connect
 import palpate
 from palpate.errors import InvalidParameterError
 from palpate.live import run
-from palpate.live.choices import Command
+from palpate.live.choices import LiveCommand
 from palpate.live.page import Page, server, watch
 from palpate.live.page.sink import token_for
 from palpate.live.sources import EndOfSourceError, Replay
@@ -224,7 +224,7 @@ def test_what_a_person_asks_arrives_at_the_loop(page, name, options):
     with page.socket() as client:
         client.send(json.dumps({"ask": name, **options}))
         assert page.commands.poll(10)
-        assert page.commands.recv() == Command(name, options)
+        assert page.commands.recv() == LiveCommand(name, options)
 
 
 @pytest.mark.parametrize(

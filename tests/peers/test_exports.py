@@ -19,7 +19,7 @@ from export_cases import (
 from palpate import KelvinVoigt, exports
 from palpate.exports.drake.running import Plant, Setting, forces
 from palpate.exports.engine import drop_to
-from palpate.exports.opensim import Scene
+from palpate.exports.opensim import OpenSimScene
 from peers.installed import installed
 
 pytestmark = pytest.mark.peers
@@ -173,7 +173,9 @@ def test_another_radius_of_opensims_sphere_is_another_law() -> None:
     other = text.replace(f"<radius>{RADIUS}</radius>", f"<radius>{4.0 * RADIUS}</radius>")
     other = other.replace(f"{-RADIUS} 0 0", f"{-4.0 * RADIUS} 0 0")
     motion = fragment.asked.motion.firm(10)
-    assert Scene(other).forces(motion) == pytest.approx(2.0 * Scene(text).forces(motion), rel=1e-6)
+    assert OpenSimScene(other).forces(motion) == pytest.approx(
+        2.0 * OpenSimScene(text).forces(motion), rel=1e-6
+    )
 
 
 @pytest.fixture

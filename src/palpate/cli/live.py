@@ -121,7 +121,7 @@ class Incoming:
 
 @Parameter(name="*", group=Group("The page", sort_key=8))
 @dataclass(frozen=True)
-class Page:
+class PageOptions:
     """Where the page is served."""
 
     page: bool = True
@@ -157,7 +157,7 @@ def live(
     record: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
     publish: Annotated[tuple[Address, ...], Parameter(group=OUTPUT)] = (),
     console: Annotated[bool, Parameter(group=OUTPUT)] = True,
-    page: Page = Page(),
+    page: PageOptions = PageOptions(),
     looping: Looping = Looping(),
     incoming: Incoming = Incoming(),
 ) -> None:
@@ -231,7 +231,7 @@ def _estimator(choosing: Choosing, exponent: float | None) -> "ContactEstimator"
 def _sinks(
     record: Path | None,
     publish: Sequence[str],
-    page: Page,
+    page: PageOptions,
     *,
     console: bool,
     diagnosis: bool,

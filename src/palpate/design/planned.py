@@ -11,7 +11,7 @@ from palpate.design.motion import effective_noise
 from palpate.design.precision import (
     HORIZON,
     Limits,
-    Measurement,
+    PlannedMeasurement,
     PredictedPrecision,
     find_better,
     limits_around,
@@ -69,9 +69,9 @@ class Design(Plain):
     reason: str
 
     @property
-    def measurement(self) -> Measurement:
+    def measurement(self) -> PlannedMeasurement:
         """What the motions are measured with."""
-        return Measurement(
+        return PlannedMeasurement(
             self.law, self.noise, self.resolution, self.sample_time, self.offset, self.surface
         )
 
@@ -158,7 +158,7 @@ def design(
     step = _check(law, motion, sample_time, max_depth, max_speed)
     sigma = effective_noise(noise, resolution)
     spans = _checked_durations(durations, step)
-    measurement = Measurement(
+    measurement = PlannedMeasurement(
         law, float(noise), float(resolution), step, bool(offset), bool(surface)
     )
     limits = limits_around(motion, measurement, max_depth, max_speed)

@@ -31,7 +31,7 @@ _FORCES = (0.9, 1.0, 1.1)
 
 
 @dataclass(frozen=True, slots=True)
-class Measurement:
+class PlannedMeasurement:
     """What a motion is measured with: the law guessed, the sensor, and what else is unknown.
 
     Only samples in contact (x > 0) count: the others tell nothing of the law.
@@ -238,7 +238,10 @@ class Limits:
 
 
 def limits_around(
-    motion: Motion, measurement: Measurement, max_depth: float | None, max_speed: float | None
+    motion: Motion,
+    measurement: PlannedMeasurement,
+    max_depth: float | None,
+    max_speed: float | None,
 ) -> Limits:
     """Limits as asked for; what is left open is what the motion itself reaches.
 
@@ -261,7 +264,7 @@ def limits_around(
 
 
 def find_better(
-    given: Motion, measurement: Measurement, limits: Limits, duration: float
+    given: Motion, measurement: PlannedMeasurement, limits: Limits, duration: float
 ) -> Motion | None:
     """Return a motion within the limits whose worst error of (K, B, n) is less, or None.
 
@@ -427,7 +430,7 @@ class PredictedPrecision:
 
 
 def predict_precision(
-    motion: Motion, measurement: Measurement, durations: tuple[float, ...]
+    motion: Motion, measurement: PlannedMeasurement, durations: tuple[float, ...]
 ) -> PredictedPrecision:
     """Say what a motion would identify after each of the durations, which increase."""
     law, step = measurement.law, measurement.sample_time
@@ -457,7 +460,7 @@ def predict_precision(
 
 
 def _notes(
-    motion: Motion, measurement: Measurement, least_penetration: float, outward: float
+    motion: Motion, measurement: PlannedMeasurement, least_penetration: float, outward: float
 ) -> list[str]:
     notes = []
     law = measurement.law

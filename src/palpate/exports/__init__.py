@@ -8,6 +8,7 @@ from palpate.exports.engine import Asked as Asked
 from palpate.exports.engine import Drop as Drop
 from palpate.exports.engine import Engine as Engine
 from palpate.exports.engine import Fragment as Fragment
+from palpate.exports.engine import ProbeMotion as Motion  # noqa: F401 - its old name, for one release
 from palpate.exports.engine import ProbeMotion as ProbeMotion
 from palpate.exports.engine import Replayed as Replayed
 from palpate.exports.engine import engine_called as engine_called

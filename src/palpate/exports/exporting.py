@@ -12,7 +12,14 @@ import numpy as np
 
 from palpate.errors import ExportRefusedError, InvalidParameterError, MissingExtraError
 from palpate.exports.engine import Asked, Engine, Fragment, Nearest, ProbeMotion, engine_called
-from palpate.exports.statement import Exportable, Source, Statement, compared, refusals, warnings
+from palpate.exports.statement import (
+    Exportable,
+    ExportedLaw,
+    Statement,
+    compared,
+    refusals,
+    warnings,
+)
 from palpate.lab.materials import Touch
 from palpate.validation import Floats, number_in
 from palpate.writing import check_own, check_writable, encoded, make_folder, write_text
@@ -109,7 +116,7 @@ def export(
         An argument is out of its range, or the engine lacks one.
     """
     engine = engine_called(to)
-    source = Source.of(result)
+    source = ExportedLaw.of(result)
     nearest = source.nearest()
     radius = source.tip_radius if tip_radius is None else tip_radius
     asked = Asked(
@@ -136,7 +143,13 @@ def export(
 
 
 def _stated(
-    engine: Engine, source: Source, nearest: Nearest, asked: Asked, *, replay: bool, allow: bool
+    engine: Engine,
+    source: ExportedLaw,
+    nearest: Nearest,
+    asked: Asked,
+    *,
+    replay: bool,
+    allow: bool,
 ) -> Statement:
     """Fit, replay and judge."""
     fragment = engine.fit(asked)

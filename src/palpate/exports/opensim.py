@@ -152,7 +152,7 @@ _LOOKS, _LONGEST = 100, 20
 _ACCURACY = 1e-8
 
 
-class Scene:
+class OpenSimScene:
     """A tip on a slide above a half-space."""
 
     def __init__(self, text: str) -> None:
@@ -256,8 +256,8 @@ class SphereOnHalfSpace(Fragment):
         """Restitution in OpenSim, whose integrator keeps to an accuracy and not to a step."""
         return self._scene().rebound(drop)
 
-    def _scene(self) -> Scene:
-        return Scene(self.files(())["contact.osim"])
+    def _scene(self) -> OpenSimScene:
+        return OpenSimScene(self.files(())["contact.osim"])
 
 
 class OpenSim(Engine):

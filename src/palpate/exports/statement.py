@@ -37,7 +37,7 @@ Exportable: TypeAlias = Union["Identification", "SavedResult", ForceLaw]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Source:
+class ExportedLaw:
     """A law, the motion that it has to be right on, and how far it is to be trusted.
 
     Attributes
@@ -70,7 +70,7 @@ class Source:
     tip_radius: float | None = None
 
     @classmethod
-    def of(cls, result: Exportable) -> "Source":
+    def of(cls, result: Exportable) -> "ExportedLaw":
         """Return what an identification, a saved one, or a law alone is.
 
         Raises
@@ -102,7 +102,7 @@ class Source:
             ) from None
 
     @classmethod
-    def _identified(cls, result: "Identification | SavedResult", judged: Any) -> "Source":
+    def _identified(cls, result: "Identification | SavedResult", judged: Any) -> "ExportedLaw":
         return cls(
             law=result.law,
             motion=ProbeMotion.recorded(result),
@@ -227,12 +227,14 @@ class Compared:
         return 100.0 * (self.rebound / law - 1.0) if law > 0.0 else float("nan")
 
 
-def compared(source: Source, nearest: Nearest, fragment: Fragment, *, replay: bool) -> Compared:
+def compared(
+    source: ExportedLaw, nearest: Nearest, fragment: Fragment, *, replay: bool
+) -> Compared:
     """Return the errors of a fragment along the source's motion.
 
     Parameters
     ----------
-    source : Source
+    source : ExportedLaw
         The law as identified: what the engine is compared with.
     nearest : Nearest
         What the fragment was made of.
@@ -305,14 +307,14 @@ _AS_PREDICTED = 1.0
 
 
 def refusals(
-    source: Source, nearest: Nearest, fragment: Fragment, compared: Compared
+    source: ExportedLaw, nearest: Nearest, fragment: Fragment, compared: Compared
 ) -> tuple[str, ...]:
     """Return why an export should not be used; nothing where it may be."""
     return (*_of_the_result(source, nearest), *fragment.refusals, *_of_engine(fragment, compared))
 
 
 def warnings(
-    source: Source, nearest: Nearest, fragment: Fragment, compared: Compared
+    source: ExportedLaw, nearest: Nearest, fragment: Fragment, compared: Compared
 ) -> tuple[str, ...]:
     """Return what a user of an export should know."""
     return (
@@ -322,7 +324,7 @@ def warnings(
     )
 
 
-def _of_the_result(source: Source, nearest: Nearest) -> list[str]:
+def _of_the_result(source: ExportedLaw, nearest: Nearest) -> list[str]:
     found = []
     if source.verdict is not None and source.verdict.overall == "do-not-trust":
         found.append(f"the diagnosis says do not trust{_because(source)}")
@@ -350,7 +352,7 @@ def _of_engine(fragment: Fragment, compared: Compared) -> list[str]:
     return found
 
 
-def _warnings_of_the_result(source: Source, nearest: Nearest) -> list[str]:
+def _warnings_of_the_result(source: ExportedLaw, nearest: Nearest) -> list[str]:
     found = []
     verdict = source.verdict
     if verdict is None:
@@ -374,7 +376,7 @@ def _warnings_of_the_result(source: Source, nearest: Nearest) -> list[str]:
     return found
 
 
-def _warnings_of_engine(source: Source, fragment: Fragment, compared: Compared) -> list[str]:
+def _warnings_of_engine(source: ExportedLaw, fragment: Fragment, compared: Compared) -> list[str]:
     found = []
     if abs(compared.rebound_percent) > REBOUND_PERCENT:
         found.append(
@@ -400,11 +402,11 @@ def _warnings_of_engine(source: Source, fragment: Fragment, compared: Compared) 
     return found
 
 
-def _because(source: Source) -> str:
+def _because(source: ExportedLaw) -> str:
     return f": {source.reason}" if source.reason else ""
 
 
-def _strengths(source: Source) -> list[float]:
+def _strengths(source: ExportedLaw) -> list[float]:
     """Which of the law's parameters must not be below 0; of two springs one may."""
     values = source.law.as_dict()
     springs = [] if "quadratic_stiffness" in values else ["stiffness"]
@@ -427,7 +429,7 @@ class Statement:
 
     Attributes
     ----------
-    source : Source
+    source : ExportedLaw
         The law and its motion.
     nearest : Nearest
         What stands for the law where no engine has it.
@@ -443,7 +445,7 @@ class Statement:
         Whether it was asked for in spite of refusals.
     """
 
-    source: Source
+    source: ExportedLaw
     nearest: Nearest
     engine: Engine
     fragment: Fragment = field(repr=False)

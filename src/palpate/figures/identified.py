@@ -43,7 +43,7 @@ from palpate.figures.style import (
 )
 from palpate.identification.identified import Identified, rank
 from palpate.quantities.derived import SmallOscillation, band_of
-from palpate.results.summary import Row, felt, law_in_words, parameter_rows
+from palpate.results.summary import ParameterRow, felt, law_in_words, parameter_rows
 from palpate.stages import timed
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def _on_a_page(new_figure: "type[Figure]", result: Identified, look: Look) -> "F
     return figure
 
 
-def _drawn_of(result: Identified) -> list[Row]:
+def _drawn_of(result: Identified) -> list[ParameterRow]:
     """The parameters that have a course: of a law that was chosen those that were looked for."""
     rows = parameter_rows(result)
     if not isinstance(result.estimator, ViscoelasticContact):

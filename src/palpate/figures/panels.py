@@ -16,8 +16,8 @@ from palpate.figures.style import (
     BAND_DEVIATIONS,
     MOST_GAPS,
     MOST_POINTS,
+    AxisScale,
     Look,
-    Scale,
     Scatter,
     broken,
     clock,
@@ -35,7 +35,7 @@ from palpate.figures.style import (
 )
 from palpate.force_laws import ForceLaw
 from palpate.identification.identified import Identified
-from palpate.results.summary import OFFERED, Row, parameter_rows
+from palpate.results.summary import OFFERED, ParameterRow, parameter_rows
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -294,7 +294,9 @@ def _reach(seen: Scatter, noise: float) -> float:
     return max(largest(seen.low), largest(seen.high), noise, 1e-300)
 
 
-def _draw(axes: "Axes", seen: Scatter, noise: float, unit: Scale, look: Look, colour: str) -> None:
+def _draw(
+    axes: "Axes", seen: Scatter, noise: float, unit: AxisScale, look: Look, colour: str
+) -> None:
     k = unit.factor
     axes.fill_between(seen.place, k * seen.low, k * seen.high, color=colour, alpha=0.3, lw=0)
     few = np.isfinite(seen.middle).sum() < 4  # of one point there is no line
@@ -322,7 +324,7 @@ def _scatter(result: Identified, against: Against) -> tuple[str, Scatter]:
     return scale.label(name), over(_scaled(values, scale), residual, taken)
 
 
-def _scaled(values: Floats, scale: Scale) -> Floats:
+def _scaled(values: Floats, scale: AxisScale) -> Floats:
     with np.errstate(over="ignore"):
         return scale.factor * values
 
@@ -360,7 +362,9 @@ class Final:
         return cls(quantity.value, error, float(np.hypot(error, quantity.systematic)))
 
 
-def draw_parameter(axes: "Axes", result: Identified, course: Course, row: Row, look: Look) -> None:
+def draw_parameter(
+    axes: "Axes", result: Identified, course: Course, row: ParameterRow, look: Look
+) -> None:
     """One parameter over time, with a band of two standard errors, and the result."""
     index = row.index
     error = float(result.standard_errors[index])
@@ -419,7 +423,7 @@ def _draw_line(
     unit: str,
     symbol: str,
     look: Look,
-) -> Scale:
+) -> AxisScale:
     """A quantity after some samples, its band of ±2 s.e., and the result with its error bar."""
     time, label = clock(result.contact)
     values, errors = known
@@ -467,7 +471,7 @@ def _draw_final(axes: "Axes", time: Floats, final: Final, factor: float, look: L
 
 
 def _draw_stretches(
-    axes: "Axes", result: Identified, finals: list[Final], scale: Scale, look: Look
+    axes: "Axes", result: Identified, finals: list[Final], scale: AxisScale, look: Look
 ) -> None:
     """The result of each stretch from its start to its end, with a box of ±2 s.e."""
     from matplotlib.patches import PathPatch

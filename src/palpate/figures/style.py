@@ -458,7 +458,7 @@ _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True, slots=True)
-class Scale:
+class AxisScale:
     """What SI values are multiplied by to be drawn, and the unit of what is drawn.
 
     Parameters
@@ -477,7 +477,7 @@ class Scale:
         return f"{name} [{self.unit}]" if self.unit else name
 
 
-def scale_of(largest: float, unit: str) -> Scale:
+def scale_of(largest: float, unit: str) -> AxisScale:
     """Choose a unit in which the largest value is from 1 to below 1000.
 
     Parameters
@@ -488,23 +488,23 @@ def scale_of(largest: float, unit: str) -> Scale:
         N, m, m/s or what begins with N; another unit, and none, stay as they are.
     """
     if not (math.isfinite(largest) and largest > 0.0) or unit[:1] not in ("N", "m"):
-        return Scale(1.0, unit)
+        return AxisScale(1.0, unit)
     power = 3 * math.floor(math.log10(largest * (1.0 + 1e-9)) / 3.0)
     if unit.startswith("m"):
         power = min(power, 0)  # nobody counts penetration in kilometres
     if power in _PREFIXES:
-        return Scale(10.0**-power, _PREFIXES[power] + unit)
+        return AxisScale(10.0**-power, _PREFIXES[power] + unit)
     if abs(power) > 300:  # its inverse would not be finite
-        return Scale(1.0, unit)
-    return Scale(10.0**-power, f"10{str(power).translate(_POWERS)} {unit}")
+        return AxisScale(1.0, unit)
+    return AxisScale(10.0**-power, f"10{str(power).translate(_POWERS)} {unit}")
 
 
-def scale_as_written(value: float, unit: str) -> Scale:
+def scale_as_written(value: float, unit: str) -> AxisScale:
     """Choose the power of ten that :func:`palpate.digits.with_error` writes a value with."""
     power = math.floor(math.log10(abs(value))) if math.isfinite(value) and value else 0
     if power in PLAIN or abs(power) > 300:
-        return Scale(1.0, unit)
-    return Scale(10.0**-power, f"10{str(power).translate(_POWERS)} {unit}".strip())
+        return AxisScale(1.0, unit)
+    return AxisScale(10.0**-power, f"10{str(power).translate(_POWERS)} {unit}".strip())
 
 
 def largest(values: Floats) -> float:

@@ -5,7 +5,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.figures.style import Look, Scale, head, largest, look_of, scale_of, set_titles, style
+from palpate.figures.style import (
+    AxisScale,
+    Look,
+    head,
+    largest,
+    look_of,
+    scale_of,
+    set_titles,
+    style,
+)
 from palpate.fleet.maps import Map, Repeats, numbers
 from palpate.validation import Floats
 
@@ -201,12 +210,12 @@ def _usual(values: Floats) -> float:
     return float(np.percentile(known, _COLOUR_SPAN[1])) if known.size else 0.0
 
 
-def _titled(found: Map, what: str, unit: Scale) -> str:
+def _titled(found: Map, what: str, unit: AxisScale) -> str:
     name = found.quantity if what == "value" else "its standard error"
     return unit.label(name)
 
 
-def _draw_line(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) -> None:
+def _draw_line(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look) -> None:
     """Over one coordinate: values with their errors, and the errors by themselves."""
     along = scale_of(largest(found.places[:, 0]), found.units[0])
     x = along.factor * found.places[:, 0]
@@ -241,7 +250,7 @@ def _mark_line(axes: "Axes", x: Floats, y: Floats, found: Map, look: Look) -> No
         )  # fmt: skip
 
 
-def _draw_plane(axes: "Axes", found: Map, what: str, unit: Scale, look: Look) -> None:
+def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look) -> None:
     """Over two coordinates: cells of a grid, or a dot a place."""
     places = found.places - _origin(found)
     along = scale_of(largest(places), found.units[0])

@@ -18,7 +18,7 @@ import numpy as np
 
 from palpate.errors import FleetError, MissingExtraError, RecordingError
 from palpate.fleet.arrays import Curves
-from palpate.fleet.tasks import Batch, Settings, Source, digest_of, line_of, needed
+from palpate.fleet.tasks import Batch, ContactSource, Settings, digest_of, line_of, needed
 from palpate.recordings.opening import FORCE_CURVES, FORMATS
 from palpate.recordings.recording import UNITS, plain_unit, printable
 from palpate.validation import Floats
@@ -50,7 +50,7 @@ def is_array(name: str) -> bool:
     return "://" not in name and any(os.path.isfile(f"{name}/{mark}") for mark in _MARKS)  # noqa: PTH113 - of text
 
 
-def described_array(name: str) -> Source:
+def described_array(name: str) -> ContactSource:
     """Return what a group of arrays holds.
 
     Raises
@@ -62,7 +62,7 @@ def described_array(name: str) -> Source:
     shape, chunks = _shape(group, name)
     if not shape[0]:
         raise RecordingError(f"{name}: holds no contact: penetration and force have no row")
-    return Source(name, "zarr", shape[0], shape[1], chunks[0], stamp_of(name))
+    return ContactSource(name, "zarr", shape[0], shape[1], chunks[0], stamp_of(name))
 
 
 def stamp_of(name: str) -> str:
@@ -277,7 +277,7 @@ class Results:
         cls,
         folder: Path,
         settings: Settings,
-        sources: Sequence[Source],
+        sources: Sequence[ContactSource],
         batches: Sequence[Batch],
     ) -> "Results":
         """Make the folder, or go on with what a run of the same settings and sources left there.
@@ -472,7 +472,7 @@ _BAG = "metadata.yaml"
 
 def sources_of(
     names: Sequence[str | os.PathLike[str]], leave_out: Path | None = None
-) -> list[Source]:
+) -> list[ContactSource]:
     """List what there is to identify, in an order that depends on the names alone.
 
     Parameters
@@ -490,7 +490,7 @@ def sources_of(
     MissingExtraError
         What reads the storage is not installed.
     """
-    found: dict[str, Source] = {}
+    found: dict[str, ContactSource] = {}
     for name in names:
         text = os.fspath(name)
         kind = _remote if "://" in text else _local
@@ -510,7 +510,7 @@ def _identity(name: str) -> str:
     return name if "://" in name else os.path.realpath(name)
 
 
-def _local(text: str, leave_out: Path | None) -> Iterator[Source]:
+def _local(text: str, leave_out: Path | None) -> Iterator[ContactSource]:
     path = Path(text)
     if glob.has_magic(text) and not path.exists():
         for each in sorted(glob.glob(text, recursive=True)):  # noqa: PTH207 - ** of absolute paths
@@ -525,7 +525,7 @@ def _local(text: str, leave_out: Path | None) -> Iterator[Source]:
 
 def _at(
     path: Path, leave_out: Path | None, above: tuple[str, ...] = (), *, named: bool = False
-) -> Iterator[Source]:
+) -> Iterator[ContactSource]:
     """What a path holds; a file that was named is one whatever its name ends with.
 
     What cannot be read is a source too, of which a row will say that, unless it was named.
@@ -539,10 +539,12 @@ def _at(
         yield _file(name, path)
 
 
-def _in_folder(path: Path, leave_out: Path | None, above: tuple[str, ...]) -> Iterator[Source]:
+def _in_folder(
+    path: Path, leave_out: Path | None, above: tuple[str, ...]
+) -> Iterator[ContactSource]:
     here = os.path.realpath(path)
     if (path / _BAG).is_file():  # a bag of ROS 2 is a folder
-        yield Source(str(path), "file", stamp=stamp_of(str(path)))
+        yield ContactSource(str(path), "file", stamp=stamp_of(str(path)))
         return
     results = leave_out is not None and _same(path, leave_out)
     if results or here in above or (path / MANIFEST).is_file():  # results, of whichever run
@@ -556,12 +558,12 @@ def _in_folder(path: Path, leave_out: Path | None, above: tuple[str, ...]) -> It
             yield from _at(each, leave_out, (*above, here))
 
 
-def _found_array(name: str) -> Source:
+def _found_array(name: str) -> ContactSource:
     """An array that was found on the way: what is wrong with it is for its row to say."""
     try:
         return described_array(name)
     except RecordingError:
-        return Source(name, "zarr", 1)
+        return ContactSource(name, "zarr", 1)
 
 
 def _dangling(path: Path) -> bool:
@@ -569,11 +571,11 @@ def _dangling(path: Path) -> bool:
     return path.is_symlink() and not path.exists()
 
 
-def _file(name: str, path: Path) -> Source:
+def _file(name: str, path: Path) -> ContactSource:
     stamp = stamp_of(str(path))
     if path.name.lower().endswith(_MAPS):
-        return Source(name, "map", _curves_in(path), stamp=stamp)
-    return Source(name, "file", stamp=stamp)
+        return ContactSource(name, "map", _curves_in(path), stamp=stamp)
+    return ContactSource(name, "file", stamp=stamp)
 
 
 def _curves_in(path: Path) -> int | None:
@@ -595,7 +597,7 @@ def _same(one: Path, other: Path) -> bool:
     return os.path.realpath(one) == os.path.realpath(other)
 
 
-def _remote(text: str, leave_out: Path | None) -> Iterator[Source]:
+def _remote(text: str, leave_out: Path | None) -> Iterator[ContactSource]:
     """What is at an address; the results are on disk, and never within."""
     if is_array(text):
         yield described_array(text)
@@ -617,7 +619,7 @@ def _remote(text: str, leave_out: Path | None) -> Iterator[Source]:
             continue
         if name == root.rstrip("/") or name.lower().endswith(_ENDINGS):
             stamp = f"{about.get('size')} {about.get('ETag') or about.get('mtime') or ''}"
-            yield Source(f"{protocol}://{name}", "file", stamp=stamp)
+            yield ContactSource(f"{protocol}://{name}", "file", stamp=stamp)
 
 
 def _entries(files: Any, root: str) -> list[tuple[str, dict[str, Any]]]:

@@ -68,7 +68,7 @@ SAMPLES = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class ContactSource:
     """Something that holds contacts.
 
     Attributes
@@ -104,7 +104,7 @@ class Source:
 class Piece:
     """Contacts of one source that are next to each other."""
 
-    source: Source
+    source: ContactSource
     first: int
     count: int
 
@@ -148,7 +148,7 @@ def tasks_table(
     )
 
 
-def batches(sources: Iterable[Source]) -> list[Batch]:
+def batches(sources: Iterable[ContactSource]) -> list[Batch]:
     """Cut sources into batches; by the sources alone, so that a run that goes on cuts the same."""
     found: list[tuple[Piece, ...]] = []
     files: list[Piece] = []
@@ -168,7 +168,7 @@ def batches(sources: Iterable[Source]) -> list[Batch]:
     return [Batch(number, pieces) for number, pieces in enumerate(found)]
 
 
-def _pieces(source: Source) -> Iterator[Piece]:
+def _pieces(source: ContactSource) -> Iterator[Piece]:
     size = CURVES_OF_A_FILE
     if source.kind == "zarr":
         size = max(SAMPLES // max(source.samples, 1), 1)
@@ -179,7 +179,7 @@ def _pieces(source: Source) -> Iterator[Piece]:
         yield Piece(source, first, min(size, count - first))
 
 
-def digest_of(sources: Iterable[Source]) -> str:
+def digest_of(sources: Iterable[ContactSource]) -> str:
     """A short name for exactly these sources, as they are now."""
     found = hashlib.sha256()
     for each in sources:

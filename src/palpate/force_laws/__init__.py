@@ -1,6 +1,5 @@
 """Contact force laws: what the lab is built from, and what identification gives back."""
 
-from palpate.force_laws.along import force_over_breaks as force_over_breaks
 from palpate.force_laws.generalised import GeneralisedHuntCrossley as GeneralisedHuntCrossley
 from palpate.force_laws.laws import FORCE_LAWS as FORCE_LAWS
 from palpate.force_laws.laws import ExtendedKelvinVoigt as ExtendedKelvinVoigt
@@ -15,3 +14,4 @@ from palpate.force_laws.relaxation import PowerLawRelaxation as PowerLawRelaxati
 from palpate.force_laws.relaxation import Relaxation as Relaxation
 from palpate.force_laws.relaxation import RelaxationState as RelaxationState
 from palpate.force_laws.relaxation import SingleRelaxation as SingleRelaxation
+from palpate.force_laws.relaxation import force_over_breaks

@@ -91,7 +91,7 @@ Name = Literal["tare", "hold", "resume", "reset", "estimator", "source", "record
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class LiveCommand:
     """One request.
 
     Attributes

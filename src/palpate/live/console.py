@@ -30,7 +30,7 @@ _AT_ONCE = 5
 _IN_CONTACT = (State.CONTACT, State.CHANGED)
 
 
-class WorkingDepth:
+class ShownDepth:
     """The median penetration of late, in contact."""
 
     def __init__(self) -> None:
@@ -141,7 +141,7 @@ class Console:
 class _Printing:
     def __init__(self, watching: Watching, *, terminal: bool, quiet: bool) -> None:
         self._watching, self._terminal, self._quiet = watching, terminal, quiet
-        self._depth, self._said = WorkingDepth(), list[str]()
+        self._depth, self._said = ShownDepth(), list[str]()
         self._row, self._next, self._heard = np.empty(0), 0.0, True
 
     def run(self) -> None:

@@ -20,7 +20,7 @@ from palpate._core import Status
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.estimators import ContactEstimator, ViscoelasticContact
 from palpate.estimators.law_verdicts import Candidate
-from palpate.live.choices import Command, LoopCounts, State, chosen, main_settings, summed
+from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_settings, summed
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.preparation import OnlinePreparation
@@ -175,7 +175,7 @@ _SAID_EVERY = 1.0  # s
 
 
 @dataclass(slots=True)
-class Faults:
+class ClockFaults:
     """What was wrong with the samples' times.
 
     Attributes
@@ -210,7 +210,7 @@ class Watchdog:
 
     longest_gap: float
     pace: float = 1.0
-    faults: Faults = field(default_factory=Faults)
+    faults: ClockFaults = field(default_factory=ClockFaults)
     #: In words, what was wrong last.
     words: str = ""
     _time: float = math.nan
@@ -370,7 +370,7 @@ class Loop:
     preparation: OnlinePreparation
     estimator: ContactEstimator
     ring: Writer
-    commands: Callable[[], Command | None] = field(default=lambda: None)
+    commands: Callable[[], LiveCommand | None] = field(default=lambda: None)
     counts: LoopCounts = field(default_factory=LoopCounts)
     cycle: Histogram = field(default_factory=lambda: Histogram(20e-6))
     lateness: Histogram = field(default_factory=lambda: Histogram(IN_TIME))
@@ -562,7 +562,7 @@ class Loop:
             except (PalpateError, TypeError) as error:  # of a person's request, not of data
                 self.say(f"{command.name}: {error}")
 
-    def _do(self, command: Command) -> None:
+    def _do(self, command: LiveCommand) -> None:
         options = command.options
         if command.name == "stop":
             self.stopped = True

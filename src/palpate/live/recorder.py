@@ -245,8 +245,8 @@ class Recorder:
             sys.exit(1)  # by which the loop's process knows
 
     def _obey(
-        self, recording: "Recording | None", asked: dict[str, Any]
-    ) -> "tuple[Recording | None, str]":
+        self, recording: "RunFile | None", asked: dict[str, Any]
+    ) -> "tuple[RunFile | None, str]":
         if recording is not None:
             said = recording.finish()
             if not asked["on"]:
@@ -258,7 +258,7 @@ class Recorder:
         return _begun(Path(path) if path else self._folder / named)
 
 
-def _page(recording: "Recording | None", said: str) -> dict[str, Any]:
+def _page(recording: "RunFile | None", said: str) -> dict[str, Any]:
     if recording is None:
         return {"on": False, "said": said}
     return {
@@ -271,7 +271,7 @@ def _page(recording: "Recording | None", said: str) -> dict[str, Any]:
     }
 
 
-def _begun(path: Path) -> "tuple[Recording | None, str]":
+def _begun(path: Path) -> "tuple[RunFile | None, str]":
     try:
         file, taken = opened_new(path)
     except OSError as error:
@@ -279,10 +279,10 @@ def _begun(path: Path) -> "tuple[Recording | None, str]":
     words = f"recording to {taken}"
     if taken != path:
         words += f", as {path} is there already"
-    return Recording(taken, file), words
+    return RunFile(taken, file), words
 
 
-class Recording:
+class RunFile:
     """One file that grows.
 
     Parameters

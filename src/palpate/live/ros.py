@@ -30,7 +30,7 @@ from palpate.recordings.messages.layout import (
     Field,
     Group,
     Layout,
-    Leaf,
+    MessageNumber,
     Number,
     NumberAt,
     TimeAt,
@@ -68,7 +68,7 @@ FORCES = {
 }
 
 
-class Reading(NamedTuple):
+class RosReading(NamedTuple):
     """What one message says.
 
     Attributes
@@ -94,7 +94,7 @@ class _Places:
     def fits(self, message: bytes) -> bool:
         return all(message[start:stop] == want for start, stop, want in self.checks)
 
-    def read(self, message: bytes) -> Reading:
+    def read(self, message: bytes) -> RosReading:
         stamp = None
         if self.stamp is not None:
             seconds, at, nanoseconds, after = self.stamp
@@ -105,7 +105,7 @@ class _Places:
             [float(form.unpack_from(message, at)[0]) for form, at in each] for each in self.numbers
         ]
         values: tuple[Any, ...] = tuple(e[0] if len(e) == 1 else tuple(e) for e in found)
-        return Reading(stamp, values)
+        return RosReading(stamp, values)
 
 
 class MessageReader:
@@ -159,7 +159,7 @@ class MessageReader:
         if not vector and not isinstance(found, Number):
             raise InvalidParameterError(f"{where}: {path} is neither a number nor a vector")
 
-    def read(self, message: bytes) -> Reading:
+    def read(self, message: bytes) -> RosReading:
         """Return what a message says.
 
         Raises
@@ -196,7 +196,7 @@ class MessageReader:
             ),
         )
 
-    def _leaves(self, leaves: dict[str, Leaf], path: str) -> list[Leaf]:
+    def _leaves(self, leaves: dict[str, MessageNumber], path: str) -> list[MessageNumber]:
         if path in leaves:
             if self._vectors:
                 raise InvalidParameterError(
@@ -236,7 +236,7 @@ def _walk_of(topic: str, type_name: str) -> tuple[Group, Callable[[bytes], Layou
     return fields, lambda message: walk_cdr(message, fields)
 
 
-def _form(leaf: Leaf) -> tuple[struct.Struct, int]:
+def _form(leaf: MessageNumber) -> tuple[struct.Struct, int]:
     assert isinstance(leaf, NumberAt)  # the others are protobuf's
     order = "<" if leaf.dtype[0] not in "<>" else leaf.dtype[0]
     kind = {"f4": "f", "f8": "d", "b1": "B"}.get(leaf.dtype.lstrip("<>"))

@@ -13,7 +13,7 @@ from typing import Any
 
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
-from palpate.live.choices import Command
+from palpate.live.choices import LiveCommand
 from palpate.live.loop import Loop
 from palpate.live.realtime import ask_for_realtime, end, give_way, show_name, start, undisturbed
 from palpate.live.ring import Board, Writer
@@ -133,13 +133,13 @@ class _Asked:
         self._asked = self._told = 0.0
         self._until = float("inf") if seconds is None else time.monotonic() + seconds
 
-    def __call__(self) -> Command | None:
+    def __call__(self) -> LiveCommand | None:
         now = time.monotonic()
         if now < self._asked:
             return None
         if now >= self._until:
             self._until = float("inf")
-            return Command("stop")
+            return LiveCommand("stop")
         if now >= self._told:
             self._told = now + TOLD_EVERY
             for sentence in news_of(self._loop.source):
@@ -149,7 +149,7 @@ class _Asked:
             try:
                 if connection.poll():
                     command = connection.recv()
-                    if isinstance(command, Command):
+                    if isinstance(command, LiveCommand):
                         return command
             except (EOFError, OSError):  # it has ended, by itself or by another's hand
                 del self._sinks[name]

@@ -9,7 +9,7 @@ from palpate.paper.experiment import Claim as Claim
 from palpate.paper.experiment import Experiment as Experiment
 from palpate.paper.experiment import Outcome as Outcome
 from palpate.paper.experiment import Table as Table
-from palpate.paper.judging import Finding as Finding
+from palpate.paper.judging import SeedAnswer as SeedAnswer
 
 _MODULES = (trials, methods, motions, changes)
 _ALL: list[Experiment] = [each for module in _MODULES for each in module.EXPERIMENTS]

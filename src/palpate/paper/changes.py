@@ -10,9 +10,17 @@ import numpy as np
 import palpate
 from palpate import lab
 from palpate.force_laws import Floats
-from palpate.paper import drawing
-from palpate.paper.drawing import THEME, UNITS, Figure
-from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, by_symbol
+from palpate.paper import experiment
+from palpate.paper.experiment import (
+    THEME,
+    UNITS,
+    Curves,
+    Experiment,
+    Figure,
+    Measured,
+    Outcome,
+    by_symbol,
+)
 from palpate.paper.rig import AGREED, GATE, START, Method, ideally_pressed, identified, off, pressed
 
 SECONDS = 27.0
@@ -111,7 +119,7 @@ class _Intermittent(Experiment):
         for column, (which, hard) in zip(grid.T, ZONES.items(), strict=True):
             _draw_zones(column, outcomes[0].curves, which, hard)
             column[0].set_title(f"second zone {TITLES[which]}", loc="left", fontsize=10)
-        drawing.legend_below(figure, grid[0, 0], 3)
+        experiment.legend_below(figure, grid[0, 0], 3)
 
 
 def _draw_zones(
@@ -123,12 +131,12 @@ def _draw_zones(
     clock = f"time{which}"
     for axes, (symbol, unit), known in zip(column, UNITS.items(), truths, strict=False):
         ylim = (0.85 * min(known), 1.15 * max(known)) if which else (0.0, 1.5 * max(known))
-        drawing.course(axes, curves, symbol, shown, clock=clock, unit=unit, ylim=ylim)
+        experiment.course(axes, curves, symbol, shown, clock=clock, unit=unit, ylim=ylim)
         for value in known:
-            drawing.truth(axes, value, None)
+            experiment.truth(axes, value, None)
     errors = {name: curves[f"{name}{which}/error"] for name in SHOWN}
     size = len(next(iter(errors.values())))
-    drawing.lines(column[3], curves[clock][:size], errors, linewidth=0.9)
+    experiment.lines(column[3], curves[clock][:size], errors, linewidth=0.9)
     column[3].set(ylabel="|force error| [N]\nlargest of 50 ms")
     penetration = curves[f"penetration{which}"]
     column[4].plot(curves[clock], penetration, color=THEME.measured, linewidth=0.9)
@@ -138,7 +146,7 @@ def _draw_zones(
         for a, b in zip(CHANGES[::2], CHANGES[1::2], strict=True):
             axes.axvspan(a, b, color=THEME.grid, alpha=0.5, linewidth=0)
     moments = {name: curves[f"{name}{which}/change"] for name in SHOWN}
-    drawing.lines(column[5], np.arange(-BEFORE, AFTER), moments, marker=".")
+    experiment.lines(column[5], np.arange(-BEFORE, AFTER), moments, marker=".")
     column[5].set(xlabel="time since a change [ms]", ylabel="|force error| [N]\nmean of four")
     for axes in (column[3], column[5]):
         axes.set(yscale="log", ylim=(0.01, 60.0))
@@ -183,7 +191,7 @@ def _summary(
 
 
 def _curves(name: str, result: palpate.Identification, error: Floats) -> Curves:
-    courses = zip(UNITS, drawing.course_of(result)[::EVERY].T, strict=True)
+    courses = zip(UNITS, experiment.course_of(result)[::EVERY].T, strict=True)
     # The largest of each 50 samples, so that no peak is thinned away.
     blocks = error[: len(error) // EVERY * EVERY].reshape(-1, EVERY)
     starts = (int(np.searchsorted(result.contact.time, change)) for change in CHANGES)

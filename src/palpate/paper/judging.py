@@ -20,7 +20,7 @@ _TIMES = ("s", "ms")
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class PaperQuantity:
     """What ``of`` makes of an outcome's numbers, which have the ``name``, or of ``parts``.
 
     Of several numbers it is the largest, or ``which`` says.
@@ -28,10 +28,10 @@ class Quantity:
 
     of: Callable[[Numbers], float]
     name: str = ""
-    parts: tuple["Quantity", ...] = ()
+    parts: tuple["PaperQuantity", ...] = ()
     which: str = ""
 
-    def leaves(self) -> list["Quantity"]:
+    def leaves(self) -> list["PaperQuantity"]:
         """Those parts that have a name."""
         own = [self] if self.name else []
         return own + [leaf for part in self.parts for leaf in part.leaves()]
@@ -42,10 +42,10 @@ class Quantity:
         words = said([self.of(numbers) for numbers in every], unit)
         return f"{self.which}{self.name.replace('|', ' or ')}: {words}"
 
-    def __truediv__(self, other: "Of") -> "Quantity":
+    def __truediv__(self, other: "Of") -> "PaperQuantity":
         return _computed(lambda v: v[0] / v[1] if v[1] else math.inf, (self, other))
 
-    def __mul__(self, factor: float) -> "Quantity":
+    def __mul__(self, factor: float) -> "PaperQuantity":
         return _computed(math.prod, (factor, self))
 
     def __lt__(self, other: "Of") -> "Condition":
@@ -62,16 +62,16 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True)
-class Condition(Quantity):
+class Condition(PaperQuantity):
     """Whether the first of its parts keeps to something, and to the others; NaN where not known."""
 
 
-Of = str | float | Quantity
+Of = str | float | PaperQuantity
 #: The time of what never happens.
 NEVER = math.inf
 
 
-def quantities(*of: Of) -> tuple[Quantity, ...]:
+def quantities(*of: Of) -> tuple[PaperQuantity, ...]:
     """Return the quantities that names, or plain numbers, stand for."""
     every = (_expanded(each) if isinstance(each, str) else [each] for each in of)
     return tuple(number(one) for names in every for one in names)
@@ -85,37 +85,37 @@ def _expanded(names: str) -> list[str]:
     return [head + word + end for word in words.split("|") for end in _expanded(tail)]
 
 
-def number(of: Of) -> Quantity:
+def number(of: Of) -> PaperQuantity:
     """Return the quantity that one name, or a plain number, stands for."""
-    if isinstance(of, Quantity):
+    if isinstance(of, PaperQuantity):
         return of
-    return _chosen(max, of) if isinstance(of, str) else Quantity(lambda _: of)
+    return _chosen(max, of) if isinstance(of, str) else PaperQuantity(lambda _: of)
 
 
-def largest(*of: Of) -> Quantity:
+def largest(*of: Of) -> PaperQuantity:
     """Return the largest of some quantities."""
     return _computed(max, of)
 
 
-def least(*of: Of) -> Quantity:
+def least(*of: Of) -> PaperQuantity:
     """Return the least of some quantities."""
     if len(of) == 1 and isinstance(name := of[0], str) and "{" not in name:
         return _chosen(min, name, "least ")
     return _computed(min, of)
 
 
-def farthest_from(middle: float, name: str) -> Quantity:
+def farthest_from(middle: float, name: str) -> PaperQuantity:
     """Return that of several numbers which is farthest from one."""
     return _chosen(lambda values: max(values, key=lambda value: abs(value - middle)), name)
 
 
-def _chosen(by: Callable[[Iterable[float]], float], name: str, which: str = "") -> Quantity:
-    return Quantity(lambda numbers: by(named(name, numbers).values()), name, which=which)
+def _chosen(by: Callable[[Iterable[float]], float], name: str, which: str = "") -> PaperQuantity:
+    return PaperQuantity(lambda numbers: by(named(name, numbers).values()), name, which=which)
 
 
-def _computed(by: Callable[[list[float]], float], of: Iterable[Of]) -> Quantity:
+def _computed(by: Callable[[list[float]], float], of: Iterable[Of]) -> PaperQuantity:
     parts = quantities(*of)
-    return parts[0] if len(parts) == 1 else Quantity(_known(by, parts), parts=parts)
+    return parts[0] if len(parts) == 1 else PaperQuantity(_known(by, parts), parts=parts)
 
 
 def _condition(kept: Callable[[list[float]], bool], *of: Of) -> Condition:
@@ -123,7 +123,9 @@ def _condition(kept: Callable[[list[float]], bool], *of: Of) -> Condition:
     return Condition(_known(kept, parts), parts=parts)
 
 
-def _known(by: Callable[[list[float]], float], parts: Sequence[Quantity]) -> Callable[..., float]:
+def _known(
+    by: Callable[[list[float]], float], parts: Sequence[PaperQuantity]
+) -> Callable[..., float]:
     def value(numbers: Numbers) -> float:
         values = [part.of(numbers) for part in parts]
         return math.nan if any(map(math.isnan, values)) else by(values)
@@ -174,7 +176,7 @@ def said(values: Iterable[float], unit: str = "") -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class SeedAnswer:
     """What one seed says of a claim.
 
     ``holds`` is None where it cannot be checked; ``ours`` is the number measured, in the claim's
@@ -189,17 +191,17 @@ class Finding:
 class Judge:
     """Whether a claim holds, by an outcome's numbers; see :func:`judge`."""
 
-    ours: Quantity | None = None
+    ours: PaperQuantity | None = None
     conditions: tuple[Condition, ...] = ()
-    beside: tuple[Quantity, ...] = ()
+    beside: tuple[PaperQuantity, ...] = ()
     elsewhere: str = ""
 
-    def __call__(self, numbers: Numbers) -> Finding:
+    def __call__(self, numbers: Numbers) -> SeedAnswer:
         """Hold the numbers of one seed against the conditions."""
         value = None if self.ours is None else self.ours.of(numbers)
         ours = None if value is None or not math.isfinite(value) else value
         kept = [each.of(numbers) for each in self.conditions]
-        return Finding(None if not kept or any(map(math.isnan, kept)) else all(kept), ours)
+        return SeedAnswer(None if not kept or any(map(math.isnan, kept)) else all(kept), ours)
 
     def words(self, every: Sequence[Numbers]) -> str:
         """Say every number that was used over the seeds, but what stands in the column before."""
@@ -245,7 +247,7 @@ def judge(
     return Judge(None if ours is None else number(ours), kept, others, elsewhere)
 
 
-def _compared(by: Callable[[float, float], bool], of: Quantity, other: Of) -> Condition:
+def _compared(by: Callable[[float, float], bool], of: PaperQuantity, other: Of) -> Condition:
     return _condition(lambda v: all(by(v[0], each) for each in v[1:]), of, other)
 
 
@@ -543,12 +545,12 @@ _ERROR, _ENDS = "mean error after change", "K off at a zone's end"
 _BEFORE, _AFTER = "corrected before a change", "corrected after a change"
 
 
-def _remains(which: str) -> Quantity:
+def _remains(which: str) -> PaperQuantity:
     """The second visit of the other zone over the first."""
     return number(f"{_ERROR} regular{which} 3") / f"{_ERROR} regular{which} 1"
 
 
-def _reduction(which: str) -> Quantity:
+def _reduction(which: str) -> PaperQuantity:
     """How many times smaller self-perturbation makes the error."""
     return least(f"{_ERROR} regular{which}") / f"{_ERROR} {_SP}{which}"
 

@@ -13,9 +13,18 @@ import numpy as np
 import palpate
 from palpate import lab
 from palpate.force_laws import Floats
-from palpate.paper import drawing, rig
-from palpate.paper.drawing import UNITS, Figure
-from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, Seeds, Table, by_symbol
+from palpate.paper import experiment, rig
+from palpate.paper.experiment import (
+    UNITS,
+    Curves,
+    Experiment,
+    Figure,
+    Measured,
+    Outcome,
+    Seeds,
+    Table,
+    by_symbol,
+)
 from palpate.paper.judging import named, number
 
 SINGLE, DOUBLE, LINEAR = palpate.SingleStageRLS, palpate.DoubleStageRLS, palpate.KelvinVoigtRLS
@@ -96,7 +105,7 @@ class _Forgetting(Experiment):
             numbers |= by_symbol(f"largest error {name}", worst, "%")
             numbers |= by_symbol(f"overshoot {name}", beyond / truth, "of the truth")
             numbers[f"rmse {name} [%]"] = result.prediction_rmse_percent
-            curves |= drawing.traced(name, result)
+            curves |= experiment.traced(name, result)
         return numbers, curves
 
     def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
@@ -105,10 +114,10 @@ class _Forgetting(Experiment):
         for (left, right), (symbol, unit) in zip(grid, UNITS.items(), strict=False):
             shown = {name: name for name in PROFILES_DRAWN}
             limits: dict[str, Any] = {"unit": unit, "xlim": (0.0, 10.0), "ylim": CLOSE[symbol]}
-            drawing.course(left, curves, symbol, shown, **limits)
+            experiment.course(left, curves, symbol, shown, **limits)
             shown = {name: name for name in COVARIANCES_DRAWN}
             limits |= {"xscale": "log", "xlim": (1e-2, 10.0), "ylim": WIDE[symbol]}
-            drawing.course(right, curves, symbol, shown, **limits)
+            experiment.course(right, curves, symbol, shown, **limits)
         titles = ("Forgetting factor, P₀ = 1e3", "Initial covariance, α = 5")
         for axes, lowest, title in zip(grid[0], grid[2], titles, strict=True):
             axes.set_title(title, pad=46)
@@ -116,7 +125,7 @@ class _Forgetting(Experiment):
             lowest.set(xlabel="time since contact [s]")
         held, spare = grid[3]
         lines = {name: curves[f"held/{name}"] for name in HELD}
-        drawing.lines(held, curves["held/time"], lines, linewidth=1.0)
+        experiment.lines(held, curves["held/time"], lines, linewidth=1.0)
         held.set(yscale="log", xlabel="time since the probe stopped [s]")
         held.set(ylabel="worst parameter's error [%]", title="Probe held at one depth")
         spare.set_axis_off()
@@ -271,7 +280,7 @@ def _by_start(
         if isinstance(known, lab.Homogeneous) and law is type(known.law):
             error = rig.off(final, known.law.parameters)
             numbers |= by_symbol(f"off the truth {what}", error, "%", law)
-        curves |= drawing.traced(f"{kind.method}/{start}", result)
+        curves |= experiment.traced(f"{kind.method}/{start}", result)
     # Starts that a large P₀ has forgotten agree long before they are right.
     settled = np.max([rig.times_to(each, each.law.parameters) for each in results.values()], axis=0)
     return numbers | by_symbol(f"settled {kind.method}", settled, "s", law)
@@ -287,7 +296,7 @@ def _draw_method(column: Any, kind: rig.Method, outcome: Outcome) -> None:
     order = {"KB": (0, 1), "KBn": (0, 1, 2), "K₁K₂B": (0, 2, 1)}["".join(law.symbols)]
     for axes, i in zip(column, order, strict=False):
         symbol, final = law.symbols[i], finals[i]
-        drawing.course(axes, curves, symbol, shown, unit=law.units[i])
+        experiment.course(axes, curves, symbol, shown, unit=law.units[i])
         if symbol in ("n", "B", "K₁"):
             ends = {"n": (0.0, 3.0), "B": (-0.5 * final, 2.5 * final), "K₁": (-1500.0, 1500.0)}
             axes.set_ylim(ends[symbol])
@@ -297,7 +306,7 @@ def _draw_method(column: Any, kind: rig.Method, outcome: Outcome) -> None:
         column[2].set_axis_off()
     error = column[3]
     lines = {name: curves[f"{prefix}/error"] for name, prefix in shown.items()}
-    drawing.lines(error, curves["elapsed"], lines, linewidth=0.8)
+    experiment.lines(error, curves["elapsed"], lines, linewidth=0.8)
     error.set_yscale("symlog", linthresh=FINE)
     error.set(xscale="log", xlabel="time since contact [s]")
     error.set(ylabel="force error [N]", ylim=(-30.0, 30.0), yticks=(-10, -1, 0, 1, 10))
@@ -427,8 +436,8 @@ class _NearTruth(Experiment):
             if name == "ball":
                 for away in DRAWN:
                     for way, result in ends[f"{away:g}"].items():
-                        curves |= drawing.traced(f"{away:g}/{way}", result)
-                curves |= drawing.traced("projection", rig.identified(contact, PROJECTION))
+                        curves |= experiment.traced(f"{away:g}/{way}", result)
+                curves |= experiment.traced("projection", rig.identified(contact, PROJECTION))
         return numbers, curves
 
     def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
@@ -437,10 +446,10 @@ class _NearTruth(Experiment):
             shown = {way: f"{away:g}/{way}" for way in WAYS} | {"variable projection": "projection"}
             for axes, (symbol, unit) in zip(column, UNITS.items(), strict=True):
                 limits: dict[str, Any] = {"xscale": "log", "ylim": LIMITS[symbol]}
-                drawing.course(axes, outcomes[0].curves, symbol, shown, unit=unit, **limits)
+                experiment.course(axes, outcomes[0].curves, symbol, shown, unit=unit, **limits)
             column[0].set_title(f"starts {100 * away:g} % off")
             column[-1].set(xlabel="time since contact [s]")
-        drawing.legend_below(figure, grid[0, 0], 5)
+        experiment.legend_below(figure, grid[0, 0], 5)
 
 
 def _from(

@@ -11,9 +11,19 @@ import numpy as np
 
 import palpate
 from palpate import lab
-from palpate.paper import drawing, rig
-from palpate.paper.drawing import THEME, Axes, Figure
-from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, Seeds, Table, by_symbol
+from palpate.paper import experiment, rig
+from palpate.paper.experiment import (
+    THEME,
+    Axes,
+    Curves,
+    Experiment,
+    Figure,
+    Measured,
+    Outcome,
+    Seeds,
+    Table,
+    by_symbol,
+)
 from palpate.paper.judging import named
 from palpate.paper.methods import condition_number
 
@@ -78,7 +88,7 @@ class _Hysteresis(Experiment):
         _draw_loop(near, first, tuple(MODELS))
         near.set(ylabel="force [N]", xlim=(-0.03, 0.8), ylim=(-0.35, 1.8))
         near.set_title(f"Near the surface: {LINEAR} pulls")
-        drawing.legend_below(figure, near, 4)
+        experiment.legend_below(figure, near, 4)
 
 
 def _inside(contact: palpate.Contact) -> Any:
@@ -106,8 +116,8 @@ def _draw_loop(axes: Axes, outcome: Outcome, models: Sequence[str], stiffness: f
     measured = np.array(outcome.curves["force"]) - spring
     axes.plot(1e3 * depth, measured, color=THEME.measured, linewidth=1.6, label="measured")
     predicted = {name: np.array(outcome.curves[f"predicted/{name}"]) - spring for name in models}
-    drawing.lines(axes, 1e3 * depth, predicted, linewidth=0.9)
-    drawing.truth(axes, 0.0, None)
+    experiment.lines(axes, 1e3 * depth, predicted, linewidth=0.9)
+    experiment.truth(axes, 0.0, None)
     axes.set(xlabel="penetration [mm]")
 
 
@@ -153,7 +163,7 @@ class _Richness(Experiment):
                 numbers |= _by_covariance(what, contact, other, others, rig.SAME_COVARIANCES)
             projected = rig.identified(contact, palpate.VariableProjection)
             for start, result in {**results, "projection": projected}.items():
-                curves |= drawing.traced(f"{name}/{start}", result, f"{name}/elapsed")
+                curves |= experiment.traced(f"{name}/{start}", result, f"{name}/elapsed")
             times = rig.times_to(projected, rig.BALL_LAW.parameters)
             numbers |= by_symbol(f"time of variable projection {name}", times, "s")
             numbers |= _end(f"{name} variable projection", projected)
@@ -174,7 +184,7 @@ class _Richness(Experiment):
         grid = figure.subplots(len(self.kind.law_type.symbols) + 1, len(MOTIONS))
         for column, motion in zip(grid.T, MOTIONS, strict=True):
             self._draw_motion(column, motion, outcomes[0])
-        drawing.legend_below(figure, grid[-1, 0], 4)
+        experiment.legend_below(figure, grid[-1, 0], 4)
 
     def _draw_motion(self, column: Any, motion: str, outcome: Outcome) -> None:
         """Parameters and force error of every start; the value from three sines dotted."""
@@ -187,11 +197,11 @@ class _Richness(Experiment):
         finals = named(f"final three sines {names[0]}", outcome.numbers).values()
         for axes, symbol, unit, final in zip(column, law.symbols, law.units, finals, strict=False):
             looks = {"xscale": "log", "ylim": (-0.5 * final, 3.0 * final)}
-            drawing.course(axes, curves, symbol, shown, clock=clock, unit=unit, **looks)
-            drawing.truth(axes, final, None)
+            experiment.course(axes, curves, symbol, shown, clock=clock, unit=unit, **looks)
+            experiment.truth(axes, final, None)
         column[0].set_title(f"{motion} (dotted: three)")
         lines = {label: curves[f"{prefix}/error"] for label, prefix in every.items()}
-        drawing.lines(column[-1], curves[clock], lines, linewidth=0.8)
+        experiment.lines(column[-1], curves[clock], lines, linewidth=0.8)
         column[-1].set(xscale="log", ylim=(-1.0, 1.0), ylabel="force error [N]")
         column[-1].set(xlabel="time since contact [s]")
 
@@ -288,7 +298,7 @@ class _Today(Experiment):
         curves = outcomes[0].curves
         axes = figure.subplots()
         lines = {name: curves[f"{name}/error"] for name in METHODS}
-        drawing.lines(axes, curves["time"], lines, linewidth=1.0)
+        experiment.lines(axes, curves["time"], lines, linewidth=1.0)
         axes.axvspan(HALF, curves["time"][-1], color=THEME.grid, alpha=0.5, linewidth=0)
         axes.set(xlim=(rig.START + 0.5, curves["time"][-1]), ylim=(-1.5, 1.5))
         axes.set(xlabel="time [s]", ylabel="force error [N]")

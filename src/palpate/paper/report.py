@@ -19,7 +19,7 @@ from typing import Any
 import palpate
 from palpate import __version__, lab
 from palpate.paper.experiment import Claim, Experiment, Outcome, Seeds, Table, claims_file
-from palpate.paper.judging import Finding, said
+from palpate.paper.judging import SeedAnswer, said
 from palpate.paper.rig import GATE, START
 from palpate.reports import html
 from palpate.reports.html import DRAWINGS, STYLE, inline
@@ -61,7 +61,7 @@ figure .wide:focus-visible { outline-offset: -2px; }
 """
 
 
-class Verdict(enum.Enum):
+class Reproduction(enum.Enum):
     """What the seeds say together."""
 
     REPRODUCED = "reproduced"
@@ -71,17 +71,17 @@ class Verdict(enum.Enum):
 
 
 #: Beside the words, so that no verdict is told by its colour alone.
-SIGNS = dict(zip(Verdict, "✓◐✗–", strict=True))
-CLASSES = dict(zip(Verdict, ("yes", "partly", "no", "open"), strict=True))
+SIGNS = dict(zip(Reproduction, "✓◐✗–", strict=True))
+CLASSES = dict(zip(Reproduction, ("yes", "partly", "no", "open"), strict=True))
 
 
-def verdict_of(held: int, checked: int) -> Verdict:
+def verdict_of(held: int, checked: int) -> Reproduction:
     """Reproduced or not: in all seeds, or claims, that could tell; partly: in some of them."""
     if not checked:
-        return Verdict.UNCHECKED
+        return Reproduction.UNCHECKED
     if held == checked:
-        return Verdict.REPRODUCED
-    return Verdict.PARTLY if held else Verdict.NOT_REPRODUCED
+        return Reproduction.REPRODUCED
+    return Reproduction.PARTLY if held else Reproduction.NOT_REPRODUCED
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class Judgement:
 
     experiment: str
     claim: Claim
-    findings: tuple[Finding, ...]
+    findings: tuple[SeedAnswer, ...]
     words: str = ""
 
     @property
@@ -109,14 +109,14 @@ class Judgement:
         return sum(finding.holds is True for finding in self.findings)
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> Reproduction:
         """Of all seeds together."""
         return verdict_of(self.held, self.checked)
 
     @property
     def verdict_words(self) -> str:
         """The verdict, with the count of seeds where they differ."""
-        if self.verdict is Verdict.PARTLY:
+        if self.verdict is Reproduction.PARTLY:
             return f"reproduced in {self.held} of {self.checked} seeds"
         if 0 < self.checked < len(self.findings):
             return f"{self.verdict.value} ({self.checked} of {len(self.findings)} seeds can tell)"
@@ -206,10 +206,10 @@ class Report:
         return tuple(each for section in self.sections for each in section.judgements)
 
     @property
-    def counts(self) -> dict[Verdict, int]:
+    def counts(self) -> dict[Reproduction, int]:
         """How many claims got which verdict."""
         found = [judgement.verdict for judgement in self.judgements]
-        return {verdict: found.count(verdict) for verdict in Verdict}
+        return {verdict: found.count(verdict) for verdict in Reproduction}
 
     @property
     def summary(self) -> str:
@@ -227,9 +227,9 @@ def abstract(judgements: Sequence[Judgement]) -> Iterator[tuple[str, str, int, i
     known = {f"{each.experiment}.{each.claim.key}": each.verdict for each in judgements}
     for line in claims_file()["abstract"].values():
         verdicts = [known[key] for key in line["claims"].split() if key in known]
-        checked = [verdict for verdict in verdicts if verdict is not Verdict.UNCHECKED]
+        checked = [verdict for verdict in verdicts if verdict is not Reproduction.UNCHECKED]
         if checked:
-            held = checked.count(Verdict.REPRODUCED)
+            held = checked.count(Reproduction.REPRODUCED)
             yield line["words"], line["because"], held, len(checked)
 
 
@@ -382,7 +382,7 @@ def _head(report: Report) -> Iterator[str]:
     lines = []
     for sentence, because, held, checked in abstract(report.judgements):
         verdict = verdict_of(held, checked)
-        why = "" if verdict is Verdict.REPRODUCED else f" {escape(because)}"
+        why = "" if verdict is Reproduction.REPRODUCED else f" {escape(because)}"
         counted = f"({held} of {checked} claims reproduced in every seed)"
         sign = f'<span class="badge {CLASSES[verdict]}">{SIGNS[verdict]}</span>'
         said_so = f"{sign}<strong>{escape(sentence)}.</strong>{why}"
@@ -400,7 +400,7 @@ def _head(report: Report) -> Iterator[str]:
     yield "</nav>"
 
 
-def _badge(verdict: Verdict, words: str) -> str:
+def _badge(verdict: Reproduction, words: str) -> str:
     sign = f'<span aria-hidden="true">{SIGNS[verdict]}</span>'
     return f'<span class="badge {CLASSES[verdict]}">{sign} {escape(words)}</span>'
 

@@ -9,9 +9,19 @@ import numpy as np
 import palpate
 from palpate import lab
 from palpate.force_laws import Floats
-from palpate.paper import drawing
-from palpate.paper.drawing import LABELS, THEME, UNITS, Axes, Figure
-from palpate.paper.experiment import Curves, Experiment, Measured, Outcome, by_symbol
+from palpate.paper import experiment
+from palpate.paper.experiment import (
+    LABELS,
+    THEME,
+    UNITS,
+    Axes,
+    Curves,
+    Experiment,
+    Figure,
+    Measured,
+    Outcome,
+    by_symbol,
+)
 from palpate.paper.rig import GATE, START, identified, off, pressed, session, truth_of
 
 MATERIALS = ("ball", "sponge", "pvc")
@@ -60,7 +70,7 @@ class _Followed(Experiment):
                 f"largest error {name} [%]": 100.0 * relative.max(),
             }
             drawn = np.flatnonzero(truth.time >= START - 0.2)
-            drawn = drawn[drawing.thinned(truth.time[drawn])]
+            drawn = drawn[experiment.thinned(truth.time[drawn])]
             curves["time"] = truth.time[drawn]
             curves["command"] = 1e3 * command.penetration[drawn]
             curves[name] = 1e3 * truth.penetration[drawn]
@@ -77,7 +87,7 @@ class _Followed(Experiment):
             low, high = lags.min(axis=0), lags.max(axis=0)
             lower.fill_between(time, low, high, color=colour, alpha=0.35, linewidth=0)
             lower.plot(time, lags[0], color=colour, linewidth=0.9)
-        drawing.truth(upper, 0.0, label=None)
+        experiment.truth(upper, 0.0, label=None)
         upper.set(ylabel="penetration [mm]", title="Into the material", ylim=(-1.5, 18.5))
         upper.legend(loc="upper right", ncols=4)
         lower.set(xlabel="time [s]", ylabel="lag [mm]", title="Command minus what was reached")
@@ -110,7 +120,7 @@ class _Repetitions(Experiment):
                     continue
                 numbers |= by_symbol(f"mean final {method}", mean)
                 numbers[f"B/K {method} [s/m]"] = mean[1] / mean[0]
-                drawn = drawing.thinned(contacts[0].time)
+                drawn = experiment.thinned(contacts[0].time)
                 curves["time"] = contacts[0].time[drawn]
                 for k, result in enumerate(results):
                     errors = result.estimate.standard_errors
@@ -119,7 +129,7 @@ class _Repetitions(Experiment):
                     # Of every repetition by the single stage, of the first by others.
                     if method == "single-stage" or k == 0:
                         for symbol, column in zip(
-                            UNITS, drawing.course_of(result)[drawn].T, strict=True
+                            UNITS, experiment.course_of(result)[drawn].T, strict=True
                         ):
                             curves[f"{method} {k}/{symbol}"] = column
             truth = session(material, "three-sines", seeds[0]).truth.window(3.0)
@@ -137,17 +147,17 @@ class _Repetitions(Experiment):
                 f"single stage, {k + 1}": curves[f"single-stage {k}/{symbol}"]
                 for k in range(REPETITIONS)
             }
-            drawing.lines(panel, time, lines, linestyle="-", linewidth=1.1)
+            experiment.lines(panel, time, lines, linestyle="-", linewidth=1.1)
             lines["variable projection, 1"] = projected = curves[f"variable-projection 0/{symbol}"]
             looks = {"color": THEME.ink, "linewidth": 1.1}
             panel.plot(time, projected, "--", label="variable projection, 1", **looks)
-            drawing.truth(panel, truth)
+            experiment.truth(panel, truth)
             # The start-up leaves any scale: what is shown is where estimates stay, three times.
             settled = np.abs(np.array([*lines.values()])[:, time > time[0] + 1.0] - truth)
             reach = 3.0 * float(np.nanmax(settled, initial=0.02 * abs(truth)))
             panel.set(ylim=(truth - reach, truth + reach), xlim=(time[0], time[-1]))
             panel.set(title=title, ylabel=label, xlabel="time [s]")
-        drawing.legend_below(figure, axes[0], 5)
+        experiment.legend_below(figure, axes[0], 5)
 
 
 @dataclass(frozen=True)
@@ -168,11 +178,11 @@ class _Condition(Experiment):
             single = identified(contact, palpate.SingleStageRLS)
             projected = identified(contact, palpate.VariableProjection)
             numbers |= _when(name, single) | _otherwise(name, contact)
-            drawn = drawing.thinned(contact.time)
+            drawn = experiment.thinned(contact.time)
             speed = np.where(single.trace.taken, 1e3 * np.abs(contact.velocity), np.nan)
             curves |= {f"{name}/time": contact.time[drawn], f"{name}/speed": speed[drawn]}
             for result in (single, projected):
-                stiffness, damping = np.abs(drawing.course_of(result)[drawn, :2]).T
+                stiffness, damping = np.abs(experiment.course_of(result)[drawn, :2]).T
                 limit = 100.0 * stiffness / np.where(damping > 0.0, damping, np.nan)  # mm/s
                 curves[f"{name}/{result.estimator.method}"] = limit
         for slower in SLOWER if "sponge" in self.materials else ():
@@ -189,7 +199,7 @@ class _Condition(Experiment):
             right.set(xlim=(start, 12.0))
         for panel in axes[-1]:
             panel.set(xlabel="time [s]")
-        drawing.legend_below(figure, axes[0, 1], 4)
+        experiment.legend_below(figure, axes[0, 1], 4)
 
 
 def _margin(result: palpate.Identification) -> Floats:
@@ -271,12 +281,12 @@ def _draw_limits(axes: Axes, outcomes: Sequence[Outcome], name: str) -> None:
     limits = np.array([outcome.curves[f"{name}/single-stage"] for outcome in outcomes])
     low, high = np.fmin.reduce(limits), np.fmax.reduce(limits)
     axes.fill_between(time, low, high, color=THEME.lines[1], linewidth=0.0, alpha=0.3)
-    drawing.lines(axes, time, {"0.1 K/B, single stage": limits[0]}, first=1, linestyle="-")
+    experiment.lines(axes, time, {"0.1 K/B, single stage": limits[0]}, first=1, linestyle="-")
     projected = {"0.1 K/B, variable projection": first[f"{name}/variable-projection"]}
-    drawing.lines(axes, time, projected, linestyle="--", linewidth=1.1)
+    experiment.lines(axes, time, projected, linestyle="--", linewidth=1.1)
     described = lab.MATERIALS[name].describe()
     if described["kind"] == "hunt-crossley":
-        drawing.truth(axes, 100.0 * described["stiffness"] / described["damping"])
+        experiment.truth(axes, 100.0 * described["stiffness"] / described["damping"])
     axes.set_ylim(0.0, 2.6 * float(np.nanmax(speed)))
 
 

@@ -34,7 +34,7 @@ from palpate.preparation.settings import (
 )
 from palpate.preparation.surfaces import (
     Baseline,
-    Episode,
+    Stay,
     Surface,
     SurfaceRule,
     baseline_of,
@@ -505,7 +505,7 @@ def along_normal(
     return settings.corrections().in_step(contact)
 
 
-Piece = tuple[Signals, Episode | None, AlongNormal]
+Piece = tuple[Signals, Stay | None, AlongNormal]
 
 
 def _flipped(signals: Signals, settings: Preparation) -> Signals:
@@ -661,7 +661,7 @@ def _surface(
     return surface_of(own.depth, velocity, own.force, rule)
 
 
-def _place(signals: Signals, episode: Episode | None, own: AlongNormal, surface: Surface) -> Place:
+def _place(signals: Signals, episode: Stay | None, own: AlongNormal, surface: Surface) -> Place:
     position: Floats = np.atleast_1d(np.nanmedian(signals.depth, axis=0))
     if episode is not None:
         position = episode.place

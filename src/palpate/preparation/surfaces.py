@@ -440,7 +440,7 @@ STRIDES = 4000  # places at which an episode may begin: of a longer recording ev
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Episode:
+class Stay:
     """A time in which the probe stays at one place.
 
     Attributes
@@ -466,7 +466,7 @@ def episodes_of(
     *,
     radius: float = RADIUS,
     shortest: float = SHORTEST,
-) -> list[Episode]:
+) -> list[Stay]:
     """Cut a recording into episodes, the longest first, and return them in their order.
 
     In an episode the position stays within ``radius`` of its median, across the contact normal of
@@ -498,7 +498,7 @@ def episodes_of(
             continue
         taken[start:stop] = True
         place, far = path.extent(start, stop)
-        found.append(Episode(start, stop, place, far))
+        found.append(Stay(start, stop, place, far))
     return sorted(found, key=lambda episode: episode.start)
 
 

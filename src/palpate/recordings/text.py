@@ -25,7 +25,7 @@ from palpate.recordings.opening import LARGEST, Request, first_line, refuse_loss
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.recordings.text_layout import (
     SPACES,
-    Layout,
+    TextLayout,
     cells_of,
     layout_of,
     padded,
@@ -418,7 +418,7 @@ class _Table:
         if layout is None or layout.first >= len(lines) - 1:  # long notes; or nothing below them
             lines = self.text.decode(first).split("\n")[:-1]
             layout = layout_of(lines, self.source)
-        self.layout: Layout = layout
+        self.layout: TextLayout = layout
         silent, self.losses = self.losses, _Losses(self.source, strict=False)
         probed = list(self._records(lines[layout.first : layout.first + PROBED], 0))
         self.losses = silent

@@ -28,7 +28,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class TextLayout:
     """How a table is laid out.
 
     Attributes
@@ -55,7 +55,7 @@ class Layout:
     first: int
 
 
-def layout_of(lines: Sequence[str], source: str) -> Layout:
+def layout_of(lines: Sequence[str], source: str) -> TextLayout:
     """Return the layout that the first lines of a file say.
 
     Raises
@@ -89,7 +89,7 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
     if stated is not None:
         units |= {name: unit for name, unit in zip(names, stated, strict=True) if unit}
         first += 1
-    return Layout(names, delimiter, decimal, units, notes, top + first)
+    return TextLayout(names, delimiter, decimal, units, notes, top + first)
 
 
 def _above(lines: Sequence[str]) -> tuple[int, dict[str, str], str]:

@@ -35,7 +35,7 @@ OFFERED = "relaxation_times"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class ParameterRow:
     """A parameter of a law, in words.
 
     Attributes
@@ -69,7 +69,7 @@ class Row:
         return f"{self.symbol} = {self.with_unit}"
 
 
-def parameter_rows(result: "Identified") -> list[Row]:
+def parameter_rows(result: "Identified") -> list[ParameterRow]:
     """Return the parameters that the law has, in its order."""
     if isinstance(result.law, GeneralisedHuntCrossley):
         return list(_generalised(result, result.law))
@@ -90,11 +90,11 @@ def growth_of(law: GeneralisedHuntCrossley) -> str | None:
     return "n − 1" if law.damping_exponent == law.exponent - 1.0 else None
 
 
-def _number(result: "Identified", k: int, unit: str | None = None) -> Row:
+def _number(result: "Identified", k: int, unit: str | None = None) -> ParameterRow:
     law, name = result.law, result.law.names()[k]
     value, error = float(law.parameters[k]), float(result.standard_errors[k])
     fixed = name in result.fixed
-    return Row(
+    return ParameterRow(
         k,
         name,
         law.symbols[k],
@@ -105,7 +105,7 @@ def _number(result: "Identified", k: int, unit: str | None = None) -> Row:
     )
 
 
-def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[Row]:
+def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[ParameterRow]:
     stiffness, n, damping, p, relaxing, alpha, shortest, longest = range(len(law.symbols))
     estimator, growth = result.estimator, growth_of(law)
     chosen = estimator.verdict().candidate if isinstance(estimator, ViscoelasticContact) else None
@@ -123,13 +123,13 @@ def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator
     yield _number(result, relaxing, "N/m" if linear else None)
     if isinstance(law.relaxation, SingleRelaxation):
         own = _number(result, longest)
-        yield Row(longest, "relaxation_time", "τ", own.unit, own.words, own.interval, True)
+        yield ParameterRow(longest, "relaxation_time", "τ", own.unit, own.words, own.interval, True)
         return
     if isinstance(law.relaxation, PowerLawRelaxation):
         yield _number(result, alpha)
     ends = " to ".join(_time(each) for each in (law.shortest_time, law.longest_time))
     words = f"{ends} ({NOT_ESTIMATED})"
-    yield Row(shortest, OFFERED, "τ", "", words, "–", False)
+    yield ParameterRow(shortest, OFFERED, "τ", "", words, "–", False)
 
 
 def _time(seconds: float) -> str:
@@ -137,8 +137,8 @@ def _time(seconds: float) -> str:
     return in_words(seconds, "s") if seconds < 1.0 else f"{rounded(seconds, 3)} s"
 
 
-def _bound(law: ForceLaw, k: int, words: str) -> Row:
-    return Row(k, law.names()[k], law.symbols[k], "", words, "–", False)
+def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:
+    return ParameterRow(k, law.names()[k], law.symbols[k], "", words, "–", False)
 
 
 def correlated(result: "Identified") -> list[tuple[int, str]]:

@@ -167,7 +167,7 @@ else:
 
 
 @dataclass(frozen=True, slots=True)
-class Tip:
+class DrakeTip:
     """One sphere of the tip: radius, and how far its centre is above the tip's, m."""
 
     name: str
@@ -184,7 +184,7 @@ class Parts:
     ----------
     surface : mapping of str to float or None
         The surface's proximity properties.
-    tips : tuple of Tip
+    tips : tuple of DrakeTip
         The tip's spheres.
     radius, mass : float
         Of the tip, m and kg.
@@ -193,7 +193,7 @@ class Parts:
     """
 
     surface: Mapping[str, float | None]
-    tips: tuple[Tip, ...]
+    tips: tuple[DrakeTip, ...]
     radius: float
     mass: float
     width: float
@@ -393,13 +393,13 @@ def point_parts(spheres: Spheres, radius: float, mass: float, deepest: float) ->
         for k, d in zip(spheres.stiffness, spheres.dissipation, strict=True)
     ]
     if len(soft) == 1:
-        tip = Tip("tip", radius, 0.0, rigid)
+        tip = DrakeTip("tip", radius, 0.0, rigid)
         return Parts(soft[0], (tip,), radius, mass, *_box(radius, deepest))
     tips = []
     for number, gap in enumerate(spheres.gaps.tolist()):
         inner = max(radius - gap, 0.1 * radius)
         # From the outer sphere's lowest point upwards.
-        tips.append(Tip(f"tip_{number + 1}", inner, gap - (radius - inner), soft[number]))
+        tips.append(DrakeTip(f"tip_{number + 1}", inner, gap - (radius - inner), soft[number]))
     return Parts(rigid, tuple(tips), radius, mass, *_box(radius, deepest))
 
 
@@ -414,7 +414,9 @@ def sap_parts(law: GeneralisedHuntCrossley, radius: float, mass: float, deepest:
         "point_contact_stiffness": law.stiffness,
         "relaxation_time": law.damping / law.stiffness,
     }
-    return Parts(surface, (Tip("tip", radius, 0.0, tip),), radius, mass, *_box(radius, deepest))
+    return Parts(
+        surface, (DrakeTip("tip", radius, 0.0, tip),), radius, mass, *_box(radius, deepest)
+    )
 
 
 def slab_parts(slab: Slab, mass: float) -> Parts:
@@ -438,7 +440,7 @@ def slab_parts(slab: Slab, mass: float) -> Parts:
     }
     # The medial plane reaches as far as H from the rim.
     width = 2.0 * (slab.radius + 2.0 * slab.thickness)
-    tips = (Tip("tip", slab.radius, 0.0, tip),)
+    tips = (DrakeTip("tip", slab.radius, 0.0, tip),)
     return Parts(surface, tips, slab.radius, mass, width, 2.0 * slab.thickness)
 
 

@@ -2,5 +2,5 @@
 
 from palpate.exports.mujoco.engine import ENGINE as ENGINE
 from palpate.exports.mujoco.engine import MuJoCo as MuJoCo
+from palpate.exports.mujoco.fitting import PairRow as PairRow
 from palpate.exports.mujoco.fitting import PairRows as PairRows
-from palpate.exports.mujoco.fitting import Row as Row

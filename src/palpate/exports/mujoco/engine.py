@@ -34,7 +34,7 @@ from palpate.exports.mujoco.robot import (
     NOTHING_PASSIVE,
     PADS,
     TIP,
-    Place,
+    Placement,
     PressableModel,
     Robot,
     compiled,
@@ -72,9 +72,9 @@ class _InMuJoCo(Fragment):
         return TIP if self.robot is None else self.robot.geom
 
     @property
-    def place(self) -> Place:
+    def place(self) -> Placement:
         """Where the surface is."""
-        return Place() if self.robot is None else self.robot.place
+        return Placement() if self.robot is None else self.robot.place
 
     def scene(self, speed: float, notes: Sequence[str] = ()) -> str:
         """The smallest scene, of a body that arrives at a speed [m/s]."""
@@ -116,7 +116,7 @@ class _InMuJoCo(Fragment):
     def _small(self, count: int) -> PressableModel:
         mujoco = engine_here()
         model = mujoco.MjModel.from_xml_string(self.scene(0.0))
-        return compiled(mujoco, model, TIP, count, Place())
+        return compiled(mujoco, model, TIP, count, Placement())
 
     def _files(self, first: Mapping[str, str], notes: Sequence[str]) -> Mapping[str, str]:
         law, deepest = self.asked.law, self.asked.motion.deepest

@@ -60,7 +60,7 @@ def impedance(
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class PairRow:
     """One contact of one pair: numbers as MuJoCo's XML has them.
 
     Parameters
@@ -114,7 +114,7 @@ class PairRows:
 
     Parameters
     ----------
-    rows : tuple of Row
+    rows : tuple of PairRow
         One a pair.
     mobility : float
         Â, 1/kg: the sum of both bodies' translational body_invweight0.
@@ -122,7 +122,7 @@ class PairRows:
         That the two geoms have with each other, each of which pushes.
     """
 
-    rows: tuple[Row, ...]
+    rows: tuple[PairRow, ...]
     mobility: float
     contacts: int = 1
 
@@ -293,7 +293,7 @@ def two_contacts(
     for k, (ratio, midpoint, power, width) in enumerate(best.reshape(2, 4).tolist()):
         solimp = (max(ratio * _HIGH, LEAST), _HIGH, width * deepest, midpoint, power)
         spring, damper = strengths[2 * k : 2 * k + 2].tolist()
-        made.append(Row(spring * _HIGH**2 * share, damper * _HIGH * share, solimp))
+        made.append(PairRow(spring * _HIGH**2 * share, damper * _HIGH * share, solimp))
     return PairRows(tuple(made), mobility, contacts)
 
 
@@ -467,7 +467,7 @@ def _acceleration(felt: list[tuple[float, float, float]], mass: float) -> float:
 
 
 def _tables(
-    row: Row, rows: PairRows, deepest: float
+    row: PairRow, rows: PairRows, deepest: float
 ) -> tuple[list[float], list[float], list[float], float]:
     """Force at rest, damping and added mass at even depths from just inside; the adhesion."""
     depths = np.linspace(0.0, deepest, _TABLE + 1)
@@ -519,7 +519,7 @@ def single(
         )
     share = (1.0 - LEAST) * mobility / contacts
     solimp = (LEAST, LEAST, _ROOM * motion.deepest, 0.5, 2.0)
-    row = Row(share * nearest.stiffness, share * nearest.damping, solimp)
+    row = PairRow(share * nearest.stiffness, share * nearest.damping, solimp)
     return PairRows((row,), mobility, contacts)
 
 
@@ -537,11 +537,11 @@ def pair(
     adhesion = float(f"{_ADHESION * strongest / contacts:.2g}") if law.damping else 0.0
     shape = _spring(law, depths)
     high = shape.solimp[1]
-    spring = Row(shape.scale * high**2 * share, 0.0, shape.solimp, shape.inset)
+    spring = PairRow(shape.scale * high**2 * share, 0.0, shape.solimp, shape.inset)
     made = []
     for shape in _dampers(law, depths):
         high = shape.solimp[1]
-        damper = Row(0.0, shape.scale * high * share, shape.solimp, shape.inset, adhesion)
+        damper = PairRow(0.0, shape.scale * high * share, shape.solimp, shape.inset, adhesion)
         made.append(PairRows((spring, damper), mobility, contacts))
     if not made:
         return PairRows((spring,), mobility, contacts)

@@ -13,7 +13,7 @@ import numpy as np
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.exports.engine import ProbeMotion, digits, xml_comment
 from palpate.exports.exporting import STATEMENT, InAnEngine
-from palpate.exports.mujoco.fitting import PairRows, Row
+from palpate.exports.mujoco.fitting import PairRow, PairRows
 from palpate.lab.rig import require_mujoco
 from palpate.validation import Floats
 
@@ -64,7 +64,7 @@ ROBOT = """\
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Placement:
     """Where a surface is, and which way it faces.
 
     Attributes
@@ -77,7 +77,7 @@ class Place:
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
-def pads(count: int, place: Place) -> str:
+def pads(count: int, place: Placement) -> str:
     """The surfaces, one a row: massless, static, and met by the pairs alone."""
     # To a picometre: what is beyond is rounding.
     position, normal = _numbers(np.round(place.position, 12).tolist()), _numbers(place.normal)
@@ -89,7 +89,7 @@ def pads(count: int, place: Place) -> str:
     )
 
 
-def pair_attributes(row: Row) -> dict[str, str]:
+def pair_attributes(row: PairRow) -> dict[str, str]:
     """What ``<pair>`` has of a row, in MJCF's words."""
     attributes = {
         "condim": "1",
@@ -116,7 +116,7 @@ def contact(rows: PairRows, tip: str) -> str:
     return "\n".join([*lines, "  </contact>"])
 
 
-def fragment(rows: PairRows | None, tip: str, place: Place, notes: Sequence[str]) -> str:
+def fragment(rows: PairRows | None, tip: str, place: Placement, notes: Sequence[str]) -> str:
     """What is to be pasted into a model, or included by it; without rows the surface alone."""
     return FRAGMENT.format(
         comment=xml_comment(notes),
@@ -133,7 +133,7 @@ def scene(
     return SCENE.format(
         comment=xml_comment(notes),
         time_step=digits(time_step),
-        pads=pads(1 if rows is None else len(rows.rows), Place()),
+        pads=pads(1 if rows is None else len(rows.rows), Placement()),
         radius=digits(max(0.03, 2.0 * depth)),
         mass=digits(mass),
         velocity=digits(-speed),
@@ -190,7 +190,7 @@ class PressableModel:
         The geom.
     pads : tuple of int
         The surfaces.
-    place : Place
+    place : Placement
         Where they are at first touch.
     surface : int, optional
         The body of the surfaces, by its place among those that are moved by hand (mocap); without
@@ -202,7 +202,7 @@ class PressableModel:
     data: Any
     tip: int
     pads: tuple[int, ...]
-    place: Place
+    place: Placement
     surface: int | None = None
 
     def sink(self, penetration: float) -> None:
@@ -291,7 +291,7 @@ NOTHING_PASSIVE = (
 # Shapes that touch with an end or with a side.
 _LONG = ("CAPSULE", "CYLINDER")
 # What finds contacts until the law is fitted; any numbers.
-_ANY = Row(1.0, 1.0, (1e-4, 1e-4, 1.0, 0.5, 2.0))
+_ANY = PairRow(1.0, 1.0, (1e-4, 1e-4, 1.0, 0.5, 2.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,7 +310,7 @@ class Robot:
         Of the model along the surface's normal, in its first pose, kg: what an impact feels.
     contacts : int
         Of the geom with a plane; 1 where they vary.
-    place : Place
+    place : Placement
         Where a surface just touches it in the model's first pose.
     time_step : float
         The model's own, s.
@@ -327,14 +327,14 @@ class Robot:
     mobility: float
     mass: float
     contacts: int
-    place: Place
+    place: Placement
     time_step: float
     asset_folders: tuple[str, str]
     passive: bool = True
     warnings: tuple[str, ...] = ()
     refusals: tuple[str, ...] = ()
 
-    def pressed(self, rows: tuple[Row, ...]) -> PressableModel:
+    def pressed(self, rows: tuple[PairRow, ...]) -> PressableModel:
         """Return the model with the fragment in it, compiled."""
         return _pressed(self.path, self.geom, rows, self.place)
 
@@ -354,7 +354,7 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
             "geom must say what touches (--geom NAME): "
             f"{path.name} has {', '.join(names) or 'none'}"
         )
-    first = _pressed(path, geom, (_ANY,), Place((0.0, 0.0, -_FAR)))
+    first = _pressed(path, geom, (_ANY,), Placement((0.0, 0.0, -_FAR)))
     model = first.model
     kind = mujoco.mjtGeom(int(model.geom_type[first.tip])).name.removeprefix("mjGEOM_")
     if kind == "PLANE":
@@ -406,7 +406,7 @@ def _names(spec: Any) -> list[str]:
     return [geom.name for geom in spec.geoms if geom.name][:20]
 
 
-def _pressed(path: Path, geom: str, rows: tuple[Row, ...], place: Place) -> PressableModel:
+def _pressed(path: Path, geom: str, rows: tuple[PairRow, ...], place: Placement) -> PressableModel:
     """Compile a model with a surface for each row, and a pair of each with the geom."""
     mujoco, spec = engine_here(), _spec(path)
     if geom not in [each.name for each in spec.geoms]:
@@ -441,7 +441,7 @@ def _pressed(path: Path, geom: str, rows: tuple[Row, ...], place: Place) -> Pres
     return compiled(mujoco, model, geom, max(len(rows), 1), place)
 
 
-def compiled(mujoco: Any, model: Any, geom: str, count: int, place: Place) -> PressableModel:
+def compiled(mujoco: Any, model: Any, geom: str, count: int, place: Placement) -> PressableModel:
     """Return a compiled model in its first pose, ready to be pressed."""
     # Inverse dynamics of the continuous law, whatever the model integrates with.
     model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
@@ -469,10 +469,10 @@ def _touching(pressed: PressableModel, kind: str) -> PressableModel | None:
     """
     centre = np.array(pressed.data.geom_xpos[pressed.tip])
     for normal in _normals(kind, pressed.data.geom_xmat[pressed.tip].reshape(3, 3)):
-        far = _faced(pressed, Place(_triple(centre - _FAR * normal), _triple(normal)))
+        far = _faced(pressed, Placement(_triple(centre - _FAR * normal), _triple(normal)))
         pads, line = far.pads[0], np.zeros(6)
         gap = far.mujoco.mj_geomDistance(far.model, far.data, pads, far.tip, 2.0 * _FAR, line)
-        there = _faced(far, Place(_triple(centre + (gap - _FAR) * normal), _triple(normal)))
+        there = _faced(far, Placement(_triple(centre + (gap - _FAR) * normal), _triple(normal)))
         out = there.along()
         if np.isfinite(out).all() and float(out @ out) < _STUCK**-2:
             return there
@@ -488,7 +488,7 @@ def _normals(kind: str, turned: Floats) -> Floats:
     return np.concatenate([each[np.argsort(-each[:, 2], kind="stable")] for each in both])
 
 
-def _faced(pressed: PressableModel, place: Place) -> PressableModel:
+def _faced(pressed: PressableModel, place: Placement) -> PressableModel:
     """Move the surface to another place."""
     pressed.data.mocap_pos[pressed.surface] = place.position
     pressed.data.mocap_quat[pressed.surface] = _turn(np.asarray(place.normal))
@@ -611,5 +611,5 @@ def _read(path: Path) -> PressableModel:
             f"{path}: no scene that palpate export wrote, with pairs of {TIP} and {PADS[0]}; that "
             "of a callback is pressed in Python, by palpate.exports.Pressed"
         )
-    place = Place(tuple(np.asarray(model.geom(pads[0]).pos).tolist()))
+    place = Placement(tuple(np.asarray(model.geom(pads[0]).pos).tolist()))
     return compiled(mujoco, model, TIP, len(pads), place)

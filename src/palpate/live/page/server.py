@@ -26,7 +26,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from palpate.errors import InvalidParameterError
 from palpate.estimators import estimator_named
 from palpate.figures.style import DARK, LIGHT
-from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, Command, chosen, offered
+from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, LiveCommand, chosen, offered
 from palpate.live.page.watch import CHANNELS, MOST_ROWS, History, Watch
 from palpate.reports.html import STYLE
 from palpate.validation import number_in, shown
@@ -255,7 +255,7 @@ def _refuse(name: str) -> None:
     raise ValueError(name)
 
 
-def command_of(name: str, options: dict[str, Any], loop: Mapping[str, Any]) -> Command:
+def command_of(name: str, options: dict[str, Any], loop: Mapping[str, Any]) -> LiveCommand:
     """Return the loop's command.
 
     Parameters
@@ -272,14 +272,16 @@ def command_of(name: str, options: dict[str, Any], loop: Mapping[str, Any]) -> C
     """
     if name in _SIMPLE:
         _only(options)
-        return Command(name)  # type: ignore[arg-type]  # one of them
+        return LiveCommand(name)  # type: ignore[arg-type]  # one of them
     if name == "tare":
         _only(options, "seconds")
-        return Command("tare", {"seconds": number_in("seconds", options["seconds"], 0.01, 60.0)})
+        return LiveCommand(
+            "tare", {"seconds": number_in("seconds", options["seconds"], 0.01, 60.0)}
+        )
     if name == "record":
         _only(options, "on")
         # Where a recording goes is said where it runs, never from a browser.
-        return Command("record", {"on": bool(options["on"])})
+        return LiveCommand("record", {"on": bool(options["on"])})
     if name == "estimator":
         return _estimator(options)
     if name == "source":
@@ -292,17 +294,17 @@ def _only(options: dict[str, Any], *names: str) -> None:
         raise InvalidParameterError(f"options must be {', '.join(names) or 'none'}")
 
 
-def _estimator(options: dict[str, Any]) -> Command:
+def _estimator(options: dict[str, Any]) -> LiveCommand:
     unknown = set(options) - _SETTINGS - {"method"}
     if unknown or "method" not in options:
         raise InvalidParameterError("an estimator needs a method, and its main settings only")
     # Made here once, so that the loop is asked for nothing that cannot be made.
     method = options["method"]
     chosen(estimator_named(method)(), options)
-    return Command("estimator", options)
+    return LiveCommand("estimator", options)
 
 
-def _source(options: dict[str, Any], offers: Mapping[str, Any]) -> Command:
+def _source(options: dict[str, Any], offers: Mapping[str, Any]) -> LiveCommand:
     """One of what the source offers: ``{"material": …}``, ``{"motion": …}``, ``{"change": …}``."""
     if len(options) != 1:
         raise InvalidParameterError("a source is asked for one thing at a time")
@@ -310,7 +312,7 @@ def _source(options: dict[str, Any], offers: Mapping[str, Any]) -> Command:
     listed = offers.get(name) or ()
     if not isinstance(value, str) or value not in listed:
         raise InvalidParameterError(f"the source offers no such {shown(name)}")
-    return Command("source", options)
+    return LiveCommand("source", options)
 
 
 def depth_of(options: dict[str, Any]) -> float:
@@ -407,7 +409,7 @@ class Server:
         Takes commands to the loop.
     """
 
-    def __init__(self, watch: Watch, send: Callable[[Command], None]) -> None:
+    def __init__(self, watch: Watch, send: Callable[[LiveCommand], None]) -> None:
         self.watch, self._send = watch, send
         self.served = Served()
         self._text, self._version, self._over = "{}", 0, False

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError
-from palpate.live.choices import Command
+from palpate.live.choices import LiveCommand
 from palpate.live.sinks import Session, printed
 from palpate.validation import shown, whole_in
 
@@ -152,7 +152,7 @@ async def _quietly(config: "Config", listening: socket.socket) -> None:
 
 
 def _sender(commands: Connection) -> Any:
-    def send(command: Command) -> None:
+    def send(command: LiveCommand) -> None:
         if not _takes(commands):
             raise InvalidParameterError("the loop does not answer: nothing was asked")
         try:

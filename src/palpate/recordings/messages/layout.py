@@ -217,7 +217,7 @@ Starts: TypeAlias = NDArray[np.int64]
 Matrix: TypeAlias = NDArray[np.uint8]
 
 
-class Leaf(Protocol):
+class MessageNumber(Protocol):
     """A number of a message."""
 
     def read(self, messages: Matrix) -> NDArray[Any]:
@@ -247,8 +247,8 @@ class NumberAt:
 class TimeAt:
     """A time or a duration of two numbers, as whole nanoseconds."""
 
-    seconds: Leaf
-    nanoseconds: Leaf
+    seconds: MessageNumber
+    nanoseconds: MessageNumber
 
     def read(self, messages: Matrix) -> NDArray[Any]:
         """Return it of every message."""
@@ -265,7 +265,7 @@ class Entity:
     name : str
         What follows the topic's name: nothing, or ``[parent>child]``.
     leaves : dict
-        A :class:`Leaf` for each path below it: ``wrench.force.x``.
+        A :class:`MessageNumber` for each path below it: ``wrench.force.x``.
     types : dict
         The type of message that a path begins in, with the field: ``("geometry_msgs/msg/Wrench",
         "force")`` for ``wrench.force``.
@@ -274,7 +274,7 @@ class Entity:
     """
 
     name: str = ""
-    leaves: dict[str, Leaf] = field(default_factory=dict)
+    leaves: dict[str, MessageNumber] = field(default_factory=dict)
     types: dict[str, tuple[str, str]] = field(default_factory=dict)
     frames: dict[str, str] = field(default_factory=dict)
 

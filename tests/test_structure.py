@@ -1,0 +1,76 @@
+"""The shape of the house: imports run one way, and a noun is one class."""
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+import palpate
+
+HOME = Path(palpate.__file__).parent
+
+#: From the ground up. A package imports from those below it only, at the top of a file, inside a
+#: function and for type checking.
+FLOORS = (
+    "_core errors", "validation digits writing stages", "settings force_laws", "contact",
+    "estimators", "recordings", "preparation", "diagnosis", "quantities", "identification",
+    "results", "figures", "reports", "identifying", "design", "lab", "fleet exports", "_public",
+    "palpate lanes", "live", "paper", "cli", "__main__",
+)  # fmt: skip
+FLOOR = {name: k for k, names in enumerate(FLOORS) for name in names.split()}
+
+
+def modules():
+    """Every module by its name."""
+    for path in sorted(HOME.rglob("*.py")):
+        parts = ["palpate", *path.relative_to(HOME).with_suffix("").parts]
+        yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts), path
+
+
+def imports():
+    """Who imports whom, by modules."""
+    known = dict(modules())
+    for name, path in known.items():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                yield from ((name, each.name) for each in node.names if "palpate" in each.name)
+            elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("palpate"):
+                for each in node.names:
+                    below = f"{node.module}.{each.name}"
+                    yield name, below if below in known or each.name == "_core" else node.module
+
+
+def package(module):
+    return module.split(".")[1] if "." in module else module
+
+
+def test_no_import_runs_upward():
+    between = {(package(a), package(b), a, b) for a, b in imports() if package(a) != package(b)}
+    upward = sorted(f"{a} imports {b}" for x, y, a, b in between if FLOOR[x] <= FLOOR[y])
+    assert not upward
+    assert len(between) > 500  # they were found at all
+
+
+def test_no_imports_go_round_in_a_circle():
+    below = defaultdict(set)
+    for name, imported in imports():
+        below[name].add(imported)
+    done = set()
+
+    def follow(name, path):
+        assert name not in path, " → ".join([*path[path.index(name) :], name])
+        if name not in done:
+            for each in sorted(below[name]):
+                follow(each, [*path, name])
+            done.add(name)
+
+    for name in sorted(below):
+        follow(name, [])
+
+
+def test_every_noun_is_one_class():
+    nouns = defaultdict(list)
+    for name, path in modules():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                nouns[node.name].append(name)
+    assert not {noun: places for noun, places in nouns.items() if len(places) > 1}
