@@ -14,4 +14,4 @@ from palpate.force_laws.relaxation import PowerLawRelaxation as PowerLawRelaxati
 from palpate.force_laws.relaxation import Relaxation as Relaxation
 from palpate.force_laws.relaxation import RelaxationState as RelaxationState
 from palpate.force_laws.relaxation import SingleRelaxation as SingleRelaxation
-from palpate.force_laws.relaxation import force_over_breaks
+from palpate.force_laws.relaxation import force_over_breaks as force_over_breaks
