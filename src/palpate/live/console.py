@@ -151,6 +151,8 @@ class _Printing:
         self._look()
         self._clear()
         status = self._watching.status()
+        if len(self._row) and not self._quiet:  # a short run may end between two looks
+            self._print(printable(_line(status, self._row, self._depth.value)))
         if status and not status.get("stopped"):
             self._print("the loop has ended without a word; this is what it counted last:")
         for line in summary(status, self._watching.others()):
