@@ -51,6 +51,7 @@ class Served:
 
     def socket(self, **options):
         options = {"origin": self.origin, "max_size": None, "compression": None, **options}
+        options.setdefault("open_timeout", 60)
         return connect(f"ws://127.0.0.1:{self.page.port}/socket", **options)
 
     def counts(self):

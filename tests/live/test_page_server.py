@@ -102,7 +102,8 @@ def test_a_page_is_there_while_the_loop_runs_and_every_row_comes_to_it_once():
     running = threading.Thread(target=lambda: said.append(run(source, sinks=[page])))
     running.start()
     origin, rows, asked = f"http://127.0.0.1:{page.port}", 0, False
-    with connect(f"ws://127.0.0.1:{page.port}/socket", origin=origin, max_size=None) as client:
+    where = f"ws://127.0.0.1:{page.port}/socket"
+    with connect(where, origin=origin, max_size=None, open_timeout=60) as client:
         message = {}
         while isinstance(message, bytes) or not message.get("ended"):
             message = received(client, seconds=30)
