@@ -122,6 +122,15 @@ def test_a_law_of_ones_own_is_pressed(run, tmp_path, law):
     assert json.loads(palpate.prepare(file).provenance["truth"])["kind"] == law
 
 
+def test_a_law_that_remembers_is_found_beside_a_truth_of_another_form(run, tmp_path):
+    file = tmp_path / "own.csv"
+    law = "extended-kelvin-voigt"
+    run("lab", law, *LAWS[law].split(), "--probe", "ideal", "-o", file, *QUICK)
+    status, out, err = run("identify", file, "--law", "single")
+    assert (status, err) == (0, "")
+    assert "relaxation" in out  # which the file's law has none of
+
+
 def test_sensors_can_be_switched_off(run, tmp_path):
     file = tmp_path / "ball.csv"
     off = ("--noise", 0, "--resolution", 0, "--bias", 0, "--counts", 0)

@@ -78,9 +78,9 @@ def felt_beside_truth(result: Identification) -> str:
         return ""
     try:
         felt = result.dynamic_stiffness()
-    except InvalidParameterError:  # of a probe that never moved there is no frequency
+        real = GeneralisedHuntCrossley.of(truth).dynamic_stiffness(felt.depth, felt.frequency)
+    except InvalidParameterError:  # a probe that never moved, or a truth of another form
         return ""
-    real = GeneralisedHuntCrossley.of(truth).dynamic_stiffness(felt.depth, felt.frequency)
     stiffness = _felt_beside(felt.stiffness, real.real, "N/m")
     damping = _felt_beside(felt.damping, real.imag / felt.frequency, "N·s/m")
     same = comparable(result.law, truth) == set(result.law.names())

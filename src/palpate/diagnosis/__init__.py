@@ -1,9 +1,9 @@
 """What may be wrong with an identification: checks of the data and of the fit, and the verdict.
 
-``data`` has the checks of a recording, ``fit`` the law fitted once more, in averages; causes of misfit
-are columns or searches beside that fit (``delay``, ``change``); ``marks`` names one of them, weighs
-all, and says what is left to doubt; ``diagnosing`` runs everything. ``docs/diagnosis.md`` says what
-each sentence means.
+``data`` has the checks of a recording, ``fit`` the law fitted once more, in averages; causes of
+misfit are columns or searches beside that fit (``delay``, ``change``); ``marks`` names one of them,
+weighs all, and says what is left to doubt; ``diagnosing`` runs everything. ``docs/diagnosis.md``
+says what each sentence means.
 """
 
 from palpate.diagnosis.data import Data as Data
