@@ -1,8 +1,7 @@
-"""What the checks ask of a recording, worked out once.
+"""Checks of the recording itself, and what they ask of it, worked out once.
 
-Checks of the recording itself; each looks at the data once, whatever law is fitted.
-
-To add one: a module here with a function of a :class:`Data`, and its row in ``CHECKS``.
+Each looks at the data once, whatever law is fitted. To add one: a function of a :class:`Data`, and
+its row in ``CHECKS``.
 """
 
 import math
