@@ -1,4 +1,4 @@
-"""What a reader of a contact's numbers should know of how it was made."""
+"""A contact: penetration, velocity and force on one clock, and how they were made."""
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.validation import Floats, number, number_in, signals
+from palpate.validation import Floats, kept, number, signals
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,12 +115,13 @@ class Contact:
         _check_time(t, labels)
         values: dict[str, Any] = {"time": t, "penetration": x, "velocity": v, "force": f}
         values |= {"segment": labels, "source": source, "provenance": dict(provenance or {})}
+        values |= {"tare_deviation": tare_deviation, "surface_deviation": surface_deviation}
         values |= {"remarks": tuple(remarks), "prepared": prepared}
-        known = {"tare_deviation": tare_deviation, "surface_deviation": surface_deviation}
-        for name, left in known.items():
-            values[name] = None if left is None else number_in(name, left, 0.0, 1e30, open_low=True)
         for name, value in values.items():
             object.__setattr__(self, name, value)
+        for name in ("tare_deviation", "surface_deviation"):
+            if values[name] is not None:
+                kept(self, name, 0.0, 1e30, open_low=True)
 
     def __len__(self) -> int:
         return len(self.time)
