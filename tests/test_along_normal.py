@@ -271,4 +271,5 @@ def test_the_preparation_can_be_run_again_identically():
             np.testing.assert_array_equal(getattr(again, name), getattr(contact, name))
         assert again.provenance == contact.provenance
         assert again.remarks == contact.remarks
-        assert set(more) <= set(contact.prepared.settings.changed())
+        settings = contact.prepared.settings
+        assert {name: getattr(settings, name) for name in more} == more

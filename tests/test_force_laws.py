@@ -168,7 +168,9 @@ def test_numbers_lists_and_views_of_every_type_are_taken(law):
     ids=["text", "nothing", "complex", "shapes that clash", "ragged"],
 )
 def test_what_is_not_a_number_is_refused_by_name(law, x, v):
-    with pytest.raises(InvalidParameterError, match="penetration and velocity must be numbers"):
+    with pytest.raises(
+        InvalidParameterError, match=r"^(penetration|velocity) (and velocity )?must be"
+    ):
         law.force(x, v)
 
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from palpate import InvalidParameterError, dissipation_for, restitution
-from palpate.quantities.restitution import APPROXIMATIONS, restitution_slope
+from palpate.quantities.restitution import approximations_of, restitution_slope
 
 # d = b v₀ over all that is solved, and the borders between the ways in which it is.
 PRODUCTS = [*10.0 ** np.arange(-18.0, 12.5, 0.5), 0.65, 0.67, 9.9e-6, 1.1e-5]
@@ -72,7 +72,7 @@ def test_the_slope_is_that_of_the_relation(d):
     apart = to_fifty_digits(d + step) - to_fifty_digits(d - step)
     slope = float(apart / (Decimal(d + step) - Decimal(d - step)))
     # The difference's own error is 1e-14 d²; where the series ends, 1e-4, 1e-11 is left off.
-    assert restitution_slope(d) == pytest.approx(slope, rel=1e-10)
+    assert restitution_slope(np.array([d]))[0] == pytest.approx(slope, rel=1e-10)
 
 
 def test_the_inverse_gives_the_dissipation_back():
@@ -132,15 +132,14 @@ PUBLISHED = {
 }
 
 
-@pytest.mark.parametrize("approximation", APPROXIMATIONS, ids=lambda a: a.name)
-def test_an_approximation_is_the_inverse_of_what_was_published_and_as_near_as_said(approximation):
-    published, near, worst = PUBLISHED[approximation.name]
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_an_approximation_is_the_inverse_of_what_was_published_and_as_near_as_said(name):
+    published, near, worst = PUBLISHED[name]
     for e in (0.01, 0.3, 0.7, 0.99, 1.0):
-        assert approximation.restitution(published(e), 1.0) == pytest.approx(e, rel=1e-12)
+        assert approximations_of(published(e), 1.0)[name] == pytest.approx(e, rel=1e-12)
     d = 10.0 ** np.linspace(-3.0, 2.0, 2001)
     exact = restitution(d, 1.0)
-    off = np.abs(np.array([approximation.restitution(each, 1.0) for each in d]) - exact)
+    off = np.abs(np.array([approximations_of(each, 1.0)[name] for each in d]) - exact)
     assert np.all(off[exact > near] <= 0.01)
     assert np.nanmax(off) <= worst
-    assert math.isnan(approximation.restitution(-0.1, 1.0))
-    assert str(near) in approximation.range or str(worst) in approximation.range
+    assert math.isnan(approximations_of(-0.1, 1.0)[name])

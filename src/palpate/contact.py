@@ -1,15 +1,17 @@
-"""What a reader of a contact's numbers should know of how it was made."""
+"""A contact: penetration, velocity and force on one clock, and how they were made."""
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.validation import Floats, number, number_in, signals
+from palpate.validation import Floats, kept, number, signals
+
+Severity: TypeAlias = Literal["note", "with-care", "do-not-trust"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +36,7 @@ class Remark:
     step: str
     sentence: str
     remedy: str | None = None
-    severity: Literal["note", "with-care", "do-not-trust"] = "note"
+    severity: Severity = "note"
     numbers: bool = False
 
 
@@ -111,16 +113,17 @@ class Contact:
         prepared: Any = None,
     ) -> None:
         t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
-        labels = _numbered(segment, t.size)
+        labels = numbered(segment, t.size)
         _check_time(t, labels)
         values: dict[str, Any] = {"time": t, "penetration": x, "velocity": v, "force": f}
         values |= {"segment": labels, "source": source, "provenance": dict(provenance or {})}
+        values |= {"tare_deviation": tare_deviation, "surface_deviation": surface_deviation}
         values |= {"remarks": tuple(remarks), "prepared": prepared}
-        known = {"tare_deviation": tare_deviation, "surface_deviation": surface_deviation}
-        for name, left in known.items():
-            values[name] = None if left is None else number_in(name, left, 0.0, 1e30, open_low=True)
         for name, value in values.items():
             object.__setattr__(self, name, value)
+        for name in ("tare_deviation", "surface_deviation"):
+            if values[name] is not None:
+                kept(self, name, 0.0, 1e30, open_low=True)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -154,13 +157,7 @@ class Contact:
         """Return the samples with start ≤ time ≤ stop, s; velocity stays as it is."""
         low = -np.inf if start is None else number("start", start)
         high = np.inf if stop is None else number("stop", stop)
-        keep = (self.time >= low) & (self.time <= high)
-        if not keep.any():
-            where = f"{self.source}: " if self.source else ""
-            raise RecordingError(
-                f"{where}no sample between {low:g} s and {high:g} s; time runs from "
-                f"{self.time.min(initial=np.inf):g} s to {self.time.max(initial=-np.inf):g} s"
-            )
+        keep = between(self.time, low, high, self.source)
         words = f"{low:g} s to {high:g} s"
         return replace(self.taken(keep), provenance={**self.provenance, "window": words})
 
@@ -170,12 +167,22 @@ class Contact:
         return replace(self, **{name: getattr(self, name)[samples] for name in cut})
 
 
+def between(time: Floats, low: float, high: float, source: str) -> NDArray[np.bool_]:
+    """Which samples lie between two times, s; a RecordingError where none does."""
+    keep = (time >= low) & (time <= high)
+    if not keep.any():
+        first, last = time.min(initial=np.inf), time.max(initial=-np.inf)
+        words = f"no sample between {low:g} s and {high:g} s; time runs from {first:g} s"
+        raise RecordingError.of(source, f"{words} to {last:g} s")
+    return keep
+
+
 def first_wrong_time(time: Floats, segment: "ArrayLike | None" = None) -> int | None:
     """Return the first sample whose time is not finite or, within a segment, not later enough.
 
     Enough is 1e-100 s; ``segment`` labels the samples as in :class:`Contact`.
     """
-    labels = _numbered(segment, time.size)
+    labels = numbered(segment, time.size)
     with np.errstate(invalid="ignore", over="ignore"):  # of times that are not finite, or absurd
         late = np.diff(time) >= SHORTEST_STEP
     wrong = ~np.isfinite(time)
@@ -183,7 +190,7 @@ def first_wrong_time(time: Floats, segment: "ArrayLike | None" = None) -> int | 
     return int(np.argmax(wrong)) if wrong.any() else None
 
 
-def _numbered(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
+def numbered(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
     """Consecutive numbers for the runs of equal labels; missing ones (NaN) are equal too."""
     if segment is None:
         return np.zeros(samples, dtype=np.int64)
@@ -210,9 +217,9 @@ def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
         )
 
 
-def slices_of(segment: NDArray[np.int64]) -> Iterator[slice]:
+def slices_of(labels: NDArray[Any]) -> Iterator[slice]:
     """Slices of equal labels, in order."""
-    borders = np.flatnonzero(np.diff(segment)) + 1
-    for start, stop in itertools.pairwise([0, *borders.tolist(), len(segment)]):
+    borders = np.flatnonzero(labels[1:] != labels[:-1]) + 1
+    for start, stop in itertools.pairwise([0, *borders.tolist(), len(labels)]):
         if stop > start:
             yield slice(start, stop)

@@ -6,6 +6,7 @@ three digits of the error, 100 to 354 are written with two digits, 355 to 949 wi
 """
 
 import math
+from collections.abc import Callable
 from decimal import Decimal
 
 _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -68,11 +69,8 @@ def interval(value: float, error: float) -> str:
         return "unknown"
     ends = (value - 1.96 * error, value + 1.96 * error)
     largest, place = _last_place(error)
-    power = max(_power(value), _power(largest), *(_power(end) for end in ends))
-    if power in PLAIN:
-        return " to ".join(_written(end, place) for end in ends)
-    low, high = (_written(_scaled(end, power), place - power) for end in ends)
-    return f"({low} to {high})·10{_superscript(power)}"
+    power = max(map(_power, (value, largest, *ends)))
+    return _joined(" to ", [(end, _written) for end in ends], place, power)
 
 
 def rounded(value: float, digits: int) -> str:
@@ -92,18 +90,23 @@ def rounded(value: float, digits: int) -> str:
     power = _power(float(f"{value:.{digits - 1}e}"))
     if power in PLAIN:
         return _trimmed(f"{value:.{max(digits - 1 - power, 0)}f}")
-    return _trimmed(f"{_scaled(value, power):.{digits - 1}f}") + f"·10{_superscript(power)}"
+    return _trimmed(f"{_scaled(value, power):.{digits - 1}f}") + _ten_to(power)
 
 
 def _together(value: float, errors: list[float]) -> str:
     largest, place = _last_place(max(errors))
     power = max(_power(value), _power(largest)) if value else _power(largest)
+    return _joined(" ± ", [(value, _written), *((each, _error) for each in errors)], place, power)
+
+
+def _joined(
+    between: str, numbers: list[tuple[float, Callable[[float, int], str]]], place: int, power: int
+) -> str:
+    """Numbers, each as its function writes it down to a decimal; outside of PLAIN by one power."""
     if power in PLAIN:
-        parts = [_written(value, place), *(_error(error, place) for error in errors)]
-        return " ± ".join(parts)
-    scaled = [_scaled(number, power) for number in (value, *errors)]
-    parts = [_written(scaled[0], place - power), *(_error(e, place - power) for e in scaled[1:])]
-    return f"({' ± '.join(parts)})·10{_superscript(power)}"
+        return between.join(write(number, place) for number, write in numbers)
+    parts = (write(_scaled(number, power), place - power) for number, write in numbers)
+    return f"({between.join(parts)}){_ten_to(power)}"
 
 
 def _last_place(error: float) -> tuple[float, int]:
@@ -145,5 +148,5 @@ def _trimmed(words: str) -> str:
     return words.rstrip("0").rstrip(".") if "." in words else words
 
 
-def _superscript(power: int) -> str:
-    return str(power).translate(_POWERS)
+def _ten_to(power: int) -> str:
+    return f"·10{str(power).translate(_POWERS)}"

@@ -19,6 +19,11 @@ class InvalidParameterError(PalpateError, ValueError):
 class RecordingError(PalpateError, ValueError):
     """A recording cannot be used: the message names the file, the column and the row."""
 
+    @classmethod
+    def of(cls, source: str, words: str) -> "RecordingError":
+        """Return the error of a file, if that is known."""
+        return RecordingError(f"{source}: {words}" if source else words)
+
 
 class ExportRefusedError(PalpateError, ValueError):
     """A law is not exported, and why: the message says what allows it, where anything does.

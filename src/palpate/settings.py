@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import number_in, shown, whole_in
+from palpate.validation import kept, shown
 
 # Each default stands once, in the C++ headers, with its reason.
 _FADING = _core.defaults["FadingForgetting"]
@@ -39,16 +39,15 @@ class ContactGate:
     break_force: float | None = None
 
     def __post_init__(self) -> None:
-        make = number_in("make_force", self.make_force, 0.0, 1e100)
-        given = 0.8 * make if self.break_force is None else self.break_force
-        if number_in("break_force", given, 0.0, 1e100) > make:
+        make = kept(self, "make_force", 0.0, 1e100)
+        given = self.break_force
+        if given is None:
+            object.__setattr__(self, "break_force", 0.8 * make)
+        if kept(self, "break_force", 0.0, 1e100) > make:
             raise InvalidParameterError(
                 f"break_force must be in [0, make_force = {make:g}], not {shown(given)}"
             )
-        depth = number_in("minimum_penetration", self.minimum_penetration, 0.0, 1e100)
-        object.__setattr__(self, "minimum_penetration", depth)
-        object.__setattr__(self, "make_force", make)
-        object.__setattr__(self, "break_force", float(given))
+        kept(self, "minimum_penetration", 0.0, 1e100)
 
     def _plain(self) -> tuple[float, float, float]:
         assert self.break_force is not None
@@ -71,8 +70,7 @@ class ConstantForgetting:
     factor: float = 1.0
 
     def __post_init__(self) -> None:
-        factor = number_in("factor", self.factor, 0.0, 1.0, open_low=True)
-        object.__setattr__(self, "factor", factor)
+        kept(self, "factor", 0.0, 1.0, open_low=True)
 
     def _plain(self) -> tuple[float, float]:
         return self.factor, 0.0
@@ -94,9 +92,8 @@ class FadingForgetting:
     rate: float = _FADING["rate"]
 
     def __post_init__(self) -> None:
-        initial = number_in("initial_factor", self.initial_factor, 0.0, 1.0, open_low=True)
-        object.__setattr__(self, "initial_factor", initial)
-        object.__setattr__(self, "rate", number_in("rate", self.rate, 0.0, 1e6, open_low=True))
+        kept(self, "initial_factor", 0.0, 1.0, open_low=True)
+        kept(self, "rate", 0.0, 1e6, open_low=True)
 
     def _plain(self) -> tuple[float, float]:
         return self.initial_factor, self.rate
@@ -124,9 +121,8 @@ class SelfPerturbation:
     sensitivity: float = _PERTURBATION["sensitivity"]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gain", number_in("gain", self.gain, 0.0, 1e20))
-        sensitivity = number_in("sensitivity", self.sensitivity, 0.0, 1e40)
-        object.__setattr__(self, "sensitivity", sensitivity)
+        kept(self, "gain", 0.0, 1e20)
+        kept(self, "sensitivity", 0.0, 1e40)
 
     def _plain(self) -> tuple[float, float]:
         return self.gain, self.sensitivity
@@ -177,26 +173,17 @@ class ChangeDetector:
     transition: int = _DETECTOR["transition"]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "drift", number_in("drift", self.drift, 1.0, 24.0))
-        threshold = number_in("threshold", self.threshold, 0.0, 1e12, open_low=True)
-        object.__setattr__(self, "threshold", threshold)
+        kept(self, "drift", 1.0, 24.0)
+        kept(self, "threshold", 0.0, 1e12, open_low=True)
         if self.noise is not None:
-            noise = number_in("noise", self.noise, 0.0, 1e30, open_low=True)
-            object.__setattr__(self, "noise", noise)
-        adaptation = number_in("adaptation", self.adaptation, 0.0, 1.0)
-        object.__setattr__(self, "adaptation", adaptation)
-        object.__setattr__(self, "warm_up", whole_in("warm_up", self.warm_up, 10, 1_000_000))
-        object.__setattr__(self, "transition", whole_in("transition", self.transition, 0, 100))
+            kept(self, "noise", 0.0, 1e30, open_low=True)
+        kept(self, "adaptation", 0.0, 1.0)
+        kept(self, "warm_up", 10, 1_000_000, whole=True)
+        kept(self, "transition", 0, 100, whole=True)
 
     def _plain(self) -> tuple[float, float, float, float, float, float]:
-        return (
-            self.drift,
-            self.threshold,
-            self.noise or 0.0,
-            self.adaptation,
-            float(self.warm_up),
-            float(self.transition),
-        )
+        first = self.drift, self.threshold, self.noise or 0.0, self.adaptation
+        return *first, float(self.warm_up), float(self.transition)
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +209,7 @@ class OutlierRejection:
     threshold: float = _REJECTION["threshold"]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "threshold", number_in("threshold", self.threshold, 3.0, 1e6))
+        kept(self, "threshold", 3.0, 1e6)
 
     def _plain(self) -> float:
         return self.threshold
@@ -246,7 +233,7 @@ class Scale:
 
     def __post_init__(self) -> None:
         for name in ("penetration", "velocity", "force"):
-            object.__setattr__(self, name, number_in(name, getattr(self, name), 1e-30, 1e30))
+            kept(self, name, 1e-30, 1e30)
 
     def _plain(self) -> tuple[float, float, float]:
         return self.penetration, self.velocity, self.force

@@ -48,11 +48,7 @@ class Plain:
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain numbers and words; what is not defined is None."""
         own: Any = self  # which each subclass makes a dataclass
-        found = {each: getattr(self, each.name) for each in fields(own)}
-        return {
-            each.name: defined(value) if each.type is float else plain(value)
-            for each, value in found.items()
-        }
+        return {each.name: plain(getattr(self, each.name)) for each in fields(own)}
 
 
 def or_nan(value: float | None) -> float:
@@ -96,6 +92,19 @@ def number_in(name: str, value: Any, low: float, high: float, *, open_low: bool 
     return result
 
 
+def kept(
+    owner: Any, name: str, low: float, high: float, *, open_low: bool = False, whole: bool = False
+) -> float:
+    """Check a field of a frozen dataclass by :func:`number_in`, and keep it as that number."""
+    value = getattr(owner, name)
+    if whole:
+        value = whole_in(name, value, int(low), int(high))
+    else:
+        value = number_in(name, value, low, high, open_low=open_low)
+    object.__setattr__(owner, name, value)
+    return float(value)
+
+
 def above_zero(name: str, value: Any) -> float:
     """``value`` as a float in (0, 1e30]."""
     return number_in(name, value, 0.0, 1e30, open_low=True)
@@ -136,15 +145,21 @@ def instance(name: str, value: Any, kinds: type | tuple[type, ...]) -> None:
 def real_array(name: str, values: ArrayLike) -> Floats:
     """``values`` as a float array of any shape; masked ones are refused."""
     unmasked(name, values)
-    try:
-        array = np.asarray(values)
-        if array.dtype.kind not in "fiub":
-            raise TypeError
-        return array.astype(np.float64, copy=False)
-    except Exception:  # an object's own __array__ may raise anything
+    array = _floats(values)
+    if array is None:
         raise InvalidParameterError(
             f"{name} must be a number, or an array of numbers, not {shown(values)}"
-        ) from None
+        )
+    return array
+
+
+def _floats(values: Any) -> Floats | None:
+    """Values as a float array, copied only where they must be; None where they are no numbers."""
+    try:
+        array = np.asarray(values)
+        return array.astype(np.float64, copy=False) if array.dtype.kind in "fiub" else None
+    except Exception:  # an object's own __array__ may raise anything
+        return None
 
 
 def together(**arrays: ArrayLike) -> tuple[Floats, ...]:
@@ -193,18 +208,14 @@ def unmasked(name: str, values: Any) -> None:
 def signal(name: str, values: ArrayLike) -> Floats:
     """``values`` as a contiguous one-dimensional float array (a copy only where it must be)."""
     unmasked(name, values)
-    try:
-        array = np.asarray(values)
-        if array.dtype.kind not in "fiub":
-            raise TypeError
-        result = np.ascontiguousarray(array, dtype=np.float64)
-    except Exception:  # an object's own __array__ may raise anything
+    array = _floats(values)
+    if array is None:
         raise InvalidParameterError(
             f"{name} must be an array of real numbers, not {type(values).__name__}"
-        ) from None
+        )
     if array.ndim != 1:
         raise InvalidParameterError(f"{name} must be one-dimensional, not {array.ndim}-dimensional")
-    return result
+    return np.ascontiguousarray(array)
 
 
 def signals(**arrays: ArrayLike) -> tuple[Floats, ...]:
@@ -225,12 +236,9 @@ def positive(name: str, values: ArrayLike) -> Floats:
 
 def covariance_matrix(name: str, value: ArrayLike, size: int) -> Floats:
     """A positive definite matrix from a scalar, a diagonal or a matrix."""
-    try:
-        if np.ma.is_masked(value) or np.asarray(value).dtype.kind not in "fiub":
-            raise TypeError
-        given = np.asarray(value, dtype=np.float64)
-    except Exception:  # an object's own __array__ may raise anything
-        raise InvalidParameterError(f"{name} must be numbers, not {shown(value)}") from None
+    given = None if np.ma.is_masked(value) else _floats(value)
+    if given is None:
+        raise InvalidParameterError(f"{name} must be numbers, not {shown(value)}")
     if given.ndim == 0:
         matrix = np.diag(np.full(size, float(given)))
     elif given.shape == (size,):

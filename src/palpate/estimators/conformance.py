@@ -1,15 +1,11 @@
-"""What every estimator promises, a function a promise; :mod:`palpate.estimators.conformance`.
-
-Each takes an estimator's class and settings, and raises an AssertionError where they break it.
-
-What every estimator promises, as checks that any of them can be put to.
+"""What every estimator promises, as checks that any of them can be put to.
 
     from palpate.estimators.conformance import check
 
     check(MyEstimator)
 
-The tests put every registered estimator to them. A check that fails raises an AssertionError that
-says what was promised.
+The tests put every registered estimator to them. A promise is a function of an estimator's class
+and settings; it raises an AssertionError that says what was promised where they break it.
 """
 
 import copy
@@ -189,10 +185,8 @@ def any_floats_leave_it_sound(kind: Kind, settings: dict[str, Any]) -> None:
         joint = now.joint_covariance
         for name, numbers in (("parameters", now.parameters), ("covariance", joint)):
             _hold(np.isfinite(numbers).all(), f"{name} after sample {k}: {numbers}")
-        _hold(
-            np.isfinite(now.standard_errors).all() and (now.standard_errors >= 0.0).all(),
-            "it is not sound",
-        )
+        errors = now.standard_errors
+        _hold(np.isfinite(errors).all() and (errors >= 0.0).all(), "it is not sound")
         _hold(np.array_equal(joint, joint.T) and (np.diag(joint) >= 0.0).all(), f"{joint}")
         _hold(math.isfinite(now.validity_margin), "it is not sound")
 

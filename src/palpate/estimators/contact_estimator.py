@@ -1,8 +1,6 @@
-"""The face that every estimator of a contact shows.
+"""The face that every estimator of a contact shows, and the table of all of them by name.
 
-Every estimator by the name that the command line knows it by.
-
-The command line, ``compare``, the reports and the conformance tests all ask here.
+The command line, ``compare``, the reports and the conformance tests all ask that.
 """
 
 import copy
@@ -49,16 +47,8 @@ class ContactEstimator(Configured):
         ) -> _core.Status:
             """Take one sample, and say what was done with it; never raises on data."""
 
-        def replay(
-            self,
-            penetration: "ArrayLike",
-            velocity: "ArrayLike",
-            force: "ArrayLike",
-            dt: "ArrayLike | None" = None,
-            *,
-            at: "ArrayLike | None" = None,
-        ) -> Trace:
-            """Take arrays sample by sample, as ``update`` would, and write everything down."""
+        def _fill(self, trace: Trace, x: Floats, v: Floats, f: Floats, dt: Floats | None) -> None:
+            """Take checked arrays sample by sample, and write a trace of them."""
 
         def predict(self, penetration: float, velocity: float) -> float:
             """Force [N] that the sensor would show by the present estimate."""
@@ -71,6 +61,42 @@ class ContactEstimator(Configured):
 
         def leave_contact(self) -> None:
             """End the contact; the estimate is held until it is made again."""
+
+    def replay(
+        self,
+        penetration: "ArrayLike",
+        velocity: "ArrayLike",
+        force: "ArrayLike",
+        dt: "ArrayLike | None" = None,
+        *,
+        at: "ArrayLike | None" = None,
+    ) -> Trace:
+        """Take arrays sample by sample, as ``update`` would, and write everything down.
+
+        A compiled one releases the interpreter's lock meanwhile: do not change the arrays from
+        another thread.
+
+        Parameters
+        ----------
+        penetration, velocity, force : array_like, shape (k,)
+            m, m/s and N.
+        dt : float or array_like, shape (k,), optional
+            Time since the previous sample, s; ``sample_time`` unless given.
+        at : array_like of int, shape (m,), optional
+            The samples after which the estimate is written down, rising from 0 on (default: every
+            one). The fewer, the quicker, where an estimate costs more than a sample.
+
+        Raises
+        ------
+        InvalidParameterError
+            Arrays of different length, of the wrong type or not one-dimensional; or ``at`` names
+            what is no sample, or not in their order.
+        """
+        x, v, f = signals(penetration=penetration, velocity=velocity, force=force)
+        steps = None if dt is None else _time_steps(dt, x.size)
+        trace = Trace.empty(x.size, len(self.law_type.symbols), _rows(at, x.size))
+        self._fill(trace, x, v, f, steps)
+        return trace
 
     @property
     def fixed(self) -> tuple[str, ...]:
@@ -99,51 +125,10 @@ class CompiledEstimator(ContactEstimator):
         """Return what is known now."""
         return Estimate(self._estimate(), self.law_type, self.fixed)
 
-    def replay(
-        self,
-        penetration: "ArrayLike",
-        velocity: "ArrayLike",
-        force: "ArrayLike",
-        dt: "ArrayLike | None" = None,
-        *,
-        at: "ArrayLike | None" = None,
-    ) -> Trace:
-        """Take arrays sample by sample, as ``update`` would, and write everything down.
-
-        The interpreter's lock is released meanwhile: do not change the arrays from another thread.
-
-        Parameters
-        ----------
-        penetration, velocity, force : array_like, shape (k,)
-            m, m/s and N.
-        dt : float or array_like, shape (k,), optional
-            Time since the previous sample, s; ``sample_time`` unless given.
-        at : array_like of int, shape (m,), optional
-            The samples after which the estimate is written down, rising from 0 on (default: every
-            one). The fewer, the quicker, where an estimate costs more than a sample.
-
-        Raises
-        ------
-        InvalidParameterError
-            Arrays of different length, of the wrong type or not one-dimensional; or ``at`` names
-            what is no sample, or not in their order.
-        """
-        x, v, f = signals(penetration=penetration, velocity=velocity, force=force)
-        steps = None if dt is None else _time_steps(dt, x.size)
-        trace = Trace.empty(x.size, len(self.law_type.symbols), _rows(at, x.size))
-        self._replay(
-            x,
-            v,
-            f,
-            steps,
-            trace.parameters,
-            trace.standard_errors,
-            trace.predicted_force,
-            trace.validity_margin,
-            trace.status,
-            trace.samples,
-        )
-        return trace
+    def _fill(self, trace: Trace, x: Floats, v: Floats, f: Floats, dt: Floats | None) -> None:
+        learned = trace.parameters, trace.standard_errors
+        every = trace.predicted_force, trace.validity_margin, trace.status
+        self._replay(x, v, f, dt, *learned, *every, trace.samples)
 
 
 class PythonEstimator(ContactEstimator):
@@ -152,24 +137,8 @@ class PythonEstimator(ContactEstimator):
     attributes, and gets the rest from here.
     """
 
-    def replay(
-        self,
-        penetration: "ArrayLike",
-        velocity: "ArrayLike",
-        force: "ArrayLike",
-        dt: "ArrayLike | None" = None,
-        *,
-        at: "ArrayLike | None" = None,
-    ) -> Trace:
-        """Take arrays sample by sample by ``update``, and write everything down.
-
-        Arguments and errors are those of :meth:`CompiledEstimator.replay`.
-        """
-        x, v, f = signals(penetration=penetration, velocity=velocity, force=force)
-        steps: list[float | None] = [None] * x.size
-        if dt is not None:
-            steps = np.broadcast_to(_time_steps(dt, x.size), x.shape).tolist()
-        trace = Trace.empty(x.size, len(self.law_type.symbols), _rows(at, x.size))
+    def _fill(self, trace: Trace, x: Floats, v: Floats, f: Floats, dt: Floats | None) -> None:
+        steps = [None] * x.size if dt is None else np.broadcast_to(dt, x.shape).tolist()
         places = {sample: row for row, sample in enumerate(trace.after.tolist())}
         rows = zip(x.tolist(), v.tolist(), f.tolist(), steps, strict=True)
         for k, (depth, speed, push, step) in enumerate(rows):
@@ -185,7 +154,6 @@ class PythonEstimator(ContactEstimator):
             if row is not None:
                 trace.parameters[row] = estimate.parameters
                 trace.standard_errors[row] = estimate.standard_errors
-        return trace
 
     def _state(self) -> Any:
         learned = {name: value for name, value in vars(self).items() if name != "_settings"}
@@ -226,7 +194,7 @@ Kind = TypeVar("Kind", bound=type[ContactEstimator])
 ESTIMATORS: dict[str, type[ContactEstimator]] = {}
 
 # What the face of an estimator has beside what ContactEstimator gives.
-_FACE = ("update", "replay", "predict", "estimate", "reset", "leave_contact", "_state", "_restore")
+_FACE = ("update", "predict", "estimate", "reset", "leave_contact", "_state", "_restore")
 
 
 def register(kind: Kind) -> Kind:
@@ -272,30 +240,23 @@ def estimator_named(name: str) -> type[ContactEstimator]:
 Rejection = OutlierRejection | Literal[False] | None
 
 
-def loop_settings(
-    change_detector: ChangeDetector | None,
-    outlier_rejection: Rejection,
-    gate: ContactGate | None,
-    scale: Scale | None,
-    sample_time: float,
-    default_scale: Scale,
-) -> tuple[Any, ...]:
+def loop_settings(settings: dict[str, Any], default_scale: Scale) -> tuple[Any, ...]:
     """Check them; an absent detector or rejection costs no memory and no time."""
-    instance("change_detector", change_detector, (ChangeDetector, type(None)))
-    absent = outlier_rejection is None or outlier_rejection is False
-    if not absent and not isinstance(outlier_rejection, OutlierRejection):
+    detector, rejection = settings["change_detector"], settings["outlier_rejection"]
+    gate, scale = settings["gate"], settings["scale"]
+    instance("change_detector", detector, (ChangeDetector, type(None)))
+    if not (rejection is None or rejection is False or isinstance(rejection, OutlierRejection)):
         raise InvalidParameterError(
-            "outlier_rejection must be an OutlierRejection, None or False, not "
-            f"{shown(outlier_rejection)}"
+            f"outlier_rejection must be an OutlierRejection, None or False, not {shown(rejection)}"
         )
     instance("gate", gate, (ContactGate, type(None)))
     instance("scale", scale, (Scale, type(None)))
     return (
-        None if change_detector is None else change_detector._plain(),
-        outlier_rejection._plain() if outlier_rejection else None,
+        None if detector is None else detector._plain(),
+        rejection._plain() if rejection else None,
         (gate or ContactGate())._plain(),
         (scale or default_scale)._plain(),
-        number_in("sample_time", sample_time, 0.0, 1e6, open_low=True),
+        number_in("sample_time", settings["sample_time"], 0.0, 1e6, open_low=True),
     )
 
 

@@ -1,31 +1,23 @@
-"""The cost that :func:`fit_curves` minimises, written down for one curve.
-
-Whole curves at once: the Hunt–Crossley law by the minimum of a stated cost, thousands a second.
+"""Whole curves at once: the Hunt–Crossley law by the minimum of a stated cost, thousands a second.
 
 The same least squares as :class:`VariableProjection`, for contacts that are there as a whole and of
 which only the last answer is wanted; ``docs/curves.md`` has the cost and how it is minimised.
 """
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
+from palpate.estimators.contact_estimator import known_exponent
 from palpate.estimators.estimate import ADVICE
 from palpate.estimators.variable_projection import projection_settings, surfaces_in
 from palpate.force_laws import HuntCrossley
 from palpate.settings import Scale
-from palpate.validation import (
-    Floats,
-    all_good,
-    instance,
-    number_in,
-    real_array,
-    whole_in,
-)
+from palpate.validation import Floats, all_good, arguments, instance, real_array, whole_in
 
 #: What a sample is to a fit, by the codes of :attr:`StatedCost.roles`.
 ROLES = ("absent", "free air", "firm contact", "light contact", "left out")
@@ -69,32 +61,6 @@ class StatedCost:
     variance: float
     exponent: float | None
     offset: bool
-
-    @classmethod
-    def of(
-        cls,
-        curve: tuple[Floats, Floats, Floats],
-        roles: NDArray[np.uint8],
-        numbers: Floats,
-        exponent: float | None,
-        offset: bool,
-    ) -> "StatedCost":
-        """From a curve, what the core says of its samples, and its scale, prior and σ²."""
-        chosen = (roles == _FIRM) | (roles == _LIGHT)
-        penetration, velocity, force = (values[chosen] for values in curve)
-        units, (mean, deviation, variance) = numbers[:3], numbers[3:].tolist()
-        return cls(
-            penetration,
-            velocity,
-            force,
-            roles,
-            Scale(*units.tolist()),
-            mean,
-            deviation,
-            variance,
-            exponent,
-            offset,
-        )
 
     def residuals(self, parameters: Floats) -> Floats:
         """Residuals of which the squares sum to J, N: of the samples, then of the priors.
@@ -269,15 +235,15 @@ def fit_curves(
     InvalidParameterError
         A setting is outside its range, or the arrays are not of one shape.
     """
-    curves = _checked_curves(penetration, velocity, force)
-    settings = _Settings(
-        *_checked_projection(noise, exponent, exponent_range, offset),
-        _of_each("offset_deviation", offset_deviation, len(curves[0])),
-        _of_each("surface_deviation", surface_deviation, len(curves[0])),
-        surfaces_in(surface, surface_range, (0.0, 0.0), 1e30),  # 0: the core chooses it
-        _checked_scale(scale),
+    settings = arguments(locals())
+    curves = _checked_curves(*(settings.pop(name) for name in _SIGNALS))
+    shared = whole_in("threads", settings.pop("threads"), 1, 1024)
+    numbers, covariance, taken, codes = _fitted(
+        curves, _checked(len(curves[0]), **settings), shared
     )
-    return _fitted(curves, settings, whole_in("threads", threads, 1, 1024)).fits()
+    *law, sigma, cost = numbers[:, :7].T.copy()
+    found: list[Any] = [*law, covariance, sigma, cost, taken, *codes.T.copy()]
+    return CurveFits(*found)
 
 
 def stated_cost(
@@ -306,98 +272,42 @@ def stated_cost(
     curves = _checked_curves(penetration, velocity, force)
     if len(curves[0]) != 1:
         raise InvalidParameterError(f"the cost of one curve is asked for, not of {len(curves[0])}")
-    checked = _Settings(
-        *_checked_projection(
-            settings.pop("noise", None), exponent, settings.pop("exponent_range", _RANGE), offset
-        ),
-        _of_each("offset_deviation", settings.pop("offset_deviation", None), 1),
-        _of_each("surface_deviation", settings.pop("surface_deviation", None), 1),
-        surfaces_in(
-            settings.pop("surface", None), settings.pop("surface_range", None), (0.0, 0.0), 1e30
-        ),
-        _checked_scale(settings.pop("scale", None)),
-    )
-    if settings:
-        raise InvalidParameterError(f"there is no setting {', '.join(sorted(settings))}")
     roles = np.empty(curves[0].shape, np.uint8)
-    answers = _fitted(curves, checked, 1, roles)
-    if answers.codes[0, 1] == STATUS_WORDS.index("no contact"):
+    checked = _checked(1, exponent=exponent, offset=offset, **settings)
+    numbers, _, _, codes = _fitted(curves, checked, 1, roles)
+    if codes[0, 1] == STATUS_WORDS.index("no contact"):
         raise InvalidParameterError("nothing of the curve is contact")
-    x, v, f = (values[0] for values in curves)
-    return StatedCost.of((x, v, f), roles[0], answers.numbers[0, 7:], exponent, offset)
-
-
-class _Settings(NamedTuple):
-    """As the core takes them, checked; what is 0 is not given."""
-
-    exponents: tuple[float, float]
-    offset: bool
-    noise: float
-    offset_deviation: Floats
-    surface_deviation: Floats
-    surfaces: tuple[float, float] | None
-    scale: tuple[float, float, float]
-
-    def rows(self, part: slice) -> "_Settings":
-        return self._replace(
-            offset_deviation=self.offset_deviation[part],
-            surface_deviation=self.surface_deviation[part],
-        )
-
-
-class _Answers(NamedTuple):
-    """What the core writes, a row a curve."""
-
-    numbers: Floats  # K, B, n, F₀, d, noise, cost, scale (3), prior of F₀ (2), σ² of the priors
-    covariance: Floats
-    taken: NDArray[np.int64]
-    codes: NDArray[np.uint8]  # flags, status
-
-    @classmethod
-    def empty(cls, count: int) -> "_Answers":
-        return cls(
-            np.empty((count, 13)),
-            np.empty((count, 5, 5)),
-            np.empty(count, np.int64),
-            np.empty((count, 2), np.uint8),
-        )
-
-    def fits(self) -> CurveFits:
-        columns = (np.ascontiguousarray(self.numbers[:, i]) for i in range(7))
-        stiffness, damping, exponent, offset, surface, noise, cost = columns
-        flags, status = (np.ascontiguousarray(self.codes[:, i]) for i in range(2))
-        return CurveFits(
-            stiffness,
-            damping,
-            exponent,
-            offset,
-            surface,
-            self.covariance,
-            noise,
-            cost,
-            self.taken,
-            flags,
-            status,
-        )
+    chosen = (roles[0] == _FIRM) | (roles[0] == _LIGHT)
+    units, prior = numbers[0, 7:10].tolist(), numbers[0, 10:].tolist()
+    found: list[Any] = [values[0, chosen] for values in curves]
+    found += [roles[0], Scale(*units), *prior, exponent, offset]
+    return StatedCost(*found)
 
 
 def _fitted(
     curves: tuple[Floats, ...],
-    settings: _Settings,
+    settings: tuple[Any, ...],
     threads: int,
     roles: NDArray[np.uint8] | None = None,
-) -> _Answers:
+) -> tuple[Floats, Floats, NDArray[np.int64], NDArray[np.uint8]]:
+    """What the core writes, a row a curve: numbers, covariance, samples taken, and codes.
+
+    The numbers are K, B, n, F₀, d, noise, cost, scale (3), prior of F₀ (2) and σ² of the priors;
+    the codes flags and status.
+    """
     count, samples = curves[0].shape
-    answers = _Answers.empty(count)
+    exponents, offset, noise, offset_deviation, surface_deviation, *rest = settings
+    numbers, covariance = np.empty((count, 13)), np.empty((count, 5, 5))
+    taken, codes = np.empty(count, np.int64), np.empty((count, 2), np.uint8)
     rows = max(1, _AT_ONCE // max(samples, 1)) * threads
     for first in range(0, count, rows):
         part = slice(first, first + rows)
-        arguments: list[Any] = [values[part] for values in curves]
-        arguments += settings.rows(part)
-        arguments += [column[part] for column in answers]
-        arguments += [None if roles is None else roles[part], threads]
-        _core.fit_curves(*arguments)
-    return answers
+        given: list[Any] = [values[part] for values in curves]
+        given += exponents, offset, noise, offset_deviation[part], surface_deviation[part], *rest
+        given += [column[part] for column in (numbers, covariance, taken, codes)]
+        given += [None if roles is None else roles[part], threads]
+        _core.fit_curves(*given)
+    return numbers, covariance, taken, codes
 
 
 def _checked_curves(*given: "ArrayLike") -> tuple[Floats, ...]:
@@ -416,22 +326,33 @@ def _checked_curves(*given: "ArrayLike") -> tuple[Floats, ...]:
     return tuple(np.ascontiguousarray(np.atleast_2d(array)) for array in arrays)
 
 
-def _checked_projection(
-    noise: float | None,
-    exponent: float | None,
-    exponent_range: tuple[float, float],
-    offset: bool,
-) -> tuple[tuple[float, float], bool, float]:
+def _checked(
+    count: int,
+    *,
+    surface: Literal["estimate"] | None = None,
+    surface_range: tuple[float, float] | None = None,
+    exponent: float | None = None,
+    exponent_range: tuple[float, float] = _RANGE,
+    offset: bool = True,
+    offset_deviation: "ArrayLike | None" = None,
+    surface_deviation: "ArrayLike | None" = None,
+    noise: float | None = None,
+    scale: Scale | None = None,
+) -> tuple[Any, ...]:
+    """The settings of :func:`fit_curves`, as the core takes them; what is 0 is not given."""
     level, exponents, *_ = projection_settings(noise, exponent_range, None, offset, None)
-    if exponent is not None:
-        fixed = number_in("exponent", exponent, 0.1, 10.0)
+    if (fixed := known_exponent(exponent)) is not None:
         exponents = fixed, fixed
-    return exponents, offset, level
-
-
-def _checked_scale(scale: Scale | None) -> tuple[float, float, float]:
     instance("scale", scale, (Scale, type(None)))
-    return (0.0, 0.0, 0.0) if scale is None else scale._plain()
+    return (
+        exponents,
+        offset,
+        level,
+        _of_each("offset_deviation", offset_deviation, count),
+        _of_each("surface_deviation", surface_deviation, count),
+        surfaces_in(surface, surface_range, (0.0, 0.0), 1e30),  # 0: the core chooses it
+        (0.0, 0.0, 0.0) if scale is None else scale._plain(),
+    )
 
 
 def _of_each(name: str, value: "ArrayLike | None", count: int) -> Floats:

@@ -1,4 +1,4 @@
-"""What an estimator knows now."""
+"""What an estimator knows now, what a replay wrote down, and the figures of merit of that."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -323,18 +323,12 @@ class Trace:
         """Room for ``samples`` samples of a law with ``size`` parameters, estimates ``at`` some."""
         # One block: the fewer new pages, the faster a replay.
         rows = samples if at is None else len(at)
-        block = np.empty(2 * rows * size + 2 * samples)
-        parameters, errors, predicted, margin = np.split(
-            block, np.cumsum([rows * size, rows * size, samples])
-        )
-        return cls(
-            parameters.reshape(rows, size),
-            errors.reshape(rows, size),
-            predicted,
-            margin,
-            np.empty(samples, dtype=np.uint8),
-            samples=at,
-        )
+        block, ends = np.empty(2 * rows * size + 2 * samples), [rows * size, 2 * rows * size]
+        parameters, errors, rest = np.split(block, ends)
+        predicted, margin = rest.reshape(2, -1)
+        status = np.empty(samples, dtype=np.uint8)
+        learned = parameters.reshape(rows, size), errors.reshape(rows, size)
+        return cls(*learned, predicted, margin, status, samples=at)
 
     @classmethod
     def joined(cls, traces: "Sequence[Trace]", size: int) -> "Trace":

@@ -14,6 +14,12 @@ from palpate.validation import defined, or_nan
 # By the values of the compiled enumerations.
 DAMPINGS = ("none", "hunt-crossley", "half-space")
 MEMORIES = ("none", "flat", "single", "power-law")
+_WITH = {
+    "none": "",
+    "flat": " with a flat spectrum",
+    "single": " with one relaxation time",
+    "power-law": " with power-law relaxation",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,18 +41,9 @@ class Candidate:
     linear: bool = False
 
     def __str__(self) -> str:
-        law = {
-            "none": "spring",
-            "hunt-crossley": "Hunt–Crossley",
-            "half-space": "Kelvin–Voigt" if self.linear else "half-space",
-        }[self.damping]
-        memories = {
-            "none": "",
-            "flat": " with a flat spectrum",
-            "single": " with one relaxation time",
-            "power-law": " with power-law relaxation",
-        }
-        return law + memories[self.memory]
+        half_space = "Kelvin–Voigt" if self.linear else "half-space"
+        laws = {"none": "spring", "hunt-crossley": "Hunt–Crossley", "half-space": half_space}
+        return laws[self.damping] + _WITH[self.memory]
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -64,8 +61,7 @@ class Candidate:
     @property
     def parameters(self) -> int:
         """Numbers that are looked for, the offset among them."""
-        found = 2 + (not self.linear) + (self.damping != "none")
-        return found + {"none": 0, "flat": 1, "single": 2, "power-law": 2}[self.memory]
+        return len(self.own) + 1
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain words."""
@@ -79,8 +75,8 @@ CANDIDATES: tuple[Candidate, ...] = tuple(
 )
 #: How many of them are distinguished by the everyday bank, from the first on.
 EVERYDAY = 5
-#: Differences of the score, twice those of a logarithm of the odds: e and e⁵ to one (Kass &
-#: Raftery, J. Am. Stat. Assoc. 90, 1995).
+#: Differences of the score, twice those of a logarithm of the odds: e and e⁵ to one. Less than the
+#: first is worth but a bare mention (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995).
 UNDECIDED, STRONG = 2.0, 10.0
 
 
@@ -174,18 +170,15 @@ class LawVerdict:
     def __str__(self) -> str:
         if not self.known:
             return f"law: {self.candidate}, for want of samples"
-        words = f"law: {self.candidate}"
+        words = "the only one that was offered"
         if len(self.standings) > 1:
-            next_best = self.standings[1]
-            if next_best.score < UNDECIDED:
-                words += f", which {next_best.candidate} cannot be told from"
-            else:
-                words += f", before {next_best.candidate} by {rounded(next_best.score, 3)}"
-        else:
-            words += ", the only one that was offered"
+            other = self.standings[1]
+            words = f"which {other.candidate} cannot be told from"
+            if other.score >= UNDECIDED:
+                words = f"before {other.candidate} by {rounded(other.score, 3)}"
         return (
-            f"{words}; evidence of {rounded(self.effective_samples, 3)} independent samples of "
-            f"{rounded(self.samples, 4)}"
+            f"law: {self.candidate}, {words}; evidence of {rounded(self.effective_samples, 3)} "
+            f"independent samples of {rounded(self.samples, 4)}"
         )
 
     @classmethod
@@ -250,16 +243,13 @@ class DynamicStiffness:
 
 # What a verdict on laws leaves open, in words.
 
-# Evidence of less is not worth more than a bare mention (Kass & Raftery 1995).
-_BARE_MENTION = 2.0
-
 
 def tie_flags(standings: tuple[Standing, ...]) -> tuple[str, ...]:
     """Say of laws that fit as well as the best, none where there are none.
 
     A motion at one speed, such as an approach alone, distinguishes damper and spring by the noise.
     """
-    tied = [str(each.candidate) for each in standings[1:] if each.score < _BARE_MENTION]
+    tied = [str(each.candidate) for each in standings[1:] if each.score < UNDECIDED]
     if not tied:
         return ()
     return (
@@ -440,12 +430,5 @@ def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
         *gate_flags(standings, estimate, evidence.depth, evidence.shallowest),
         *memory_flags(estimate, evidence.samples * evidence.step, begun=evidence.begun),
     )
-    return LawVerdict(
-        CANDIDATES[evidence.chosen],
-        standings,
-        evidence.samples,
-        evidence.effective_samples,
-        evidence.depth,
-        evidence.frequency,
-        flags,
-    )
+    numbers = {name: getattr(evidence, name) for name in _NUMBERS}
+    return LawVerdict(CANDIDATES[evidence.chosen], standings, **numbers, flags=flags)

@@ -1,4 +1,4 @@
-"""Error bars that hold when the residual is not white."""
+"""Error bars that hold when the residual is not white; recursive least squares of one's own."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -95,33 +95,29 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
 
     def _plain_settings(self) -> tuple[Any, ...]:
         """The settings, checked, as the compiled constructor takes them."""
-        start, covariance, loop = self._checked()
-        return start, covariance, *loop
-
-    def _checked(self) -> tuple[list[float], list[list[float]], tuple[Any, ...]]:
-        """The start, its covariance, and what the loop is set by."""
         given = self._settings
         instance("initial", given["initial"], self.law_type)
         for name, value in given["initial"].as_dict().items():
             number_in(f"initial {name}", value, -1e100, 1e100)
         instance("forgetting", given["forgetting"], (ConstantForgetting, FadingForgetting))
         instance("perturbation", given["perturbation"], (SelfPerturbation, type(None)))
+        start = given["initial"].parameters.tolist()
         covariance = covariance_matrix(
-            "initial_covariance", given["initial_covariance"], len(self.law_type.symbols)
+            "initial_covariance", given["initial_covariance"], len(start)
         )
-        loop = (
+        is_known = []
+        if "exponent" in given:  # of a Hunt–Crossley law
+            exponent = known_exponent(given["exponent"])
+            is_known = [exponent is not None]
+            start[2] = start[2] if exponent is None else exponent
+        return (
+            start,
+            covariance.tolist(),
+            *is_known,
             given["forgetting"]._plain(),
             (given["perturbation"] or SelfPerturbation(gain=0.0, sensitivity=0.0))._plain(),
-            *loop_settings(
-                given["change_detector"],
-                given["outlier_rejection"],
-                given["gate"],
-                given["scale"],
-                given["sample_time"],
-                default_scale=Scale(),
-            ),
+            *loop_settings(given, Scale()),
         )
-        return given["initial"].parameters.tolist(), covariance.tolist(), loop
 
 
 class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):
@@ -161,13 +157,6 @@ class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):
         scale: Scale | None = None,
     ) -> None:
         self._begin(arguments(locals()))
-
-    def _plain_settings(self) -> tuple[Any, ...]:
-        start, covariance, loop = self._checked()
-        exponent = known_exponent(self._settings["exponent"])
-        if exponent is not None:
-            start[2] = exponent
-        return start, covariance, exponent is not None, *loop
 
 
 class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):

@@ -114,18 +114,15 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         sample_time: float = SAMPLE_TIME,
         scale: Scale | None = None,
     ) -> None:
-        instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
         self._settings: dict[str, Any] = arguments(locals())
-        loop = loop_settings(
-            change_detector, outlier_rejection, gate, scale, sample_time, default_scale=PROBING
-        )
+        loop = loop_settings(self._settings, PROBING)
         unit = (scale or PROBING).penetration
         least, most = _DEFAULTS["surface_range"]
         super().__init__(
             *projection_settings(noise, exponent_range, exponent, offset, offset_deviation),
             surfaces_in(surface, surface_range, (least * unit, most * unit), 5.0 * unit),
-            _positive("surface_deviation", surface_deviation),
-            (forgetting or ConstantForgetting())._plain(),
+            positive_or_none("surface_deviation", surface_deviation),
+            forgotten(forgetting),
             *loop,
         )
 
@@ -140,15 +137,22 @@ def projection_settings(
     """Check what the projection is set by, as the compiled constructors take it; 0 is not given."""
     instance("offset", offset, bool)
     return (
-        _positive("noise", noise),
+        positive_or_none("noise", noise),
         _checked_range(exponent_range),
         known_exponent(exponent) or 0.0,
         offset,
-        _positive("offset_deviation", offset_deviation),
+        positive_or_none("offset_deviation", offset_deviation),
     )
 
 
-def _positive(name: str, value: float | None) -> float:
+def forgotten(forgetting: Forgetting | None) -> tuple[float, float]:
+    """Check how the past is forgotten, as the compiled constructors take it."""
+    instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
+    return (forgetting or ConstantForgetting())._plain()
+
+
+def positive_or_none(name: str, value: float | None) -> float:
+    """Check a number above 0, as the compiled constructors take it; 0 is None."""
     return 0.0 if value is None else number_in(name, value, 0.0, 1e30, open_low=True)
 
 
@@ -258,12 +262,5 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
         super().__init__(
             *projection_settings(noise, exponent_range, exponent, offset, offset_deviation),
             drift,
-            *loop_settings(
-                change_detector,
-                outlier_rejection,
-                gate,
-                scale,
-                sample_time,
-                default_scale=PROBING,
-            ),
+            *loop_settings(self._settings, PROBING),
         )

@@ -17,20 +17,18 @@ from palpate.estimators.law_verdicts import (
     LawVerdict,
     verdict_of,
 )
+from palpate.estimators.variable_projection import PROBING, forgotten, positive_or_none
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.settings import (
     SAMPLE_TIME,
     ChangeDetector,
-    ConstantForgetting,
     ContactGate,
-    FadingForgetting,
     Forgetting,
     Scale,
 )
 from palpate.validation import arguments, instance, number, number_in, shown
 
 _DEFAULTS = _core.defaults["ViscoelasticContact"]
-_PROBING = Scale(*_DEFAULTS["scale"])
 
 Damping = Literal["auto", "hunt-crossley", "half-space", "none"]
 Memory = Literal["auto", "any", "none", "flat", "single", "power-law"]
@@ -112,7 +110,6 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         sample_time: float | None = None,
         scale: Scale | None = None,
     ) -> None:
-        instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
         instance("offset", offset, bool)
         self._settings: dict[str, Any] = arguments(locals())
         low, high = self.exponents
@@ -120,17 +117,10 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             _offered(damping, memory),
             0.0 if exponent is None else number_in("exponent", exponent, low, high),
             offset,
-            _positive("offset_deviation", offset_deviation),
-            _positive("surface_deviation", surface_deviation),
-            (forgetting or ConstantForgetting())._plain(),
-            *loop_settings(
-                change_detector,
-                outlier_rejection,
-                gate,
-                scale,
-                SAMPLE_TIME if sample_time is None else sample_time,
-                default_scale=_PROBING,
-            ),
+            positive_or_none("offset_deviation", offset_deviation),
+            positive_or_none("surface_deviation", surface_deviation),
+            forgotten(forgetting),
+            *loop_settings({**self._settings, "sample_time": self._step}, PROBING),
         )
 
     @property
@@ -152,7 +142,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         offered = _offered(self._settings["damping"], self._settings["memory"])
         gate = self._settings["gate"] or ContactGate()
         shallowest = None if gate.make_force else gate.minimum_penetration
-        return Evidence(*self._evidence(), offered, self._step, shallowest)
+        return Evidence(*self._evidence(), offered, float(self._step), shallowest)
 
     def verdict(self) -> LawVerdict:
         """Return which law it is, with the evidence of all that were offered."""
@@ -205,7 +195,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     @property
     def _step(self) -> float:
         given = self._settings["sample_time"]
-        return SAMPLE_TIME if given is None else float(given)
+        return SAMPLE_TIME if given is None else given
 
 
 def _offered(damping: str, memory: str) -> int:
@@ -223,10 +213,6 @@ def _offered(damping: str, memory: str) -> int:
             f"memory={memory!r}"
         )
     return bits
-
-
-def _positive(name: str, value: float | None) -> float:
-    return 0.0 if value is None else number_in(name, value, 0.0, 1e30, open_low=True)
 
 
 def _one_of(name: str, value: Any, allowed: Iterable[str]) -> None:

@@ -217,13 +217,9 @@ class GeneralisedHuntCrossley(CompiledLaw):
         InvalidParameterError
             The state is of a law with another spectrum, or a number is outside its range.
         """
-        numbers = self._numbers_of(state)
-        self._go(
-            numbers,
-            np.array([number_in("dt", dt, 0.0, LONGEST, open_low=True)]),
-            np.array([number("penetration", penetration)]),
-            np.zeros(1),
-        )
+        numbers, depth = self._numbers_of(state), np.array([number("penetration", penetration)])
+        steps = np.array([number_in("dt", dt, 0.0, LONGEST, open_low=True)])
+        self._go(numbers, steps, depth, np.zeros(1))
         return RelaxationState(float(numbers[0]), tuple(numbers[1:].tolist()))
 
     @overload
@@ -232,16 +228,10 @@ class GeneralisedHuntCrossley(CompiledLaw):
     ) -> float: ...
     @overload
     def force(
-        self,
-        penetration: "ArrayLike",
-        velocity: "ArrayLike",
-        state: RelaxationState | None = None,
+        self, penetration: "ArrayLike", velocity: "ArrayLike", state: RelaxationState | None = None
     ) -> Floats: ...
     def force(
-        self,
-        penetration: "ArrayLike",
-        velocity: "ArrayLike",
-        state: RelaxationState | None = None,
+        self, penetration: "ArrayLike", velocity: "ArrayLike", state: RelaxationState | None = None
     ) -> float | Floats:
         """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays.
 
@@ -327,15 +317,9 @@ class GeneralisedHuntCrossley(CompiledLaw):
         elastic = penetration**self.exponent
         damper = penetration**self.damping_exponent * velocity
         depth = np.log(penetration)
-        none = np.zeros_like(elastic)
+        spring = elastic, self.stiffness * elastic * depth
         return np.column_stack(
-            [
-                elastic,
-                self.stiffness * elastic * depth,
-                damper,
-                self.damping * damper * depth,
-                *[none] * 4,
-            ]
+            [*spring, damper, self.damping * damper * depth, *[np.zeros_like(elastic)] * 4]
         )
 
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
@@ -345,15 +329,10 @@ class GeneralisedHuntCrossley(CompiledLaw):
         slope: Floats = elastic + self.damping_exponent * damper
         return slope
 
-    @overload
-    def damping_at(self, depth: float) -> float: ...
-    @overload
-    def damping_at(self, depth: "ArrayLike") -> Floats: ...
-    def damping_at(self, depth: "ArrayLike") -> float | Floats:
-        """∂F/∂v = B xᵖ at a depth > 0 [m]."""
-        x = in_contact(depth)[0]
-        slope = self.damping * x**self.damping_exponent
-        return slope if x.ndim else float(slope)
+    def velocity_gradient(self, penetration: Floats) -> Floats:
+        """∂F/∂v = B xᵖ."""
+        slope: Floats = self.damping * penetration**self.damping_exponent
+        return slope
 
     @classmethod
     def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:

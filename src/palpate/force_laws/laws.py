@@ -1,4 +1,4 @@
-"""Contact force laws: what the lab is built from, and what identification gives back.
+"""Force laws: what each has, those of Kelvin–Voigt and Hunt–Crossley, and the table of all.
 
 Equation numbers are those of Haddadi & Hashtrudi-Zaad, *Real-Time Identification of Hunt–Crossley
 Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import in_contact, number, shown
+from palpate.validation import in_contact, number, shown, together
 
 Floats = NDArray[np.float64]
 
@@ -98,6 +98,14 @@ class ForceLaw:
         """∂F/∂x in contact, N/m, shape (k,), at penetrations > 0 [m] and velocities [m/s], (k,)."""
         raise NotImplementedError
 
+    def velocity_gradient(self, penetration: Floats) -> Floats:
+        """∂F/∂v in contact and at rest, N·s/m, shape (k,), at penetrations > 0 [m], (k,).
+
+        By (F(x, v) − F(x, −v))/2v at 1 mm/s: exact for every law that is linear in v.
+        """
+        v = 1e-3
+        return (self.force(penetration, v) - self.force(penetration, -v)) / (2.0 * v)
+
     @overload
     def stiffness_at(self, depth: float, velocity: float = 0.0) -> float: ...
     @overload
@@ -116,14 +124,10 @@ class ForceLaw:
     @overload
     def damping_at(self, depth: "ArrayLike") -> Floats: ...
     def damping_at(self, depth: "ArrayLike") -> float | Floats:
-        """∂F/∂v [N·s/m] at a depth > 0 [m] and at rest; a scalar gives a float.
-
-        By (F(x, v) − F(x, −v))/2v at 1 mm/s: exact for every law that is linear in v.
-        """
-        depths, v = in_contact(depth)[0], 1e-3
-        x = depths if depths.ndim else float(depths)
-        slope = (self.force(x, v) - self.force(x, -v)) / (2.0 * v)
-        return slope if depths.ndim else float(slope)
+        """∂F/∂v [N·s/m] at a depth > 0 [m] and at rest; a scalar gives a float."""
+        x = in_contact(depth)[0]
+        slope = self.velocity_gradient(x.reshape(-1)).reshape(x.shape)
+        return slope if slope.ndim else float(slope)
 
     @classmethod
     def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
@@ -208,25 +212,10 @@ class CompiledLaw(ForceLaw):
     def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> Floats: ...
     def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> float | Floats:
         """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays."""
-        try:
-            given = np.asarray(penetration), np.asarray(velocity)
-            if any(array.dtype.kind not in "fiub" for array in given):
-                raise TypeError
-            if np.ma.is_masked(penetration) or np.ma.is_masked(velocity):
-                raise TypeError
-            x, v = np.broadcast_arrays(*(array.astype(np.float64, copy=False) for array in given))
-        except Exception:  # an object's own __array__ may raise anything
-            raise InvalidParameterError(
-                "penetration and velocity must be numbers, or arrays of shapes that go together, "
-                f"not {shown(penetration)} and {shown(velocity)}"
-            ) from None
-        force = np.empty(x.shape)
-        type(self)._compiled(
-            self.parameters,
-            np.ascontiguousarray(x).reshape(-1),
-            np.ascontiguousarray(v).reshape(-1),
-            force.reshape(-1),
-        )
+        given = together(penetration=penetration, velocity=velocity)
+        force = np.empty(given[0].shape)
+        x, v = (np.ascontiguousarray(array).reshape(-1) for array in given)
+        type(self)._compiled(self.parameters, x, v, force.reshape(-1))
         return float(force) if force.ndim == 0 else force
 
     def in_a_loop(self) -> Callable[[float, float], float]:
@@ -274,14 +263,9 @@ class KelvinVoigt(CompiledLaw):
         """∂F/∂x = K."""
         return np.full_like(penetration, self.stiffness)
 
-    @overload
-    def damping_at(self, depth: float) -> float: ...
-    @overload
-    def damping_at(self, depth: "ArrayLike") -> Floats: ...
-    def damping_at(self, depth: "ArrayLike") -> float | Floats:
-        """∂F/∂v = B, at any depth > 0 [m]."""
-        x = in_contact(depth)[0]
-        return np.full(x.shape, self.damping) if x.ndim else self.damping
+    def velocity_gradient(self, penetration: Floats) -> Floats:
+        """∂F/∂v = B."""
+        return np.full_like(penetration, self.damping)
 
     @classmethod
     def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
@@ -323,14 +307,9 @@ class ExtendedKelvinVoigt(CompiledLaw):
         slope: Floats = self.stiffness + 2.0 * self.quadratic_stiffness * penetration
         return slope
 
-    @overload
-    def damping_at(self, depth: float) -> float: ...
-    @overload
-    def damping_at(self, depth: "ArrayLike") -> Floats: ...
-    def damping_at(self, depth: "ArrayLike") -> float | Floats:
-        """∂F/∂v = B, at any depth > 0 [m]."""
-        x = in_contact(depth)[0]
-        return np.full(x.shape, self.damping) if x.ndim else self.damping
+    def velocity_gradient(self, penetration: Floats) -> Floats:
+        """∂F/∂v = B."""
+        return np.full_like(penetration, self.damping)
 
     @classmethod
     def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
@@ -377,22 +356,14 @@ class HuntCrossley(CompiledLaw):
 
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂x = n xⁿ⁻¹ (K + B v)."""
-        slope: Floats = (
-            self.exponent
-            * penetration ** (self.exponent - 1.0)
-            * (self.stiffness + self.damping * velocity)
-        )
+        stiffness = self.stiffness + self.damping * velocity
+        slope: Floats = self.exponent * penetration ** (self.exponent - 1.0) * stiffness
         return slope
 
-    @overload
-    def damping_at(self, depth: float) -> float: ...
-    @overload
-    def damping_at(self, depth: "ArrayLike") -> Floats: ...
-    def damping_at(self, depth: "ArrayLike") -> float | Floats:
-        """∂F/∂v = B xⁿ at a depth > 0 [m]."""
-        x = in_contact(depth)[0]
-        slope = self.damping * x**self.exponent
-        return slope if x.ndim else float(slope)
+    def velocity_gradient(self, penetration: Floats) -> Floats:
+        """∂F/∂v = B xⁿ."""
+        slope: Floats = self.damping * penetration**self.exponent
+        return slope
 
     @classmethod
     def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:

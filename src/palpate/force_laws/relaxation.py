@@ -1,4 +1,4 @@
-"""Forces along samples that break off and go on."""
+"""How a material that is held relaxes: the spectrum of its relaxation times, and its state."""
 
 from dataclasses import dataclass
 
@@ -6,36 +6,7 @@ import numpy as np
 
 from palpate.errors import InvalidParameterError
 from palpate.force_laws.laws import ForceLaw
-from palpate.validation import Floats, number_in
-
-
-def force_over_breaks(
-    law: ForceLaw, penetration: Floats, velocity: Floats, steps: Floats, starts: list[int]
-) -> Floats:
-    """Force by a law at every sample, N, as an estimator has it.
-
-    A material that is in contact before a break and after it was not left alone in between: what
-    it remembers is carried over. Else it is at rest where samples begin.
-
-    Parameters
-    ----------
-    law : ForceLaw
-        With memory or without.
-    penetration, velocity, steps : numpy.ndarray, shape (k,)
-        m, m/s, and the time since the sample before, s, > 0.
-    starts : list of int
-        Places of the samples that do not follow upon the one before, the first among them.
-    """
-    fresh = [k for k in starts if k > 0 and not min(penetration[k - 1], penetration[k]) > 0.0]
-    force = np.empty(len(penetration))
-    for part in np.split(np.arange(len(penetration)), fresh):
-        if part.size:
-            own = slice(int(part[0]), int(part[-1]) + 1)
-            force[own] = law.force_along(penetration[own], velocity[own], steps[own])
-    return force
-
-
-# How a material that is held relaxes: the spectrum of its relaxation times.
+from palpate.validation import Floats, kept
 
 #: Of relaxation times, s: wide enough for 4096 of any sample time that estimators take.
 SHORTEST, LONGEST = 1e-12, 1e12
@@ -76,7 +47,7 @@ class FlatSpectrum(Relaxation):
     longest: float
 
     def __post_init__(self) -> None:
-        _check_times(self, self.shortest, self.longest)
+        _check_times(self)
 
     @property
     def spectrum(self) -> tuple[float, float, float]:
@@ -104,7 +75,7 @@ class SingleRelaxation(Relaxation):
     time: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time", number_in("time", self.time, SHORTEST, LONGEST))
+        kept(self, "time", SHORTEST, LONGEST)
 
     @property
     def spectrum(self) -> tuple[float, float, float]:
@@ -136,9 +107,8 @@ class PowerLawRelaxation(Relaxation):
     longest: float
 
     def __post_init__(self) -> None:
-        alpha = number_in("exponent", self.exponent, -2.0, 2.0)
-        object.__setattr__(self, "exponent", alpha)
-        _check_times(self, self.shortest, self.longest)
+        kept(self, "exponent", -2.0, 2.0)
+        _check_times(self)
 
     @property
     def spectrum(self) -> tuple[float, float, float]:
@@ -181,13 +151,37 @@ def relaxation_of(exponent: float, shortest: float, longest: float) -> Relaxatio
     return PowerLawRelaxation(exponent, shortest, longest)
 
 
-def _check_times(of: Relaxation, shortest: float, longest: float) -> None:
-    low = number_in("shortest", shortest, SHORTEST, LONGEST)
-    high = number_in("longest", longest, SHORTEST, LONGEST)
+def _check_times(spectrum: FlatSpectrum | PowerLawRelaxation) -> None:
+    low = kept(spectrum, "shortest", SHORTEST, LONGEST)
+    high = kept(spectrum, "longest", SHORTEST, LONGEST)
     if not low < high:
         raise InvalidParameterError(
             f"longest must be above shortest = {low:g} s, not {high:g}; of one time there is "
             "SingleRelaxation"
         )
-    object.__setattr__(of, "shortest", low)
-    object.__setattr__(of, "longest", high)
+
+
+def force_over_breaks(
+    law: ForceLaw, penetration: Floats, velocity: Floats, steps: Floats, starts: list[int]
+) -> Floats:
+    """Force by a law at every sample, N, as an estimator has it.
+
+    A material that is in contact before a break and after it was not left alone in between: what
+    it remembers is carried over. Else it is at rest where samples begin.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        With memory or without.
+    penetration, velocity, steps : numpy.ndarray, shape (k,)
+        m, m/s, and the time since the sample before, s, > 0.
+    starts : list of int
+        Places of the samples that do not follow upon the one before, the first among them.
+    """
+    fresh = [k for k in starts if k > 0 and not min(penetration[k - 1], penetration[k]) > 0.0]
+    force = np.empty(len(penetration))
+    for part in np.split(np.arange(len(penetration)), fresh):
+        if part.size:
+            own = slice(int(part[0]), int(part[-1]) + 1)
+            force[own] = law.force_along(penetration[own], velocity[own], steps[own])
+    return force

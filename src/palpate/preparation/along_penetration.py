@@ -1,4 +1,4 @@
-"""What a contact was made of, so that it can be made again identically, and what was found."""
+"""A contact of a penetration and a compression: corrected, tared, counted from the surface."""
 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -8,25 +8,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate.contact import Contact, Remark
-from palpate.digits import rounded
+from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.clocks import Signals, measurable
 from palpate.preparation.roles import Roles
-from palpate.preparation.settings import Normal, Preparation, add
+from palpate.preparation.settings import Normal, Preparation
 from palpate.preparation.surfaces import (
     Surface,
-    SurfaceRule,
+    add,
+    baseline_between,
     baseline_of,
     deviation_left,
     free_samples,
+    never_free,
     surface_of,
 )
 from palpate.preparation.velocity import lost_positions, velocity_of, window_samples
 from palpate.recordings import Recording
+from palpate.recordings.recording import UNITS, size_of
 from palpate.stages import stage, timed
 from palpate.validation import Floats
 from palpate.validation import signals as checked_signals
+
+_LOGGER = logging.getLogger(__name__)
+
+# m. Of the estimator's own search for the surface: nearer than this to zero it needs no help.
+SEARCHED = 2e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,14 +117,6 @@ class Prepared:
         return self.way(self.recording, self.settings)
 
 
-# A recording of a penetration and a compression, or arrays of them: as they are, corrected.
-
-_LOGGER = logging.getLogger(__name__)
-
-# m. Of the estimator's own search for the surface: nearer than this to zero it needs no help.
-SEARCHED = 2e-3
-
-
 def along_penetration(
     recording: Recording, roles: Roles, signals: Signals, settings: Preparation
 ) -> Contact:
@@ -130,7 +129,7 @@ def along_penetration(
     }
     if signals.velocity is not None:
         values["velocity"] = signals.velocity
-    return _prepared(recording, values, dict(signals.made), replace(settings, units={}), settings)
+    return _prepared(recording, values, dict(signals.made), settings)
 
 
 def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> Contact:
@@ -146,24 +145,19 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
         raise InvalidParameterError(
             f"{missing[0]} must be given, as an array, or a recording in place of all arrays"
         )
-    made: dict[str, str] = {}
+    made, values = dict[str, str](), dict(given)
+    for channel, unit in settings.units.items():
+        if channel in values and unit != next(iter(UNITS[channel])):
+            values[channel] = np.asarray(values[channel], dtype=float) * size_of(channel, unit)
+            add(made, channel, f"in {unit}")
+    contact = _prepared(None, values, made, settings)
     names = {"time": "time_s", "penetration": "penetration_m", "force": "force_N"}
     names |= {"velocity": "velocity_m_s", "segment": "segment"}
-    contact = _prepared(None, dict(given), made, settings, settings)
     raw = Recording({names[name]: np.asarray(values) for name, values in given.items()})
-    done = contact.prepared
-    return replace(contact, prepared=None if done is None else replace(done, recording=raw))
+    return replace(contact, prepared=replace(contact.prepared, recording=raw))
 
 
 @timed("velocity by the filter")
-def with_velocity(contact: Contact, window: float | None) -> Contact:
-    """Work the velocity out, a segment at a time."""
-    runs = list(contact.segments())
-    velocity, lost = velocities_of(contact.time, contact.penetration, runs, window)
-    made = {**contact.provenance, "velocity": filter_words(lost)}
-    return replace(contact, velocity=velocity, provenance=made)
-
-
 def velocities_of(
     time: Floats, depth: Floats, runs: Sequence[slice], window: float | None
 ) -> tuple[Floats, int]:
@@ -188,11 +182,9 @@ def _prepared(
     recording: Recording | None,
     values: dict[str, ArrayLike],
     made: dict[str, str],
-    corrected: Preparation,
     settings: Preparation,
 ) -> Contact:
-    corrections = corrected.corrections()
-    corrections.rescaled(values, made)
+    _correct(values, made, settings)
     measured = {name: values[name] for name in ("time", "penetration", "force")}
     time, penetration, force = checked_signals(**measured)
     penetration, force = measurable(penetration), measurable(force)
@@ -208,45 +200,68 @@ def _prepared(
     length = None
     if "velocity" not in values:
         length = velocity_filter(contact, settings.velocity_window)
-        contact = with_velocity(contact, settings.velocity_window)
-    contact = corrections.tared(contact)
+        runs, window = list(contact.segments()), settings.velocity_window
+        velocity, lost = velocities_of(time, penetration, runs, window)
+        words = {**contact.provenance, "velocity": filter_words(lost)}
+        contact = replace(contact, velocity=velocity, provenance=words)
     done = Prepared(recording or Recording({}), settings, window=length)
-    contact, done = _tare_found(contact, done)
+    contact, done = _tared(contact, done)
     contact, done = _surface_found(contact, done)
-    contact = replace(corrections.in_step(contact), prepared=done)
+    contact = replace(in_step(contact, settings.delay), prepared=done)
     low, high = settings.window or (None, None)
     return contact if low is None and high is None else contact.window(low, high)
 
 
-def _tare_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
-    if done.settings.tare != "find":
-        return contact, done
-    with stage(_LOGGER, "times out of contact"):
-        free = free_samples(-contact.penetration, contact.force)
-    if free is None:
-        where = f"{contact.source}: " if contact.source else ""
-        raise RecordingError(
-            f"{where}the probe is never seen out of contact, so that no zero of the force can be "
-            "found; give a time without contact, --tare 0:2"
-        )
-    found = baseline_of(contact.time, contact.force, free)
+def _correct(values: dict[str, ArrayLike], made: dict[str, str], settings: Preparation) -> None:
+    """Turn signs, and move a surface that was given to 0, in place; a velocity turns too."""
+    for channel in settings.flip:
+        for turned in (channel, "velocity") if channel == "penetration" else (channel,):
+            if turned in values:
+                values[turned] = -np.asarray(values[turned], dtype=float)
+                add(made, turned, "its sign turned")
+    surface = settings.surface
+    if surface and not isinstance(surface, str):
+        values["penetration"] = np.asarray(values["penetration"], dtype=float) - surface
+        add(made, "penetration", f"counted from {surface:g} m")
+
+
+def in_step(contact: Contact, late: float) -> Contact:
+    """Read the force earlier by its delay, s, between samples by a straight line.
+
+    The force, not the penetration: a smoothed penetration is another motion. Samples whose force is
+    then not known, at an end of a segment, are left out.
+    """
+    if late == 0.0 or not len(contact):
+        return contact
+    force, keep = contact.force.copy(), np.zeros(len(contact), dtype=bool)
+    for part in contact.segments():
+        time = contact.time[part]
+        wanted = time + late
+        force[part] = np.interp(wanted, time, contact.force[part])
+        keep[part] = (wanted >= time[0]) & (wanted <= time[-1])
     made = dict(contact.provenance)
-    count = int(np.count_nonzero(found.free))
-    add(
-        made,
-        "force",
-        f"less {rounded(float(found.mean[0]), 3)} N, its mean over {count} free samples",
-    )
-    remarks = list(contact.remarks)
-    if found.drift:
-        add(made, "force", f"and its drift of {rounded(found.drift, 3)} N")
-        words = f"the zero of the force drifts by {rounded(found.drift, 3)} N, which was taken off"
-        remarks.append(Remark("tare", words, "let the sensor warm up"))
+    add(made, "force", f"read {abs(late) * 1e3:g} ms {'earlier' if late > 0 else 'later'}")
+    return replace(contact, force=force, provenance=made).taken(keep)
+
+
+def _tared(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
+    """Take the zero of the force off: its mean between two times, or what is found."""
+    times, source = done.settings.tare, contact.source
+    if times is None:
+        return contact, done
+    if isinstance(times, tuple | list):
+        found = baseline_between(contact.time, contact.force, times, source)
+    else:
+        with stage(_LOGGER, "times out of contact"):
+            free = free_samples(-contact.penetration, contact.force)
+        if free is None:
+            raise never_free(source)
+        found = baseline_of(contact.time, contact.force, free)
+    made, remarks = dict(contact.provenance), list(contact.remarks)
+    found.say(made, remarks)
     force = contact.force - found.zero
-    left = deviation_left(force, found.free)
-    contact = replace(
-        contact, force=force, provenance=made, tare_deviation=left, remarks=tuple(remarks)
-    )
+    left, said = deviation_left(force, found.free), tuple(remarks)
+    contact = replace(contact, force=force, provenance=made, tare_deviation=left, remarks=said)
     return contact, replace(done, zero=found.mean, drift=found.drift)
 
 
@@ -258,40 +273,16 @@ def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]
         found = surface_of(contact.penetration, contact.velocity, contact.force, rule)
     if rule == "estimate" and (found.assumed or abs(found.position) <= SEARCHED):
         return contact, done  # the estimator finds it from here
-    return counted_from(contact, found, rule), replace(done, surface=found)
-
-
-def counted_from(contact: Contact, surface: Surface, rule: SurfaceRule) -> Contact:
-    """Count the penetration from a surface that was found; say so, and how well it is known."""
-    made = dict(contact.provenance)
-    words = f"counted from {rounded(surface.position, 6)} m, {surface.words}"
-    if surface.deviation is not None:
-        words += f" (± {rounded(surface.deviation, 2)} m)"
-    add(made, "penetration", words)
-    deviation = surface.deviation if rule != "estimate" else None
-    return replace(
+    made, remarks = dict(contact.provenance), list(contact.remarks)
+    found.say(made, remarks)
+    counted = replace(
         contact,
-        penetration=contact.penetration - surface.position,
+        penetration=contact.penetration - found.position,
         provenance=made,
-        surface_deviation=deviation if deviation else None,
-        remarks=(*contact.remarks, *assumption(surface)),
+        surface_deviation=(found.deviation or None) if rule != "estimate" else None,
+        remarks=tuple(remarks),
     )
-
-
-def assumption(surface: Surface) -> list[Remark]:
-    """Say that a surface is assumed, where it is."""
-    if not surface.assumed:
-        return []
-    return [
-        Remark(
-            "surface",
-            "the probe is never seen out of contact: where the surface lies is an assumption, the "
-            "shallowest sample; K, B and n are for it, stiffness and damping at working depth hold "
-            "all the same",
-            "record from before the touch, or give --surface",
-            "with-care",
-        )
-    ]
+    return counted, replace(done, surface=found)
 
 
 # The contacts of a probe that travels: one at each place.
@@ -315,6 +306,6 @@ def at_places(contact: Contact) -> Iterator[tuple[Place, Contact]]:
         own = replace(
             contact.taken(part),
             surface_deviation=place.surface.deviation or None,
-            remarks=(*common, *assumption(place.surface)),
+            remarks=(*common, *place.surface.assumption()),
         )
         yield place, own

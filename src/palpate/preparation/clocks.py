@@ -1,15 +1,15 @@
-"""Time as it was stamped, made to run forward: what is skipped, and where it starts again."""
+"""Channels on one clock, in SI: whose time runs forward, what is skipped, and where it breaks."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import SHORTEST_STEP, Remark
+from palpate.contact import SHORTEST_STEP, Remark, numbered, slices_of
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
@@ -55,31 +55,6 @@ class Rows:
         """How many are not taken."""
         return self.untimed + self.repeated + self.late
 
-    def remarks(self, what: str) -> list[Remark]:
-        """Say what was skipped, and whether the recording was started again."""
-        found = []
-        if self.skipped:
-            reasons = {
-                "without a time": self.untimed,
-                "with the time of the one before": self.repeated,
-                "with an earlier time": self.late,
-            }
-            listed = ", ".join(f"{count} {words}" for words, count in reasons.items() if count)
-            many = self.skipped > MOST_SKIPPED * self.keep.size
-            found.append(
-                Remark(
-                    "rows",
-                    f"{self.skipped} of {self.keep.size} {what} were skipped: {listed}",
-                    "look at the recorder's clock; --strict refuses them",
-                    "with-care" if many else "note",
-                )
-            )
-        if self.restarts:
-            times = "once" if self.restarts == 1 else f"{self.restarts} times"
-            words = f"the time starts again {times}: contacts are kept apart there"
-            found.append(Remark("rows", words))
-        return found
-
 
 def rows_of(
     time: NDArray[np.int64] | Floats,
@@ -104,7 +79,7 @@ def rows_of(
     keep, part = np.ones(t.size, dtype=bool), np.zeros(t.size, dtype=np.int64)
     repeated, number = 0, 0
     again: list[int] = []
-    for start, stop in runs_of(own):
+    for start, stop in ((run.start, run.stop) for run in slices_of(own)):
         starts = _starts(t[start:stop])
         again += [start + each for each in starts]
         for low, high in pairwise([0, *starts, stop - start]):
@@ -122,14 +97,6 @@ def rows_of(
     wrong = [*np.flatnonzero(timed)[again[:1]].tolist(), *np.flatnonzero(~taken)[:1].tolist()]
     untimed = int(np.count_nonzero(~timed))
     return Rows(taken, parts, len(again), min(wrong, default=-1), untimed, repeated, max(late, 0))
-
-
-def runs_of(label: NDArray[Any]) -> list[tuple[int, int]]:
-    """Where each run of equal labels starts and stops."""
-    if not label.size:
-        return []
-    borders = np.flatnonzero(label[1:] != label[:-1]) + 1
-    return list(pairwise([0, *borders.tolist(), label.size]))
 
 
 def _starts(t: NDArray[np.int64] | Floats) -> list[int]:
@@ -167,250 +134,18 @@ def gaps(time: Floats, part: NDArray[np.int64]) -> NDArray[np.bool_]:
     return found
 
 
-# The channels that are used, as numbers in SI.
+# The channels that are used, as numbers in SI and on one clock.
 
 #: In SI, beyond which a value is no measurement; units of the arithmetic end there too. Sums of
 #: eighth powers are finite below it: of an infinity LAPACK prints words on standard output.
 LARGEST = 1e30
-
-
-def measurable(values: Floats) -> Floats:
-    """Values of which those beyond what anyone can measure are NaN."""
-    beyond = np.abs(values) > LARGEST
-    return np.where(beyond, np.nan, values) if beyond.any() else values
-
-
-def values_of(
-    recording: Recording,
-    roles: Roles,
-    units: dict[str, str],
-    made: dict[str, str],
-    remarks: list[Remark],
-    *,
-    strict: bool,
-) -> dict[str, NDArray[np.generic]]:
-    """Each role's channels as one array, in SI."""
-    channels = {"depth": roles.depth, "force": roles.force, "orientation": roles.orientation}
-    channels["velocity"] = () if roles.velocity is None else (roles.velocity,)
-    kinds = {"depth": "penetration"}
-    values: dict[str, NDArray[np.generic]] = {}
-    for role, names in channels.items():
-        if not names:
-            continue
-        read = [recording.numbers(name, strict=strict) for name in names]
-        columns = [measurable(column) for column in read]
-        for name, column, before in zip(names, columns, read, strict=True):
-            if strict and column is not before:
-                sample = int(np.nanargmax(np.abs(before)))
-                raise RecordingError(
-                    f"{recording.place(name, sample)}: {before[sample]:g} is no measurement: it is "
-                    f"beyond {LARGEST:g}"
-                )
-            remarks += _unknown(recording, name, column)
-        kind = kinds.get(role, role)
-        if kind in UNITS:
-            given = units.get(kind)
-            first = given or unit_of(recording, names[0], kind)
-            own = [given or unit_of(recording, name, kind, first) for name in names]
-            columns = [c * size_of(kind, unit) for c, unit in zip(columns, own, strict=True)]
-            made[kind] = _made(names, own[0], kind)
-            if not given and own[0] in WEIGHTS:
-                words = f"{', '.join(map(repr, names))} is in {own[0]}, a mass: palpate takes its"
-                words += f" weight at {GRAVITY} m/s²"
-                remarks.append(Remark("units", words, "--unit force=N, where it is a force in N"))
-        values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
-        known = np.isfinite(np.column_stack(columns)).all(axis=1)
-        if role in ("depth", "force") and known.size and not known.any():
-            raise RecordingError(
-                f"{recording.place(names[0])}: no sample holds a number in [-{LARGEST:g}, "
-                f"{LARGEST:g}]; check its unit, or name another column"
-            )
-    if roles.segment is not None:
-        values["segment"] = recording.channel(roles.segment)
-    return values
-
-
-def _unknown(recording: Recording, name: str, column: Floats) -> list[Remark]:
-    """Say how many samples of a channel hold no number: no estimator takes them."""
-    count = int(np.count_nonzero(~np.isfinite(column)))
-    if not count:
-        return []
-    first = recording.channels[name][int(np.argmin(np.isfinite(column)))]
-    text = recording.faults[name].text if name in recording.faults else str(first)
-    samples = "1 sample" if count == 1 else f"{count} samples"
-    return [
-        Remark(
-            "rows",
-            f"{name!r} holds no number in {samples}, first {text.strip()[:40]!r}: left out",
-            "look at the recorder; --strict refuses them",
-            "with-care" if count > MOST_SKIPPED * column.size else "note",
-        )
-    ]
-
-
-def _made(names: tuple[str, ...], unit: str, kind: str) -> str:
-    listed = ", ".join(repr(name) for name in names)
-    words = f"column {listed}" if len(names) == 1 else f"columns {listed}"
-    return words if unit == next(iter(UNITS[kind])) else f"{words}, in {unit}"
-
-
-def unit_of(recording: Recording, name: str, kind: str, usual: str | None = None) -> str:
-    """The unit of a channel as the recording or its name states it; else the usual one, or SI."""
-    own = recording.units.get(name)
-    stated = plain_unit(own) if own else stated_unit(name)
-    si = next(iter(UNITS[kind]))
-    if stated is None or (kind == "time" and not own and not size_of(kind, stated)):
-        return usual or si  # ``time (UTC)`` names a zone
-    if not size_of(kind, stated):
-        raise RecordingError(
-            f"{recording.place(name)}: the {kind} is in {stated}, and palpate converts "
-            f"{', '.join(UNITS[kind])} only; --unit {kind}={si} states its unit, --unit "
-            f"{kind}=0.0098{si} the size of one count"
-        )
-    return stated
-
-
-# Channels by the clock that they are on, with times that increase.
-
 # s. Times since 1970 are counted from the first instead: floats of them have steps of 0.2 µs.
 SINCE_LONG_AGO = 1e8
 # s, three thousand years. Beyond it a millisecond is lost in the digits; a flipped bit leads there.
 LATEST = 1e11
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Stream:
-    """Channels on one clock."""
-
-    clock: str | None
-    time: NDArray[np.int64] | Floats  # in its own unit
-    unit: str
-    values: dict[str, NDArray[np.generic]]
-
-
-def streams_of(
-    recording: Recording,
-    roles: Roles,
-    values: dict[str, NDArray[np.generic]],
-    units: dict[str, str],
-    rate: float | None,
-) -> list[Stream]:
-    """The channels that are used, by the clock that they are on."""
-    by_clock: dict[str | None, dict[str, NDArray[np.generic]]] = {}
-    for role, channel in values.items():
-        names = {"depth": roles.depth, "force": roles.force, "orientation": roles.orientation}
-        name = names.get(role, (str(getattr(roles, role, "")),))[0]
-        clock = roles.time if roles.time is not None else recording.clocks.get(name)
-        by_clock.setdefault(clock, {})[role] = channel
-    return [_stream(recording, clock, own, units, rate) for clock, own in by_clock.items()]
-
-
-def _stream(
-    recording: Recording,
-    clock: str | None,
-    values: dict[str, NDArray[np.generic]],
-    units: dict[str, str],
-    rate: float | None,
-) -> Stream:
-    lengths = {role: len(channel) for role, channel in values.items()}
-    size = next(iter(lengths.values()))
-    where = f"{recording.source}: " if recording.source else ""
-    if clock is None:
-        if rate is None:
-            raise RecordingError(
-                f"{where}no channel looks like the time; name it with --time, or say --rate 1000 "
-                "where the samples are evenly spaced"
-            )
-        return Stream(None, np.arange(size) / rate, "s", values)
-    time = recording.channel(clock)
-    dated = time.dtype.kind in "mM"  # of pandas, say: whole nanoseconds since 1970
-    if dated:
-        known = ~np.isnat(time)
-        time = np.where(
-            known, time.astype("M8[ns]" if time.dtype.kind == "M" else "m8[ns]").view(np.int64), 0
-        )
-        if not known.all():
-            time = np.where(known, time.astype(np.float64), np.nan)
-    elif time.dtype.kind not in "iu":
-        time = recording.numbers(clock, strict=False)
-    if any(length != len(time) for length in lengths.values()):
-        listed = ", ".join(f"{role} has {length}" for role, length in lengths.items())
-        raise RecordingError(
-            f"{where}channels of one clock must have the same length: {clock!r} has {len(time)}, "
-            f"{listed}; name the right clock with --time"
-        )
-    unit = "ns" if dated else units.get("time") or unit_of(recording, clock, "time")
-    return Stream(clock, time, unit, values)
-
-
-def running(
-    recording: Recording, stream: Stream, what: str, remarks: list[Remark], *, strict: bool
-) -> tuple[NDArray[np.int64] | Floats, dict[str, NDArray[np.generic]], NDArray[np.int64]]:
-    """A stream's samples whose time increases, and the part that each is of."""
-    largest = LATEST / size_of("time", stream.unit)
-    rows = rows_of(stream.time, _labels(stream.values.get("segment")), largest=largest)
-    if not rows.keep.any():
-        where = f"{recording.source}: " if recording.source else ""
-        reason = "no sample has a time" if len(stream.time) else "there are columns but no samples"
-        raise RecordingError(f"{where}{reason}")
-    if strict and (rows.skipped or rows.restarts):
-        _refuse(recording, stream, rows.first_wrong)
-    if rows.late > 0.5 * rows.keep.size:
-        place = recording.place(stream.clock or "time", int(np.argmin(rows.keep)))
-        raise RecordingError(f"{place}: the time runs backward; give the samples in their order")
-    remarks += rows.remarks(what)
-    if not rows.skipped:
-        return stream.time, stream.values, rows.part
-    taken = {role: channel[rows.keep] for role, channel in stream.values.items()}
-    return stream.time[rows.keep], taken, rows.part[rows.keep]
-
-
-def _labels(segment: NDArray[np.generic] | None) -> NDArray[np.int64] | None:
-    """Numbers for the runs of equal labels; missing ones (NaN) are equal too."""
-    if segment is None:
-        return None
-    missing = segment != segment
-    other = (segment[1:] != segment[:-1]) & ~(missing[1:] & missing[:-1])
-    return np.concatenate([np.zeros(min(segment.size, 1), dtype=np.int64), np.cumsum(other)])
-
-
-def _refuse(recording: Recording, stream: Stream, sample: int) -> None:
-    time, clock = stream.time, stream.clock or "time"
-    if stream.clock is not None:
-        recording.numbers(stream.clock, strict=True)  # a cell of text says it better
-    what = "is not finite"
-    if np.isfinite(time[sample]) and sample == 0:
-        what = "is no time"
-    elif np.isfinite(time[sample]):
-        before = time[sample - 1]
-        what = f"runs back from {before:g} {stream.unit}"
-        if time[sample] >= before:
-            same = time[sample] == before
-            what = "repeats the time before it" if same else "is hardly later"
-    raise RecordingError(
-        f"{recording.place(clock, sample)}: {time[sample]:g} {stream.unit} {what}; time must "
-        "increase within a segment"
-    )
-
-
-def origin_of(*streams: Stream) -> int | float:
-    """What times are counted from: the first of all where they are whole, or since 1970; else 0."""
-    firsts = [s.time[np.abs(s.time) * size_of("time", s.unit) <= LATEST] for s in streams]
-    known = [first.min() for first in firsts if first.size]
-    if not known:
-        return 0
-    whole = all(stream.time.dtype.kind in "iu" for stream in streams)
-    smallest = min(known)
-    far = abs(float(smallest)) * size_of("time", streams[0].unit) > SINCE_LONG_AGO
-    return (int(smallest) if whole else float(smallest)) if far or whole else 0
-
-
-def seconds_of(time: NDArray[np.int64] | Floats, unit: str, origin: int | float) -> Floats:
-    """Times in seconds from an origin in their own unit, taken off before digits are lost."""
-    return np.asarray((time - origin) * size_of("time", unit), dtype=np.float64)
-
-
-# Position and force on one clock, in SI: what a contact is made of.
+Channels: TypeAlias = dict[str, NDArray[np.generic]]
+Times: TypeAlias = NDArray[np.int64] | Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -459,119 +194,6 @@ class Signals:
         return replace(self, **cut)
 
 
-def made_signals(
-    time: Floats,
-    values: dict[str, NDArray[np.generic]],
-    part: NDArray[np.int64],
-    remarks: list[Remark],
-) -> Signals:
-    """Signals of values on one clock; gaps part them, and are said."""
-    breaks = gaps(time, part)
-    if breaks.any():
-        longest = float(np.diff(time)[breaks[1:]].max())
-        count = int(np.count_nonzero(breaks))
-        many = f"{count} gaps in time, the longest" if count > 1 else "a gap in time,"
-        remarks.append(Remark("rows", f"{many} {longest:.3g} s: contacts are kept apart there"))
-    label = part + np.cumsum(breaks)
-    known = {role: values.get(role) for role in ("velocity", "orientation", "segment")}
-    depth, force = values["depth"], values["force"]
-    return Signals(time, depth, force, label, **known)  # type: ignore[arg-type]
-
-
-# Two clocks made one: the faster is interpolated at the times of the slower.
-
-
-def interpolated(
-    recording: Recording,
-    streams: list[Stream],
-    made: dict[str, str],
-    remarks: list[Remark],
-    *,
-    strict: bool,
-) -> Signals:
-    """The samples of the slowest clock, and what the others were at their times."""
-    units = {stream.unit for stream in streams}
-    if len(units) > 1:
-        raise RecordingError(
-            f"{recording.source}: the clocks are in {', '.join(sorted(units))}; give one unit with "
-            "--unit time=…"
-        )
-    origin = origin_of(*streams)
-    on_time = []
-    for stream in streams:
-        what = f"samples of {stream.clock}"
-        time, values, part = running(recording, stream, what, remarks, strict=strict)
-        if part.size and part.max() > 0:
-            raise RecordingError(
-                f"{recording.place(stream.clock or 'time')}: the time starts again, and the clocks "
-                "cannot be brought together; record anew, or cut the file there"
-            )
-        on_time.append((seconds_of(time, stream.unit, origin), values, stream.clock))
-    on_time.sort(key=lambda each: _step(each[0]), reverse=True)
-    return _onto_the_slowest(recording, on_time, made, remarks)
-
-
-def _step(time: Floats) -> float:
-    return float(np.median(np.diff(time))) if time.size > 1 else np.inf
-
-
-def _onto_the_slowest(
-    recording: Recording,
-    running: list[tuple[Floats, dict[str, NDArray[np.generic]], str | None]],
-    made: dict[str, str],
-    remarks: list[Remark],
-) -> Signals:
-    """The first stream's samples, and the others' values at their times."""
-    # An orientation changes slowly: it sets no clock.
-    first = next(k for k, (_, own, _) in enumerate(running) if "depth" in own or "force" in own)
-    time, values, clock = running.pop(first)
-    values = dict(values)
-    keep = np.ones(time.size, dtype=bool)
-    for other, own, name in running:
-        keep &= _covered(time, other)
-        for role, channel in own.items():
-            values[role] = _at(time, other, np.asarray(channel))
-            kind = "penetration" if role == "depth" else role
-            if kind in made:
-                made[kind] += f", interpolated from {name!r} at the times of {clock!r}"
-    if not keep.any():
-        raise RecordingError(
-            f"{recording.source}: the clocks {clock!r} and {running[0][2]!r} have no time in "
-            "common; look at them with palpate info"
-        )
-    if not keep.all():
-        remarks.append(
-            Remark(
-                "clock",
-                f"{np.count_nonzero(~keep)} of {keep.size} samples of {clock} were left out: the "
-                "other clock has no sample near them",
-            )
-        )
-    taken = {role: channel[keep] for role, channel in values.items()}
-    return made_signals(time[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64), remarks)
-
-
-def _covered(wanted: Floats, time: Floats) -> NDArray[np.bool_]:
-    """Whether each time lies between two samples of a clock that are no gap apart."""
-    after = np.searchsorted(time, wanted)
-    inside = (after > 0) & (after < time.size)
-    exact = (after < time.size) & (time[np.minimum(after, time.size - 1)] == wanted)
-    low, high = time[np.maximum(after - 1, 0)], time[np.minimum(after, time.size - 1)]
-    covered: NDArray[np.bool_] = (inside & (high - low <= GAP * _step(time))) | exact
-    return covered
-
-
-def _at(wanted: Floats, time: Floats, values: NDArray[np.generic]) -> NDArray[np.generic]:
-    if values.dtype.kind not in "fiu":
-        raise InvalidParameterError("a segment must be on the clock of the position or the force")
-    if values.ndim == 1:
-        return np.interp(wanted, time, values.astype(np.float64))
-    return np.column_stack([_at(wanted, time, column) for column in values.T])
-
-
-# Channels of a recording on one clock, in SI.
-
-
 def signals_of(
     recording: Recording,
     roles: Roles,
@@ -605,20 +227,291 @@ def signals_of(
         There is no time, or it runs backward; a channel holds no numbers; or the clocks of position
         and force have no time in common.
     """
-    made: dict[str, str] = {}
-    remarks: list[Remark] = []
-    values = values_of(recording, roles, dict(units or {}), made, remarks, strict=strict)
-    streams = streams_of(recording, roles, values, dict(units or {}), rate)
-    if len(streams) == 1:
-        signals = _together(recording, streams[0], remarks, strict=strict)
-    else:
-        signals = interpolated(recording, streams, made, remarks, strict=strict)
-    return replace(signals, made=made, remarks=(*signals.remarks, *remarks))
+    return _Taking(recording, units or {}, strict).signals(roles, rate)
 
 
-def _together(
-    recording: Recording, stream: Stream, remarks: list[Remark], *, strict: bool
-) -> Signals:
-    """All channels on one clock: samples with a bad time are left out, gaps kept apart."""
-    time, values, part = running(recording, stream, "samples", remarks, strict=strict)
-    return made_signals(seconds_of(time, stream.unit, origin_of(stream)), values, part, remarks)
+def measurable(values: Floats) -> Floats:
+    """Values of which those beyond what anyone can measure are NaN."""
+    beyond = np.abs(values) > LARGEST
+    return np.where(beyond, np.nan, values) if beyond.any() else values
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stream:
+    """Channels on one clock, whose times are in its own unit."""
+
+    clock: str | None
+    time: Times
+    unit: str
+    values: Channels
+
+    def seconds(self, time: Times, origin: int | float) -> Floats:
+        """Times in seconds from an origin in their own unit, taken off before digits are lost."""
+        return np.asarray((time - origin) * size_of("time", self.unit), dtype=np.float64)
+
+
+@dataclass(slots=True)
+class _Taking:
+    """Takes the channels of a recording, and says how each was made and what was skipped."""
+
+    recording: Recording
+    units: Mapping[str, str]
+    strict: bool
+    made: dict[str, str] = field(default_factory=dict)
+    remarks: list[Remark] = field(default_factory=list)
+
+    def signals(self, roles: Roles, rate: float | None) -> Signals:
+        """Take the channels of some roles."""
+        by_clock: dict[str | None, Channels] = {}
+        for role, channel in self._values(roles).items():
+            own = self.recording.clocks.get(roles.by_role[role][0])
+            by_clock.setdefault(own if roles.time is None else roles.time, {})[role] = channel
+        streams = [self._stream(clock, values, rate) for clock, values in by_clock.items()]
+        if len(streams) > 1:
+            return self._interpolated(streams)
+        [stream] = streams
+        time, values, part = self._running(stream, "samples")
+        return self._made(stream.seconds(time, _origin_of(stream)), values, part)
+
+    def _values(self, roles: Roles) -> Channels:
+        """Each role's channels as one array, in SI."""
+        values: Channels = {}
+        for role, names in roles.by_role.items():
+            if not names or role == "segment":
+                continue
+            columns = [self._read(name) for name in names]
+            kind = "penetration" if role == "depth" else role
+            if kind in UNITS:
+                given = self.units.get(kind)
+                first = given or self._unit_of(names[0], kind)
+                own = [given or self._unit_of(name, kind, first) for name in names]
+                columns = [c * size_of(kind, unit) for c, unit in zip(columns, own, strict=True)]
+                listed = ", ".join(map(repr, names))
+                made = f"column {listed}" if len(names) == 1 else f"columns {listed}"
+                in_si = own[0] == next(iter(UNITS[kind]))
+                self.made[kind] = made if in_si else f"{made}, in {own[0]}"
+                if not given and own[0] in WEIGHTS:
+                    words = (
+                        f"{listed} is in {own[0]}, a mass: palpate takes its weight at {GRAVITY}"
+                    )
+                    remedy = "--unit force=N, where it is a force in N"
+                    self.remarks.append(Remark("units", f"{words} m/s²", remedy))
+            values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
+            known = np.isfinite(np.column_stack(columns)).all(axis=1)
+            if role in ("depth", "force") and known.size and not known.any():
+                raise RecordingError(
+                    f"{self.recording.place(names[0])}: no sample holds a number in "
+                    f"[-{LARGEST:g}, {LARGEST:g}]; check its unit, or name another column"
+                )
+        if roles.segment is not None:
+            values["segment"] = self.recording.channel(roles.segment)
+        return values
+
+    def _read(self, name: str) -> Floats:
+        """A channel; say how many samples of it hold no number, for no estimator takes them."""
+        recording = self.recording
+        before = recording.numbers(name, strict=self.strict)
+        column = measurable(before)
+        if self.strict and column is not before:
+            sample = int(np.nanargmax(np.abs(before)))
+            raise RecordingError(
+                f"{recording.place(name, sample)}: {before[sample]:g} is no measurement: it is "
+                f"beyond {LARGEST:g}"
+            )
+        if count := int(np.count_nonzero(~np.isfinite(column))):
+            first = str(recording.channels[name][int(np.argmin(np.isfinite(column)))])
+            text = recording.faults[name].text if name in recording.faults else first
+            samples = "1 sample" if count == 1 else f"{count} samples"
+            self._say_rows(
+                f"{name!r} holds no number in {samples}, first {text.strip()[:40]!r}: left out",
+                "look at the recorder; --strict refuses them",
+                many=count > MOST_SKIPPED * column.size,
+            )
+        return column
+
+    def _say_rows(self, words: str, remedy: str, *, many: bool) -> None:
+        self.remarks.append(Remark("rows", words, remedy, "with-care" if many else "note"))
+
+    def _unit_of(self, name: str, kind: str, usual: str | None = None) -> str:
+        """The unit that the recording or a channel's name states; else the usual one, or SI."""
+        own = self.recording.units.get(name)
+        stated = plain_unit(own) if own else stated_unit(name)
+        si = next(iter(UNITS[kind]))
+        if stated is None or (kind == "time" and not own and not size_of(kind, stated)):
+            return usual or si  # ``time (UTC)`` names a zone
+        if not size_of(kind, stated):
+            raise RecordingError(
+                f"{self.recording.place(name)}: the {kind} is in {stated}, and palpate converts "
+                f"{', '.join(UNITS[kind])} only; --unit {kind}={si} states its unit, --unit "
+                f"{kind}=0.0098{si} the size of one count"
+            )
+        return stated
+
+    def _stream(self, clock: str | None, values: Channels, rate: float | None) -> Stream:
+        recording, lengths = self.recording, {role: len(each) for role, each in values.items()}
+        if clock is None:
+            if rate is None:
+                raise RecordingError.of(
+                    recording.source,
+                    "no channel looks like the time; name it with --time, or say --rate 1000 where "
+                    "the samples are evenly spaced",
+                )
+            return Stream(None, np.arange(next(iter(lengths.values()))) / rate, "s", values)
+        time = recording.channel(clock)
+        dated = time.dtype.kind in "mM"  # of pandas, say: whole nanoseconds since 1970
+        if dated:
+            known = ~np.isnat(time)
+            whole = time.astype("M8[ns]" if time.dtype.kind == "M" else "m8[ns]").view(np.int64)
+            time = whole if known.all() else np.where(known, whole.astype(np.float64), np.nan)
+        elif time.dtype.kind not in "iu":
+            time = recording.numbers(clock, strict=False)
+        if any(length != len(time) for length in lengths.values()):
+            listed = ", ".join(f"{role} has {length}" for role, length in lengths.items())
+            raise RecordingError.of(
+                recording.source,
+                f"channels of one clock must have the same length: {clock!r} has {len(time)}, "
+                f"{listed}; name the right clock with --time",
+            )
+        unit = "ns" if dated else self.units.get("time") or self._unit_of(clock, "time")
+        return Stream(clock, time, unit, values)
+
+    def _running(self, stream: Stream, what: str) -> tuple[Times, Channels, NDArray[np.int64]]:
+        """A stream's samples whose time increases, and the part that each is of."""
+        recording, label = self.recording, stream.values.get("segment")
+        numbers = None if label is None else numbered(label, label.size)
+        rows = rows_of(stream.time, numbers, largest=LATEST / size_of("time", stream.unit))
+        if not rows.keep.any():
+            there = len(stream.time)
+            reason = "no sample has a time" if there else "there are columns but no samples"
+            raise RecordingError.of(recording.source, reason)
+        if self.strict and (rows.skipped or rows.restarts):
+            self._refuse(stream, rows.first_wrong)
+        if rows.late > 0.5 * rows.keep.size:
+            place = recording.place(stream.clock or "time", int(np.argmin(rows.keep)))
+            raise RecordingError(
+                f"{place}: the time runs backward; give the samples in their order"
+            )
+        if rows.skipped:
+            reasons = {
+                "without a time": rows.untimed,
+                "with the time of the one before": rows.repeated,
+                "with an earlier time": rows.late,
+            }
+            listed = ", ".join(f"{count} {words}" for words, count in reasons.items() if count)
+            self._say_rows(
+                f"{rows.skipped} of {rows.keep.size} {what} were skipped: {listed}",
+                "look at the recorder's clock; --strict refuses them",
+                many=rows.skipped > MOST_SKIPPED * rows.keep.size,
+            )
+        if rows.restarts:
+            times = "once" if rows.restarts == 1 else f"{rows.restarts} times"
+            words = f"the time starts again {times}: contacts are kept apart there"
+            self.remarks.append(Remark("rows", words))
+        if not rows.skipped:
+            return stream.time, stream.values, rows.part
+        taken = {role: channel[rows.keep] for role, channel in stream.values.items()}
+        return stream.time[rows.keep], taken, rows.part[rows.keep]
+
+    def _refuse(self, stream: Stream, sample: int) -> None:
+        time, clock = stream.time, stream.clock or "time"
+        if stream.clock is not None:
+            self.recording.numbers(stream.clock, strict=True)  # a cell of text says it better
+        what = "is not finite"
+        if np.isfinite(time[sample]) and sample == 0:
+            what = "is no time"
+        elif np.isfinite(time[sample]):
+            before = time[sample - 1]
+            what = f"runs back from {before:g} {stream.unit}"
+            if time[sample] >= before:
+                same = time[sample] == before
+                what = "repeats the time before it" if same else "is hardly later"
+        raise RecordingError(
+            f"{self.recording.place(clock, sample)}: {time[sample]:g} {stream.unit} {what}; time "
+            "must increase within a segment"
+        )
+
+    def _made(self, time: Floats, values: Channels, part: NDArray[np.int64]) -> Signals:
+        """Signals of values on one clock; gaps part them, and are said."""
+        breaks = gaps(time, part)
+        if breaks.any():
+            longest, count = float(np.diff(time)[breaks[1:]].max()), np.count_nonzero(breaks)
+            many = f"{count} gaps in time, the longest" if count > 1 else "a gap in time,"
+            words = f"{many} {longest:.3g} s: contacts are kept apart there"
+            self.remarks.append(Remark("rows", words))
+        known: dict[str, Any] = {"part": part + np.cumsum(breaks), "made": self.made, **values}
+        return Signals(time, **known, remarks=tuple(self.remarks))
+
+    def _interpolated(self, streams: list[Stream]) -> Signals:
+        """The samples of the slowest clock, and what the others were at their times."""
+        source, units = self.recording.source, {stream.unit for stream in streams}
+        if len(units) > 1:
+            listed = ", ".join(sorted(units))
+            raise RecordingError(
+                f"{source}: the clocks are in {listed}; give one unit with --unit time=…"
+            )
+        origin = _origin_of(*streams)
+        on_time = []
+        for stream in streams:
+            time, values, part = self._running(stream, f"samples of {stream.clock}")
+            if part.size and part.max() > 0:
+                raise RecordingError(
+                    f"{self.recording.place(stream.clock or 'time')}: the time starts again, and "
+                    "the clocks cannot be brought together; record anew, or cut the file there"
+                )
+            on_time.append((stream.seconds(time, origin), values, stream.clock))
+        on_time.sort(key=lambda each: _step(each[0]), reverse=True)
+        # An orientation changes slowly: it sets no clock.
+        first = next(k for k, (_, own, _) in enumerate(on_time) if "depth" in own or "force" in own)
+        at, values, clock = on_time.pop(first)
+        values, keep = dict(values), np.ones(at.size, dtype=bool)
+        for other, own, name in on_time:
+            keep &= _covered(at, other)
+            for role, channel in own.items():
+                values[role] = _at(at, other, np.asarray(channel))
+                kind = "penetration" if role == "depth" else role
+                if kind in self.made:
+                    self.made[kind] += f", interpolated from {name!r} at the times of {clock!r}"
+        if not keep.any():
+            raise RecordingError(
+                f"{source}: the clocks {clock!r} and {on_time[0][2]!r} have no time in common; "
+                "look at them with palpate info"
+            )
+        if not keep.all():
+            words = f"{np.count_nonzero(~keep)} of {keep.size} samples of {clock} were left out: "
+            self.remarks.append(Remark("clock", f"{words}the other clock has no sample near them"))
+        taken = {role: channel[keep] for role, channel in values.items()}
+        return self._made(at[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64))
+
+
+def _origin_of(*streams: Stream) -> int | float:
+    """What times are counted from: the first of all where they are whole, or since 1970; else 0."""
+    firsts = [s.time[np.abs(s.time) * size_of("time", s.unit) <= LATEST] for s in streams]
+    known = [first.min() for first in firsts if first.size]
+    if not known:
+        return 0
+    whole = all(stream.time.dtype.kind in "iu" for stream in streams)
+    smallest = min(known)
+    far = abs(float(smallest)) * size_of("time", streams[0].unit) > SINCE_LONG_AGO
+    return (int(smallest) if whole else float(smallest)) if far or whole else 0
+
+
+def _step(time: Floats) -> float:
+    return float(np.median(np.diff(time))) if time.size > 1 else np.inf
+
+
+def _covered(wanted: Floats, time: Floats) -> NDArray[np.bool_]:
+    """Whether each time lies between two samples of a clock that are no gap apart."""
+    after = np.searchsorted(time, wanted)
+    inside = (after > 0) & (after < time.size)
+    exact = (after < time.size) & (time[np.minimum(after, time.size - 1)] == wanted)
+    low, high = time[np.maximum(after - 1, 0)], time[np.minimum(after, time.size - 1)]
+    covered: NDArray[np.bool_] = (inside & (high - low <= GAP * _step(time))) | exact
+    return covered
+
+
+def _at(wanted: Floats, time: Floats, values: NDArray[np.generic]) -> NDArray[np.generic]:
+    if values.dtype.kind not in "fiu":
+        raise InvalidParameterError("a segment must be on the clock of the position or the force")
+    if values.ndim == 1:
+        return np.interp(wanted, time, values.astype(np.float64))
+    return np.column_stack([_at(wanted, time, column) for column in values.T])

@@ -1,4 +1,4 @@
-"""A gate and a scale chosen from the data, where the user chooses none."""
+"""What the data say of a contact: a gate and a scale, its touches, and its noise."""
 
 import dataclasses
 import math
@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 import palpate._core as _core
-from palpate.contact import Contact
-from palpate.preparation.clocks import runs_of
+from palpate.contact import Contact, slices_of
 from palpate.settings import ContactGate, Scale
 from palpate.validation import Floats, number_in
 
@@ -120,7 +119,7 @@ def touches_of(contact: Contact, gate: ContactGate | None = None) -> list[Touch]
     for part in contact.segments():
         time, force = contact.time[part], np.nan_to_num(contact.force[part])
         depth = np.nan_to_num(contact.penetration[part])
-        runs = [run for run in runs_of(force > limit) if force[run[0]] > limit]
+        runs = [run for run in slices_of(force > limit) if force[run.start] > limit]
         for start, stop in _joined(runs, time.tolist()):
             peak = float(force[start:stop].max())
             if peak > chosen.make_force:
@@ -129,13 +128,13 @@ def touches_of(contact: Contact, gate: ContactGate | None = None) -> list[Touch]
     return [Touch(number, *each) for number, each in enumerate(found, start=1)]
 
 
-def _joined(runs: list[tuple[int, int]], time: list[float]) -> list[tuple[int, int]]:
+def _joined(runs: list[slice], time: list[float]) -> list[tuple[int, int]]:
     joined: list[tuple[int, int]] = []
-    for start, stop in runs:
+    for run in runs:
+        start = run.start
         if joined and time[start] - time[joined[-1][1] - 1] < SHORTEST_LIFT:
-            joined[-1] = joined[-1][0], stop
-        else:
-            joined.append((start, stop))
+            start = joined.pop()[0]
+        joined.append((start, run.stop))
     return joined
 
 

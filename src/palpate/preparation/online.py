@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 import palpate._core as _core
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
-from palpate.preparation.settings import FLIPPED
+from palpate.preparation.settings import flipped
 from palpate.preparation.velocity import window_samples
 from palpate.settings import Configured
-from palpate.validation import Floats, arguments, number_in, shown, signal, unmasked
+from palpate.validation import Floats, above_zero, arguments, number_in, shown, signal, unmasked
 
 _DEFAULTS = _core.defaults["OnlinePreparation"]
 LONGEST_WINDOW: int = _DEFAULTS["longest_window"]  # samples
@@ -91,11 +91,11 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
             raise InvalidParameterError(
                 f"velocity_window must be at most {longest}, not {shown(velocity_window)}"
             )
-        turned = _flipped(flip)
+        turned = flipped(flip)
         super().__init__(
             step,
             samples,
-            0.0 if longest_gap is None else _gap(longest_gap),
+            0.0 if longest_gap is None else above_zero("longest_gap", longest_gap),
             bool(lost_positions),
             number_in("surface", surface, -1e6, 1e6),
             number_in("force_offset", force_offset, -1e30, 1e30),
@@ -151,20 +151,6 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
     def _words(self) -> str:
         samples = window_samples(self._settings["sample_time"], self._settings["velocity_window"])
         return WORDS.format(samples=samples, delay=1e3 * self.delay)
-
-
-def _gap(longest_gap: Any) -> float:
-    return number_in("longest_gap", longest_gap, 0.0, 1e12, open_low=True)
-
-
-def _flipped(flip: Sequence[str]) -> set[str]:
-    names = {flip} if isinstance(flip, str) else set(flip)
-    for channel in names:
-        if channel not in FLIPPED:
-            raise InvalidParameterError(
-                f"flip must name some of {', '.join(FLIPPED)}, not {shown(channel)}"
-            )
-    return names
 
 
 def _unit_vector(direction: "ArrayLike") -> list[float]:

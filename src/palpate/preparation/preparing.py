@@ -142,22 +142,8 @@ def prepare(
         Arrays are missing, of another type or of different lengths, or their time does not increase
         within a segment; or a setting is outside its range.
     """
-    settings = Preparation(
-        columns=Columns() if columns is None else columns,
-        velocity_window=velocity_window,
-        units=units or {},
-        flip=flip,
-        tare=tare,
-        delay=delay,
-        surface=surface,
-        normal=normal,
-        force_frame=force_frame,
-        tool_weight=tool_weight,
-        rate=rate,
-        spot=spot,
-        window=window,
-        strict=strict,
-    )
+    asked = {name: value for name, value in locals().items() if name in Preparation.__slots__}
+    settings = Preparation(**{**asked, "columns": columns or Columns(), "units": units or {}})
     arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
     arrays["segment"] = segment
     given = {name: values for name, values in arrays.items() if values is not None}
@@ -200,6 +186,7 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     done = contact.provenance
     for channel, words in done.items():
         _LOGGER.info("%s: %s", channel, words)
+    used = "what could be read is used; --strict refuses the file"
     notes = {f"note on {key}" if key in done else key: v for key, v in recording.notes.items()}
     return dataclasses.replace(
         contact,
@@ -207,7 +194,7 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
         prepared=dataclasses.replace(contact.prepared, way=prepared_contact),
         provenance={**notes, **done},
         remarks=(
-            *_lost(recording),
+            *(Remark("file", words, used, "with-care") for words in recording.losses),
             *_commanded(roles),
             *_unused(settings, roles, pressing=pressing),
             *signals.remarks,
@@ -218,11 +205,10 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
 
 def _log_roles(roles: Roles) -> None:
     """Say which channels were taken for what."""
-    depth = "penetration" if roles.is_penetration else "position"
-    taken = {depth: roles.depth, "force": roles.force, "orientation": roles.orientation}
-    alone = {"time": roles.time, "velocity": roles.velocity, "segment": roles.segment}
-    taken |= {role: (name,) for role, name in alone.items() if name}
-    for role, names in taken.items():
+    times = () if roles.time is None else (roles.time,)
+    for role, names in {"time": times, **roles.by_role}.items():
+        if role == "depth":
+            role = "penetration" if roles.is_penetration else "position"
         if names:
             why = roles.reasons.get(role)
             words = f"{', '.join(names)} ({why})" if why else ", ".join(names)
@@ -243,28 +229,15 @@ def _commanded(roles: Roles) -> list[Remark]:
 def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Remark]:
     """Say which settings found nothing to act on."""
     flat = pressing or len(roles.depth) == 1 or len(roles.force) == 1
-    idle = [
-        option
-        for option, value, unused in (
-            ("--normal", settings.normal, pressing or len(roles.depth) == len(roles.force) == 1),
-            ("--force-frame", settings.force_frame, flat),
-            ("--tool-weight", settings.tool_weight, flat),
-        )
-        if unused and value is not None
-    ]
-    if not idle:
-        return []
-    listed = " and ".join(idle)
-    words = f"{listed} did nothing: position and force are not both in space"
-    return [Remark("options", words, "leave it out, or name three channels of each")]
-
-
-def _lost(recording: Recording) -> list[Remark]:
-    """What of the file could not be read."""
-    return [
-        Remark("file", words, "what could be read is used; --strict refuses the file", "with-care")
-        for words in recording.losses
-    ]
+    options = {
+        "--normal": (settings.normal, pressing or len(roles.depth) == len(roles.force) == 1),
+        "--force-frame": (settings.force_frame, flat),
+        "--tool-weight": (settings.tool_weight, flat),
+    }
+    idle = [name for name, (value, unused) in options.items() if unused and value is not None]
+    words = f"{' and '.join(idle)} did nothing: position and force are not both in space"
+    remark = Remark("options", words, "leave it out, or name three channels of each")
+    return [remark] if idle else []
 
 
 def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
@@ -332,16 +305,20 @@ def joined(contacts: Sequence[Contact]) -> Contact:
     # A velocity is worked out in all of them, or in none: its checks ask for one of them.
     return replace(
         first,
-        time=np.concatenate([contact.time for contact in contacts]),
-        penetration=np.concatenate([contact.penetration for contact in contacts]),
-        velocity=np.concatenate([contact.velocity for contact in contacts]),
-        force=np.concatenate([contact.force for contact in contacts]),
+        **{
+            name: np.concatenate([getattr(contact, name) for contact in contacts])
+            for name in ("time", "penetration", "velocity", "force")
+        },
         segment=np.concatenate(labels),
         source=", ".join(contact.source for contact in contacts),
         provenance={**first.provenance, **provenance},
         tare_deviation=_widest([contact.tare_deviation for contact in contacts]),
         surface_deviation=_widest([contact.surface_deviation for contact in contacts]),
-        remarks=tuple(_of(contact, remark) for contact in contacts for remark in contact.remarks),
+        remarks=tuple(
+            replace(remark, sentence=f"{contact.source}: {remark.sentence}")
+            for contact in contacts
+            for remark in contact.remarks
+        ),
         prepared=None,
     )
 
@@ -350,7 +327,3 @@ def _widest(deviations: Sequence[float | None]) -> float | None:
     """The largest; None where one of them is not known."""
     known = [each for each in deviations if each is not None]
     return max(known) if len(known) == len(deviations) else None
-
-
-def _of(contact: Contact, remark: Remark) -> Remark:
-    return replace(remark, sentence=f"{contact.source}: {remark.sentence}")

@@ -1,4 +1,4 @@
-"""Vectors among the channels of a recording, by the names of their components."""
+"""Which channel of a recording is the time, the position, the force, by names and units."""
 
 import dataclasses
 import re
@@ -227,10 +227,11 @@ class Roles:
     reasons: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Every channel that is used."""
-        single = (name for name in (self.time, self.velocity, self.segment) if name is not None)
-        return (*self.depth, *self.force, *self.orientation, *single)
+    def by_role(self) -> dict[str, tuple[str, ...]]:
+        """The channels of each role but the time."""
+        single = {"velocity": self.velocity, "segment": self.segment}
+        own = {role: () if name is None else (name,) for role, name in single.items()}
+        return {"depth": self.depth, "force": self.force, "orientation": self.orientation, **own}
 
 
 def roles_of(recording: Recording, columns: Columns | None = None) -> Roles:
@@ -272,7 +273,7 @@ class _Choosing:
             force,
             self._time(),
             self._velocity(depth, is_penetration),
-            self._default("segment"),
+            (*self._given("segment"), None)[0],
             self._orientation(depth),
             self.reasons,
         )
@@ -331,10 +332,6 @@ class _Choosing:
         if name == getattr(Columns(), role) and name not in self.recording.channels:
             return ()
         return self._named(role, name)
-
-    def _default(self, role: str) -> str | None:
-        given = self._given(role)
-        return given[0] if given else None
 
     def _named(self, role: str, name: str) -> tuple[str, ...]:
         channels = self.recording.channels

@@ -1,144 +1,116 @@
-"""What a user corrects in a recording: units, signs, tare, delay and surface; it is all said."""
+"""How a contact is made of a recording: every choice of it, and the frames and normals it names."""
 
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
 
-from palpate.contact import Contact, Remark
+from palpate.contact import Remark
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.gates import noise_of
 from palpate.preparation.roles import Columns, Roles
-from palpate.preparation.surfaces import RADIUS, SurfaceRule, deviation_left
+from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings import Recording
 from palpate.recordings.recording import UNITS, size_of
-from palpate.validation import Floats, instance, number, number_in, pair_in, shown
+from palpate.validation import Floats, instance, number_in, pair_in, shown
 
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s
+LARGEST_RATE = 1e9  # samples a second
+
+ForceFrame = Literal["tool", "base"]
 
 
-@dataclass(frozen=True, slots=True)
-class Corrections:
-    """What is done to the channels before anything is worked out of them.
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+class Preparation:
+    """How a contact is made of a recording; :func:`palpate.prepare` says what each means.
 
-    Parameters
-    ----------
-    units : mapping
-        The unit that a channel is in, such as ``{"penetration": "mm"}``.
-    flip : sequence of str
-        Channels whose sign is turned: ``"force"``, ``"penetration"``; a velocity turns with the
-        penetration.
-    tare : tuple of float, optional
-        (start, stop), s: the mean force between them is taken off.
-    delay : float
-        How late the force is, s, positive: it is read that much earlier.
-    surface : float
-        Where the material begins, m, in the recording's penetration.
+    Raises
+    ------
+    InvalidParameterError
+        One is outside its range.
     """
 
-    units: Mapping[str, str] = field(default_factory=dict)
+    columns: Columns = dataclasses.field(default_factory=Columns)
+    velocity_window: float | None = None
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
     flip: Sequence[str] = ()
-    tare: tuple[float, float] | None = None
+    tare: tuple[float, float] | Literal["find"] | None = None
     delay: float = 0.0
-    surface: float = 0.0
+    surface: float | SurfaceRule | None = None
+    normal: str | Sequence[float] | None = None
+    force_frame: ForceFrame | None = None
+    tool_weight: float | None = None
+    rate: float | None = None
+    spot: float = RADIUS
+    window: tuple[float | None, float | None] | None = None
+    strict: bool = False
 
     def __post_init__(self) -> None:
-        for channel, unit in self.units.items():
-            if channel not in UNITS:
-                raise InvalidParameterError(
-                    f"units must be of {', '.join(UNITS)}, not of {shown(channel)}"
-                )
-            if not isinstance(unit, str) or not size_of(channel, unit):
-                known = ", ".join(UNITS[channel])
-                raise InvalidParameterError(
-                    f"unit of the {channel} must be one of {known}, or a multiple such as "
-                    f"0.0098{_si(channel)}, not {shown(unit)}"
-                )
-        for channel in self.flip:
-            if channel not in FLIPPED:
-                raise InvalidParameterError(
-                    f"flip must name some of {', '.join(FLIPPED)}, not {shown(channel)}"
-                )
-        if self.tare is not None:
+        instance("columns", self.columns, Columns)
+        units = {"penetration" if k == "position" else k: unit for k, unit in self.units.items()}
+        object.__setattr__(self, "units", units)
+        for channel, unit in units.items():
+            _check_unit(channel, unit)
+        flipped(self.flip)
+        if isinstance(self.tare, str) and self.tare != "find":
+            raise InvalidParameterError(
+                f"tare must be find, or two times (start, stop) in s, not {shown(self.tare)}"
+            )
+        if not (self.tare is None or isinstance(self.tare, str)):
             pair_in("tare", self.tare, -1e12, 1e12)
         number_in("delay", self.delay, -LONGEST_DELAY, LONGEST_DELAY)
-        number_in("surface", self.surface, -1e6, 1e6)
-
-    def rescaled(self, values: dict[str, Any], made: dict[str, str]) -> None:
-        """Bring channels to SI, turn signs and move the surface, in place; say so in ``made``."""
-        for channel, unit in self.units.items():
-            if channel in values and unit != _si(channel):
-                values[channel] = np.asarray(values[channel], dtype=float) * size_of(channel, unit)
-                add(made, channel, f"in {unit}")
-        for channel in self.flip:
-            for turned in (channel, "velocity") if channel == "penetration" else (channel,):
-                if turned in values:
-                    values[turned] = -np.asarray(values[turned], dtype=float)
-                    add(made, turned, "its sign turned")
-
-        if self.surface and "penetration" in values:
-            values["penetration"] = np.asarray(values["penetration"], dtype=float) - self.surface
-            add(made, "penetration", f"counted from {self.surface:g} m")
-
-    def tared(self, contact: Contact) -> Contact:
-        """Take the mean force between two times off.
-
-        Raises
-        ------
-        RecordingError
-            There is no sample between them.
-        """
-        if self.tare is None:
-            return contact
-        start, stop = self.tare
-        free = (contact.time >= start) & (contact.time <= stop) & np.isfinite(contact.force)
-        if not free.any():
-            where = f"{contact.source}: " if contact.source else ""
-            raise RecordingError(
-                f"{where}no sample between {start:g} s and {stop:g} s to tare the force with"
+        if not (self.surface is None or isinstance(self.surface, str)):
+            number_in("surface", self.surface, -1e6, 1e6)
+        elif self.surface not in (None, *get_args(SurfaceRule)):
+            raise InvalidParameterError(
+                f"surface must be a number of metres, threshold, baseline, fit or estimate, not "
+                f"{shown(self.surface)}"
             )
-        zero = float(contact.force[free].mean())
-        left = deviation_left(contact.force, free)
-        made = dict(contact.provenance)
-        add(made, "force", f"less its mean from {start:g} s to {stop:g} s, {zero:.3g} N")
-        return replace(contact, force=contact.force - zero, provenance=made, tare_deviation=left)
-
-    def in_step(self, contact: Contact) -> Contact:
-        """Read the force earlier by its delay, between samples by a straight line.
-
-        The force, not the penetration: a smoothed penetration is another motion. Samples whose
-        force is then not known, at an end of a segment, are left out.
-        """
-        late = number("delay", self.delay)
-        if late == 0.0 or not len(contact):
-            return contact
-        force, keep = contact.force.copy(), np.zeros(len(contact), dtype=bool)
-        for part in contact.segments():
-            time = contact.time[part]
-            wanted = time + late
-            force[part] = np.interp(wanted, time, contact.force[part])
-            keep[part] = (wanted >= time[0]) & (wanted <= time[-1])
-        made = dict(contact.provenance)
-        add(made, "force", f"read {abs(late) * 1e3:g} ms {'earlier' if late > 0 else 'later'}")
-        return replace(contact, force=force, provenance=made).taken(keep)
+        if self.normal is not None:
+            normal_given(self.normal)
+        if self.force_frame not in (None, *get_args(ForceFrame)):
+            raise InvalidParameterError(
+                f"force_frame must be tool or base, not {shown(self.force_frame)}"
+            )
+        if self.tool_weight is not None:
+            number_in("tool_weight", self.tool_weight, 0.0, 1e6)
+        if self.rate is not None:
+            number_in("rate", self.rate, 0.0, LARGEST_RATE, open_low=True)
+        number_in("spot", self.spot, 0.0, 1e6, open_low=True)
+        if self.window is not None:
+            low, high = self.window
+            ends = -1e12 if low is None else low, 1e12 if high is None else high
+            pair_in("window", ends, -1e12, 1e12)
 
 
-def _si(channel: str) -> str:
-    return next(iter(UNITS[channel]))
+def _check_unit(channel: str, unit: Any) -> None:
+    if channel not in UNITS:
+        raise InvalidParameterError(f"units must be of {', '.join(UNITS)}, not of {shown(channel)}")
+    if not isinstance(unit, str) or not size_of(channel, unit):
+        known = list(UNITS[channel])
+        raise InvalidParameterError(
+            f"unit of the {channel} must be one of {', '.join(known)}, or a multiple such as "
+            f"0.0098{known[0]}, not {shown(unit)}"
+        )
 
 
-def add(made: dict[str, str], channel: str, words: str) -> None:
-    """Add to what is said of a channel."""
-    made[channel] = f"{made[channel]}, {words}" if channel in made else words
+def flipped(flip: Sequence[str]) -> set[str]:
+    """Check which channels' signs are turned."""
+    names = {flip} if isinstance(flip, str) else set(flip)
+    for channel in names:
+        if channel not in FLIPPED:
+            raise InvalidParameterError(
+                f"flip must name some of {', '.join(FLIPPED)}, not {shown(channel)}"
+            )
+    return names
 
 
 # Forces in the tool's frame, turned into the frame of the position; the tool's own weight.
 
-ForceFrame = Literal["tool", "base"]
 #: Turned by more than this the tool's weight moves by 3 % of it from one axis to another: 0.3 N of
 #: a kilogram, which is a tenth of a soft contact.
 LARGEST_TURN = math.radians(2.0)
@@ -163,10 +135,10 @@ def turned(force: Floats, orientation: Floats, source: str = "") -> Floats:
     length = np.linalg.norm(orientation, axis=1)
     wrong = np.abs(length - 1.0) > UNIT_LENGTH
     if wrong.mean() > 0.1:
-        where = f"{source}: " if source else ""
-        raise RecordingError(
-            f"{where}the orientation is no quaternion x, y, z, w: its length is "
-            f"{float(np.nanmedian(length)):.3g}; name the right channels with --orientation"
+        raise RecordingError.of(
+            source,
+            f"the orientation is no quaternion x, y, z, w: its length is "
+            f"{float(np.nanmedian(length)):.3g}; name the right channels with --orientation",
         )
     with np.errstate(invalid="ignore", divide="ignore"):
         unit = orientation / length[:, None]
@@ -200,36 +172,23 @@ def frame_of(
     force, depth = (recording.frames.get(names[0]) for names in (roles.force, roles.depth))
     if force is None or depth is None:
         if roles.orientation:
-            remarks.append(
-                Remark(
-                    "force frame",
-                    "the recording does not say in which frame the force is; it is taken to be "
-                    "the position's",
-                    "--force-frame tool, where the sensor turns with the tool",
-                )
-            )
+            words = "the recording does not say in which frame the force is; it is taken to be the "
+            remedy = "--force-frame tool, where the sensor turns with the tool"
+            remarks.append(Remark("force frame", f"{words}position's", remedy))
         return "base"
     if force.lstrip("/") == depth.lstrip("/"):
         return "base"
+    words = f"the force is in the frame {force!r}, the position in {depth!r}"
     if roles.orientation:
-        remarks.append(
-            Remark(
-                "force frame",
-                f"the force is in the frame {force!r}, the position in {depth!r}: it is turned by "
-                "the probe's orientation, as if the sensor's axes were the tool's",
-                "--force-frame base, where they are not turned against each other",
-            )
+        words += (
+            ": it is turned by the probe's orientation, as if the sensor's axes were the tool's"
         )
+        remedy = "--force-frame base, where they are not turned against each other"
+        remarks.append(Remark("force frame", words, remedy))
         return "tool"
-    remarks.append(
-        Remark(
-            "force frame",
-            f"the force is in the frame {force!r}, the position in {depth!r}, and there is no "
-            "orientation to turn one into the other",
-            "record the pose, or give the contact normal with --normal",
-            "with-care",
-        )
-    )
+    words += ", and there is no orientation to turn one into the other"
+    remedy = "record the pose, or give the contact normal with --normal"
+    remarks.append(Remark("force frame", words, remedy, "with-care"))
     return "base"
 
 
@@ -334,19 +293,12 @@ def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
     size = np.linalg.norm(f, axis=1)
     noise = math.sqrt(sum(noise_of(component) ** 2 for component in f.T)) if len(f) else 0.0
     firm = size > NOISES * noise
-    where = f"{source}: " if source else ""
     if not firm.any():
-        raise RecordingError(
-            f"{where}no force stands out of the noise, so that the contact normal cannot be found; "
-            "give it with --normal, such as --normal z"
-        )
+        raise no_normal(source, "no force stands out of the noise")
     total = (f[firm] * size[firm, None]).sum(axis=0)
     length = float(np.linalg.norm(total))
     if not 0.0 < length < math.inf:
-        raise RecordingError(
-            f"{where}the forces point everywhere, so that the contact normal cannot be found; give "
-            "it with --normal, such as --normal z"
-        )
+        raise no_normal(source, "the forces point everywhere")
     n = total / length
     across = np.linalg.norm(np.cross(f[firm], n), axis=1)
     angle = np.arctan2(across, f[firm] @ n)
@@ -355,6 +307,12 @@ def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
     if grows(p @ n, f @ n):
         return Normal(-n, spread, turned=True)
     return Normal(n, spread)
+
+
+def no_normal(source: str, why: str) -> RecordingError:
+    """Return the error of a recording whose contact normal cannot be found."""
+    remedy = "give it with --normal, such as --normal z"
+    return RecordingError.of(source, f"{why}, so that the contact normal cannot be found; {remedy}")
 
 
 def grows(position: Floats, force: Floats) -> bool:
@@ -370,85 +328,3 @@ def grows(position: Floats, force: Floats) -> bool:
         moved, felt = (np.convolve(each, smooth, "valid") for each in (position, force))
         steps = moved[5:] - moved[:-5], felt[5:] - felt[:-5]
     return float(np.sum(steps[0] * steps[1])) > 0.0
-
-
-# How a contact is made of a recording: every choice of it, as a value.
-
-LARGEST_RATE = 1e9  # samples a second
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
-class Preparation:
-    """How a contact is made of a recording; :func:`palpate.prepare` says what each means.
-
-    Raises
-    ------
-    InvalidParameterError
-        One is outside its range.
-    """
-
-    columns: Columns = dataclasses.field(default_factory=Columns)
-    velocity_window: float | None = None
-    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    flip: Sequence[str] = ()
-    tare: tuple[float, float] | Literal["find"] | None = None
-    delay: float = 0.0
-    surface: float | SurfaceRule | None = None
-    normal: str | Sequence[float] | None = None
-    force_frame: ForceFrame | None = None
-    tool_weight: float | None = None
-    rate: float | None = None
-    spot: float = RADIUS
-    window: tuple[float | None, float | None] | None = None
-    strict: bool = False
-
-    def __post_init__(self) -> None:
-        instance("columns", self.columns, Columns)
-        units = {"penetration" if k == "position" else k: unit for k, unit in self.units.items()}
-        object.__setattr__(self, "units", units)
-        self.corrections()
-        if isinstance(self.surface, str) and self.surface not in get_args(SurfaceRule):
-            raise InvalidParameterError(
-                f"surface must be a number of metres, threshold, baseline, fit or estimate, not "
-                f"{shown(self.surface)}"
-            )
-        if self.normal is not None:
-            normal_given(self.normal)
-        if self.force_frame not in (None, *get_args(ForceFrame)):
-            raise InvalidParameterError(
-                f"force_frame must be tool or base, not {shown(self.force_frame)}"
-            )
-        if self.tool_weight is not None:
-            number_in("tool_weight", self.tool_weight, 0.0, 1e6)
-        if self.rate is not None:
-            number_in("rate", self.rate, 0.0, LARGEST_RATE, open_low=True)
-        number_in("spot", self.spot, 0.0, 1e6, open_low=True)
-        if self.window is not None:
-            low, high = self.window
-            pair_in(
-                "window",
-                (-1e12 if low is None else low, 1e12 if high is None else high),
-                -1e12,
-                1e12,
-            )
-
-    def corrections(self) -> Corrections:
-        """What is done to channels that are penetration and compression already."""
-        tare = self.tare
-        if isinstance(tare, str):
-            if tare != "find":
-                raise InvalidParameterError(
-                    f"tare must be find, or two times (start, stop) in s, not {shown(tare)}"
-                )
-            tare = None
-        surface = 0.0 if self.surface is None or isinstance(self.surface, str) else self.surface
-        return Corrections(self.units, self.flip, tare, self.delay, surface)
-
-    def changed(self) -> dict[str, Any]:
-        """Return those that are not what they would be if nothing was asked for."""
-        usual = Preparation()
-        return {
-            field.name: getattr(self, field.name)
-            for field in dataclasses.fields(self)
-            if getattr(self, field.name) != getattr(usual, field.name)
-        }

@@ -1,4 +1,4 @@
-"""Doubts about forces in space: one that misses the probe's motion, and an axis that is full."""
+"""A contact of positions and forces in space: tared, projected on the normal, counted, cut."""
 
 import logging
 import math
@@ -7,40 +7,44 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, Remark
-from palpate.digits import rounded, with_error
+from palpate.contact import Contact, Remark, Severity, between, slices_of
+from palpate.digits import with_error
 from palpate.errors import RecordingError
 from palpate.preparation.along_penetration import (
     Place,
     Prepared,
-    assumption,
     filter_words,
+    in_step,
     velocities_of,
     velocity_filter,
 )
-from palpate.preparation.clocks import Signals, runs_of
+from palpate.preparation.clocks import Signals
 from palpate.preparation.gates import noise_of
 from palpate.preparation.roles import Roles
 from palpate.preparation.settings import (
     Normal,
     Preparation,
-    add,
     frame_of,
     grows,
+    no_normal,
     normal_found,
     normal_given,
     turn_remark,
     turned,
 )
 from palpate.preparation.surfaces import (
+    ASSUMPTION,
     Baseline,
     Stay,
     Surface,
     SurfaceRule,
+    add,
+    baseline_between,
     baseline_of,
     deviation_left,
     episodes_of,
     free_samples,
+    never_free,
     surface_of,
     travel,
 )
@@ -108,7 +112,7 @@ def _direction(position: Floats, along: Floats) -> tuple[Floats | None, float]:
     p, f = position[known], along[known]
     if len(f) < 2 * BLOCKS_OF_DIRECTION * STRIDE:
         return None, math.inf
-    products = (f[STRIDE:] - f[:-STRIDE])[:, None] * (p[STRIDE:] - p[:-STRIDE])
+    products = _products(p, f, STRIDE)
     sums = np.array([part.sum(axis=0) for part in np.array_split(products, BLOCKS_OF_DIRECTION)])
     total = sums.sum(axis=0)
     length = float(np.linalg.norm(total))
@@ -117,9 +121,13 @@ def _direction(position: Floats, along: Floats) -> tuple[Floats | None, float]:
     direction: Floats = total / length
     across = sums - np.outer(sums @ direction, direction)
     # The blocks' sums vary about a share of the total; what is across of it adds to nothing.
-    return direction, math.sqrt(
-        float((across**2).sum()) * BLOCKS_OF_DIRECTION / (BLOCKS_OF_DIRECTION - 1)
-    ) / length
+    scatter = float((across**2).sum()) * BLOCKS_OF_DIRECTION / (BLOCKS_OF_DIRECTION - 1)
+    return direction, math.sqrt(scatter) / length
+
+
+def _products(position: Floats, force: Floats, stride: int) -> Floats:
+    """ΔF Δp over a stride, which point along the motion in which a force grows."""
+    return (force[stride:] - force[:-stride])[:, None] * (position[stride:] - position[:-stride])
 
 
 def _angle(one: Floats, other: Floats) -> float:
@@ -142,39 +150,25 @@ def saturated(force: Floats) -> list[Remark]:
     axes = " and ".join(axis for axis, moving in zip("xyz", moves, strict=True) if not moving)
     words = f"the force along {axes} is constant from first to last: it is not measured"
     found = [Remark("force axes", words)] if axes else []
-    noise = [noise_of(column) for column in force.T]
+    beyond = [MOVES * noise_of(column) + STEPS * step_of(column) for column in force.T]
     for k, column in enumerate(force.T):
         others = [each for each in range(force.shape[1]) if each != k]
         for edge in (np.nanmax(column), np.nanmin(column)) if moves[k] else ():
-            held = np.flatnonzero(np.diff(np.concatenate([[0], column == edge, [0]])))
-            runs = [
-                slice(start, stop)
-                for start, stop in zip(held[0::2], held[1::2], strict=True)
-                if stop - start >= SHORTEST
-            ]
+            held = (run for run in slices_of(column == edge) if column[run.start] == edge)
             count = sum(
-                part.stop - part.start
-                for part in runs
-                if any(
-                    np.ptp(force[part, each])
-                    > MOVES * noise[each] + STEPS * step_of(force[:, each])
-                    for each in others
-                )
+                run.stop - run.start
+                for run in held
+                if run.stop - run.start >= SHORTEST
+                and any(np.ptp(force[run, each]) > beyond[each] for each in others)
             )
-            if count > SOME * len(column):
-                found.append(_saturation("xyz"[k], float(edge), count / len(column)))
+            part = count / len(column)
+            if part > SOME:
+                words = f"the force along {'xyz'[k]} stays at {edge:.3g} N for {part:.1%} of the "
+                words += "recording while the others change: saturated?"
+                remedy = "press less deep, or take a sensor of a larger range"
+                severity: Severity = "do-not-trust" if part > MANY else "with-care"
+                found.append(Remark("saturation", words, remedy, severity, numbers=True))
     return found
-
-
-def _saturation(axis: str, edge: float, part: float) -> Remark:
-    return Remark(
-        "saturation",
-        f"the force along {axis} stays at {edge:.3g} N for {part:.1%} of the recording while the "
-        "others change: saturated?",
-        "press less deep, or take a sensor of a larger range",
-        "do-not-trust" if part > MANY else "with-care",
-        numbers=True,
-    )
 
 
 # From a position and a force in space to a depth and a compression along the contact normal.
@@ -236,7 +230,12 @@ def pressed(signals: Signals, settings: Preparation, source: str) -> AlongNormal
         return _along_axis(position, along, normal, settings)
     if position.ndim == 2:
         normal = given or _by_motion(position, force, source)
-        return _with_force(position, force, normal, settings, found=given is None)
+        depth = -(position @ normal.vector)
+        result = _along_axis(depth, force, normal, settings, turn_depth=False)
+        if given is None:
+            words = "the contact normal was taken from the motion in which the force grows"
+            result.remarks.append(Remark("direction", words, "--normal, where it is known"))
+        return result
     return _along_axis(position, force, None, settings)
 
 
@@ -248,7 +247,9 @@ def _in_space(
     along = force @ n
     if given is None and found.turned and not signed:
         along = -along
-        remarks.append(_turned("falls"))
+        words = "the force falls as the probe goes along it: it is that of the probe on the "
+        words += "material, and its sign was turned"
+        remarks.append(Remark("direction", words, "--flip-force says so beforehand"))
     elif given is None and found.turned:
         n = -n  # what was asked for has the last word
         found = Normal(n, found.spread)
@@ -266,51 +267,20 @@ def _against(depth: Floats, force: Floats) -> list[Remark]:
     pulls = float(np.sum(f * np.abs(f))) < 0.0
     if not pulls and grows(depth[known], f):
         return []
-    words = "is mostly negative" if pulls else "falls as the probe goes in"
-    return [
-        Remark(
-            "direction",
-            f"along the given normal the force {words}",
-            "--normal with the other sign, or --flip-force",
-            "do-not-trust",
-        )
-    ]
-
-
-def _turned(how: str) -> Remark:
-    return Remark(
-        "direction",
-        f"the force {how} as the probe goes along it: it is that of the probe on the material, and "
-        "its sign was turned",
-        "--flip-force says so beforehand",
-    )
+    how = "is mostly negative" if pulls else "falls as the probe goes in"
+    words, remedy = f"along the given normal the force {how}", "--normal with the other sign"
+    return [Remark("direction", words, f"{remedy}, or --flip-force", "do-not-trust")]
 
 
 def _by_motion(position: Floats, force: Floats, source: str) -> Normal:
     """The direction against which the probe moves when the force grows: −Σ ΔF Δp."""
     known = np.isfinite(position).all(axis=1) & np.isfinite(force)
     p, f = position[known], np.abs(force[known])
-    stride = min(5, max(len(f) // 4, 1))
-    moved, felt = p[stride:] - p[:-stride], f[stride:] - f[:-stride]
-    total = -(felt[:, None] * moved).sum(axis=0)
+    total = -_products(p, f, min(STRIDE, max(len(f) // 4, 1))).sum(axis=0)
     length = float(np.linalg.norm(total))
     if not length > 0.0:
-        where = f"{source}: " if source else ""
-        raise RecordingError(
-            f"{where}the force does not change with the position, so that the contact normal "
-            "cannot be found; give it with --normal, such as --normal z"
-        )
+        raise no_normal(source, "the force does not change with the position")
     return Normal(total / length)
-
-
-def _with_force(
-    position: Floats, force: Floats, normal: Normal, settings: Preparation, *, found: bool
-) -> AlongNormal:
-    result = _along_axis(-(position @ normal.vector), force, normal, settings, turn_depth=False)
-    words = "the contact normal was taken from the motion in which the force grows"
-    if found:
-        result.remarks.append(Remark("direction", words, "--normal, where it is known"))
-    return result
 
 
 def _along_axis(
@@ -370,16 +340,8 @@ def tared(
 def _zero(signals: Signals, settings: Preparation, source: str) -> Baseline | None:
     """What the sensor shows out of contact, in its own axes; None where that is never seen."""
     tare, force = settings.tare, signals.force
-    where = f"{source}: " if source else ""
     if isinstance(tare, tuple):
-        free = (signals.time >= tare[0]) & (signals.time <= tare[1])
-        free &= np.isfinite(force).reshape(len(free), -1).all(axis=1)
-        if not free.any():
-            raise RecordingError(
-                f"{where}no sample between {tare[0]:g} s and {tare[1]:g} s to tare the force with"
-            )
-        zero = np.broadcast_to(force[free].mean(axis=0), force.shape)
-        return Baseline(free, zero, 0.0)
+        return baseline_between(signals.time, force, tare, source)
     if signals.orientation is not None:
         # An offset that turns hides the axis of the contact: twice, the second time without it.
         along = force - np.nanmedian(force, axis=0)
@@ -392,10 +354,7 @@ def _zero(signals: Signals, settings: Preparation, source: str) -> Baseline | No
     if mask is not None:
         return baseline_of(signals.time, force, mask)
     if tare == "find":
-        raise RecordingError(
-            f"{where}the probe is never seen out of contact, so that no zero of the force can "
-            "be found; give a time without contact, --tare 0:2"
-        )
+        raise never_free(source)
     return None
 
 
@@ -432,9 +391,8 @@ def _weight_left(
         remedy = "--flip-force, if the sensor shows the force of the probe on the material"
     if weight is not None:
         words += f", not of {weight:g} N"
-    if off > LARGE_WEIGHT:
-        return [Remark("tool weight", words, remedy, "do-not-trust", numbers=True)]
-    return [Remark("tool weight", words, remedy, "with-care", numbers=True)]
+    severity: Severity = "do-not-trust" if off > LARGE_WEIGHT else "with-care"
+    return [Remark("tool weight", words, remedy, severity, numbers=True)]
 
 
 def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
@@ -472,7 +430,13 @@ def along_normal(
 ) -> Contact:
     """Make a contact of a position and a force, tared and projected on the contact normal."""
     made, remarks = dict(signals.made), list[Remark]()
-    signals = _windowed(_flipped(signals, settings), settings, recording.source)
+    if "force" in settings.flip:
+        signals = replace(signals, force=-signals.force)
+    if "penetration" in settings.flip:
+        signals = replace(signals, depth=-signals.depth)
+    low, high = settings.window or (None, None)
+    ends = -math.inf if low is None else low, math.inf if high is None else high
+    signals = signals.taken(between(signals.time, *ends, recording.source))
     signals = _framed(recording, roles, signals, settings, remarks)
     if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
         add(made, "force", f"less the tool's weight of {settings.tool_weight:g} N")
@@ -480,7 +444,7 @@ def along_normal(
         signals, zero, said = tared(signals, settings, recording.source)
     remarks += said
     if zero is not None:
-        _say_tare(zero, made, remarks)
+        zero.say(made, remarks)
     if signals.orientation is not None:
         add(made, "force", "turned by the orientation")
     with stage(_LOGGER, "contact normal"):
@@ -502,32 +466,10 @@ def along_normal(
     )
     left = None if zero is None else deviation_left(whole.force, zero.free)
     contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
-    return settings.corrections().in_step(contact)
+    return in_step(contact, settings.delay)
 
 
 Piece = tuple[Signals, Stay | None, AlongNormal]
-
-
-def _flipped(signals: Signals, settings: Preparation) -> Signals:
-    if "force" in settings.flip:
-        signals = replace(signals, force=-signals.force)
-    if "penetration" in settings.flip:
-        signals = replace(signals, depth=-signals.depth)
-    return signals
-
-
-def _windowed(signals: Signals, settings: Preparation, source: str) -> Signals:
-    low, high = settings.window or (None, None)
-    keep = (signals.time >= (-math.inf if low is None else low)) & (
-        signals.time <= (math.inf if high is None else high)
-    )
-    if not keep.any():
-        where = f"{source}: " if source else ""
-        raise RecordingError(
-            f"{where}no sample between {low} s and {high} s; time runs from "
-            f"{signals.time.min():g} s to {signals.time.max():g} s"
-        )
-    return signals.taken(keep)
 
 
 @timed("frame of the force")
@@ -554,16 +496,6 @@ def _framed(
     return signals if frame == "tool" else replace(signals, orientation=None)
 
 
-def _say_tare(zero: Baseline, made: dict[str, str], remarks: list[Remark]) -> None:
-    count = int(np.count_nonzero(zero.free))
-    listed = ", ".join(f"{rounded(value, 3)}" for value in zero.mean)
-    add(made, "force", f"less {listed} N, its mean over {count} samples out of contact")
-    if zero.drift:
-        words = f"the zero of the force drifts by {rounded(zero.drift, 3)} N, which was taken off"
-        remarks.append(Remark("tare", words, "let the sensor warm up"))
-        add(made, "force", f"and its drift of {rounded(zero.drift, 3)} N")
-
-
 @timed("episodes")
 def _pieces(signals: Signals, whole: AlongNormal, settings: Preparation) -> list[Piece]:
     """The whole; or its episodes, where the probe travels over the material."""
@@ -576,20 +508,13 @@ def _pieces(signals: Signals, whole: AlongNormal, settings: Preparation) -> list
         return [(signals, None, whole)]
     peak = float(np.nanpercentile(whole.force, 99.0))
     found: list[Piece] = []
-    for start, stop in runs_of(signals.part):
-        part = slice(start, stop)
-        for each in episodes_of(
-            signals.time[part], position[part], force[part], radius=settings.spot
-        ):
-            own = signals.taken(np.arange(start + each.start, start + each.stop))
-            if (
-                float(np.nanpercentile(whole.force[part][each.start : each.stop], 99.0))
-                > FIRM * peak
-            ):
+    for part in slices_of(signals.part):
+        for each in episodes_of(signals.time[part], position[part], force[part], settings.spot):
+            there = np.arange(part.start + each.start, part.start + each.stop)
+            if float(np.nanpercentile(whole.force[there], 99.0)) > FIRM * peak:
+                own = signals.taken(there)
                 found.append((own, each, _pressed_there(own, whole, settings)))
-    if not found:
-        return [(signals, None, whole)]
-    return found
+    return found or [(signals, None, whole)]
 
 
 def _pressed_there(own: Signals, whole: AlongNormal, settings: Preparation) -> AlongNormal:
@@ -625,14 +550,20 @@ def _joined(
     depths, velocities, labels, places = [], [], [], []
     lost = 0
     for number, (signals, episode, own) in enumerate(pieces):
-        runs = [slice(*run) for run in runs_of(signals.part)]
+        runs = list(slices_of(signals.part))
         # A depth from anywhere has the velocity of one from the surface.
         velocity, left_out = velocities_of(signals.time, own.depth, runs, settings.velocity_window)
-        surface = _surface(own, velocity, settings, rule)
+        if isinstance(settings.surface, float | int):
+            surface = Surface(float(settings.surface), 0.0, "as it was given")
+        else:
+            surface = surface_of(own.depth, velocity, own.force, rule)
         depths.append(own.depth - surface.position)
         velocities.append(velocity)
         labels.append(signals.part if episode is None else np.full(len(signals.time), number))
-        places.append(_place(signals, episode, own, surface))
+        position = np.atleast_1d(np.nanmedian(signals.depth, axis=0))
+        position = position if episode is None else episode.place
+        times = float(signals.time[0]), float(signals.time[-1])
+        places.append(Place(*times, position, own.normal, surface))
         lost += left_out
     _say_surface(places, made, remarks)
     normal = pieces[0][2].normal
@@ -640,6 +571,9 @@ def _joined(
         add(made, "penetration", f"against the contact normal {normal}")
         add(made, "force", f"along the contact normal {normal}")
     made["velocity"] = filter_words(lost)
+    # How well the surfaces are known, as the one number that an estimator takes.
+    known = [place.surface.deviation for place in places if place.surface.deviation]
+    one = rule != "estimate" and len(known) == len(places)
     contact = Contact(
         np.concatenate([signals.time for signals, _, _ in pieces]),
         penetration=np.concatenate(depths),
@@ -647,55 +581,19 @@ def _joined(
         force=np.concatenate([own.force for _, _, own in pieces]),
         segment=np.concatenate(labels),
         provenance=made,
-        surface_deviation=_common_deviation(places, rule),
+        surface_deviation=float(np.median(known)) if one else None,
         remarks=remarks,
     )
     return contact, places
 
 
-def _surface(
-    own: AlongNormal, velocity: Floats, settings: Preparation, rule: SurfaceRule
-) -> Surface:
-    if isinstance(settings.surface, float | int):
-        return Surface(float(settings.surface), 0.0, "as it was given")
-    return surface_of(own.depth, velocity, own.force, rule)
-
-
-def _place(signals: Signals, episode: Stay | None, own: AlongNormal, surface: Surface) -> Place:
-    position: Floats = np.atleast_1d(np.nanmedian(signals.depth, axis=0))
-    if episode is not None:
-        position = episode.place
-    start, stop = float(signals.time[0]), float(signals.time[-1])
-    return Place(start, stop, position, own.normal, surface)
-
-
 def _say_surface(places: list[Place], made: dict[str, str], remarks: list[Remark]) -> None:
     if len(places) == 1:
-        surface = places[0].surface
-        words = f"counted from {rounded(surface.position, 6)} m, {surface.words}"
-        if surface.deviation:
-            words += f" (± {rounded(surface.deviation, 2)} m)"
-        add(made, "penetration", words)
-        remarks += assumption(surface)
+        places[0].surface.say(made, remarks)
         return
     add(made, "penetration", "at each place along its own normal, from its own surface")
     assumed = sum(place.surface.assumed for place in places)
     if assumed:
-        remarks.append(
-            Remark(
-                "surface",
-                f"at {assumed} of {len(places)} places the probe is never seen out of contact: "
-                "where the surface lies is an assumption, the shallowest sample; K, B and n are "
-                "for it, stiffness and damping at working depth hold all the same",
-                "lift the probe between places",
-                "with-care",
-            )
-        )
-
-
-def _common_deviation(places: list[Place], rule: SurfaceRule) -> float | None:
-    """How well the surfaces are known, as the one number that an estimator takes."""
-    known = [place.surface.deviation for place in places if place.surface.deviation]
-    if rule == "estimate" or len(known) < len(places):
-        return None
-    return float(np.median(known))
+        words = f"at {assumed} of {len(places)} places the probe is never seen out of contact: "
+        remedy = "lift the probe between places"
+        remarks.append(Remark("surface", words + ASSUMPTION, remedy, "with-care"))

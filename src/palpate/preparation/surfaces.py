@@ -1,4 +1,4 @@
-"""What a tare leaves of the force's offset."""
+"""Where the material begins, and when: free air, its force and drift, the surface, episodes."""
 
 import heapq
 import math
@@ -8,6 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.contact import Remark, slices_of
+from palpate.digits import rounded
+from palpate.errors import RecordingError
 from palpate.estimators.least_squares import robust_covariance
 from palpate.preparation.gates import noise_of
 from palpate.validation import Floats
@@ -37,12 +40,9 @@ def deviation_left(force: Floats, free: NDArray[np.bool_]) -> float:
     largest = float(np.abs(known).max(initial=0.0))
     if rest.size < 2:
         return max(largest, 1e-30)  # one sample says nothing of its noise
-    together = float(np.sum(rest[1:] * rest[:-1]) / max(rest.size * variance, 1e-300))
-    correlation = min(max(together, 0.0), 0.999)
-    of_mean = variance / rest.size * (1.0 + correlation) / (1.0 - correlation)
-    return max(
-        math.hypot(math.sqrt(of_mean), _rounding(known, variance)), LEAST_DEVIATION * largest, 1e-30
-    )
+    of_mean = variance / rest.size * float(_inflation(rest))
+    left = math.hypot(math.sqrt(of_mean), _rounding(known, variance))
+    return max(left, LEAST_DEVIATION * largest, 1e-30)
 
 
 def _rounding(force: Floats, variance: float) -> float:
@@ -160,17 +160,64 @@ class Baseline:
         What the sensor shows without a contact, N, at each sample.
     drift : float
         How far that goes over the recording, N; 0 where it is not significant.
+    times : str
+        When its mean was taken, in words.
     """
 
     free: NDArray[np.bool_]
     zero: Floats
     drift: float
+    times: str
 
     @property
     def mean(self) -> Floats:
         """Its mean over the samples out of contact, N."""
         mean: Floats = np.atleast_1d(self.zero[self.free].mean(axis=0))
         return mean
+
+    def say(self, made: dict[str, str], remarks: list[Remark]) -> None:
+        """Say that it was taken off the force, and how far it drifts."""
+        listed = ", ".join(rounded(value, 3) for value in self.mean.tolist())
+        add(made, "force", f"less {listed} N, its mean {self.times}")
+        if self.drift:
+            drift = rounded(self.drift, 3)
+            words = f"the zero of the force drifts by {drift} N, which was taken off"
+            remarks.append(Remark("tare", words, "let the sensor warm up"))
+            add(made, "force", f"and its drift of {drift} N")
+
+
+def add(made: dict[str, str], channel: str, words: str) -> None:
+    """Add to what is said of how a channel was made."""
+    made[channel] = f"{made[channel]}, {words}" if channel in made else words
+
+
+def baseline_between(
+    time: Floats, force: Floats, times: tuple[float, float], source: str
+) -> Baseline:
+    """Return the mean of the force between two times, s.
+
+    Raises
+    ------
+    RecordingError
+        There is no sample between them.
+    """
+    start, stop = times
+    free = (time >= start) & (time <= stop)
+    free &= np.isfinite(force).reshape(len(free), -1).all(axis=1)
+    words = f"from {start:g} s to {stop:g} s"
+    if not free.any():
+        between = f"no sample between {start:g} s and {stop:g} s to tare the force with"
+        raise RecordingError.of(source, between)
+    return Baseline(free, np.broadcast_to(force[free].mean(axis=0), force.shape), 0.0, words)
+
+
+def never_free(source: str) -> RecordingError:
+    """Return the error of a force whose zero is nowhere to be found."""
+    return RecordingError.of(
+        source,
+        "the probe is never seen out of contact, so that no zero of the force can be found; give a "
+        "time without contact, --tare 0:2",
+    )
 
 
 def free_samples(height: Floats, force: Floats) -> NDArray[np.bool_] | None:
@@ -256,7 +303,8 @@ def baseline_of(time: Floats, force: Floats, free: NDArray[np.bool_]) -> Baselin
         if np.any(np.abs(slope) > DRIFTS * error):
             zero = zero + (time - t.mean())[:, None] * slope
             drift = float(np.linalg.norm(slope) * np.ptp(time))
-    return Baseline(free, zero[:, 0] if force.ndim == 1 else zero, drift)
+    words = f"over {np.count_nonzero(free)} samples out of contact"
+    return Baseline(free, zero[:, 0] if force.ndim == 1 else zero, drift, words)
 
 
 def _inflation(left: Floats) -> Floats:
@@ -282,6 +330,10 @@ FARTHEST = 4.0
 # A flat punch has 1, a sphere 1.5, a cone 2. Far from them the exponent stands for a surface that
 # is elsewhere: the two trade off, and what the light branch alone says is nearer.
 LEAST_EXPONENT, MOST_EXPONENT = 0.7, 2.6
+ASSUMPTION = (
+    "where the surface lies is an assumption, the shallowest sample; K, B and n are for it, "
+    "stiffness and damping at working depth hold all the same"
+)
 GROWTHS = (1.0, 1.5, 2.0)  # of the force's growth: flat punch or foam, sphere, cone
 
 
@@ -307,6 +359,22 @@ class Surface:
     def assumed(self) -> bool:
         """Whether nothing in the recording shows it."""
         return self.deviation is None
+
+    def say(self, made: dict[str, str], remarks: list[Remark]) -> None:
+        """Say that the penetration is counted from it, and that it is assumed, where it is."""
+        words = f"counted from {rounded(self.position, 6)} m, {self.words}"
+        if self.deviation:
+            words += f" (± {rounded(self.deviation, 2)} m)"
+        add(made, "penetration", words)
+        remarks += self.assumption()
+
+    def assumption(self) -> list[Remark]:
+        """Say that it is assumed, where it is."""
+        if not self.assumed:
+            return []
+        words = f"the probe is never seen out of contact: {ASSUMPTION}"
+        remedy = "record from before the touch, or give --surface"
+        return [Remark("surface", words, remedy, "with-care")]
 
 
 def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule) -> Surface:
@@ -449,24 +517,14 @@ class Stay:
         Its samples.
     place : numpy.ndarray, shape (3,)
         The median position, m.
-    radius : float
-        How far from there it goes, across the contact normal, m.
     """
 
     start: int
     stop: int
     place: Floats
-    radius: float
 
 
-def episodes_of(
-    time: Floats,
-    position: Floats,
-    force: Floats,
-    *,
-    radius: float = RADIUS,
-    shortest: float = SHORTEST,
-) -> list[Stay]:
+def episodes_of(time: Floats, position: Floats, force: Floats, radius: float) -> list[Stay]:
     """Cut a recording into episodes, the longest first, and return them in their order.
 
     In an episode the position stays within ``radius`` of its median, across the contact normal of
@@ -479,11 +537,9 @@ def episodes_of(
     position, force : numpy.ndarray, shape (k, 3)
         m, and N in the same frame.
     radius : float
-        m.
-    shortest : float
-        s; what is shorter is none, nor what has fewer than 60 samples.
+        m. What is shorter than a second is no episode, nor what has fewer than 60 samples.
     """
-    path = _Path(time, position, force, radius, shortest)
+    path = _Path(time, position, force, radius)
     waiting = [(-(stop - start), start, stop) for start, stop in path.longest()]
     heapq.heapify(waiting)
     taken = np.zeros(time.size, dtype=bool)
@@ -497,27 +553,20 @@ def episodes_of(
             heapq.heappush(waiting, (-(free[1] - free[0]), *free))
             continue
         taken[start:stop] = True
-        place, far = path.extent(start, stop)
-        found.append(Stay(start, stop, place, far))
+        found.append(Stay(start, stop, path.extent(start, stop)[0]))
     return sorted(found, key=lambda episode: episode.start)
 
 
 def _rest(taken: NDArray[np.bool_], start: int, stop: int) -> tuple[int, int] | None:
     """The longest part of an interval that is not taken yet."""
-    borders = np.flatnonzero(np.diff(np.concatenate([[1], taken[start:stop].view(np.int8), [1]])))
-    if not borders.size:
-        return None
-    lows, highs = borders[0::2], borders[1::2]
-    k = int(np.argmax(highs - lows))
-    return start + int(lows[k]), start + int(highs[k])
+    free = [run for run in slices_of(taken[start:stop]) if not taken[start + run.start]]
+    longest = max(free, key=lambda run: run.stop - run.start, default=None)
+    return None if longest is None else (start + longest.start, start + longest.stop)
 
 
 class _Path:
-    def __init__(
-        self, time: Floats, position: Floats, force: Floats, radius: float, shortest: float
-    ) -> None:
-        self.time, self.position = time, position
-        self.radius, self.shortest = radius, shortest
+    def __init__(self, time: Floats, position: Floats, force: Floats, radius: float) -> None:
+        self.time, self.position, self.radius = time, position, radius
         weighted = np.nan_to_num(force) * np.linalg.norm(np.nan_to_num(force), axis=1)[:, None]
         self.weighted = np.concatenate([np.zeros((1, 3)), np.cumsum(weighted, axis=0)])
 
@@ -525,7 +574,7 @@ class _Path:
         """Whether an interval is an episode's length."""
         return (
             stop - start >= FEWEST_OF_AN_EPISODE
-            and float(self.time[stop - 1] - self.time[start]) >= self.shortest
+            and float(self.time[stop - 1] - self.time[start]) >= SHORTEST
         )
 
     def extent(self, start: int, stop: int) -> tuple[Floats, float]:
@@ -546,9 +595,8 @@ class _Path:
         """The longest interval from each start that stays within the radius."""
         size = self.time.size
         stride = max(size // STRIDES, 1)
-        shortest = max(
-            FEWEST_OF_AN_EPISODE, int(np.searchsorted(self.time, self.time[0] + self.shortest))
-        )
+        a_second = int(np.searchsorted(self.time, self.time[0] + SHORTEST))
+        shortest = max(FEWEST_OF_AN_EPISODE, a_second)
         found = []
         stop = 0
         for start in range(0, size, stride):
@@ -585,5 +633,5 @@ def travel(position: Floats, force: Floats) -> float:
     touching = size > 0.1 * float(np.percentile(size, 99.0)) if size.size else size > 0.0
     if np.count_nonzero(touching) < 2:
         return 0.0
-    path = _Path(np.zeros(touching.sum()), position[touching], force[touching], math.inf, 0.0)
+    path = _Path(np.zeros(touching.sum()), position[touching], force[touching], math.inf)
     return path.extent(0, int(np.count_nonzero(touching)))[1]

@@ -1,10 +1,125 @@
-"""Single samples of a channel that leave their neighbours."""
+"""Velocity from a recorded position; and the single samples that leave their neighbours."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate.validation import Floats, number_in
+
+Indices = NDArray[np.intp]
+
+# Longer than this and the filter flattens the motion of a probe (methods: B within 0.5 % at 15 ms).
+LONGEST_WINDOW = 15e-3  # s
+MOST_SAMPLES = 15
+FEWEST_SAMPLES = 5
+# Steps that differ by less of a step are even: whole nanoseconds of a 1 kHz clock do by 1e-6, and
+# the velocity by as much of itself.
+EVEN = 2e-6
+AT_ONCE = 1 << 18  # samples in windows that are fitted together, 2 MB an array
+
+
+def window_samples(sample_time: float, window: float | None = None) -> int:
+    """Odd number of samples in a filter window.
+
+    Unless a window [s] is given: 15 samples, but no longer than 15 ms, and never fewer than 5.
+    """
+    if window is None:
+        samples = min(max(int(LONGEST_WINDOW / sample_time), FEWEST_SAMPLES), MOST_SAMPLES)
+    else:
+        length = number_in("velocity_window", window, 0.0, 1e6, open_low=True)
+        samples = max(round(length / sample_time), 3)
+    return samples | 1
+
+
+def velocity_of(time: Floats, penetration: Floats, window: float | None = None) -> Floats:
+    """Velocity [m/s] by a centred quadratic Savitzky–Golay filter on a possibly uneven time base.
+
+    At each sample a parabola is fitted, by least squares, to the samples of the window around it;
+    its slope there is the velocity. Near an end the window stays whole and the sample sits off its
+    centre. On an even time base this is the classic filter. A lost position is left out, for it
+    would spoil the velocity of a whole window; its own is between its neighbours'.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, shape (k,)
+        s, strictly increasing.
+    penetration : numpy.ndarray, shape (k,)
+        m; samples that are not finite are left out, and have velocity NaN.
+    window : float, optional
+        Length of the filter, s; see :func:`window_samples`.
+    """
+    velocity = np.full(time.shape, np.nan)
+    known = np.isfinite(penetration)
+    t, x = time[known], penetration[known]
+    with np.errstate(over="ignore", invalid="ignore"):  # of absurd depths: ±1e308 m
+        if t.size < 3:
+            velocity[known] = np.gradient(x, t) if t.size == 2 else 0.0
+            return velocity
+        kept = ~spiked(x)
+        width = min(window_samples(float(np.median(np.diff(t))), window), int(kept.sum()))
+        slope = _slope(t[kept], x[kept], width)
+        velocity[known] = slope if kept.all() else np.interp(t, t[kept], slope)
+    return velocity
+
+
+def lost_positions(penetration: Floats) -> int:
+    """Count the samples that :func:`velocity_of` leaves out."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return int(np.count_nonzero(spiked(penetration[np.isfinite(penetration)])))
+
+
+def _slope(t: Floats, x: Floats, width: int) -> Floats:
+    """Slope at each sample of the parabola through its window.
+
+    On an even clock Σ k x_k / (T Σ k²), which has no part of a curvature; the ends by fits of their
+    own.
+    """
+    steps, half = np.diff(t), width // 2
+    step = float(steps.mean())
+    if not (width % 2 and np.abs(steps - step).max() <= EVEN * step):
+        return _local_slope(t, x, width, np.arange(t.size))
+    weights = np.arange(-half, half + 1.0)
+    slope = np.empty(t.size)
+    inner = np.convolve(x, weights[::-1], "valid")
+    slope[half : t.size - half] = inner / (step * (weights @ weights))
+    ends = np.r_[:half, t.size - half : t.size]
+    slope[ends] = _local_slope(t, x, width, ends)
+    return slope
+
+
+def _local_slope(t: Floats, x: Floats, width: int, at: Indices) -> Floats:
+    """Slope at some samples of the parabola through the window of each."""
+    first = np.clip(at - width // 2, 0, t.size - width)
+    slope = np.empty(at.size)
+    step = max(AT_ONCE // width, 1)
+    for k in range(0, at.size, step):
+        some = slice(k, k + step)
+        slope[some] = _fitted(t, x, first[some, None] + np.arange(width), at[some])
+    return slope
+
+
+def _fitted(t: Floats, x: Floats, inside: Indices, at: Indices) -> Floats:
+    """Slope at some samples of the parabolas through others, by central moments."""
+    times = t[inside] - t[at, None]
+    unit = np.abs(times).max(axis=1, keepdims=True)
+    s = times / unit
+    depth = x[inside] - x[at, None]
+    mean = s.mean(axis=1, keepdims=True)
+    linear = s - mean
+    variance = (linear**2).sum(axis=1, keepdims=True)
+    # The square, made orthogonal to 1 and s; zero where the window has only two distinct times.
+    square = s**2 - (s**2).mean(axis=1, keepdims=True)
+    skew = (square * linear).sum(axis=1, keepdims=True) / variance
+    square = square - skew * linear
+    energy = (square**2).sum(axis=1)
+    slope = (linear * depth).sum(axis=1) / variance[:, 0]
+    curvature = (square * depth).sum(axis=1) / np.where(energy > 0.0, energy, 1.0)
+    # At the sample itself, s = 0, the slope of curvature·(s² − skew·s) is −curvature·skew.
+    result: Floats = (slope - curvature * skew[:, 0]) / unit[:, 0]
+    return result
+
+
+# Single samples of a channel, and its resolution.
 
 
 def spiked(values: Floats) -> NDArray[np.bool_]:
@@ -45,187 +160,3 @@ def largest_of(values: Floats) -> float:
 def step_of(values: Floats) -> float:
     """Median gap between the distinct values of a channel; 0 of a constant one."""
     return _core.step_of(values)
-
-
-# Velocity from a recorded position, on the recording's own time base.
-
-Indices = NDArray[np.intp]
-
-# Longer than this and the filter flattens the motion of a probe (methods: B within 0.5 % at 15 ms).
-LONGEST_WINDOW = 15e-3  # s
-MOST_SAMPLES = 15
-FEWEST_SAMPLES = 5
-# Up to so many samples each window is fitted by itself, which is about as quick as running sums.
-MOST_FITTED = 16
-# Of the square's own energy the moments keep what is left of 16 digits; a window with less, such as
-# one across a pause, is fitted by itself.
-LEAST_ENERGY = 1e-5
-# Steps that differ by less of a step are even: whole nanoseconds of a 1 kHz clock do by 1e-6, and
-# the velocity by as much of itself.
-EVEN = 2e-6
-MOST_WEIGHED = 255  # samples
-AT_ONCE = 1 << 18  # samples in windows that are fitted together, 2 MB an array
-
-
-def window_samples(sample_time: float, window: float | None = None) -> int:
-    """Odd number of samples in a filter window.
-
-    Unless a window [s] is given: 15 samples, but no longer than 15 ms, and never fewer than 5.
-    """
-    if window is None:
-        samples = min(max(int(LONGEST_WINDOW / sample_time), FEWEST_SAMPLES), MOST_SAMPLES)
-    else:
-        length = number_in("velocity_window", window, 0.0, 1e6, open_low=True)
-        samples = max(round(length / sample_time), 3)
-    return samples | 1
-
-
-def velocity_of(time: Floats, penetration: Floats, window: float | None = None) -> Floats:
-    """Velocity [m/s] by a centred quadratic Savitzky–Golay filter on a possibly uneven time base.
-
-    At each sample a parabola is fitted, by least squares, to the samples of the window around it;
-    its slope there is the velocity. Near an end the window stays whole and the sample sits off its
-    centre. On an even time base this is the classic filter. Wide windows take no longer than short
-    ones, but for those across a pause. A lost position is left out, for it
-    would spoil the velocity of a whole window; its own is between its neighbours'.
-
-    Parameters
-    ----------
-    time : numpy.ndarray, shape (k,)
-        s, strictly increasing.
-    penetration : numpy.ndarray, shape (k,)
-        m; samples that are not finite are left out, and have velocity NaN.
-    window : float, optional
-        Length of the filter, s; see :func:`window_samples`.
-    """
-    velocity = np.full(time.shape, np.nan)
-    known = np.isfinite(penetration)
-    t, x = time[known], penetration[known]
-    with np.errstate(over="ignore", invalid="ignore"):  # of absurd depths: ±1e308 m
-        if t.size < 3:
-            velocity[known] = np.gradient(x, t) if t.size == 2 else 0.0
-            return velocity
-        kept = ~spiked(x)
-        width = min(window_samples(float(np.median(np.diff(t))), window), int(kept.sum()))
-        slope = _slope(t[kept], x[kept], width)
-        velocity[known] = slope if kept.all() else np.interp(t, t[kept], slope)
-    return velocity
-
-
-def lost_positions(penetration: Floats) -> int:
-    """Count the samples that :func:`velocity_of` leaves out."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return int(np.count_nonzero(spiked(penetration[np.isfinite(penetration)])))
-
-
-def _slope(t: Floats, x: Floats, width: int) -> Floats:
-    """Slope at each sample of the parabola through its window, by the quickest of three ways."""
-    steps = np.diff(t)
-    step = float(steps.mean())
-    if width <= MOST_WEIGHED and width % 2 and np.abs(steps - step).max() <= EVEN * step:
-        return _even_slope(t, x, width, step)
-    return _local_slope(t, x, width) if width <= MOST_FITTED else _slope_by_sums(t, x, width)
-
-
-def _even_slope(t: Floats, x: Floats, width: int, step: float) -> Floats:
-    """Σ k x_k / (T Σ k²), which has no part of a curvature; the ends by fits of their own."""
-    half = width // 2
-    weights = np.arange(-half, half + 1.0)
-    slope = np.empty(t.size)
-    inner = np.convolve(x, weights[::-1], "valid")
-    slope[half : t.size - half] = inner / (step * (weights @ weights))
-    ends = np.r_[:half, t.size - half : t.size]
-    slope[ends] = _local_slope(t, x, width, ends)
-    return slope
-
-
-def _slope_by_sums(t: Floats, x: Floats, width: int) -> Floats:
-    """As :func:`_local_slope`, in a time that does not grow with the width.
-
-    The samples are cut into blocks of one width, so that a window is the end of one block and the
-    begin of the next: the power sums of both, counted from where they meet, are running sums within
-    a block. Nothing outside the window is in them, so that none has to be subtracted again.
-    """
-    unit = width * float(np.median(np.diff(t)))
-    ends, begins = _block_sums(t, x, width, unit)
-    first = np.clip(np.arange(t.size) - width // 2, 0, t.size - width)
-    # Sums over [first, end of its block) and [begin of the next, first + width).
-    sums = ends[:, first] + np.where(first % width, begins[:, first + width - 1], 0.0)
-    origin = t[np.minimum((first // width + 1) * width, t.size - 1)]
-    with np.errstate(divide="ignore"):  # of times that are hardly apart: these are unsafe
-        slope, safe = _slope_of_sums(sums, width, (t - origin) / unit)
-    slope /= unit
-    unsafe = np.flatnonzero(~safe)
-    slope[unsafe] = _local_slope(t, x, width, unsafe)
-    return slope
-
-
-def _block_sums(t: Floats, x: Floats, width: int, unit: float) -> tuple[Floats, Floats]:
-    """Sums of s, s², s³, s⁴, x, sx and s²x: to the end of each sample's block, and from its begin.
-
-    The first are counted from the begin of the next block, the others from that of their own; x
-    too is counted from there.
-    """
-    blocks = -(-t.size // width)
-    inside = np.minimum(np.arange(blocks * width), t.size - 1).reshape(blocks, width)
-    counted = (np.arange(blocks * width) < t.size).reshape(blocks, width)
-    begin = np.arange(blocks) * width
-    found = []
-    for origin in (np.minimum(begin + width, t.size - 1), begin):
-        s = np.where(counted, t[inside] - t[origin, None], 0.0) / unit
-        depth = np.where(counted, x[inside] - x[origin, None], 0.0)
-        found.append(np.stack([s, s**2, s**3, s**4, depth, s * depth, s**2 * depth]))
-    ends = np.cumsum(found[0][:, :, ::-1], axis=2)[:, :, ::-1].reshape(7, -1)
-    return ends, np.cumsum(found[1], axis=2).reshape(7, -1)
-
-
-def _slope_of_sums(sums: Floats, count: int, at: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Slope at one time of each parabola, and whether the sums have the digits for it."""
-    m = sums / count
-    mean = m[0]
-    # Central moments; the shift is at most a window's length, and costs two digits of the fourth.
-    variance = m[1] - mean**2
-    third = m[2] - 3.0 * mean * m[1] + 2.0 * mean**3
-    fourth = m[3] - 4.0 * mean * m[2] + 6.0 * mean**2 * m[1] - 3.0 * mean**4
-    linear = m[5] - mean * m[4]
-    square = m[6] - 2.0 * mean * m[5] + mean**2 * m[4] - variance * m[4]
-    skew = third / variance
-    energy = fourth - variance**2 - skew * third
-    curvature = (square - skew * linear) / energy
-    # The parabola is slope·(s − mean) + curvature·((s − mean)² − skew·(s − mean)), and a constant.
-    slope = linear / variance + curvature * (2.0 * (at - mean) - skew)
-    scale = m[3] + mean**4
-    return slope, (energy > LEAST_ENERGY * scale) & (variance**2 > LEAST_ENERGY * scale)
-
-
-def _local_slope(t: Floats, x: Floats, width: int, at: Indices | None = None) -> Floats:
-    """Slope at some samples, unless given all, of the parabola through the window of each."""
-    at = np.arange(t.size) if at is None else at
-    first = np.clip(at - width // 2, 0, t.size - width)
-    slope = np.empty(at.size)
-    step = max(AT_ONCE // width, 1)
-    for k in range(0, at.size, step):
-        some = slice(k, k + step)
-        slope[some] = _fitted(t, x, first[some, None] + np.arange(width), at[some])
-    return slope
-
-
-def _fitted(t: Floats, x: Floats, inside: Indices, at: Indices) -> Floats:
-    """Slope at some samples of the parabolas through others, by central moments."""
-    times = t[inside] - t[at, None]
-    unit = np.abs(times).max(axis=1, keepdims=True)
-    s = times / unit
-    depth = x[inside] - x[at, None]
-    mean = s.mean(axis=1, keepdims=True)
-    linear = s - mean
-    variance = (linear**2).sum(axis=1, keepdims=True)
-    # The square, made orthogonal to 1 and s; zero where the window has only two distinct times.
-    square = s**2 - (s**2).mean(axis=1, keepdims=True)
-    skew = (square * linear).sum(axis=1, keepdims=True) / variance
-    square = square - skew * linear
-    energy = (square**2).sum(axis=1)
-    slope = (linear * depth).sum(axis=1) / variance[:, 0]
-    curvature = (square * depth).sum(axis=1) / np.where(energy > 0.0, energy, 1.0)
-    # At the sample itself, s = 0, the slope of curvature·(s² − skew·s) is −curvature·skew.
-    result: Floats = (slope - curvature * skew[:, 0]) / unit[:, 0]
-    return result

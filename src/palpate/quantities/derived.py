@@ -1,4 +1,4 @@
-"""What a person says for the numbers that are derived from a law."""
+"""The numbers that follow from an identification: what it needs, and each by its own chapter."""
 
 import math
 from collections.abc import Callable
@@ -93,15 +93,7 @@ class Derivable(Protocol):
         """The contact model, SI."""
 
     @property
-    def fixed(self) -> tuple[str, ...]:
-        """The law's parameters that were given."""
-
-    @property
     def covariance(self) -> Floats:
-        """Of the law's parameters, SI."""
-
-    @property
-    def standard_errors(self) -> Floats:
         """Of the law's parameters, SI."""
 
     @property
@@ -181,8 +173,8 @@ def relaxation_time_of(result: Derivable) -> Quantity | None:
         return None
     if not isinstance(law.relaxation, SingleRelaxation):
         return None
-    error = float(result.standard_errors[law.names().index("longest_time")])
-    return Quantity(law.relaxation.time, error, 0.0)
+    k = law.names().index("longest_time")
+    return Quantity(law.relaxation.time, math.sqrt(result.covariance[k, k]), 0.0)
 
 
 def band_of(result: Derivable) -> tuple[float, float]:
@@ -350,7 +342,7 @@ def elastic_modulus_from(
     low, high = np.percentile(inside, (10.0, 90.0)).tolist() if inside.size else (math.nan,) * 2
     with _absurd_numbers():
         found = elastic_modulus_of(result.law, result.diagnosis, (low, high), tip, ratio)
-    if found.refused or not result.fixed:
+    if found.refused or not result.estimate.fixed:
         return found
     given = "the exponent was given: that the tip is of this shape is not checked by it"
     return replace(found, remarks=(*found.remarks, given))

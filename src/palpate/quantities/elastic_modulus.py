@@ -16,7 +16,7 @@ from palpate.diagnosis.marks import WIDEST_STIFFNESS
 from palpate.digits import with_error
 from palpate.force_laws import ForceLaw
 from palpate.quantities.restitution import UNKNOWN
-from palpate.validation import defined, number_in
+from palpate.validation import defined, kept
 
 # Of the radius, and strain: beyond it small strains, which all of this is for, may not hold.
 SMALL_DEPTH = SMALL_STRAIN = 0.1
@@ -57,11 +57,6 @@ class Tip:
         return {"kind": self.kind, **{each.name: getattr(self, each.name) for each in own}}
 
 
-def _checked(tip: Tip, name: str, highest: float) -> None:
-    value = number_in(name, getattr(tip, name), 0.0, highest, open_low=True)
-    object.__setattr__(tip, name, value)
-
-
 @dataclass(frozen=True, slots=True)
 class Sphere(Tip):
     """A ball, or a tip with a round end: F = 4/3 E* √R x^(3/2) (Hertz 1882).
@@ -80,7 +75,7 @@ class Sphere(Tip):
     exponent: ClassVar[float] = 1.5
 
     def __post_init__(self) -> None:
-        _checked(self, "radius", 1.0)
+        kept(self, "radius", 0.0, 1.0, open_low=True)
 
     @property
     def factor(self) -> float:
@@ -118,7 +113,7 @@ class FlatPunch(Tip):
     exponent: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
-        _checked(self, "radius", 1.0)
+        kept(self, "radius", 0.0, 1.0, open_low=True)
 
     @property
     def factor(self) -> float:
@@ -148,7 +143,7 @@ class Cone(Tip):
     exponent: ClassVar[float] = 2.0
 
     def __post_init__(self) -> None:
-        _checked(self, "half_angle", 1.57)
+        kept(self, "half_angle", 0.0, 1.57, open_low=True)
 
     @property
     def factor(self) -> float:

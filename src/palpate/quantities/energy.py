@@ -1,4 +1,4 @@
-"""The work of a probe along its motion, and the loops in which it can be lost."""
+"""The energy that a material takes from a probe, and where a law would give it some: passivity."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.force_laws import ForceLaw, force_over_breaks
 from palpate.preparation.gates import choose_gate, touches_of
 from palpate.quantities.restitution import UNKNOWN
-from palpate.validation import Floats, defined
+from palpate.validation import Floats, Plain, defined
 
 # Of the swing of the depth: a crossing counts when the probe has been so far on either side.
 HYSTERESIS = 0.10
@@ -97,10 +97,8 @@ class Loops:
     def over(self, values: Floats) -> Floats:
         """How much a running sum grows in each loop."""
         places = np.arange(len(values))
-        grown: Floats = np.interp(self.stops, places, values) - np.interp(
-            self.starts, places, values
-        )
-        return grown
+        starts, stops = (np.interp(ends, places, values) for ends in (self.starts, self.stops))
+        return stops - starts
 
 
 def loops_of(contact: Contact, path: Path) -> Loops:
@@ -113,14 +111,9 @@ def loops_of(contact: Contact, path: Path) -> Loops:
     touches = _touches(contact, path)
     counts = np.concatenate([[0], np.cumsum(path.inside)])
     held = sum(counts[int(b) + 1] - counts[int(a)] for a, b in touches)
-    if 2 * held >= counts[-1] > 0:
-        return _loops("touch", touches)
-    return _loops("cycle", _cycles(path))
-
-
-def _loops(kind: str, ends: list[tuple[float, float]]) -> Loops:
-    starts, stops = np.array(ends, dtype=np.float64).reshape(-1, 2).T
-    return Loops(kind, starts, stops)
+    whole = 2 * held >= counts[-1] > 0
+    ends = np.array(touches if whole else _cycles(path), dtype=np.float64).reshape(-1, 2)
+    return Loops("touch" if whole else "cycle", *ends.T)
 
 
 def _touches(contact: Contact, path: Path) -> list[tuple[float, float]]:
@@ -134,7 +127,9 @@ def _touches(contact: Contact, path: Path) -> list[tuple[float, float]]:
             stop = first + int(np.searchsorted(time, touch.stop, side="right")) - 1
             if path.inside[start : stop + 1].any():  # a spike that was left out is none
                 cores.append((start, stop))
-        limits = [first, *(_between(path.depth, a[1], b[0]) for a, b in pairwise(cores)), last]
+        # Between two touches the shallowest sample.
+        limits = [a + int(np.argmin(path.depth[a : b + 1])) for (_, a), (b, _) in pairwise(cores)]
+        limits = [first, *limits, last]
         for (start, stop), (low, high) in zip(cores, pairwise(limits), strict=False):
             if first < start and stop < last:
                 found.append(_outwards(path.depth, start, stop, low, high))
@@ -145,11 +140,6 @@ def _ends(path: Path, segment: int) -> tuple[int, int]:
     """First and last sample of a segment."""
     first = int(np.searchsorted(path.segment, segment))
     return first, int(np.searchsorted(path.segment, segment, side="right")) - 1
-
-
-def _between(depth: Floats, stop: int, start: int) -> int:
-    """The shallowest sample between two touches."""
-    return stop + int(np.argmin(depth[stop : start + 1]))
 
 
 def _outwards(depth: Floats, start: int, stop: int, low: int, high: int) -> tuple[float, float]:
@@ -170,14 +160,13 @@ def _cycles(path: Path) -> list[tuple[float, float]]:
     for each in np.unique(path.segment):
         first, last = _ends(path, int(each))
         places = _passages(path.depth[first : last + 1], level - some, level, level + some)
-        passed = [first + place for place in places]
-        found += [(a, b) for a, b in pairwise(passed) if _inside(path.inside, a, b)]
+        # Nearly all of a cycle was in contact; a lift out of it would be a touch.
+        found += [
+            (first + a, first + b)
+            for a, b in pairwise(places)
+            if np.mean(path.inside[int(first + a) : int(first + b) + 1]) > 0.9
+        ]
     return found
-
-
-def _inside(inside: NDArray[np.bool_], start: float, stop: float) -> bool:
-    """Whether nearly all of a cycle was in contact; a lift out of it would be a touch."""
-    return bool(np.mean(inside[int(start) : int(stop) + 1]) > 0.9)
 
 
 def _passages(depth: Floats, low: float, level: float, high: float) -> list[float]:
@@ -338,9 +327,7 @@ def energy_of(
     drifted = _drifted(path, loops, law) if drifting else 0.0
     measured = Quantity(float(lost.mean()), noise, math.hypot(moved, steps, drifted))
     of_law = Quantity(float(predicted.mean()), by_damping * damping.standard_error, 0.0)
-    remarks = _remarks(measured, of_law)
-    if not remarks:
-        remarks = _loop_by_loop(loops.kind, lost, predicted, variance)
+    remarks = _remarks(measured, of_law) or _loop_by_loop(loops.kind, lost, predicted, variance)
     whole = float(each.mean())
     fraction = _part(measured, whole)
     return EnergyLoss(
@@ -379,9 +366,8 @@ def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
     if predicted.value < 0.0:
         remarks.append("the law makes energy: its damping is negative")
     elif measured.value > 0.0 and off > max(UNACCOUNTED * measured.value, 2.0 * math.hypot(*known)):
-        remarks.append(
-            f"the law accounts for {predicted.value / measured.value:.0%} of what was lost"
-        )
+        part = predicted.value / measured.value
+        remarks.append(f"the law accounts for {part:.0%} of what was lost")
     return remarks
 
 
@@ -406,7 +392,7 @@ PULLS = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Passivity:
+class Passivity(Plain):
     """Whether the law's force is negative in the recorded motion, and the recorded one too.
 
     Attributes
@@ -441,10 +427,6 @@ class Passivity:
     limit: float
     fastest_withdrawal: float
 
-    def as_dict(self) -> dict[str, float | None]:
-        """Return it as plain numbers; what is not defined is None."""
-        return {name: defined(getattr(self, name)) for name in self.__slots__}
-
 
 def passivity_of(path: Path, law: ForceLaw, there: WorkingDepth, force_noise: float) -> Passivity:
     """Return where a law pulls along a path.
@@ -462,26 +444,20 @@ def passivity_of(path: Path, law: ForceLaw, there: WorkingDepth, force_noise: fl
     """
     below = path.depth > 0.0
     depth, velocity, measured = path.depth[below], path.velocity[below], path.force[below]
-    force = path.felt(law)[below]
-    pulls = force < 0.0
+    force, damping = path.felt(law)[below], there.damping.value
+    size, pulls = force.size, force < 0.0
     lowest = int(np.argmin(force)) if pulls.any() else None
     return Passivity(
-        fraction=float(np.mean(pulls)) if force.size else math.nan,
+        fraction=float(np.mean(pulls)) if size else math.nan,
         lowest_force=0.0 if lowest is None else float(force[lowest]),
         lowest_depth=math.nan if lowest is None else float(depth[lowest]),
         lowest_velocity=math.nan if lowest is None else float(velocity[lowest]),
         deepest=float(depth[pulls].max()) if pulls.any() else math.nan,
         measured_there=float(measured[pulls].mean()) if pulls.any() else math.nan,
-        measured_fraction=float(np.mean(measured < -PULLS * force_noise))
-        if force.size
-        else math.nan,
-        limit=_limit(there.force, there.damping),
+        measured_fraction=float(np.mean(measured < -PULLS * force_noise)) if size else math.nan,
+        limit=-there.force.value / damping if damping > 0.0 else math.nan,
         fastest_withdrawal=fastest_of(-velocity),
     )
-
-
-def _limit(force: Quantity, damping: Quantity) -> float:
-    return -force.value / damping.value if damping.value > 0.0 else math.nan
 
 
 def fastest_of(velocity: Floats) -> float:

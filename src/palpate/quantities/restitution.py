@@ -1,9 +1,4 @@
-"""What is quoted for the restitution of a Hunt–Crossley contact, in place of the exact relation.
-
-Each is published as the dissipation that a wanted e needs, d = b v₀ = d(e); it is solved for e.
-How near they come to the exact e was found over d from 10⁻³ to 10².
-
-How a free body rebounds from a Hunt–Crossley contact: exactly, and its inverse.
+"""How a free body rebounds from a Hunt–Crossley contact: exactly, and its inverse.
 
 A rigid body of mass m meets the surface at v₀, with no other force on it and no adhesion. It moves
 by m ẍ = −K xⁿ (1 + b ẋ), b = B/K; with the depth in place of the time, and divided by 1 + b v,
@@ -33,98 +28,7 @@ from numpy.typing import ArrayLike
 
 from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
-from palpate.validation import Floats, Plain, all_good, number_in, together
-
-
-@dataclass(frozen=True, slots=True)
-class Approximation:
-    """A relation of dissipation and restitution that is not exact.
-
-    Attributes
-    ----------
-    name : str
-        Of those who published it.
-    formula : str
-        d = b v₀ by e, as published but for the factor K/v₀.
-    source : str
-        Where.
-    range : str
-        How near it comes to the exact e, and where it ends.
-    solved : callable
-        e by d ≥ 0; NaN where it has none in [0, 1].
-    """
-
-    name: str
-    formula: str
-    source: str
-    range: str
-    solved: Callable[[float], float]
-
-    def restitution(self, dissipation: float, speed: float) -> float:
-        """Return what it says of e, at a dissipation b [s/m] and a speed v₀ ≥ 0 [m/s].
-
-        NaN where it says nothing: for a negative dissipation, and where its e would be below 0.
-        """
-        d = number_in("dissipation", dissipation, -1e300, 1e300)
-        d *= number_in("speed", speed, 0.0, 1e300)
-        e = self.solved(min(d, 1e150)) if d >= 0.0 else math.nan
-        return e if e >= 0.0 else math.nan
-
-
-def _lankarani_nikravesh(d: float) -> float:
-    return math.sqrt(1.0 - 4.0 * d / 3.0) if d <= 0.75 else math.nan
-
-
-def _gonthier(d: float) -> float:
-    return 2.0 / (d + math.hypot(d, 2.0))  # (√(d² + 4) − d)/2, without cancellation
-
-
-def _carvalho_martins(d: float) -> float:
-    # The lesser root of e² − 2 p e + q = 0, as q over the larger one.
-    p, q = 6.0 + 3.0 * d, 11.0 - 2.0 * d / 3.0
-    return q / (p + math.sqrt(p * p - q))
-
-
-#: In the order of their years.
-APPROXIMATIONS = (
-    Approximation(
-        "Hunt–Crossley",
-        "d = 3 (1 − e)/2",
-        "Hunt & Crossley, J. Applied Mechanics 42 (1975) 440–445",
-        "within 0.01 for e > 0.905; none for d > 3/2",
-        lambda d: 1.0 - 2.0 * d / 3.0,
-    ),
-    Approximation(
-        "Lankarani–Nikravesh",
-        "d = 3 (1 − e²)/4",
-        "Lankarani & Nikravesh, J. Mechanical Design 112 (1990) 369–376",
-        "within 0.01 for e > 0.924; none for d > 3/4",
-        _lankarani_nikravesh,
-    ),
-    Approximation(
-        "Gonthier",
-        "d = (1 − e²)/e",
-        "Gonthier, McPhee, Lange & Piedbœuf, Multibody System Dynamics 11 (2004) 209–233, "
-        "beside the exact relation",
-        "within 0.033 for every e, and exact towards e = 0",
-        _gonthier,
-    ),
-    Approximation(
-        "Flores",
-        "d = 8 (1 − e)/(5 e)",
-        "Flores, Machado, Silva & Martins, Multibody System Dynamics 25 (2011) 357–375",
-        "within 0.046 for every e, 0.01 for e > 0.818",
-        lambda d: 8.0 / (8.0 + 5.0 * d),
-    ),
-    Approximation(
-        "Carvalho–Martins",
-        "d = 3 (1 − e)(11 − e)/(2 + 18 e)",
-        "Carvalho & Martins, Mechanism and Machine Theory 139 (2019) 174–194",
-        "within 0.01 for e > 0.225; none for d > 33/2",
-        _carvalho_martins,
-    ),
-)
-
+from palpate.validation import Floats, Plain, all_good, together
 
 # Below it e = 1 − 2d/3 + 4d²/9 is exact: the next term, 44 d³/135, is under 10⁻¹⁵. They follow from
 # φ(d) = e² φ(−d e), where φ(z) = 2 [z − ln(1 + z)]/z² = 1 − 2z/3 + z²/2 − …: of e = 1 + p d + q d²
@@ -161,18 +65,27 @@ def restitution(dissipation: "ArrayLike", speed: "ArrayLike") -> float | Floats:
     InvalidParameterError
         It names the first value that is no finite number, or a speed below 0.
     """
-    d = _product(dissipation, speed)
+    b, speeds = together(dissipation=dissipation, speed=speed)
+    all_good("dissipation", b, np.isfinite(b), "finite")
+    all_good("speed", speeds, (speeds >= 0.0) & np.isfinite(speeds), "at least 0 and finite")
+    with np.errstate(over="ignore"):  # what overflows rebounds as little as 10³⁰⁰ does
+        d = np.clip(b * speeds, -1e300, 1e300)
     e = _solved(d.reshape(-1))[0].reshape(d.shape)
     return e if e.ndim else float(e)
 
 
-def restitution_slope(d: float) -> float:
-    """Return de/dd of the exact relation at one d > −1, by which an error of b becomes one of e.
+def restitution_slope(d: Floats) -> Floats:
+    """Return de/dd of the exact relation at some d > −1: an error of b becomes one of e by it.
 
     With y = d e, d − ln(1 + d) = −y − ln(1 − y) has d/(1 + d) dd = y/(1 − y) dy, so that
     de/dd = [(1 − y)/(e (1 + d)) − e]/d; near 0, where that cancels, −2/3 + 8d/9 − 44d²/45.
     """
-    return float(_slopes(np.array([d]))[0])
+    e, left = _solved(d)
+    few = np.clip(d, -1e-4, 1e-4)
+    slopes = -2.0 / 3.0 + 8.0 * few / 9.0 - 44.0 * few**2 / 45.0
+    far = np.abs(d) > 1e-4  # there what the series leaves off and what cancels are both some 10⁻¹²
+    slopes[far] = (left[far] / (e[far] * (1.0 + d[far])) - e[far]) / d[far]
+    return slopes
 
 
 @overload
@@ -241,15 +154,6 @@ def _without_exponential(t: Floats) -> Floats:
     return value
 
 
-def _slopes(d: Floats) -> Floats:
-    e, left = _solved(d)
-    few = np.clip(d, -1e-4, 1e-4)
-    slopes = -2.0 / 3.0 + 8.0 * few / 9.0 - 44.0 * few**2 / 45.0
-    far = np.abs(d) > 1e-4  # there what the series leaves off and what cancels are both some 10⁻¹²
-    slopes[far] = (left[far] / (e[far] * (1.0 + d[far])) - e[far]) / d[far]
-    return slopes
-
-
 def _inverse(e: Floats) -> Floats:
     """Newton's method on ln e over ln d, which is concave: it comes down from above.
 
@@ -259,7 +163,7 @@ def _inverse(e: Floats) -> Floats:
     moving = d > 0.0
     for _ in range(MOST_STEPS):
         now = _solved(d[moving])[0]
-        change = np.log(now / e[moving]) * now / (_slopes(d[moving]) * d[moving])
+        change = np.log(now / e[moving]) * now / (restitution_slope(d[moving]) * d[moving])
         d[moving] *= np.exp(-change)
         # ln e holds 10⁻¹⁶, of which d near 0 keeps so much the less.
         if (np.abs(change) * np.minimum(d[moving], 1.0) <= 1e-15).all():
@@ -267,12 +171,49 @@ def _inverse(e: Floats) -> Floats:
     return d
 
 
-def _product(dissipation: "ArrayLike", speed: "ArrayLike") -> Floats:
-    b, speeds = together(dissipation=dissipation, speed=speed)
-    all_good("dissipation", b, np.isfinite(b), "finite")
-    all_good("speed", speeds, (speeds >= 0.0) & np.isfinite(speeds), "at least 0 and finite")
-    with np.errstate(over="ignore"):  # what overflows rebounds as little as 10³⁰⁰ does
-        return np.clip(b * speeds, -1e300, 1e300)
+# What people quote in place of the exact relation.
+
+
+def _carvalho_martins(d: float) -> float:
+    # The lesser root of e² − 2 p e + q = 0, as q over the larger one.
+    p, q = 6.0 + 3.0 * d, 11.0 - 2.0 * d / 3.0
+    return q / (p + math.sqrt(p * p - q))
+
+
+#: e by d = b v₀ ≥ 0, in the order of their years. Each is published as the d that a wanted e needs
+#: (but for the factor K/v₀), and solved for e here; how near they come to the exact e was found
+#: over d from 10⁻³ to 10².
+APPROXIMATIONS: dict[str, Callable[[float], float]] = {
+    # d = 3 (1 − e)/2: Hunt & Crossley, J. Applied Mechanics 42 (1975) 440–445; within 0.01 for
+    # e > 0.905; none for d > 3/2.
+    "Hunt–Crossley": lambda d: 1.0 - 2.0 * d / 3.0,
+    # d = 3 (1 − e²)/4: Lankarani & Nikravesh, J. Mechanical Design 112 (1990) 369–376; within 0.01
+    # for e > 0.924; none for d > 3/4.
+    "Lankarani–Nikravesh": lambda d: math.sqrt(1.0 - 4.0 * d / 3.0) if d <= 0.75 else math.nan,
+    # d = (1 − e²)/e: Gonthier, McPhee, Lange & Piedbœuf, Multibody System Dynamics 11 (2004)
+    # 209–233, beside the exact relation; within 0.033 for every e, and exact towards e = 0. It is
+    # (√(d² + 4) − d)/2, without cancellation.
+    "Gonthier": lambda d: 2.0 / (d + math.hypot(d, 2.0)),
+    # d = 8 (1 − e)/(5 e): Flores, Machado, Silva & Martins, Multibody System Dynamics 25 (2011)
+    # 357–375; within 0.046 for every e, 0.01 for e > 0.818.
+    "Flores": lambda d: 8.0 / (8.0 + 5.0 * d),
+    # d = 3 (1 − e)(11 − e)/(2 + 18 e): Carvalho & Martins, Mechanism and Machine Theory 139 (2019)
+    # 174–194; within 0.01 for e > 0.225; none for d > 33/2.
+    "Carvalho–Martins": _carvalho_martins,
+}
+
+
+def approximations_of(dissipation: float, speed: float) -> dict[str, float]:
+    """Return e by each of :data:`APPROXIMATIONS` at a dissipation b [s/m] and a speed v₀ [m/s].
+
+    NaN where one says nothing: for a negative dissipation, and where its e would be below 0.
+    """
+    d = dissipation * speed
+    found = {
+        name: solved(min(d, 1e150)) if d >= 0.0 else math.nan
+        for name, solved in APPROXIMATIONS.items()
+    }
+    return {name: e if e >= 0.0 else math.nan for name, e in found.items()}
 
 
 # The restitution of what was identified, with its error bar.
@@ -339,18 +280,18 @@ def restitution_of(
         words = f"not the same for every body: by {_in_words(law)} it depends on the body's mass"
         return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(words,))
     if not (math.isfinite(b.value) and v0 > 0.0):
-        force = (
-            "the law's stiffness is not positive" if v0 > 0.0 else "nothing approached in contact"
-        )
-        return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(f"not known: {force}",))
+        why = "the law's stiffness is not positive" if v0 > 0.0 else "nothing approached in contact"
+        return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(f"not known: {why}",))
     d = b.value * v0
-    e, slope = restitution(b.value, v0), abs(restitution_slope(d)) * v0 if d > -1.0 else math.nan
+    e, slope = restitution(b.value, v0), math.nan
+    if d > -1.0:
+        slope = abs(float(restitution_slope(np.array([d]))[0])) * v0
     return Restitution(
         v0,
         fastest_approach,
         Quantity(e, slope * b.standard_error, slope * b.systematic),
         b,
-        MappingProxyType({each.name: each.restitution(b.value, v0) for each in APPROXIMATIONS}),
+        MappingProxyType(approximations_of(b.value, v0)),
         (*_remarks(b, v0, fastest_approach), *([] if trusted else [UNTRUSTED])),
     )
 
