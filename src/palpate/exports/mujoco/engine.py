@@ -29,7 +29,7 @@ from palpate.exports.engine import (
     with_exponents,
 )
 from palpate.exports.mujoco import callback, robot
-from palpate.exports.mujoco.fitting import FITS, MOST_STEPS, PairRows, badness, rebound
+from palpate.exports.mujoco.fitting import FITS, MOST_STEPS, PairRows, misfit_to, rebound
 from palpate.exports.mujoco.robot import (
     NOTHING_PASSIVE,
     PADS,
@@ -314,7 +314,8 @@ class MuJoCo(Engine):
         made = {form: FITS[form](asked.law, asked.motion, mobility, contacts) for form in tried}
         if len(made) == 1:
             return tried[0], made[tried[0]]
-        form = min(made, key=lambda each: badness(made[each], asked.law, asked.motion))
+        misfit = misfit_to(asked.law, asked.motion, 1.0 / mobility)
+        form = min(made, key=lambda each: misfit(made[each]))
         return form, made[form]
 
     def _ways(self, law: GeneralisedHuntCrossley) -> tuple[str, ...]:
