@@ -21,7 +21,7 @@ from scipy.stats import binom
 
 import palpate
 from palpate import Contact, Scale, Status, VariableProjection, identify, lab
-from palpate.design.motion import cramer_rao_bound
+from palpate.design.precision import cramer_rao_bound
 from palpate.preparation.gates import suggest_surface_deviation
 
 SCALE = Scale(10e-3, 0.1, 20.0)
@@ -44,7 +44,7 @@ def recorded(motion: Motion, force, **made) -> Contact:
 @pytest.mark.parametrize("law", [BALL, GEL])
 def test_light_contact_costs_no_more_than_the_bound(law):
     motion, noise = strokes(4.0), 0.1
-    bound = cramer_rao_bound(law, motion.x, motion.v, noise, offset=True).standard_errors[:3]
+    bound = cramer_rao_bound(law, motion.x, motion.v, noise, offset=True)[:3]
     errors = []
     for seed in range(40):
         force = law.force(motion.x, motion.v) + white(len(motion), seed, noise)

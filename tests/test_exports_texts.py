@@ -52,7 +52,7 @@ def test_the_form_is_that_of_the_law(law, form, most_percent) -> None:
 
 @pytest.mark.parametrize("exponent", [1.1, 1.3, 1.5, 2.0, 2.5])
 def test_spheres_in_one_another_are_a_power_law_of_the_same_dissipation(exponent) -> None:
-    spheres = fitted("drake", GeneralisedHuntCrossley(3e4, exponent, 6e4, exponent)).spheres
+    spheres = fitted("drake", GeneralisedHuntCrossley(3e4, exponent, 6e4, exponent)).contact
     assert spheres.gaps[0] == 0.0
     assert (np.diff(spheres.gaps) > 0.0).all()
     assert (spheres.stiffness > 0.0).all()
@@ -62,7 +62,7 @@ def test_spheres_in_one_another_are_a_power_law_of_the_same_dissipation(exponent
     # A damper of another power is carried by each with its own dissipation.
     fragment = fitted("drake", GeneralisedHuntCrossley(1e5, 2.0, 3000.0, 1.0))
     assert predicted_percent(fragment) < 0.5
-    assert np.ptp(fragment.spheres.dissipation) > 0.0
+    assert np.ptp(fragment.contact.dissipation) > 0.0
 
 
 def test_least_squares_leave_out_what_would_be_negative() -> None:
@@ -88,7 +88,7 @@ def test_a_slab_carries_a_square_law(radius, most_percent) -> None:
     fragment = fitted("drake", PVC_LAW, form="hydroelastic", tip_radius=radius)
     assert predicted_percent(fragment) < most_percent
     # E = K H/(πR), and more for the sphere's curvature.
-    slab = fragment.slab
+    slab = fragment.contact
     flat = PVC_LAW.stiffness * slab.thickness / (math.pi * radius)
     assert 1.0 < slab.modulus / flat < 1.2
 
@@ -157,7 +157,7 @@ def test_sap_has_the_relaxation_time_of_one_body_only() -> None:
 
 def test_a_tip_smaller_than_it_is_pressed_in_has_its_inner_spheres_raised_and_says_so() -> None:
     fragment = fitted("drake", PVC_LAW, tip_radius=0.003)
-    gaps = fragment.spheres.gaps
+    gaps = fragment.contact.gaps
     lowest = [tip.lift - tip.radius for tip in fragment.parts.tips]
     assert lowest == pytest.approx(gaps - 0.003)
     assert any("raised" in words for words in fragment.warnings)

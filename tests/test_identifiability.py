@@ -36,7 +36,7 @@ from palpate import (
     prepare,
 )
 from palpate.design import Motion as Planned
-from palpate.design.motion import cramer_rao_bound
+from palpate.design.precision import cramer_rao_bound
 
 DATA = Path(os.environ.get("PALPATE_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
@@ -126,7 +126,7 @@ def test_error_bars_widen_as_far_as_noise_is_correlated(name: str) -> None:
 
 def test_white_noise_widens_by_a_quarter_at_most() -> None:
     motion = three_sines(5.0)
-    bound = cramer_rao_bound(BALL, motion.x, motion.v, NOISE, offset=True).standard_errors[:3]
+    bound = cramer_rao_bound(BALL, motion.x, motion.v, NOISE, offset=True)[:3]
     found = [estimate_of(BALL, motion, seed).standard_errors for seed in range(40)]
     ratio = np.median(found, axis=0) / bound
     # Never below white, by how much the variances of blocks scatter, and by t₀.₉₇₅(ν)/1.96.

@@ -31,7 +31,7 @@ from palpate import (
     VariableProjection,
     design,
 )
-from palpate.design.motion import cramer_rao_bound
+from palpate.design.precision import cramer_rao_bound
 
 LAWS_TRIED = 20
 
@@ -119,7 +119,7 @@ def test_the_given_noise_sets_the_error_bars_and_an_unknown_one_is_found() -> No
     found = fed(VariableProjection(), motion, force).estimate()
     # No level of the residual is noisier than twice what it is: they are those of white noise. The
     # prior's part of the information is below 1e-3.
-    bound = cramer_rao_bound(PVC, motion.x, motion.v, NOISE, offset=True).standard_errors[:3]
+    bound = cramer_rao_bound(PVC, motion.x, motion.v, NOISE, offset=True)[:3]
     assert twice.standard_errors == pytest.approx(2.0 * bound, rel=0.02)
     # The residual's deviation over 5000 samples is known to 1 %; four times that.
     assert found.standard_errors == pytest.approx(given.standard_errors, rel=0.04)
@@ -224,7 +224,7 @@ def errors_of(law: HuntCrossley, seconds: float, seeds: range, **settings) -> tu
 @pytest.mark.parametrize("name", WELL_EXCITED)
 def test_errors_are_at_the_cramer_rao_bound(name, offset, seconds, seeds, limit) -> None:
     law, motion = WELL_EXCITED[name], three_sines(seconds)
-    bound = cramer_rao_bound(law, motion.x, motion.v, NOISE, offset=offset).standard_errors[:3]
+    bound = cramer_rao_bound(law, motion.x, motion.v, NOISE, offset=offset)[:3]
     errors, _ = errors_of(law, seconds, seeds, offset=offset)
     assert (np.sqrt(np.mean(errors**2, axis=0)) <= limit * bound).all()
 

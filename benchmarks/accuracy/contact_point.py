@@ -8,7 +8,7 @@ from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.probing import MATERIALS, NOISE, approach_and_probe, feed, noise
 from benchmarks.accuracy.table import Group, Limit, Line
 from palpate import VariableProjection
-from palpate.design.motion import cramer_rao_bound
+from palpate.design.precision import cramer_rao_bound
 
 DURATION = 20.0  # s, the approach included
 UNKNOWN = 2e-3  # m
@@ -25,7 +25,7 @@ def contact_point(campaign: Campaign) -> list[Group]:
         motion = approach_and_probe(DURATION)
         x, v = motion.penetration, motion.velocity
         bound = cramer_rao_bound(law, x, v, NOISE, offset=True, surface=True)
-        bounds = (100.0 * bound["stiffness"] / law.stiffness, 1e6 * bound["surface"])
+        bounds = (100.0 * bound[0] / law.stiffness, 1e6 * bound[-1])
         for i, (what, highest) in enumerate((("K, %", 1.5), ("surface, µm", 40.0))):
             worst, late = np.percentile(np.abs(errors[:, i]), [100.0, 95.0])
             rms = float(np.sqrt(np.mean(errors[:, i] ** 2)))

@@ -22,7 +22,7 @@ from benchmarks.accuracy.probing import (
 from benchmarks.accuracy.table import Group, Limit, Line
 from palpate import VariableProjection
 from palpate.design import Motion
-from palpate.design.motion import sensitivity
+from palpate.design.precision import jacobian
 
 DURATION = 20.0  # s
 KNOWN_TO = 3e-3  # N, an offset that a pause has left
@@ -138,7 +138,7 @@ def last_outside(outside: NDArray[np.bool_]) -> Floats:
 def _bound(material: str, motion: Motion, variant: Variant) -> tuple[float, ...]:
     """Seconds until twice the bound stays below 5 %."""
     law, probe = MATERIALS[material], sines(DURATION, motion)
-    columns = sensitivity(law, probe.penetration, probe.velocity) * law.parameters
+    columns = jacobian(law, probe.penetration, probe.velocity) * law.parameters
     if variant.offset != 0.0:
         columns = np.hstack([columns, np.ones((len(columns), 1))])
     information = np.cumsum(columns[:, :, None] * columns[:, None, :], axis=0) / NOISE**2

@@ -13,7 +13,7 @@ from benchmarks.accuracy.probing import BALL, PVC, SPONGE, SYMBOLS, Floats, feed
 from benchmarks.accuracy.table import Group, Limit, Line
 from benchmarks.accuracy.trials import rms
 from palpate import Estimate, HuntCrossley, Scale, VariableProjection
-from palpate.design.motion import cramer_rao_bound
+from palpate.design.precision import cramer_rao_bound
 
 SECONDS = 10.0
 LEVELS = (0.005, 0.05, 0.2)  # N
@@ -107,7 +107,7 @@ def _efficiency(campaign: Campaign) -> list[Group]:
                 law, motion = material.law, path(kind)
                 bound = cramer_rao_bound(
                     law, motion.x * material.depth, motion.v * material.depth, level, offset=True
-                ).standard_errors[:3]
+                )[:3]
                 ratio = rms([errors for errors, _ in found]) / bound
                 covered = np.mean([held for _, held in found], axis=0)
                 figures.append(ratio)

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.accuracy.probing import MATERIALS, NOISE, Floats, feed, noise, sines
 from palpate import Scale, SingleStageRLS, VariableProjection
-from palpate.design.motion import cramer_rao_bound
+from palpate.design.precision import cramer_rao_bound
 from palpate.preparation.velocity import velocity_of
 
 TIMES = (0.5, 1.0, 5.0, 20.0)  # s
@@ -83,7 +83,7 @@ def bounds(trial: Trial) -> Floats:
                 motion.velocity[:end],
                 NOISE,
                 offset=trial.sensor != "true",
-            ).standard_errors[:3]
+            )[:3]
             for end in ENDS
         ]
     )

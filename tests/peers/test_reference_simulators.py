@@ -233,7 +233,7 @@ def test_the_depth_beside_a_force_of_a_discrete_plant_is_that_before_the_step(st
 def test_a_sphere_on_a_hydroelastic_half_space_is_the_power_law_but_for_its_curvature() -> None:
     installed("pydrake.all")
     fragment = fitted("drake", PVC_LAW, form="hydroelastic", tip_radius=0.1)
-    slab = fragment.slab
+    slab = fragment.contact
     law = engines.drake_hydroelastic(
         modulus=slab.modulus,
         thickness=slab.thickness,

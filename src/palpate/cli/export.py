@@ -83,7 +83,7 @@ def export(
         Print the statement as one JSON object.
     """
     from palpate.exports.exporting import export as run
-    from palpate.exports.exporting import save_refusal
+    from palpate.exports.exporting import save_statement
     from palpate.results.saved import RESULT, TRACES, load_result
 
     saved = load_result(result)
@@ -94,7 +94,7 @@ def export(
         if refused.statement is None:  # nothing was made that a statement could be about
             complain(str(refused))
             return UNTRUSTED
-        paths = [] if output is None else save_refusal(refused.statement, output, inputs)
+        paths = [] if output is None else save_statement(refused.statement, output, inputs, {})
         _print(refused.statement, paths, as_json=as_json)
         return UNTRUSTED
     paths = [] if output is None else made.save(output, inputs=inputs)

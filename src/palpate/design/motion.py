@@ -1,69 +1,18 @@
-"""What a force sensor that rounds adds to its noise.
+"""A motion as it is planned, as a robot plays it from rest to rest, and its file."""
 
-What a motion can identify: Fisher information and the Cramér–Rao bound.
-
-For F = f(x, v; θ) + ε with white noise of standard deviation σ, no unbiased estimator of θ has a
-covariance below
-
-    (JᵀJ)⁻¹ σ²,   J = ∂f/∂θ at every sample.
-"""
-
+import io
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.errors import InvalidParameterError
-from palpate.force_laws import ForceLaw
-from palpate.validation import Floats, instance, number_in, signals
-
-# Harmonics of the rounding error that are distinct from white noise: at least 87 % of its power.
-_MOST = 4
-# Smaller ones than this fraction of the noise are left in it.
-_LEAST = 1e-3
-
-
-def effective_noise(noise: float, resolution: float) -> float:
-    """Noise of a sensor that also rounds: √(σ² + Δ²/12), N.
-
-    Rounding to steps of Δ adds an error that is uniform over a step, of variance Δ²/12, and new at
-    every sample as long as noise carries the force across steps: σ ≥ Δ/2. Below that a part of it,
-    of amplitude (Δ/π) e^(−2π²σ²/Δ²), comes back whenever the force does. A motion that crosses
-    many steps and does not soon repeat still averages it out; one that repeats does not, and a
-    held force keeps it for ever: see ``expected_errors``.
-
-    Parameters
-    ----------
-    noise : float
-        σ before rounding, N, in [1e-15, 1e15].
-    resolution : float
-        Δ, N, in [0, 1e15]; 0 for a sensor that does not round.
-    """
-    sigma = number_in("noise", noise, 1e-15, 1e15)
-    step = number_in("resolution", resolution, 0.0, 1e15)
-    return math.hypot(sigma, step / math.sqrt(12.0))
-
-
-def mean_rounding_error(noise: float, resolution: float) -> Floats:
-    """Amplitudes βₖ [N] of the mean rounding error, Σ βₖ sin 2πk F/Δ, k = 1, 2, … up to four.
-
-    βₖ = Δ/(πk) e^(−2π²k²σ²/Δ²): Gaussian noise of σ, blurring the sawtooth of a sensor of step Δ.
-    Those that are small beside the noise are left out; without rounding there is none.
-    """
-    if resolution == 0.0:
-        return np.empty(0)
-    order = np.arange(1, _MOST + 1)
-    # Beyond this the exponential is nothing, and its argument might overflow.
-    ratio = min(noise / resolution, 10.0)
-    betas: Floats = resolution / (np.pi * order) * np.exp(-2.0 * (np.pi * order * ratio) ** 2)
-    count = int(np.count_nonzero(betas > _LEAST * effective_noise(noise, resolution)))
-    return betas[:count]
-
-
-# A planned motion of the probe: sines around a mean depth.
+from palpate.validation import Floats, instance, number_in
+from palpate.writing import write_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,148 +109,189 @@ def _several(name: str, values: Any) -> tuple[Any, ...]:
 PAPER_MOTION = Motion(10e-3, (1e-3, 1.8e-3, 1.8e-3), (4.0, 11.0, 15.0))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CramerRaoBound:
-    """The least standard errors that a motion allows.
+# As a robot plays it: rest, approach, the sines, retreat, rest.
+
+#: Before anything moves, s: the force sensor's bias is measured in it.
+PAUSE = 2.0
+# After the retreat, s: what a filter of the velocity still asks for.
+_REST = 0.5
+# How high above the surface a motion begins, over the depth that it reaches: as well as a surface
+# has to be known to plan a motion at all.
+_CLEARANCE = 0.1
+# Points a period of the fastest sine among which the moment to leave is looked for, and at most.
+_POINTS, _MOST_POINTS = 64, 1_000_000
+_MOST_SAMPLES = 10_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class MotionCommand:
+    """A motion from rest above the surface and back to it, without a jump in its acceleration.
+
+    The sines begin at their mean depth x₀ at their highest speed V, where they do not accelerate.
+    The approach has that speed at its end, and never exceeds it:
+
+        v = V (3s² − 2s³),  x = −c + V T (s³ − s⁴/2),  T = 2 (x₀ + c)/V,  s from 0 to 1 in T.
+
+    The retreat is the same backwards, from a moment at which the sines come out fastest.
+
+    Parameters
+    ----------
+    motion : Motion
+        The sines; they have to move.
+    seconds : float
+        How long they last at least, s, in (0, 1e5]: at most a period of the slowest longer.
 
     Attributes
     ----------
-    names : tuple of str
-        The law's parameters, then ``offset`` and ``surface`` where they are unknown too.
-    standard_errors : numpy.ndarray, shape (q,)
-        Lower bounds, SI; infinite where the motion does not identify it.
-    covariance : numpy.ndarray, shape (q, q)
-        The inverse of the information; infinite where that is singular.
+    clearance : float
+        c, m above the surface at either end: a tenth of the peak penetration.
+    start, stop : float
+        When the sines begin and end, s, from the first sample on.
+    duration : float
+        Of the whole, s.
+
+    Raises
+    ------
+    InvalidParameterError
+        The probe is held, or an argument is out of its range.
     """
 
-    names: tuple[str, ...]
-    standard_errors: Floats
-    covariance: Floats
+    motion: Motion
+    seconds: float = 20.0
+    clearance: float = field(init=False)
+    start: float = field(init=False)
+    stop: float = field(init=False)
+    duration: float = field(init=False)
 
-    def __getitem__(self, name: str) -> float:
-        """Return the bound of one quantity."""
-        if name not in self.names:
+    def __post_init__(self) -> None:
+        instance("motion", self.motion, Motion)
+        number_in("seconds", self.seconds, 0.0, 1e5, open_low=True)
+        speed = self.motion.top_speed
+        if speed == 0.0:
+            raise InvalidParameterError("the probe is held: there is no motion to write")
+        clearance = _CLEARANCE * self.motion.peak_penetration
+        start = PAUSE + 2.0 * (self.motion.depth + clearance) / speed
+        leaving = _outward(self.motion, self.seconds)
+        x, v = self.motion.at(leaving)
+        retreat = 2.0 * (float(x) + clearance) / -float(v)
+        for name, value in (
+            ("clearance", clearance),
+            ("start", start),
+            ("stop", start + leaving),
+            ("duration", start + leaving + retreat + _REST),
+        ):
+            object.__setattr__(self, name, value)
+
+    def at(self, time: "ArrayLike") -> tuple[Floats, Floats]:
+        """Penetration [m] and velocity [m/s] at times [s], each of their shape."""
+        t = np.asarray(time, dtype=np.float64)
+        sines = np.clip(t, self.start, self.stop) - self.start
+        x, v = self.motion.at(sines)
+        for moved, begins in ((t < self.start, True), (t > self.stop, False)):
+            x[moved], v[moved] = self._at_an_end(t[moved], begins=begins)
+        return x, v
+
+    def _at_an_end(self, time: Floats, *, begins: bool) -> tuple[Floats, Floats]:
+        """The approach, or the retreat, which is one with the time turned round."""
+        moment = 0.0 if begins else self.stop - self.start
+        x, v = (float(each) for each in self.motion.at(moment))
+        length = 2.0 * (x + self.clearance) / abs(v)
+        since = time - self.start + length if begins else self.stop + length - time
+        s = np.clip(since / length, 0.0, 1.0)
+        depth = abs(v) * length * s**3 * (1.0 - 0.5 * s) - self.clearance
+        return depth, v * s * s * (3.0 - 2.0 * s)
+
+    def sampled(self, sample_time: float) -> tuple[Floats, Floats, Floats]:
+        """Time, penetration and velocity from rest to rest.
+
+        Parameters
+        ----------
+        sample_time : float
+            s, in [1e-5, 1], and so long that there are at most 1e7 samples.
+        """
+        step = number_in("sample_time", sample_time, 1e-5, 1.0)
+        count = math.ceil(self.duration / step) + 1
+        if count > _MOST_SAMPLES:
             raise InvalidParameterError(
-                f"name must be one of {', '.join(self.names)}, not {name!r}"
+                f"a motion of {self.duration:.4g} s in steps of {step:g} s has {count} samples; "
+                f"at most {_MOST_SAMPLES} are written: make it shorter, or the steps longer"
             )
-        return float(self.standard_errors[self.names.index(name)])
+        time = np.arange(count, dtype=np.float64) * step
+        return time, *self.at(time)
 
 
-def sensitivity(law: ForceLaw, penetration: "ArrayLike", velocity: "ArrayLike") -> Floats:
-    """∂F/∂θ for the law's parameters at every sample, shape (k, p); zero out of contact.
+def write_motion(
+    command: MotionCommand,
+    path: str | Path,
+    *,
+    sample_time: float = 1e-3,
+    notes: Mapping[str, str] | None = None,
+) -> None:
+    """Write a motion as CSV, whole or not at all: time_s, penetration_m and velocity_m_s.
+
+    ``palpate lab --trajectory`` plays it, and so can a robot.
 
     Parameters
     ----------
-    law : force law
-    penetration, velocity : array_like, shape (k,)
-        m and m/s, finite.
+    command : MotionCommand
+        The motion.
+    path : str or Path
+        The file.
+    sample_time : float
+        s, in [1e-5, 1].
+    notes : mapping, optional
+        Lines above the header, before those that say when the sines begin and end.
+
+    Raises
+    ------
+    InvalidParameterError
+        The sample time is out of its range.
+    RecordingError
+        The path cannot be written.
     """
-    instance("law", law, ForceLaw)
-    x, v = _finite_signals(penetration, velocity)
-    inside = x > 0.0
-    gradient = law.parameter_gradient(np.where(inside, x, 1.0), v)
-    return np.where(inside[:, None], gradient, 0.0)
-
-
-def jacobian(
-    law: ForceLaw,
-    penetration: "ArrayLike",
-    velocity: "ArrayLike",
-    *,
-    offset: bool = False,
-    surface: bool = False,
-) -> Floats:
-    """∂F/∂(θ[, offset][, surface]) at every sample, shape (k, q).
-
-    Arguments as :func:`fisher_information`.
-    """
-    columns = [sensitivity(law, penetration, velocity)]
-    if offset:
-        columns.append(np.ones((len(columns[0]), 1)))
-    if surface:
-        columns.append(_by_surface(law, penetration, velocity)[:, None])
-    return np.hstack(columns)
-
-
-def fisher_information(
-    law: ForceLaw,
-    penetration: "ArrayLike",
-    velocity: "ArrayLike",
-    noise: float,
-    *,
-    offset: bool = False,
-    surface: bool = False,
-) -> Floats:
-    """JᵀJ/σ² of a motion for a law.
-
-    Parameters
-    ----------
-    law : force law
-        The material.
-    penetration, velocity : array_like, shape (k,)
-        The motion, m and m/s.
-    noise : float
-        σ of the force, N, in [1e-30, 1e30].
-    offset, surface : bool
-        Whether a force offset [N] and the position of the surface [m] are unknown too.
-
-    Returns
-    -------
-    numpy.ndarray, shape (q, q)
-        In the order of the law's parameters, the offset, the surface.
-    """
-    sigma = number_in("noise", noise, 1e-30, 1e30)
-    rows = jacobian(law, penetration, velocity, offset=offset, surface=surface) / sigma
-    information: Floats = rows.T @ rows
-    return information
-
-
-def cramer_rao_bound(
-    law: ForceLaw,
-    penetration: "ArrayLike",
-    velocity: "ArrayLike",
-    noise: float,
-    *,
-    offset: bool = False,
-    surface: bool = False,
-) -> CramerRaoBound:
-    """Return the least standard errors that a motion allows.
-
-    Arguments are those of :func:`fisher_information`.
-    """
-    information = fisher_information(
-        law, penetration, velocity, noise, offset=offset, surface=surface
+    table = np.column_stack(command.sampled(sample_time)) + 0.0  # no -0
+    ends = (
+        f"at rest {1e3 * command.clearance:.4g} mm above the surface until {PAUSE:g} s and at the "
+        f"end; the sines from {command.start:.6g} s to {command.stop:.6g} s"
     )
-    names = (*law.as_dict(), *(["offset"] if offset else []), *(["surface"] if surface else []))
-    covariance = inverse_information(information)
-    return CramerRaoBound(names, np.sqrt(np.diag(covariance)), covariance)
+    text = io.StringIO()
+    for name, words in {**(notes or {}), "phases": ends}.items():
+        text.write(f"# {name}: {' '.join(words.split())}\n")
+    text.write("time_s,penetration_m,velocity_m_s\n")
+    np.savetxt(text, table, fmt="%.9g", delimiter=",")
+    write_text(Path(path), text.getvalue())
 
 
-def _by_surface(law: ForceLaw, penetration: "ArrayLike", velocity: "ArrayLike") -> Floats:
-    """∂F/∂d where x becomes x − d."""
-    x, v = _finite_signals(penetration, velocity)
-    inside = x > 0.0
-    return np.where(inside, -law.penetration_gradient(np.where(inside, x, 1.0), v), 0.0)
+def _outward(motion: Motion, earliest: float) -> float:
+    """When the sines come out fastest within a period of the slowest: there is no acceleration.
+
+    Above the surface they have left already, so only moments below it count.
+    """
+    moving = [w for a, w in zip(motion.amplitudes, motion.frequencies, strict=True) if a > 0.0]
+    period = 2.0 * math.pi / min(moving)
+    count = min(int(_POINTS * max(moving) / min(moving)) + 2, _MOST_POINTS)
+    time = np.linspace(earliest, earliest + period, count)
+    rate = _acceleration(motion, time)
+    turning = np.flatnonzero((rate[:-1] < 0.0) & (rate[1:] >= 0.0))
+    x, v = motion.at(time[turning])
+    good = (x > 0.0) & (v < 0.0)
+    if not good.any():
+        raise InvalidParameterError(
+            "the sines come out of the material nowhere below its surface: a larger depth helps"
+        )
+    first = turning[good][np.argmin(v[good])]
+    low, high = float(time[first]), float(time[first + 1])
+    for _ in range(60):  # halvings: to the last digit
+        middle = 0.5 * (low + high)
+        if _acceleration(motion, np.array(middle)) < 0.0:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
-def _finite_signals(penetration: "ArrayLike", velocity: "ArrayLike") -> tuple[Floats, Floats]:
-    x, v = signals(penetration=penetration, velocity=velocity)
-    for name, values in (("penetration", x), ("velocity", v)):
-        if not np.isfinite(values).all():
-            raise InvalidParameterError(
-                f"{name} must be finite, not {values[~np.isfinite(values)][0]} at sample "
-                f"{int(np.argmin(np.isfinite(values)))}"
-            )
-    return x, v
-
-
-def inverse_information(information: Floats) -> Floats:
-    """Covariance from an information matrix; infinite where a direction carries nothing."""
-    diagonal = np.sqrt(np.diag(information))
-    unit = np.where(diagonal > 0.0, diagonal, 1.0)
-    scaled = information / np.outer(unit, unit)
-    # Rounding of k samples' sums leaves eigenvalues of this size where there are none.
-    if np.linalg.eigvalsh(scaled).min() < 1e-13:
-        return np.full_like(information, np.inf)
-    inverse: Floats = np.linalg.inv(scaled) / np.outer(unit, unit)
-    return inverse
+def _acceleration(motion: Motion, time: Floats) -> Floats:
+    rate = np.zeros(time.shape)
+    for a, w in zip(motion.amplitudes, motion.frequencies, strict=True):
+        rate -= a * w * w * np.sin(w * time)
+    return rate

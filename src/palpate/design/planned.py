@@ -7,12 +7,12 @@ from typing import Any
 
 from palpate.design.motion import PAPER_MOTION as PAPER_MOTION
 from palpate.design.motion import Motion as Motion
-from palpate.design.motion import effective_noise
 from palpate.design.precision import (
     HORIZON,
     Limits,
     PlannedMeasurement,
     PredictedPrecision,
+    effective_noise,
     find_better,
     limits_around,
     predict_precision,
@@ -155,7 +155,20 @@ def design(
     InvalidParameterError
         An argument is of the wrong kind or out of its range.
     """
-    step = _check(law, motion, sample_time, max_depth, max_speed)
+    instance("law", law, HuntCrossley)
+    instance("motion", motion, Motion)
+    for name, value, highest in (
+        ("stiffness", law.stiffness, 1e20),
+        ("damping", law.damping, 1e20),
+        ("exponent", law.exponent, 10.0),
+        ("max_depth", max_depth, 10.0),
+        ("max_speed", max_speed, 1000.0),
+    ):
+        if value is not None:
+            number_in(name, value, 0.0, highest, open_low=True)
+    step = number_in("sample_time", sample_time, 1e-5, 1.0)
+    for i, frequency in enumerate(motion.frequencies):
+        number_in(f"frequencies[{i}]", frequency, 0.0, 1.0 / step, open_low=True)
     sigma = effective_noise(noise, resolution)
     spans = _checked_durations(durations, step)
     measurement = PlannedMeasurement(
@@ -179,29 +192,6 @@ def design(
         better=better,
         reason=_why(planned, better, limits),
     )
-
-
-def _check(
-    law: HuntCrossley,
-    motion: Motion,
-    sample_time: float,
-    max_depth: float | None,
-    max_speed: float | None,
-) -> float:
-    """Refuse nonsense; return the sample time."""
-    instance("law", law, HuntCrossley)
-    instance("motion", motion, Motion)
-    number_in("stiffness", law.stiffness, 0.0, 1e20, open_low=True)
-    number_in("damping", law.damping, 0.0, 1e20, open_low=True)
-    number_in("exponent", law.exponent, 0.0, 10.0, open_low=True)
-    step = number_in("sample_time", sample_time, 1e-5, 1.0)
-    if max_depth is not None:
-        number_in("max_depth", max_depth, 0.0, 10.0, open_low=True)
-    if max_speed is not None:
-        number_in("max_speed", max_speed, 0.0, 1000.0, open_low=True)
-    for i, frequency in enumerate(motion.frequencies):
-        number_in(f"frequencies[{i}]", frequency, 0.0, 1.0 / step, open_low=True)
-    return step
 
 
 def _checked_durations(durations: Sequence[float], step: float) -> tuple[float, ...]:

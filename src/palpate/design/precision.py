@@ -1,4 +1,13 @@
-"""How precisely a planned motion identifies the parameters of a guessed law, and after how long."""
+"""How precisely a planned motion identifies the parameters of a guessed law, and after how long.
+
+By the Fisher information: for F = f(x, v; θ) + ε with white noise of standard deviation σ, no
+unbiased estimator of θ has a covariance below
+
+    (JᵀJ)⁻¹ σ²,   J = ∂f/∂θ at every sample;
+
+and by what a sensor that rounds adds to its noise. Then a better motion, within limits of depth and
+speed.
+"""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -7,16 +16,108 @@ from typing import Any
 
 import numpy as np
 
-from palpate.design.motion import (
-    Motion,
-    effective_noise,
-    inverse_information,
-    jacobian,
-    mean_rounding_error,
-)
+from palpate.design.motion import Motion
 from palpate.digits import rounded
-from palpate.force_laws import HuntCrossley
-from palpate.validation import Floats, defined
+from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.validation import Floats, defined, number_in
+
+# Harmonics of the rounding error that are distinct from white noise: at least 87 % of its power.
+_MOST = 4
+# Smaller ones than this fraction of the noise are left in it.
+_LEAST = 1e-3
+
+
+def effective_noise(noise: float, resolution: float) -> float:
+    """Noise of a sensor that also rounds: √(σ² + Δ²/12), N.
+
+    Rounding to steps of Δ adds an error that is uniform over a step, of variance Δ²/12, and new at
+    every sample as long as noise carries the force across steps: σ ≥ Δ/2. Below that a part of it,
+    of amplitude (Δ/π) e^(−2π²σ²/Δ²), comes back whenever the force does. A motion that crosses
+    many steps and does not soon repeat still averages it out; one that repeats does not, and a
+    held force keeps it for ever: see ``expected_errors``.
+
+    Parameters
+    ----------
+    noise : float
+        σ before rounding, N, in [1e-15, 1e15].
+    resolution : float
+        Δ, N, in [0, 1e15]; 0 for a sensor that does not round.
+    """
+    sigma = number_in("noise", noise, 1e-15, 1e15)
+    step = number_in("resolution", resolution, 0.0, 1e15)
+    return math.hypot(sigma, step / math.sqrt(12.0))
+
+
+def mean_rounding_error(noise: float, resolution: float) -> Floats:
+    """Amplitudes βₖ [N] of the mean rounding error, Σ βₖ sin 2πk F/Δ, k = 1, 2, … up to four.
+
+    βₖ = Δ/(πk) e^(−2π²k²σ²/Δ²): Gaussian noise of σ, blurring the sawtooth of a sensor of step Δ.
+    Those that are small beside the noise are left out; without rounding there is none.
+    """
+    if resolution == 0.0:
+        return np.empty(0)
+    order = np.arange(1, _MOST + 1)
+    # Beyond this the exponential is nothing, and its argument might overflow.
+    ratio = min(noise / resolution, 10.0)
+    betas: Floats = resolution / (np.pi * order) * np.exp(-2.0 * (np.pi * order * ratio) ** 2)
+    count = int(np.count_nonzero(betas > _LEAST * effective_noise(noise, resolution)))
+    return betas[:count]
+
+
+def jacobian(
+    law: ForceLaw,
+    penetration: Floats,
+    velocity: Floats,
+    *,
+    offset: bool = False,
+    surface: bool = False,
+) -> Floats:
+    """∂F/∂(θ[, offset][, surface]) at every sample, shape (k, q); of the law 0 out of contact.
+
+    Parameters
+    ----------
+    law : force law
+        The material.
+    penetration, velocity : numpy.ndarray, shape (k,)
+        m and m/s, finite.
+    offset, surface : bool
+        Whether a force offset [N] and the position of the surface [m] are unknown too.
+    """
+    inside = penetration > 0.0
+    depth = np.where(inside, penetration, 1.0)
+    columns = [np.where(inside[:, None], law.parameter_gradient(depth, velocity), 0.0)]
+    if offset:
+        columns.append(np.ones((inside.size, 1)))
+    if surface:  # x becomes x − d
+        slope = np.where(inside, -law.penetration_gradient(depth, velocity), 0.0)
+        columns.append(slope[:, None])
+    return np.hstack(columns)
+
+
+def cramer_rao_bound(
+    law: ForceLaw, penetration: Floats, velocity: Floats, noise: float, **unknown: bool
+) -> Floats:
+    """Return the least standard errors that a motion allows, as :func:`jacobian` orders them.
+
+    Infinite where it does not identify them; ``noise`` is the standard deviation of the force, N.
+    """
+    rows = jacobian(law, penetration, velocity, **unknown) / noise
+    return np.sqrt(np.diag(inverse_information(rows.T @ rows)))
+
+
+def inverse_information(information: Floats) -> Floats:
+    """Covariance from an information matrix; infinite where a direction carries nothing."""
+    diagonal = np.sqrt(np.diag(information))
+    unit = np.where(diagonal > 0.0, diagonal, 1.0)
+    scaled = information / np.outer(unit, unit)
+    # Rounding of k samples' sums leaves eigenvalues of this size where there are none.
+    if np.linalg.eigvalsh(scaled).min() < 1e-13:
+        return np.full_like(information, np.inf)
+    inverse: Floats = np.linalg.inv(scaled) / np.outer(unit, unit)
+    return inverse
+
+
+# What one planned motion is measured with.
 
 #: Longest time that is looked at, s; what takes longer counts as never.
 HORIZON = 1000.0
@@ -400,24 +501,24 @@ class PredictedPrecision:
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain numbers and words; what is infinite or undefined is None."""
+        names = ("stiffness", "damping", "exponent")
+
+        def rows(key: str, values: Sequence[float], table: Floats) -> list[dict[str, float | None]]:
+            known = (map(defined, row) for row in table.tolist())
+            return [
+                {key: value, **dict(zip(names, row, strict=True))}
+                for value, row in zip(values, known, strict=True)
+            ]
+
         return {
             "motion": {
                 "depth": self.motion.depth,
                 "amplitudes": list(self.motion.amplitudes),
                 "frequencies": list(self.motion.frequencies),
             },
-            "relative_errors": [
-                {"duration": duration, **_named(row)}
-                for duration, row in zip(self.durations, self.relative_errors, strict=True)
-            ],
-            "expected_errors": [
-                {"duration": duration, **_named(row)}
-                for duration, row in zip(self.durations, self.expected_errors, strict=True)
-            ],
-            "times": [
-                {"relative_error": target, **_named(row)}
-                for target, row in zip(self.targets, self.times, strict=True)
-            ],
+            "relative_errors": rows("duration", self.durations, self.relative_errors),
+            "expected_errors": rows("duration", self.durations, self.expected_errors),
+            "times": rows("relative_error", self.targets, self.times),
             "least_penetration": self.least_penetration,
             "peak_penetration": self.peak_penetration,
             "leaves_contact": self.leaves_contact,
@@ -442,6 +543,12 @@ def predict_precision(
     expected = np.array([measurement.expected_errors(motion, d) for d in durations])
     outward = float(v[touching].min(initial=0.0))
     notes = _notes(motion, measurement, float(x.min()), outward)
+    if np.isfinite(errors[-1]).all() and (expected[-1] > 1.2 * errors[-1]).any():
+        notes.append(
+            "the noise does not blur the sensor's steps, and the motion repeats them: after "
+            f"{durations[-1]:g} s errors are about {(expected[-1] / errors[-1]).max():.1f} times "
+            "the bound"
+        )
     return PredictedPrecision(
         motion=motion,
         durations=durations,
@@ -455,7 +562,7 @@ def predict_precision(
         rms_speed=float(np.sqrt(np.mean(speed**2))) if met else 0.0,
         violated_fraction=float(np.mean(speed >= measurement.speed_limit)) if met else math.nan,
         peak_force=float(law.force(x, v).max()),
-        notes=(*notes, *_rounding_notes(errors[-1], expected[-1], durations[-1])),
+        notes=tuple(notes),
     )
 
 
@@ -485,17 +592,3 @@ def _notes(
             f"{rounded(fastest, 4)} rad/s, and with it biases the damping"
         )
     return notes
-
-
-def _rounding_notes(errors: Floats, expected: Floats, duration: float) -> list[str]:
-    if np.isinf(errors).any() or not (expected > 1.2 * errors).any():
-        return []
-    return [
-        "the noise does not blur the sensor's steps, and the motion repeats them: after "
-        f"{duration:g} s errors are about {(expected / errors).max():.1f} times the bound"
-    ]
-
-
-def _named(row: Floats) -> dict[str, float | None]:
-    names = ("stiffness", "damping", "exponent")
-    return {name: defined(float(value)) for name, value in zip(names, row, strict=True)}

@@ -1,10 +1,15 @@
-"""The motion that an export is made for, and replayed on."""
+"""What an export has to do with, whichever the engine.
+
+The motion that it has to be right on, and what is asked of an engine; the errors of a force and of
+a rebound; the text that engines read; the law of an engine's kind that is nearest to another; and
+at the end what an engine is, and which there are.
+"""
 
 import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -146,17 +151,10 @@ class ProbeMotion:
         more that could be followed in time.
         """
         places = self.firm_places(most)
+        names = ("time", "penetration", "velocity", "acceleration", "judged")
+        kept = {name: getattr(self, name)[places] for name in names}
         force = None if self.force is None else self.force[places]
-        return ProbeMotion(
-            self.time[places],
-            self.penetration[places],
-            self.velocity[places],
-            self.acceleration[places],
-            np.ones(places.size, dtype=np.bool_),
-            (0,),
-            force,
-            self.source,
-        )
+        return replace(self, **kept, force=force, starts=(0,))
 
     def firm_places(self, most: int = MOST_SAMPLES) -> NDArray[np.int64]:
         """Which samples :meth:`firm` takes."""
@@ -170,9 +168,6 @@ def surface_and_offset(result: "Identification | SavedResult") -> tuple[float, f
         [found] = result.description["results"]
         return float(found.get("surface", 0.0)), float(found.get("offset", 0.0))
     return result.estimate.surface, result.estimate.offset
-
-
-# What is asked of an engine.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -258,7 +253,7 @@ def drop_to(law: GeneralisedHuntCrossley, mass: float, depth: float) -> Drop:
     Where p = n by the exact relation of :mod:`palpate.quantities.restitution`; else by integration.
     """
     force = law.force
-    step = _half_period(law, mass, depth) / _STEPS
+    step = half_period(law, mass, depth) / _STEPS
     speed = abs(_until_surface(force, mass, depth, 0.0, -step))
     if law.damping_exponent == law.exponent or law.damping == 0.0:
         e = restitution(law.damping / law.stiffness, speed)
@@ -286,11 +281,11 @@ def rebound(force: Pointwise, mass: float, speed: float, step: float) -> float:
 
 def rebound_by(law: GeneralisedHuntCrossley, drop: Drop) -> float:
     """Restitution by another law of a body that meets it as a drop does."""
-    step = _half_period(law, drop.mass, drop.depth) / _STEPS
+    step = half_period(law, drop.mass, drop.depth) / _STEPS
     return rebound(law.force, drop.mass, drop.speed, step)
 
 
-def _half_period(law: GeneralisedHuntCrossley, mass: float, depth: float) -> float:
+def half_period(law: GeneralisedHuntCrossley, mass: float, depth: float) -> float:
     """Of the body on a spring as stiff as the law is, as a secant, at a depth, s."""
     return math.pi * math.sqrt(mass / (law.stiffness * depth ** (law.exponent - 1.0)))
 
@@ -365,6 +360,12 @@ def length(metres: float, figures: int) -> str:
     if abs(metres) >= 1e-4 or metres == 0.0:
         return f"{rounded(1e3 * metres, figures)} mm"
     return f"{rounded(1e6 * metres, figures)} µm"
+
+
+def numbers_of(law: GeneralisedHuntCrossley) -> dict[str, float]:
+    """K, n, B and p by name, of a law without memory."""
+    names = ("stiffness", "exponent", "damping", "damping_exponent")
+    return {name: float(getattr(law, name)) for name in names}
 
 
 # The nearest law of a kind that an engine has, along a motion.
@@ -547,14 +548,12 @@ class Fragment(ABC):
 
     def predicted(self, motion: ProbeMotion) -> Floats:
         """Force that the engine will have along a motion, N: of its law, and it cannot pull."""
-        if self.engine_law is None:
-            raise NotImplementedError
+        assert self.engine_law is not None  # or this is overridden
         return np.maximum(motion.force_by(self.engine_law), 0.0)
 
     def predicted_rebound(self, drop: Drop) -> float:
         """Restitution that the engine will have in a drop."""
-        if self.engine_law is None:
-            raise NotImplementedError
+        assert self.engine_law is not None
         return rebound_by(self.engine_law, drop)
 
     def replay(self, motion: ProbeMotion) -> Replayed | None:

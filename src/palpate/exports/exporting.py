@@ -1,4 +1,4 @@
-"""A law on its way into an engine: fitted, replayed, judged, and written down."""
+"""A law on its way into an engine and back: fitted, judged, written down; and pressed again."""
 
 import json
 from abc import ABC, abstractmethod
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from palpate.errors import ExportRefusedError, InvalidParameterError, MissingExtraError
-from palpate.exports.engine import Asked, Engine, Fragment, Nearest, ProbeMotion, engine_called
+from palpate.exports.engine import Asked, Engine, Fragment, ProbeMotion, engine_called
 from palpate.exports.statement import (
     Exportable,
     ExportedLaw,
@@ -64,7 +64,7 @@ class Export:
             It cannot be made or written to, or one of the files would replace an input, or a file
             that no export wrote or that was changed since.
         """
-        return _saved(self.statement, self.files, Path(folder), inputs)
+        return save_statement(self.statement, Path(folder), inputs, self.files)
 
 
 def export(
@@ -119,56 +119,31 @@ def export(
     source = ExportedLaw.of(result)
     nearest = source.nearest()
     radius = source.tip_radius if tip_radius is None else tip_radius
+    if radius is not None:
+        number_in("tip_radius", radius, 0.0, 1.0, open_low=True)
+    step = 1e-3 if time_step is None else time_step
     asked = Asked(
         law=nearest.law,
         motion=source.motion,
         mass=None if mass is None else number_in("mass", mass, 0.0, 1e6, open_low=True),
         model=None if model is None else Path(model),
         geom=geom,
-        tip_radius=None
-        if radius is None
-        else number_in("tip_radius", radius, 0.0, 1.0, open_low=True),
-        time_step=1e-3
-        if time_step is None
-        else number_in("time_step", time_step, 0.0, 1.0, open_low=not engine.continuous),
+        tip_radius=radius,
+        time_step=number_in("time_step", step, 0.0, 1.0, open_low=not engine.continuous),
         form=form,
     )
     if model is not None and time_step is not None:
         raise InvalidParameterError("give time_step or model: a model has a time step of its own")
     _check(engine, asked, given_radius=tip_radius is not None)
-    statement = _stated(engine, source, nearest, asked, replay=replay, allow=allow)
-    if statement.refused:
-        raise ExportRefusedError(f"{engine.title}: {statement.claim}", statement)
-    return Export(statement, statement.fragment, statement.fragment.files(statement.notes()))
-
-
-def _stated(
-    engine: Engine,
-    source: ExportedLaw,
-    nearest: Nearest,
-    asked: Asked,
-    *,
-    replay: bool,
-    allow: bool,
-) -> Statement:
-    """Fit, replay and judge."""
     fragment = engine.fit(asked)
     found = compared(source, nearest, fragment, replay=replay and engine.version() is not None)
-    return Statement(
-        source,
-        nearest,
-        engine,
-        fragment,
-        found,
-        refusals(source, nearest, fragment, found),
-        warnings(source, nearest, fragment, found),
-        allow,
+    every = source, nearest, fragment, found
+    statement = Statement(
+        source, nearest, engine, fragment, found, refusals(*every), warnings(*every), allow
     )
-
-
-def save_refusal(statement: Statement, folder: Path, inputs: Sequence[Path] = ()) -> list[Path]:
-    """Write why nothing was exported."""
-    return _saved(statement, {}, folder, inputs)
+    if statement.refused:
+        raise ExportRefusedError(f"{engine.title}: {statement.claim}", statement)
+    return Export(statement, fragment, fragment.files(statement.notes()))
 
 
 def _check(engine: Engine, asked: Asked, *, given_radius: bool) -> None:
@@ -182,14 +157,36 @@ def _check(engine: Engine, asked: Asked, *, given_radius: bool) -> None:
         raise InvalidParameterError("give mass or model: what the contact feels is taken from one")
     if asked.geom is not None and asked.model is None and "geom" in engine.takes:
         raise InvalidParameterError("geom names one of a model: give that too, as --model FILE")
-    given = {
-        "model": asked.model is not None,
-        "geom": asked.geom is not None,
-        "tip_radius": given_radius,
-    }
-    for name, there in given.items():
-        if there and name not in engine.takes:
+    given = {"model": asked.model, "geom": asked.geom, "tip_radius": given_radius or None}
+    for name, value in given.items():
+        if value is not None and name not in engine.takes:
             raise InvalidParameterError(f"{name} means nothing to {engine.title}: leave it out")
+
+
+def save_statement(
+    statement: Statement, folder: Path, inputs: Sequence[Path], files: Mapping[str, str]
+) -> list[Path]:
+    """Write a statement and the files that it is about; none where nothing was exported."""
+    make_folder(folder)
+    earlier = _earlier(folder)
+    made = {*files, *STATEMENT}
+    left = [name for name in earlier if name not in made and (folder / name).is_file()]
+    texts = _written(statement, files, earlier, left)
+    paths = [folder / name for name in texts]
+    for path in paths:
+        check_writable(path, inputs)
+
+    def own(path: Path) -> bool:
+        if path.name == STATEMENT[0] and earlier:
+            return True
+        found = sha256(path.read_bytes()).hexdigest()
+        # Or as it is to be: an export that was interrupted has no statement.
+        return found in (earlier.get(path.name), _digest(texts[path.name]))
+
+    check_own(folder, texts, own)
+    for path, text in zip(paths, texts.values(), strict=True):
+        write_text(path, text, inputs)
+    return paths
 
 
 def _earlier(folder: Path) -> dict[str, str]:
@@ -221,31 +218,6 @@ def _written(
     whole = {**statement.as_dict(), "files": list(files), "left": list(left), "sha256": digests}
     text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
     return {**texts, number: text + "\n"}
-
-
-def _saved(
-    statement: Statement, files: Mapping[str, str], folder: Path, inputs: Sequence[Path]
-) -> list[Path]:
-    make_folder(folder)
-    earlier = _earlier(folder)
-    made = {*files, *STATEMENT}
-    left = [name for name in earlier if name not in made and (folder / name).is_file()]
-    texts = _written(statement, files, earlier, left)
-    paths = [folder / name for name in texts]
-    for path in paths:
-        check_writable(path, inputs)
-
-    def own(path: Path) -> bool:
-        if path.name == STATEMENT[0] and earlier:
-            return True
-        found = sha256(path.read_bytes()).hexdigest()
-        # Or as it is to be: an export that was interrupted has no statement.
-        return found in (earlier.get(path.name), _digest(texts[path.name]))
-
-    check_own(folder, texts, own)
-    for path, text in zip(paths, texts.values(), strict=True):
-        write_text(path, text, inputs)
-    return paths
 
 
 # An exported fragment, for the laboratory to press: the engine's force in place of a law's.

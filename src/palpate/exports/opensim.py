@@ -1,6 +1,4 @@
-"""OpenSim's text: a model with a sphere on a slide above a half-space, and a script.
-
-OpenSim: a sphere on a half-space by ``HuntCrossleyForce``, exact at n = p = 3/2.
+"""OpenSim: a sphere on a half-space by ``HuntCrossleyForce``, exact at n = p = 3/2.
 
 Simbody has F = 4/3 √R E x^(3/2) (1 + 3/2 c v)₊, see :func:`palpate.force_laws.engines.simbody`: so
 E = K/(4/3 √R), which OpenSim calls stiffness, and c = (B/K)/1.5. Each body has parameters of its
@@ -11,8 +9,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import ModuleType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -197,7 +194,7 @@ class OpenSimScene:
         return 0.0
 
 
-def _quiet_opensim() -> ModuleType:
+def _quiet_opensim() -> Any:
     with warnings.catch_warnings():
         # Python 3.12 says it of every extension made by an older SWIG, as it is imported.
         warnings.filterwarnings(
@@ -207,8 +204,7 @@ def _quiet_opensim() -> ModuleType:
     # Or it leaves a log in whichever folder this runs in.
     opensim.Logger.removeFileSink()
     opensim.Logger.setLevelString("Off")
-    module: ModuleType = opensim
-    return module
+    return opensim
 
 
 #: The tip's modulus over the surface's. They combine by their powers 2/3: it changes the ninth
@@ -227,8 +223,7 @@ class SphereOnHalfSpace(Fragment):
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return a model, with the force to paste, and a script that drops the tip."""
-        radius, mass = self.asked.tip_radius, self.asked.mass_or_one
-        assert radius is not None
+        mass, radius = self.asked.mass_or_one, self.numbers["radius"]
         modulus = self.numbers["stiffness"]
         model = MODEL.format(
             comment=xml_comment([*notes, *_HEED]),
@@ -250,14 +245,12 @@ class SphereOnHalfSpace(Fragment):
 
     def replay(self, motion: ProbeMotion) -> Replayed:
         """Return OpenSim's force at every state of a motion."""
-        return Replayed(self._scene().forces(motion), "state by state")
+        scene = OpenSimScene(self.files(())["contact.osim"])
+        return Replayed(scene.forces(motion), "state by state")
 
     def rebound(self, drop: Drop) -> float:
         """Restitution in OpenSim, whose integrator keeps to an accuracy and not to a step."""
-        return self._scene().rebound(drop)
-
-    def _scene(self) -> OpenSimScene:
-        return OpenSimScene(self.files(())["contact.osim"])
+        return OpenSimScene(self.files(())["contact.osim"]).rebound(drop)
 
 
 class OpenSim(Engine):
@@ -289,19 +282,28 @@ class OpenSim(Engine):
             raise InvalidParameterError(
                 f"a law with a stiffness of {asked.law.stiffness:.3g} cannot be a force of OpenSim"
             )
-        law = nearest(asked)
-        stiffness = law.stiffness / (4.0 / 3.0 * asked.tip_radius**0.5)
+        law, radius = nearest(asked), asked.tip_radius
+        warnings = [
+            f"for a tip of {1e3 * radius:.4g} mm only: the force goes with the root of the radius"
+        ]
+        if asked.motion.deepest > radius:
+            warnings.append(
+                "the tip was pressed deeper than its radius: OpenSim takes the law as it stands "
+                "there"
+            )
+        if asked.law.damping < 0.0:
+            warnings.append("the law's damping is negative: it is written as 0")
         return SphereOnHalfSpace(
             form="hunt-crossley",
             asked=asked,
             numbers={
-                "stiffness": stiffness,
+                "stiffness": law.stiffness / (4.0 / 3.0 * radius**0.5),
                 "dissipation": law.damping / law.stiffness / 1.5,
-                "radius": asked.tip_radius,
+                "radius": radius,
             },
             engine_law=law,
             exact=law == asked.law,
-            warnings=tuple(_warnings(asked)),
+            warnings=tuple(warnings),
         )
 
 
@@ -317,21 +319,6 @@ def nearest(asked: Asked) -> GeneralisedHuntCrossley:
     weight = np.maximum(1.0 + b * v, 0.0) ** 2 * x**_EXPONENT
     stiffness = law.stiffness * float(weight @ x**law.exponent) / float(weight @ x**_EXPONENT)
     return GeneralisedHuntCrossley(stiffness, _EXPONENT, stiffness * b, _EXPONENT)
-
-
-def _warnings(asked: Asked) -> list[str]:
-    radius = asked.tip_radius
-    assert radius is not None
-    warnings = [
-        f"for a tip of {1e3 * radius:.4g} mm only: the force goes with the root of the radius"
-    ]
-    if asked.motion.deepest > radius:
-        warnings.append(
-            "the tip was pressed deeper than its radius: OpenSim takes the law as it stands there"
-        )
-    if asked.law.damping < 0.0:
-        warnings.append("the law's damping is negative: it is written as 0")
-    return warnings
 
 
 ENGINE = OpenSim()

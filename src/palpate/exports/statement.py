@@ -1,15 +1,21 @@
-"""Where an exported law comes from: what was identified, or a law alone."""
+"""What an export states: where its law comes from, how far the engine is from it, and in words.
+
+An :class:`ExportedLaw` is what was identified, or a law alone; :func:`compared` replays the engine
+beside it, or predicts it; :func:`refusals` and :func:`warnings` judge that; a :class:`Statement`
+says it all.
+"""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, Union, cast
 
+from palpate._core import __version__
 from palpate.diagnosis import MARKS, Finding, Verdict
 from palpate.digits import parameter, rounded
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.exports.engine import (
-    MOST_SAMPLES,
     Drop,
     Engine,
     Fragment,
@@ -18,6 +24,7 @@ from palpate.exports.engine import (
     drop_to,
     force_error,
     length,
+    numbers_of,
     one_power,
     percent,
     with_exponents,
@@ -110,8 +117,7 @@ class ExportedLaw:
             standard_errors=result.standard_errors,
             verdict=judged.verdict,
             findings=tuple(judged.findings),
-            flags=_flags(result),
-            tip_radius=_tip_radius(result),
+            **_flags_and_tip(result),
         )
 
     @property
@@ -147,21 +153,16 @@ class ExportedLaw:
         return found
 
 
-def _flags(result: Any) -> tuple[str, ...]:
-    if hasattr(result, "description"):
-        [found] = result.description["results"]
-        return tuple(map(str, found.get("flags", ())))
-    return tuple(result.flags)
-
-
-def _tip_radius(result: Any) -> float | None:
-    """Of a round tip that was named with the identification."""
-    if hasattr(result, "description"):
-        [found] = result.description["results"]
-        tip = (found.get("elastic_modulus") or {}).get("tip") or {}
-        return float(tip["radius"]) if tip.get("kind") == Sphere.kind else None
-    tip = result.wanted.tip
-    return tip.radius if isinstance(tip, Sphere) else None
+def _flags_and_tip(result: Any) -> dict[str, Any]:
+    """Its flags, and the radius of a round tip that was named with the identification."""
+    if not hasattr(result, "description"):
+        tip = result.wanted.tip
+        radius = tip.radius if isinstance(tip, Sphere) else None
+        return {"flags": tuple(result.flags), "tip_radius": radius}
+    [found] = result.description["results"]
+    saved = (found.get("elastic_modulus") or {}).get("tip") or {}
+    radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
+    return {"flags": tuple(map(str, found.get("flags", ()))), "tip_radius": radius}
 
 
 # An engine's force and rebound beside the law's and the measured ones.
@@ -244,9 +245,9 @@ def compared(
         Whether the real engine is asked, where it is there.
     """
     whole = source.motion
-    most = fragment.most_samples
-    motion = whole.firm(most)
-    law = law_along(source.law, whole, motion, most)
+    motion = whole.firm(fragment.most_samples)
+    # What the law remembers is that of the whole motion.
+    law = whole.force_by(source.law)[whole.firm_places(fragment.most_samples)]
     predicted = fragment.predicted(motion)
     ran, fails = None, ""
     try:
@@ -256,18 +257,23 @@ def compared(
             raise KeyboardInterrupt from None
         fails = " ".join(str(error).split())
     drop = drop_to(nearest.law, fragment.asked.mass_or_one, whole.deepest)
-    measured = motion.force
-    force = predicted if ran is None else ran.force
+
+    def off(force: Floats, reference: Floats | None) -> float | None:
+        return None if reference is None else force_error(force, reference, motion.judged)
+
+    # A simulation that runs away at the time step asked for is refused, and not dropped.
+    limit = fragment.largest_step
+    stable = limit is None or fragment.asked.time_step < limit
     return Compared(
         how="" if ran is None else ran.how,
         fails=fails,
         predicted_percent=force_error(predicted, law, motion.judged),
         replayed_percent=None if ran is None else force_error(ran.force, law, motion.judged),
-        against_measured_percent=_error(force, measured, motion),
-        law_leaves_percent=_error(law, measured, motion),
+        against_measured_percent=off(predicted if ran is None else ran.force, motion.force),
+        law_leaves_percent=off(law, motion.force),
         drop=drop,
         predicted_rebound=fragment.predicted_rebound(drop),
-        replayed_rebound=fragment.rebound(drop) if ran is not None and _stable(fragment) else None,
+        replayed_rebound=fragment.rebound(drop) if ran is not None and stable else None,
     )
 
 
@@ -276,24 +282,6 @@ def _interrupted(error: BaseException | None) -> bool:
     if error is None or isinstance(error, KeyboardInterrupt):
         return error is not None
     return _interrupted(error.__cause__ or error.__context__)
-
-
-def _stable(fragment: Fragment) -> bool:
-    """Whether a simulation at the time step asked for does not run away; else it is refused."""
-    limit = fragment.largest_step
-    return limit is None or fragment.asked.time_step < limit
-
-
-def law_along(
-    law: ForceLaw, whole: ProbeMotion, motion: ProbeMotion, most: int = MOST_SAMPLES
-) -> Floats:
-    """Force by a law at a motion's samples, N; what it remembers is that of the whole motion."""
-    force = whole.force_by(law)
-    return force if motion is whole else force[whole.firm_places(most)]
-
-
-def _error(force: Floats, measured: Floats | None, motion: ProbeMotion) -> float | None:
-    return None if measured is None else force_error(force, measured, motion.judged)
 
 
 # When an export is refused, and what it warns of, whichever the engine.
@@ -310,7 +298,26 @@ def refusals(
     source: ExportedLaw, nearest: Nearest, fragment: Fragment, compared: Compared
 ) -> tuple[str, ...]:
     """Return why an export should not be used; nothing where it may be."""
-    return (*_of_the_result(source, nearest), *fragment.refusals, *_of_engine(fragment, compared))
+    result, engine = [], []
+    if source.verdict is not None and source.verdict.overall == "do-not-trust":
+        result.append(f"the diagnosis says do not trust{_because(source)}")
+    if not source.law.remembers and any(each < 0.0 for each in _strengths(source)):
+        result.append(
+            f"the law has a negative stiffness or damping, and makes energy: {nearest.which} it is "
+            f"another, by {percent(nearest.error_percent)} of force"
+        )
+    if not compared.percent <= MOST_PERCENT:  # which NaN is not either
+        engine.append(
+            f"the force of the engine is off by {percent(compared.percent)}, more than "
+            f"{MOST_PERCENT:g} %, {'replayed' if compared.replayed else 'as predicted'}"
+        )
+    limit, step = fragment.largest_step, fragment.asked.time_step
+    if limit is not None and step >= limit:
+        engine.append(
+            f"the simulation is unstable at a time step of {_ms(step)}: it has to be below "
+            f"{_ms(limit)}"
+        )
+    return (*result, *fragment.refusals, *engine)
 
 
 def warnings(
@@ -322,34 +329,6 @@ def warnings(
         *fragment.warnings,
         *_warnings_of_engine(source, fragment, compared),
     )
-
-
-def _of_the_result(source: ExportedLaw, nearest: Nearest) -> list[str]:
-    found = []
-    if source.verdict is not None and source.verdict.overall == "do-not-trust":
-        found.append(f"the diagnosis says do not trust{_because(source)}")
-    if not source.law.remembers and any(each < 0.0 for each in _strengths(source)):
-        found.append(
-            f"the law has a negative stiffness or damping, and makes energy: {nearest.which} it is "
-            f"another, by {percent(nearest.error_percent)} of force"
-        )
-    return found
-
-
-def _of_engine(fragment: Fragment, compared: Compared) -> list[str]:
-    found = []
-    if not compared.percent <= MOST_PERCENT:  # which NaN is not either
-        found.append(
-            f"the force of the engine is off by {percent(compared.percent)}, more than "
-            f"{MOST_PERCENT:g} %, {'replayed' if compared.replayed else 'as predicted'}"
-        )
-    limit, step = fragment.largest_step, fragment.asked.time_step
-    if limit is not None and step >= limit:
-        found.append(
-            f"the simulation is unstable at a time step of {_ms(step)}: it has to be below "
-            f"{_ms(limit)}"
-        )
-    return found
 
 
 def _warnings_of_the_result(source: ExportedLaw, nearest: Nearest) -> list[str]:
@@ -470,18 +449,20 @@ class Statement:
         """The statement itself: exact, within so much of force, or refused."""
         if self.refused:
             return f"refused, because {'; and because '.join(self.refusals)}"
-        said = f"{self._force()} {self._where()}; {self._rebound()}"
+        motion = self.source.motion
+        depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
+        where = f"depths {depths} at speeds to {length(motion.fastest, 2)}/s"
+        said = f"{self._force()} on {motion.source}, {where}; {self._rebound()}"
         if not self.refusals:
             return said
         return f"{said}; allowed although {'; and although '.join(self.refusals)}"
 
     def words(self) -> list[str]:
         """Return the statement as lines: claim, origin, the three numbers, numbers, warnings."""
-        lines = [f"{self._title()}: {self.claim}.", *self.basis(), *self.law_lines()]
-        numbers = ", ".join(
-            f"{name} = {rounded(v, 6)}" for name, v in self.fragment.numbers.items()
-        )
-        lines += [f"In the engine's numbers: {numbers}."] if numbers else []
+        title = " ".join(filter(None, (self.engine.title, self.engine.version())))
+        lines = [f"{title}, {self.fragment.form}: {self.claim}.", *self.basis(), *self.law_lines()]
+        if numbers := _listed(self.fragment.numbers, 6):
+            lines.append(f"In the engine's numbers: {numbers}.")
         return [*lines, *(f"Warning: {each}." for each in self.warnings)]
 
     def basis(self) -> list[str]:
@@ -510,31 +491,27 @@ class Statement:
         values = law.as_dict()
         known = [math.nan] * len(values) if errors is None else [float(each) for each in errors]
         shown = [
-            f"{symbol} = {_parameter(value, error, unit, bare=errors is None)}"
+            f"{symbol} = {rounded(value, 6) if errors is None else parameter(value, error)} {unit}"
             for symbol, value, error, unit in zip(
                 law.symbols, values.values(), known, law.units, strict=True
             )
         ]
         origin = f"of {self.source.name}" if self.source.name else "given"
-        lines = [f"Law {origin}: {law.kind}, {', '.join(shown)}."]
+        lines = [f"Law {origin}: {law.kind}, {', '.join(map(str.rstrip, shown))}."]
         if self.nearest.which:
-            inside = ", ".join(f"{k} = {rounded(v, 4)}" for k, v in self._own().items())
+            inside = _listed(numbers_of(self.nearest.law), 4)
             lines.append(f"Exported: {self.nearest.which}: {inside}.")
         return lines
 
     def notes(self) -> list[str]:
         """Return the lines that a fragment carries as a comment."""
-        from palpate._core import __version__
-
         return [f"palpate {__version__}", *self.words()]
 
     def as_dict(self) -> dict[str, Any]:
         """Return the statement as plain numbers and words, SI; what is not defined is None."""
-        from palpate._core import __version__
-
         source, found, asked = self.source, self.compared, self.fragment.asked
-        errors = source.standard_errors
-        law = source.law.as_dict()
+        errors, drop = source.standard_errors, found.drop
+        law, exported = source.law.as_dict(), self.nearest.law.simplest()
         return {
             "palpate_version": __version__,
             "engine": self.engine.name,
@@ -548,17 +525,35 @@ class Statement:
             "warnings": list(self.warnings),
             "replayed": found.replayed,
             "how": found.how or None,
-            "error_percent": self._errors(),
+            "error_percent": {
+                "against_law": defined(found.percent),
+                "predicted": defined(found.predicted_percent),
+                "against_measured": defined(found.against_measured_percent),
+                "law_leaves": defined(found.law_leaves_percent),
+                "nearest": defined(self.nearest.error_percent),
+            },
             "depths": [source.motion.shallowest, source.motion.deepest],
             "fastest": source.motion.fastest,
-            "drop": self._drop(),
+            "drop": {
+                "mass": drop.mass,
+                "speed": defined(drop.speed),
+                "depth": drop.depth,
+                "restitution_of_law": defined(drop.restitution),
+                "restitution": defined(found.rebound),
+                "error_percent": defined(found.rebound_percent),
+                "replayed": found.replayed_rebound is not None,
+            },
             "law": {"kind": source.law.kind, **law},
             "standard_errors": (
                 None
                 if errors is None
                 else {name: defined(float(e)) for name, e in zip(law, errors, strict=True)}
             ),
-            "exported_law": self._exported(),
+            "exported_law": {
+                "which": self.nearest.which or None,
+                "kind": exported.kind,
+                **exported.as_dict(),
+            },
             "numbers": {name: defined(value) for name, value in self.fragment.numbers.items()},
             "mass": asked.mass,
             "time_step": asked.time_step,
@@ -568,41 +563,6 @@ class Statement:
             "verdict": None if source.verdict is None else source.verdict.as_dict(),
         }
 
-    def _exported(self) -> dict[str, Any]:
-        law = self.nearest.law.simplest()
-        return {"which": self.nearest.which or None, "kind": law.kind, **law.as_dict()}
-
-    def _errors(self) -> dict[str, float | None]:
-        found = self.compared
-        return {
-            "against_law": defined(found.percent),
-            "predicted": defined(found.predicted_percent),
-            "against_measured": defined(found.against_measured_percent),
-            "law_leaves": defined(found.law_leaves_percent),
-            "nearest": defined(self.nearest.error_percent),
-        }
-
-    def _drop(self) -> dict[str, Any]:
-        found, drop = self.compared, self.compared.drop
-        return {
-            "mass": drop.mass,
-            "speed": defined(drop.speed),
-            "depth": drop.depth,
-            "restitution_of_law": defined(drop.restitution),
-            "restitution": defined(found.rebound),
-            "error_percent": defined(found.rebound_percent),
-            "replayed": found.replayed_rebound is not None,
-        }
-
-    def _own(self) -> dict[str, float]:
-        law = self.nearest.law
-        return {name: float(getattr(law, name)) for name in _OWN}
-
-    def _title(self) -> str:
-        version = self.engine.version()
-        named = f"{self.engine.title} {version}" if version else self.engine.title
-        return f"{named}, {self.fragment.form}"
-
     def _force(self) -> str:
         if self.exact and self.compared.replayed:
             return "exact: the engine has this law"
@@ -610,11 +570,6 @@ class Statement:
             return "exact, as the engine is documented (not replayed here)"
         how = "replayed" if self.compared.replayed else "predicted, not replayed here"
         return f"within {percent(self.compared.percent)} of the law's force ({how})"
-
-    def _where(self) -> str:
-        motion = self.source.motion
-        depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
-        return f"on {motion.source}, depths {depths} at speeds to {length(motion.fastest, 2)}/s"
 
     def _rebound(self) -> str:
         found = self.compared
@@ -631,9 +586,5 @@ class Statement:
         )
 
 
-_OWN = ("stiffness", "exponent", "damping", "damping_exponent")
-
-
-def _parameter(value: float, error: float, unit: str, *, bare: bool) -> str:
-    words = rounded(value, 6) if bare else parameter(value, error)
-    return f"{words} {unit}".rstrip()
+def _listed(numbers: Mapping[str, float], figures: int) -> str:
+    return ", ".join(f"{name} = {rounded(value, figures)}" for name, value in numbers.items())

@@ -19,7 +19,6 @@ from palpate.exports.engine import (
     kelvin_voigt,
     stable_step,
 )
-from palpate.force_laws import GeneralisedHuntCrossley
 
 MATERIAL = """\
 #usda 1.0
@@ -97,18 +96,14 @@ def Xform "World"
 }}
 """
 
-_BOTH = (
+_ALWAYS = (
     "bind the material to both shapes, the one that presses and the one that is pressed: where one "
-    "has none Newton takes the mean of this material and its own defaults"
-)
-_NEWTON = (
+    "has none Newton takes the mean of this material and its own defaults",
     "take Newton's SolverSemiImplicit, which has this law: SolverMuJoCo of Newton 1.8.0 takes the "
     "numbers as mass-normalised by default, and its pyramidal cone changes the normal force for "
-    "another friction than the written 1, to NaN at 0; that friction is not the material's"
-)
-_UNITS = (
+    "another friction than the written 1, to NaN at 0; that friction is not the material's",
     "the numbers are in kg, m and s: a stage with another metersPerUnit or kilogramsPerUnit does "
-    "not convert them"
+    "not convert them",
 )
 
 
@@ -117,26 +112,14 @@ class _Material(Fragment):
     """One material, of two numbers."""
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
-        assert self.engine_law is not None
-        law, comment = self.engine_law, hash_comment(notes)
+        stiffness, damping, *_ = map(digits, self.numbers.values())
         radius = self.asked.tip_radius or max(0.01, 2.0 * self.asked.motion.deepest)
-        numbers = {"stiffness": digits(law.stiffness), "damping": digits(law.damping)}
         scene = {"radius": digits(radius), "mass": digits(self.asked.mass_or_one)}
+        comment = hash_comment(notes)
         return {
-            "material.usda": MATERIAL.format(comment=comment, **numbers),
+            "material.usda": MATERIAL.format(comment=comment, stiffness=stiffness, damping=damping),
             "scene.usda": SCENE.format(comment=comment, **scene),
         }
-
-
-def _explicit(law: GeneralisedHuntCrossley, asked: Asked) -> tuple[str, ...]:
-    """A word on solvers that take the contact explicitly; PhysX and Newton's MuJoCo do not."""
-    limit = stable_step(law, asked.mass_or_one, asked.motion.deepest)
-    if asked.time_step < 0.5 * limit:
-        return ()
-    return (
-        f"an explicit solver, such as Newton's semi-implicit one, is unstable from a time step of "
-        f"{1e3 * limit:.2g} ms on",
-    )
 
 
 class Usd(Engine):
@@ -150,6 +133,12 @@ class Usd(Engine):
     def fit(self, asked: Asked) -> Fragment:
         """Return the nearest Kelvin–Voigt law as a material."""
         law = kelvin_voigt(asked.law, asked.motion)
+        limit = stable_step(law, asked.mass_or_one, asked.motion.deepest)
+        # PhysX and Newton's MuJoCo do not take the contact explicitly.
+        explicit = (
+            "an explicit solver, such as Newton's semi-implicit one, is unstable from a time step "
+            f"of {1e3 * limit:.2g} ms on"
+        )
         return _Material(
             form="kelvin-voigt",
             asked=asked,
@@ -161,7 +150,7 @@ class Usd(Engine):
             },
             engine_law=law,
             exact=is_kelvin_voigt(asked.law),
-            warnings=(_BOTH, _NEWTON, _UNITS, *_explicit(law, asked)),
+            warnings=(*_ALWAYS, *([explicit] if asked.time_step >= 0.5 * limit else [])),
         )
 
 

@@ -1,7 +1,11 @@
-"""Drake's text: a surface and a tip on a slide, in SDFormat and in URDF."""
+"""Drake: a surface and a tip on a slide, in SDFormat and in URDF; and which contacts carry a law.
+
+They are one point contact, spheres in one another, a hydroelastic slab, or SAP. The text comes
+first, then what is made of it, and the engine with its ways at the end.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -200,57 +204,67 @@ class Parts:
     height: float
 
 
-def sdf(parts: Parts, comment: str) -> str:
-    """Return both bodies in SDFormat."""
-    return _written(parts, comment, SDF, SDF_TIP, "        ", "<drake:{0}>{1}</drake:{0}>")
+#: By the file: the text of both bodies and of a sphere of the tip, the indent of properties, and
+#: how one of them is written.
+DIALECTS = {
+    "contact.sdf": (SDF, SDF_TIP, "        ", "<drake:{0}>{1}</drake:{0}>"),
+    "contact.urdf": (URDF, URDF_TIP, "      ", '<drake:{0} value="{1}"/>'),
+}
 
 
-def urdf(parts: Parts, comment: str) -> str:
-    """Return the same in URDF."""
-    return _written(parts, comment, URDF, URDF_TIP, "      ", '<drake:{0} value="{1}"/>')
+def bodies(parts: Parts, file: str, comment: str) -> str:
+    """Return both bodies as the text of a file."""
+    whole, one, indent, line = DIALECTS[file]
 
+    def properties(material: Mapping[str, float | None]) -> str:
+        lines = [
+            f"<drake:{name}/>" if value is None else line.format(name, digits(value))
+            for name, value in material.items()
+        ]
+        inside = "".join(f"\n{indent}  {each}" for each in lines)
+        return f"<drake:proximity_properties>{inside}\n{indent}</drake:proximity_properties>"
 
-def _written(parts: Parts, comment: str, whole: str, one: str, indent: str, line: str) -> str:
     tips = [
         one.format(
             name=tip.name,
             lift=digits(tip.lift),
             radius=digits(tip.radius),
-            material=_properties(tip.material, indent, line),
+            material=properties(tip.material),
         )
         for tip in parts.tips
     ]
-    surface = _properties(parts.surface, indent, line)
-    return whole.format(comment=comment, surface=surface, tips="\n".join(tips), **_sizes(parts))
-
-
-def _sizes(parts: Parts) -> dict[str, str]:
-    return {
-        "width": digits(parts.width),
-        "height": digits(parts.height),
-        "middle": digits(-0.5 * parts.height),
-        "radius": digits(parts.radius),
-        "mass": digits(parts.mass),
+    return whole.format(
+        comment=comment,
+        surface=properties(parts.surface),
+        tips="\n".join(tips),
+        width=digits(parts.width),
+        height=digits(parts.height),
+        middle=digits(-0.5 * parts.height),
+        radius=digits(parts.radius),
+        mass=digits(parts.mass),
         # Of a solid sphere; on its slide the tip does not turn.
-        "inertia": digits(0.4 * parts.mass * parts.radius**2),
-    }
-
-
-def _properties(material: Mapping[str, float | None], indent: str, line: str) -> str:
-    """Proximity properties, one to a line."""
-    lines = [
-        f"<drake:{name}/>" if value is None else line.format(name, digits(value))
-        for name, value in material.items()
-    ]
-    inside = "".join(f"\n{indent}  {each}" for each in lines)
-    return f"<drake:proximity_properties>{inside}\n{indent}</drake:proximity_properties>"
+        inertia=digits(0.4 * parts.mass * parts.radius**2),
+    )
 
 
 # A law as Drake's contacts: what is written, what it will do, and what it does.
 
-#: The other body's stiffness, as a multiple of the contact's: they are in series, and so it changes
-#: the eleventh digit.
-RIGID = 1e10
+
+@dataclass(frozen=True, slots=True)
+class Sap:
+    """Drake's SAP of one sphere: k (x + τ v)."""
+
+    law: GeneralisedHuntCrossley
+
+    def force(self, penetration: Floats, velocity: Floats, step: float) -> Floats:
+        """Return the force, N, once the surface was met where the step [s] began."""
+        met = penetration - step * velocity >= 0.0
+        force: Floats = np.maximum(self.law.force(penetration, velocity), 0.0) * met
+        return force
+
+    def at(self, penetration: float, velocity: float, _step: float) -> float:
+        """The same of one state on the way through, N."""
+        return max(self.law.stiffness * penetration + self.law.damping * velocity, 0.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -261,6 +275,8 @@ class DrakeContact(Fragment):
     ----------
     parts : Parts
         What the text is made of.
+    contact : Spheres, Slab or Sap
+        Its force by formula.
     setting : Setting
         How the plant has to be set up beside it.
     heed : tuple of str
@@ -270,192 +286,81 @@ class DrakeContact(Fragment):
     # Of a drop on its way down, for the way up may take 20 times as many: some seconds.
     most_steps: ClassVar[int] = 5000
     parts: Parts = field(repr=False)
+    contact: Spheres | Slab | Sap = field(repr=False)
     setting: Setting
     heed: tuple[str, ...]
 
-    def force_at(self, penetration: float, velocity: float) -> float:
-        """Force at one state, N, by formula."""
-        raise NotImplementedError
-
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return both bodies in SDFormat and in URDF, and a script that drops the tip."""
-        said = [*notes, *self._asked_of_plant(), *self.heed]
-        return {
-            "contact.sdf": sdf(self.parts, xml_comment(said)),
-            "contact.urdf": urdf(self.parts, xml_comment(said)),
-            "scene.py": SCENE.format(
-                comment=hash_comment(said),
-                speed=digits(self.asked.motion.fastest),
-                time_step=digits(self.setting.time_step),
-                contact_model=self.setting.contact_model,
-                approximation=self.setting.approximation,
-            ),
-        }
+        setting = self.setting
+        said = [
+            *notes,
+            "Drake's plant must be set up beside it:",
+            f"MultibodyPlantConfig(time_step={digits(setting.time_step)}, "
+            f'contact_model="{setting.contact_model}", '
+            f'discrete_contact_approximation="{setting.approximation}")',
+            *self.heed,
+        ]
+        scene = SCENE.format(
+            comment=hash_comment(said),
+            speed=digits(self.asked.motion.fastest),
+            time_step=digits(setting.time_step),
+            contact_model=setting.contact_model,
+            approximation=setting.approximation,
+        )
+        texts = {file: bodies(self.parts, file, xml_comment(said)) for file in DIALECTS}
+        return {**texts, "scene.py": scene}
+
+    def predicted(self, motion: ProbeMotion) -> Floats:
+        """Force by formula, N."""
+        return self.contact.force(motion.penetration, motion.velocity, self.setting.time_step)
 
     def predicted_rebound(self, drop: Drop) -> float:
         """Restitution by the formula and by the plant's own steps."""
-        return rebound_by_steps(self.force_at, drop, self.setting.time_step)
+        step = self.setting.time_step
+        return rebound_by_steps(lambda x, v: self.contact.at(x, v, step), drop, step)
 
     def replay(self, motion: ProbeMotion) -> Replayed:
         """Return Drake's force at every state of a motion."""
-        force = forces(Plant(self._text(), self.setting), motion)
-        how = f"state by state in a plant of {self._plant_in_words()}"
-        return Replayed(force, how)
+        step = self.setting.time_step
+        plant = f"{1e3 * step:.3g} ms, {self.setting.approximation}" if step else "continuous time"
+        force = forces(self._plant(self.setting), motion)
+        return Replayed(force, f"state by state in a plant of {plant}")
 
     def rebound(self, drop: Drop) -> float | None:
         """Restitution in Drake, by steps of the time step; None of a drop that takes too many."""
         step = self.setting.time_step
         if step > 0.0 and steps_down(drop, step) > self.most_steps:
             return None
-        return simulated_rebound(Plant(self._text(), self.setting), drop)
+        return simulated_rebound(self._plant(self.setting), drop)
 
-    def _text(self) -> str:
-        return self.files(())["contact.sdf"]
-
-    def _asked_of_plant(self) -> tuple[str, ...]:
-        return (
-            "Drake's plant must be set up beside it:",
-            f"MultibodyPlantConfig(time_step={digits(self.setting.time_step)}, "
-            f'contact_model="{self.setting.contact_model}", '
-            f'discrete_contact_approximation="{self.setting.approximation}")',
-        )
-
-    def _plant_in_words(self) -> str:
-        if self.setting.time_step == 0.0:
-            return "continuous time"
-        return f"{1e3 * self.setting.time_step:.3g} ms, {self.setting.approximation}"
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PointContact(DrakeContact):
-    """One sphere, or some in one another, by Drake's point contact of Hunt and Crossley."""
-
-    spheres: Spheres = field(repr=False)
-
-    def predicted(self, motion: ProbeMotion) -> Floats:
-        """Force of all spheres, N."""
-        return self.spheres.force(motion.penetration, motion.velocity, self.setting.time_step)
-
-    def force_at(self, penetration: float, velocity: float) -> float:
-        """Force at one state, N."""
-        return self.spheres.at(penetration, velocity, self.setting.time_step)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SapContact(DrakeContact):
-    """One sphere by Drake's SAP: k (x + τ v)."""
-
-    def predicted(self, motion: ProbeMotion) -> Floats:
-        """Force of its law, N, once the surface was met where the step began."""
-        before = motion.penetration - self.setting.time_step * motion.velocity
-        force: Floats = super().predicted(motion) * (before >= 0.0)
-        return force
-
-    def force_at(self, penetration: float, velocity: float) -> float:
-        """Force at one state, N."""
-        law = self.engine_law
-        assert law is not None
-        return max(law.stiffness * penetration + law.damping * velocity, 0.0)
+    def _plant(self, setting: Setting) -> Plant:
+        return Plant(self.files(())["contact.sdf"], setting)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SlabContact(DrakeContact):
-    """A rigid sphere on a hydroelastic slab."""
+    """A rigid sphere on a hydroelastic slab, of which a state takes 3 to 5 ms."""
 
-    # A state takes 3 to 5 ms.
     most_samples: ClassVar[int] = 500
     most_steps: ClassVar[int] = 200
-    slab: Slab
-
-    def predicted(self, motion: ProbeMotion) -> Floats:
-        """Force of the pressure on the sphere's mesh, N."""
-        return self.slab.force(motion.penetration, motion.velocity)
-
-    def force_at(self, penetration: float, velocity: float) -> float:
-        """Force at one state, N."""
-        return self.slab.at(penetration, velocity)
 
     def replay(self, motion: ProbeMotion) -> Replayed:
         """Return Drake's force at every state of a motion, which a continuous plant has as such."""
-        continuous = Setting(self.setting.contact_model, self.setting.approximation, 0.0)
-        return Replayed(forces(Plant(self._text(), continuous), motion), "state by state")
+        continuous = replace(self.setting, time_step=0.0)
+        return Replayed(forces(self._plant(continuous), motion), "state by state")
 
 
-def point_parts(spheres: Spheres, radius: float, mass: float, deepest: float) -> Parts:
-    """One sphere on a surface that gives way; or spheres that give way on one that does not.
-
-    Spheres have one centre as long as they fit; of a tip smaller than the gaps the inner ones, a
-    tenth of its radius, are raised instead, and hold for a surface below the tip only.
-    """
-    rigid = _point_material(RIGID * float(spheres.stiffness.sum()), 0.0)
-    soft = [
-        _point_material(float(k), float(d))
-        for k, d in zip(spheres.stiffness, spheres.dissipation, strict=True)
-    ]
-    if len(soft) == 1:
-        tip = DrakeTip("tip", radius, 0.0, rigid)
-        return Parts(soft[0], (tip,), radius, mass, *_box(radius, deepest))
-    tips = []
-    for number, gap in enumerate(spheres.gaps.tolist()):
-        inner = max(radius - gap, 0.1 * radius)
-        # From the outer sphere's lowest point upwards.
-        tips.append(DrakeTip(f"tip_{number + 1}", inner, gap - (radius - inner), soft[number]))
-    return Parts(rigid, tuple(tips), radius, mass, *_box(radius, deepest))
-
-
-def _point_material(stiffness: float, dissipation: float) -> dict[str, float]:
-    return {"point_contact_stiffness": stiffness, "hunt_crossley_dissipation": dissipation}
-
-
-def sap_parts(law: GeneralisedHuntCrossley, radius: float, mass: float, deepest: float) -> Parts:
-    """A surface that gives way, below a tip that does not and whose relaxation time is 0."""
-    tip = {"point_contact_stiffness": RIGID * law.stiffness, "relaxation_time": 0.0}
-    surface = {
-        "point_contact_stiffness": law.stiffness,
-        "relaxation_time": law.damping / law.stiffness,
-    }
-    return Parts(
-        surface, (DrakeTip("tip", radius, 0.0, tip),), radius, mass, *_box(radius, deepest)
-    )
-
-
-def slab_parts(slab: Slab, mass: float) -> Parts:
-    """A rigid sphere on a compliant box whose medial plane is the slab's bottom.
-
-    Without friction, which would push back on the sphere's flanks as it goes straight in: with the
-    coefficient 1 that Drake takes where none is given, by nearly half of the force at 50 mm/s.
-    """
-    smooth = {"mu_dynamic": 0.0, "mu_static": 0.0}
-    surface = {
-        "compliant_hydroelastic": None,
-        "hydroelastic_modulus": slab.modulus,
-        "hunt_crossley_dissipation": slab.dissipation,
-        **smooth,
-    }
-    tip = {
-        "rigid_hydroelastic": None,
-        "mesh_resolution_hint": slab.resolution_hint,
-        "hunt_crossley_dissipation": 0.0,
-        **smooth,
-    }
-    # The medial plane reaches as far as H from the rim.
-    width = 2.0 * (slab.radius + 2.0 * slab.thickness)
-    tips = (DrakeTip("tip", slab.radius, 0.0, tip),)
-    return Parts(surface, tips, slab.radius, mass, width, 2.0 * slab.thickness)
-
-
-def _box(radius: float, deepest: float) -> tuple[float, float]:
-    """Width and height of a box of which the top is the nearest face, as deep as it goes, m."""
-    return max(1.0, 10.0 * (radius + deepest)), max(0.2, 4.0 * deepest)
-
-
-# Drake: point contact, spheres in one another, a hydroelastic slab, or SAP.
+# Which contacts carry a law, and how near.
 
 #: The approximation that has Hunt and Crossley's law; "similar" and "tamsi" gave the same digits.
 LAGGED = "lagged"
 SAP = "sap"
 # Of a tip deeper than this fraction of its radius the closed form was not tried.
 _DEEPEST = 0.9
+#: The other body's stiffness, as a multiple of the contact's: they are in series, and so it changes
+#: the eleventh digit.
+RIGID = 1e10
 
 _TWO_BODIES = (
     "Stiffnesses of the two bodies are in series, and their dissipations averaged: a body without",
@@ -496,15 +401,14 @@ class Drake(Engine):
             a tip that is pressed in too deep.
         """
         _pushing(asked.law)
-        if asked.form == "point":
-            return _point(asked, "point", _nearest_point(asked))
-        if asked.form == "nested-spheres":
-            return _point(asked, "nested-spheres", _spheres(asked))
+        if asked.form == "auto":
+            return _nearest(asked)
         if asked.form == "hydroelastic":
             return _hydroelastic(asked)
         if asked.form == "sap":
             return _sap(asked)
-        return _nearest(asked)
+        spheres = _nearest_point(asked) if asked.form == "point" else _spheres(asked)
+        return _point(asked, asked.form, spheres)
 
 
 def _nearest(asked: Asked) -> DrakeContact:
@@ -513,13 +417,8 @@ def _nearest(asked: Asked) -> DrakeContact:
     steps = asked.time_step > 0.0  # without them there is no SAP
     if steps and is_kelvin_voigt(law) and law.damping > 0.0:
         return _sap(asked)
-    found: DrakeContact
-    if law.exponent <= 1.0:
-        found = _point(asked, "point", _nearest_point(asked))
-    else:
-        spheres = _spheres(asked)
-        form = "nested-spheres" if spheres.gaps.size > 1 else "point"
-        found = _point(asked, form, spheres)
+    spheres = _nearest_point(asked) if law.exponent <= 1.0 else _spheres(asked)
+    found = _point(asked, "nested-spheres" if spheres.gaps.size > 1 else "point", spheres)
     # SAP's damper does not grow with depth: not for a law of which it grows nearly as the force.
     if steps and law.damping > 0.0 and law.damping_exponent < 0.5 * law.exponent:
         return min(found, _sap(asked), key=_error)
@@ -533,16 +432,29 @@ def _error(contact: DrakeContact) -> float:
 
 
 def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
-    radius, mass, deepest = _radius(asked), asked.mass_or_one, asked.motion.deepest
-    law = asked.law
-    one = spheres.gaps.size == 1
-    numbers = {}
-    for place in range(spheres.gaps.size):
-        mark = "" if one else f"[{place + 1}]"
-        if not one:
-            numbers[f"gap{mark}"] = float(spheres.gaps[place])
-        numbers[f"point_contact_stiffness{mark}"] = float(spheres.stiffness[place])
-        numbers[f"hunt_crossley_dissipation{mark}"] = float(spheres.dissipation[place])
+    """One sphere on a surface that gives way; or spheres that give way on one that does not.
+
+    Spheres have one centre as long as they fit; of a tip smaller than the gaps the inner ones, a
+    tenth of its radius, are raised instead, and hold for a surface below the tip only.
+    """
+
+    def material(stiffness: float, dissipation: float) -> dict[str, float]:
+        return {"point_contact_stiffness": stiffness, "hunt_crossley_dissipation": dissipation}
+
+    radius, law = _radius(asked), asked.law
+    rigid = material(RIGID * float(spheres.stiffness.sum()), 0.0)
+    soft = list(map(material, spheres.stiffness.tolist(), spheres.dissipation.tolist()))
+    if len(soft) == 1:
+        numbers, parts = soft[0], _parts(asked, soft[0], rigid)
+    else:
+        numbers, tips = {}, []
+        for number, (gap, each) in enumerate(zip(spheres.gaps.tolist(), soft, strict=True), 1):
+            numbers[f"gap[{number}]"] = gap
+            numbers |= {f"{name}[{number}]": value for name, value in each.items()}
+            inner = max(radius - gap, 0.1 * radius)
+            # From the outer sphere's lowest point upwards.
+            tips.append(DrakeTip(f"tip_{number}", inner, gap - (radius - inner), each))
+        parts = replace(_parts(asked, rigid, {}), tips=tuple(tips))
     exact = law.exponent == 1.0 and (law.damping == 0.0 or law.damping_exponent == 1.0)
     warnings = [*_negative(law), *_step(asked)]
     if spheres.gaps[-1] > 0.9 * radius:
@@ -550,16 +462,16 @@ def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
             "the tip is smaller than it is pressed in: its inner spheres are raised, and hold for "
             "a surface straight below"
         )
-    return PointContact(
+    return DrakeContact(
         form=form,
         asked=asked,
         numbers=numbers,
         exact=exact and law.damping >= 0.0,
         warnings=tuple(warnings),
-        parts=point_parts(spheres, radius, mass, deepest),
+        parts=parts,
+        contact=spheres,
         setting=Setting("point", LAGGED, asked.time_step),
         heed=(*_TWO_BODIES, *_NOT_SAP),
-        spheres=spheres,
     )
 
 
@@ -633,14 +545,34 @@ def _slab(asked: Asked) -> Slab:
 
 
 def _hydroelastic(asked: Asked) -> DrakeContact:
+    """A rigid sphere on a compliant box whose medial plane is the slab's bottom.
+
+    Without friction, which would push back on the sphere's flanks as it goes straight in: with the
+    coefficient 1 that Drake takes where none is given, by nearly half of the force at 50 mm/s.
+    """
     found = _slab(asked)
+    smooth = {"mu_dynamic": 0.0, "mu_static": 0.0}
+    surface = {
+        "compliant_hydroelastic": None,
+        "hydroelastic_modulus": found.modulus,
+        "hunt_crossley_dissipation": found.dissipation,
+        **smooth,
+    }
+    tip = {
+        "rigid_hydroelastic": None,
+        "mesh_resolution_hint": found.resolution_hint,
+        "hunt_crossley_dissipation": 0.0,
+        **smooth,
+    }
+    # The medial plane reaches as far as H from the rim.
+    width, height = 2.0 * (found.radius + 2.0 * found.thickness), 2.0 * found.thickness
     return SlabContact(
         form="hydroelastic",
         asked=asked,
         numbers={
             "hydroelastic_modulus": found.modulus,
             "hunt_crossley_dissipation": found.dissipation,
-            "box_height": 2.0 * found.thickness,
+            "box_height": height,
             "mesh_resolution_hint": found.resolution_hint,
         },
         warnings=(
@@ -651,33 +583,47 @@ def _hydroelastic(asked: Asked) -> DrakeContact:
             "half of its height",
             *_step(asked),
         ),
-        parts=slab_parts(found, asked.mass_or_one),
+        parts=replace(_parts(asked, surface, tip), width=width, height=height),
+        contact=found,
         setting=Setting("hydroelastic", LAGGED, asked.time_step),
         heed=_NOT_SAP,
-        slab=found,
     )
 
 
 def _sap(asked: Asked) -> DrakeContact:
+    """A surface that gives way, below a tip that does not and whose relaxation time is 0."""
     if asked.time_step == 0.0:
         raise InvalidParameterError(
             "time_step must be above 0 for Drake's SAP, which solves for the end of a step"
         )
     law = _pushing(kelvin_voigt(_dissipating(asked.law), asked.motion))
-    return SapContact(
+    surface = {
+        "point_contact_stiffness": law.stiffness,
+        "relaxation_time": law.damping / law.stiffness,
+    }
+    tip = {"point_contact_stiffness": RIGID * law.stiffness, "relaxation_time": 0.0}
+    return DrakeContact(
         form="sap",
         asked=asked,
-        numbers={
-            "point_contact_stiffness": law.stiffness,
-            "relaxation_time": law.damping / law.stiffness,
-        },
+        numbers=surface,
         engine_law=law,
         exact=is_kelvin_voigt(asked.law) and asked.law.damping >= 0.0,
         warnings=(*_negative(asked.law), *_step(asked)),
-        parts=sap_parts(law, _radius(asked), asked.mass_or_one, asked.motion.deepest),
+        parts=_parts(asked, surface, tip),
+        contact=Sap(law),
         setting=Setting("point", SAP, asked.time_step),
         heed=_SAP,
     )
+
+
+def _parts(
+    asked: Asked, surface: Mapping[str, float | None], tip: Mapping[str, float | None]
+) -> Parts:
+    """A tip of one sphere on a box of which the top is the nearest face, as deep as it goes."""
+    radius, deepest = _radius(asked), asked.motion.deepest
+    width, height = max(1.0, 10.0 * (radius + deepest)), max(0.2, 4.0 * deepest)
+    tips = (DrakeTip("tip", radius, 0.0, tip),)
+    return Parts(surface, tips, radius, asked.mass_or_one, width, height)
 
 
 def _step(asked: Asked) -> tuple[str, ...]:

@@ -1,15 +1,12 @@
-"""A drop as an engine steps it whose contact is implicit: its force is that of the step's end.
+"""Drake's contacts as a plant steps them: by formula, and in Drake itself.
 
-Drake's discrete plants have, of a body on a contact,
+Its discrete plants have, of a body on a contact,
 
     m (v₁ − v₀) = −h F(x₁, v₁),  x₁ = x₀ + h v₁,
 
-which damps by h ∂F/∂x more than the law says: K h for a spring.
-
-Drake itself: what it parses from the text, pressed and dropped.
-
-A step of a discrete plant from (x₀, v₀) has the force of its end, (x₀ + h v₁, v₁). With a tip so
-heavy that v₁ is v₀, and begun at x − h v, that is the force at (x, v).
+which damps by h ∂F/∂x more than the law says: K h for a spring. A step from (x₀, v₀) has the
+force of its end, (x₀ + h v₁, v₁): with a tip so heavy that v₁ is v₀, and begun at x − h v, that is
+the force at (x, v).
 """
 
 import math
@@ -32,14 +29,14 @@ _BY_LAW = 2000
 _MOST_TRIES = 60
 
 
-def time_down(drop: Drop) -> float:
-    """How long the way down takes, s, or nearly: a quarter period, π/2 x/v₀ of a spring."""
-    return 0.5 * math.pi * drop.depth / drop.speed
-
-
 def steps_down(drop: Drop, step: float) -> float:
     """How many steps the way down takes, or nearly; without steps it is without bound."""
-    return time_down(drop) / step if step > 0.0 else math.inf
+    return _time_down(drop) / step if step > 0.0 else math.inf
+
+
+def _time_down(drop: Drop) -> float:
+    """How long it takes, s, or nearly: a quarter period, π/2 x/v₀ of a spring."""
+    return 0.5 * math.pi * drop.depth / drop.speed
 
 
 def rebound_by_steps(force: Pointwise, drop: Drop, step: float) -> float:
@@ -58,7 +55,7 @@ def rebound_by_steps(force: Pointwise, drop: Drop, step: float) -> float:
     """
     steps = steps_down(drop, step)
     if steps > _FINE:
-        return rebound(force, drop.mass, drop.speed, time_down(drop) / _BY_LAW)
+        return rebound(force, drop.mass, drop.speed, _time_down(drop) / _BY_LAW)
     x, v = 0.0, drop.speed
     for _ in range(math.ceil(LONGEST * steps) + 10):
         v = _after(force, drop.mass, step, x, v)
@@ -97,6 +94,8 @@ def _after(force: Pointwise, mass: float, step: float, x: float, v: float) -> fl
             side = -1
     return high if above <= 0.0 else low
 
+
+# Drake itself: what it parses from the text, pressed and dropped.
 
 # kg. Of 100 N and a step of 10 ms it takes 10⁻⁹ m/s; 10³ times as heavy gave the same digits.
 HEAVY = 1e9
@@ -185,7 +184,7 @@ def simulated_rebound(plant: Plant, drop: Drop) -> float:
     plant.put(0.0, drop.speed)
     step = plant.step
     if step == 0.0:
-        step = time_down(drop) / _LOOKS
+        step = _time_down(drop) / _LOOKS
         plant.simulator.get_mutable_integrator().set_target_accuracy(_ACCURACY)
     plant.simulator.Initialize()
     for k in range(1, math.ceil(LONGEST * steps_down(drop, step)) + 10):

@@ -1,12 +1,12 @@
-"""Spheres in one another, which a surface meets one after the other: a power law from linear ones.
+"""Shapes whose force, by Drake's linear contacts, is near a power of depth, in closed form.
 
-Each is a point contact of Drake, kᵢ (x − δᵢ)₊ (1 + dᵢ v)₊, and together they are the law's secant
-line by pieces. Where they begin, δᵢ, and how stiff they are, kᵢ ≥ 0, is by least squares.
+Spheres in one another, which a surface meets one after the other: each is a point contact of Drake,
+kᵢ (x − δᵢ)₊ (1 + dᵢ v)₊, and together they are the law's secant line by pieces. Where they begin,
+δᵢ, and how stiff they are, kᵢ ≥ 0, is by least squares.
 
-A rigid sphere on Drake's hydroelastic slab, in closed form.
-
-In a box whose medial plane is H below its top the pressure rises as E/H times the depth, and pushes
-along the sphere's own surface, p (1 + d v cos θ)₊ n̂. So the force is
+And a rigid sphere on Drake's hydroelastic slab. In a box whose medial plane is H below its top the
+pressure rises as E/H times the depth, and pushes along the sphere's own surface,
+p (1 + d v cos θ)₊ n̂. So the force is
 
     F = (E/H) [V(x) + d v W(x)],  V = π x² (3R − x)/3,  W = ∫ depth cos θ dA,
 
@@ -207,6 +207,8 @@ def _moved(
     return np.concatenate([[0.0], new])
 
 
+# The slab.
+
 #: What the mesh may take from the force at a mean depth. The formula of it is good to a seventh, so
 #: that 0.07 % are left: below the 0.1 percentage points that a predicted error may be off.
 MESH_LOSS = 0.005
@@ -241,13 +243,13 @@ class Slab:
         """Length of edges, m, that gives as many halvings; they come out a little shorter."""
         return 1.6 * self.radius / 2.0**self.halvings
 
-    def force(self, penetration: Floats, velocity: Floats) -> Floats:
-        """Return the force, N, which never pulls."""
+    def force(self, penetration: Floats, velocity: Floats, _step: float = 0.0) -> Floats:
+        """Return the force, N, which never pulls, whatever the step."""
         elastic, damper = shapes(penetration, self.radius, self.halvings)
         per_volume = self.modulus / self.thickness
         return np.maximum(per_volume * (elastic + self.dissipation * velocity * damper), 0.0)
 
-    def at(self, penetration: float, velocity: float) -> float:
+    def at(self, penetration: float, velocity: float, _step: float = 0.0) -> float:
         """The same of one state."""
         return float(self.force(np.array([penetration]), np.array([velocity]))[0])
 

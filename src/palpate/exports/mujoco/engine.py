@@ -1,4 +1,8 @@
-"""What is exported to MuJoCo: rows, or the law itself as a callback."""
+"""MuJoCo: which of its ways carries a law, what it writes, and what it does; or the law itself.
+
+A law is one contact, or two at the same place, in the rows of MuJoCo's solver, or a callback in
+Python. The fragments come first, then the engine with its ways and its warnings.
+"""
 
 import json
 import math
@@ -11,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from palpate.digits import rounded
-from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.errors import InvalidParameterError
 from palpate.exports.engine import (
     Asked,
     Drop,
@@ -19,141 +23,150 @@ from palpate.exports.engine import (
     Fragment,
     ProbeMotion,
     Replayed,
+    digits,
     drop_to,
     force_error,
     is_kelvin_voigt,
     kelvin_voigt,
     length,
+    numbers_of,
     percent,
     stable_step,
     with_exponents,
+    xml_comment,
 )
-from palpate.exports.mujoco import callback, robot
-from palpate.exports.mujoco.fitting import FITS, MOST_STEPS, PairRows, badness, rebound
+from palpate.exports.mujoco import callback
+from palpate.exports.mujoco.fitting import FITS, MOST_STEPS, PairRows, misfit_to, rebound
 from palpate.exports.mujoco.robot import (
+    FRAGMENT,
     NOTHING_PASSIVE,
     PADS,
+    SCENE,
     TIP,
     Placement,
     PressableModel,
     Robot,
     compiled,
     engine_here,
+    pressed,
     read,
+    sections,
 )
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats, above_zero
 
-#: How the real engine was moved, in words.
-BY_INVERSE = "by mj_inverse, state by state"
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _InMuJoCo(Fragment):
+class InMuJoCo(Fragment):
     """What both ways have in common: where it touches, and the small scene.
 
     Attributes
     ----------
-    mobility : float
-        Â, 1/kg; of the scene's body it is 1/mass.
+    rows : PairRows
+        The law as one contact, or as several at the same place; none of a callback.
     robot : Robot, optional
         The user's own model.
     runs : bool
         Whether the installed engine has what it takes.
     """
 
-    mobility: float
+    rows: PairRows
     robot: Robot | None = None
     runs: bool = True
+
+    @property
+    def mobility(self) -> float:
+        """Â, 1/kg; of the scene's body it is 1/mass."""
+        return self.rows.mobility
 
     @property
     def tip(self) -> str:
         """What the geom that touches is called."""
         return TIP if self.robot is None else self.robot.geom
 
-    @property
-    def place(self) -> Placement:
-        """Where the surface is."""
-        return Placement() if self.robot is None else self.robot.place
-
     def scene(self, speed: float, notes: Sequence[str] = ()) -> str:
-        """The smallest scene, of a body that arrives at a speed [m/s]."""
-        rows = self.scene_rows()
-        depth, step = self.asked.motion.deepest, self.asked.time_step
-        return robot.scene(
-            rows, mass=1.0 / self.mobility, time_step=step, speed=speed, depth=depth, notes=notes
+        """The smallest scene, of a body with one contact that arrives at a speed [m/s]."""
+        n, depth = self.rows.contacts, self.asked.motion.deepest
+        rows = [
+            replace(row, spring=n * row.spring, damper=n * row.damper, adhesion=n * row.adhesion)
+            for row in self.rows.rows
+        ]
+        return SCENE.format(
+            **sections(rows, TIP, Placement()),
+            comment=xml_comment(notes),
+            time_step=digits(self.asked.time_step),
+            radius=digits(max(0.03, 2.0 * depth)),
+            mass=digits(1.0 / self.mobility),
+            velocity=digits(-speed),
         )
 
-    @property
-    def how(self) -> str:
-        """How the real engine is moved, in words."""
-        return BY_INVERSE if self.robot is None else f"{BY_INVERSE}, in {self.robot.path.name}"
-
-    def scene_rows(self) -> PairRows | None:
-        """The rows of the scene, whose tip has one contact."""
-        return None
+    def fragment(self, notes: Sequence[str]) -> str:
+        """What is to be pasted into a model, or included by it; without rows the surface alone."""
+        place = Placement() if self.robot is None else self.robot.place
+        both = sections(self.rows.rows, self.tip, place)
+        return FRAGMENT.format(comment=xml_comment(notes), **both)
 
     def pressed(self) -> PressableModel:
         """Return the user's model with the fragment in it, or the small scene."""
-        raise NotImplementedError
+        rows, robot = self.rows.rows, self.robot
+        if robot is not None:
+            return pressed(robot.path, robot.geom, rows, robot.place)
+        mujoco = engine_here()
+        model = mujoco.MjModel.from_xml_string(self.scene(0.0))
+        return compiled(mujoco, model, TIP, max(len(rows), 1), Placement())
 
-    def installed(self, model: Any) -> AbstractContextManager[Any]:
+    def contact(self, model: Any, tip: str) -> AbstractContextManager[Any]:
         """Have in force, meanwhile, what the scene itself does not say."""
         return nullcontext()
 
+    def replay(self, motion: ProbeMotion) -> Replayed | None:
+        """Force by inverse dynamics, in the user's own model where there is one."""
+        if not self.runs:
+            return None
+        pressed = self.pressed()
+        with self.contact(pressed.model, self.tip) as contact:
+            force = pressed.along_motion(motion, contact)
+        where = "" if self.robot is None else f", in {self.robot.path.name}"
+        return Replayed(force, f"by mj_inverse, state by state{where}")
+
     def rebound(self, drop: Drop) -> float | None:
-        """Restitution in the small scene, of a body of Â's mass."""
+        """Restitution in the small scene, of a body of Â's mass; 0 if it stays."""
         if not self.runs or not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
             return None
-        try:
-            mujoco = engine_here()
-        except MissingExtraError:
-            return None
-        model = mujoco.MjModel.from_xml_string(self.scene(drop.speed))
-        with self.installed(model):
-            return _thrown(mujoco, model)
-
-    def _small(self, count: int) -> PressableModel:
         mujoco = engine_here()
-        model = mujoco.MjModel.from_xml_string(self.scene(0.0))
-        return compiled(mujoco, model, TIP, count, Placement())
+        model = mujoco.MjModel.from_xml_string(self.scene(drop.speed))
+        with self.contact(model, TIP):
+            data = mujoco.MjData(model)
+            mujoco.mj_resetDataKeyframe(model, data, 0)
+            first = float(data.qvel[0])
+            for _ in range(MOST_STEPS):
+                mujoco.mj_step(model, data)
+                if data.qpos[0] >= 0.0:
+                    return max(float(data.qvel[0]), 0.0) / -first
+        return 0.0
 
     def _files(self, first: Mapping[str, str], notes: Sequence[str]) -> Mapping[str, str]:
         law, deepest = self.asked.law, self.asked.motion.deepest
         speed = drop_to(law, 1.0 / self.mobility, deepest).speed if law.stiffness > 0.0 else 0.1
         files = {**first, "scene.xml": self.scene(speed, notes)}
         if self.robot is not None and self.robot.path.suffix == ".xml":
-            path, (meshes, textures) = self.robot.path, self.robot.asset_folders
             here = [
                 *notes,
                 'Load it by mujoco.MjModel.from_xml_path("robot_scene.xml"): it includes '
-                f"{path.name} and contact.xml.",
+                f"{self.robot.path.name} and contact.xml.",
                 "Take your own surface out, or let it not collide with the tip: both would push.",
             ]
-            files["robot_scene.xml"] = robot.robot(path, meshes, textures, here)
+            files["robot_scene.xml"] = self.robot.scene(here)
         return files
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class InRows(_InMuJoCo):
-    """A law as one contact, or as several at the same place.
-
-    Attributes
-    ----------
-    rows : Rows
-        Their numbers.
-    """
-
-    rows: PairRows
+class InRows(InMuJoCo):
+    """A law as one contact, or as several at the same place."""
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the pads and pairs, and scenes that have them."""
-        text = robot.fragment(self.rows, self.tip, self.place, notes)
-        return self._files({"contact.xml": text}, notes)
-
-    def scene_rows(self) -> PairRows:
-        """The rows, of one contact."""
-        return robot.as_one_contact(self.rows)
+        return self._files({"contact.xml": self.fragment(notes)}, notes)
 
     def predicted(self, motion: ProbeMotion) -> Floats:
         """Of the rows: the law as fitted, and Σ m_a ẍ."""
@@ -163,84 +176,30 @@ class InRows(_InMuJoCo):
         """Of the rows, by the time step."""
         return rebound(self.rows, drop, self.asked.time_step)
 
-    def pressed(self) -> PressableModel:
-        """Return the user's model with the pairs in it, or the small scene."""
-        if self.robot is not None:
-            return self.robot.pressed(self.rows.rows)
-        return self._small(len(self.rows.rows))
-
-    def replay(self, motion: ProbeMotion) -> Replayed | None:
-        """Force by inverse dynamics, in the user's own model where there is one."""
-        if not self.runs:
-            return None
-        try:
-            return Replayed(self.pressed().along_motion(motion), self.how)
-        except MissingExtraError:
-            return None
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AsCallback(_InMuJoCo):
+class AsCallback(InMuJoCo):
     """The law itself, in Python, called at every step."""
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the module, its numbers and names, and a scene for it."""
         # Names of a model are data: none of them enters the source, not even as a comment.
         source = Path(str(callback.__file__)).read_text(encoding="utf-8")
-        numbers = json.dumps({**self._contact(self.tip), "notes": list(notes)}, indent=1)
+        numbers = json.dumps({**self._numbers(self.tip), "notes": list(notes)}, indent=1)
         files = {"palpate_contact.py": source, "palpate_contact.json": numbers + "\n"}
         if self.robot is not None:
-            files["contact.xml"] = robot.fragment(None, self.tip, self.place, notes)
+            files["contact.xml"] = self.fragment(notes)
         return self._files(files, notes)
 
-    def _contact(self, tip: str) -> dict[str, Any]:
-        names = ("stiffness", "exponent", "damping", "damping_exponent")
-        law = self.asked.law
-        return {**{name: getattr(law, name) for name in names}, "tip": tip, "pad": PADS[0]}
+    def _numbers(self, tip: str) -> dict[str, Any]:
+        return {**numbers_of(self.asked.law), "tip": tip, "pad": PADS[0]}
 
-    def predicted(self, motion: ProbeMotion) -> Floats:
-        """The law's, at least 0: a contact does not pull."""
-        return np.maximum(motion.force_by(self.asked.law), 0.0)
-
-    def pressed(self) -> PressableModel:
-        """Return the user's model with a surface in it, or the small scene."""
-        return self._small(1) if self.robot is None else self.robot.pressed(())
-
-    def replay(self, motion: ProbeMotion) -> Replayed | None:
-        """Force by inverse dynamics: what the callback adds to the passive forces."""
-        try:
-            pressed = self.pressed()
-        except MissingExtraError:
-            return None
-        contact = callback.ExactContact(pressed.model, self._contact(self.tip))
-        force = np.empty(len(motion))
-        out = pressed.along()
-        with contact:
-            for k in range(len(motion)):
-                pressed.sink(float(motion.penetration[k]))
-                pressed.data.qvel[:] = -motion.velocity[k] * out
-                pressed.mujoco.mj_inverse(pressed.model, pressed.data)
-                force[k] = contact.force
-        return Replayed(force, self.how)
-
-    def installed(self, model: Any) -> AbstractContextManager[Any]:
-        """Install the callback."""
-        return callback.ExactContact(model, self._contact(TIP))
+    def contact(self, model: Any, tip: str) -> AbstractContextManager[Any]:
+        """Have the callback installed, which adds the contact's to the passive forces."""
+        return callback.ExactContact(model, self._numbers(tip))
 
 
-def _thrown(mujoco: Any, model: Any) -> float:
-    """Speed after over speed before, of the scene's body from its keyframe on; 0 if it stays."""
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    first = float(data.qvel[0])
-    for _ in range(MOST_STEPS):
-        mujoco.mj_step(model, data)
-        if data.qpos[0] >= 0.0:
-            return max(float(data.qvel[0]), 0.0) / -first
-    return 0.0
-
-
-# MuJoCo: which of its ways carries a law, and what it needs.
+# Which of its ways carries a law, and what it needs.
 
 #: The first MuJoCo whose contacts may pull (adhesion of a pair).
 PULLS = (3, 11)
@@ -282,8 +241,8 @@ class MuJoCo(Engine):
             Neither a mass nor a model and geom are given; a model cannot be used; or the form has
             no such law.
         """
-        robot, mobility = _felt(asked)
-        asked, lifted = _lifted(_pressed_by(asked, robot, mobility))
+        asked, robot, mobility = _felt(asked)
+        asked, lifted = _lifted(asked)
         if not asked.law.stiffness > 0.0:
             raise InvalidParameterError(
                 f"law must have a stiffness above 0 for MuJoCo, not {asked.law.stiffness:g}"
@@ -314,7 +273,8 @@ class MuJoCo(Engine):
         made = {form: FITS[form](asked.law, asked.motion, mobility, contacts) for form in tried}
         if len(made) == 1:
             return tried[0], made[tried[0]]
-        form = min(made, key=lambda each: badness(made[each], asked.law, asked.motion))
+        misfit = misfit_to(asked.law, asked.motion, 1.0 / mobility)
+        form = min(made, key=lambda each: misfit(made[each]))
         return form, made[form]
 
     def _ways(self, law: GeneralisedHuntCrossley) -> tuple[str, ...]:
@@ -337,24 +297,18 @@ class MuJoCo(Engine):
         return tuple(numbers) >= PULLS
 
 
-def _felt(asked: Asked) -> tuple[Robot | None, float]:
-    """The user's model, and Â [1/kg]."""
+def _felt(asked: Asked) -> tuple[Asked, Robot | None, float]:
+    """With the mass that an impact feels, and the step of the user's model; that; and Â [1/kg]."""
     if asked.model is not None:
         robot = read(asked.model, asked.geom, asked.motion.deepest)
-        return robot, robot.mobility
+        return replace(asked, mass=robot.mass, time_step=robot.time_step), robot, robot.mobility
     if asked.mass is None:
         raise InvalidParameterError(
             "MuJoCo scales a contact by the mass that it feels: give the mass (--mass 1.0), or the "
             "model and the geom that touches (--model robot.xml --geom tip)"
         )
-    return None, 1.0 / above_zero("mass", asked.mass)
-
-
-def _pressed_by(asked: Asked, robot: Robot | None, mobility: float) -> Asked:
-    """With the mass that an impact feels, and the time step of the user's model."""
-    if robot is None:
-        return replace(asked, mass=1.0 / mobility)
-    return replace(asked, mass=robot.mass, time_step=robot.time_step)
+    mobility = 1.0 / above_zero("mass", asked.mass)
+    return replace(asked, mass=1.0 / mobility), None, mobility
 
 
 def _lifted(asked: Asked) -> tuple[Asked, tuple[str, ...]]:
@@ -394,22 +348,22 @@ def _as_callback(asked: Asked, mobility: float, robot: Robot | None) -> AsCallba
         "mjcb_passive is one for all models, and none can be compiled while it is installed; it is "
         "Python at every step, some 20 µs of it"
     )
-    refusals = () if robot is None else robot.refusals
-    if robot is not None and robot.contacts > 1:
-        refusals = (*refusals, "the callback pushes at one point: give it a round tip")
-    if robot is not None and not robot.passive:
-        refusals = (*refusals, NOTHING_PASSIVE)
-    numbers = {"K": law.stiffness, "n": law.exponent, "B": law.damping, "p": law.damping_exponent}
+    refusals: tuple[str, ...] = ()
+    if robot is not None:
+        refusals = robot.refusals
+        if robot.contacts > 1:
+            refusals += ("the callback pushes at one point: give it a round tip",)
+        refusals += () if robot.passive else (NOTHING_PASSIVE,)
     return AsCallback(
         form="callback",
         asked=asked,
-        numbers=numbers,
+        numbers=dict(zip("KnBp", numbers_of(law).values(), strict=True)),
         engine_law=law,
         exact=True,
         largest_step=stable_step(law, asked.mass_or_one, asked.motion.deepest),
         warnings=tuple(warnings),
         refusals=refusals,
-        mobility=mobility,
+        rows=PairRows((), mobility),
         robot=robot,
     )
 
@@ -432,9 +386,8 @@ def _in_rows(form: str, asked: Asked, rows: PairRows, robot: Robot | None) -> In
         largest_step=stable_step(engine_law, asked.mass_or_one, deepest),
         warnings=tuple(warnings),
         refusals=refusals,
-        mobility=rows.mobility,
-        robot=robot,
         rows=rows,
+        robot=robot,
     )
 
 
@@ -448,35 +401,33 @@ def _numbers(rows: PairRows) -> dict[str, float]:
     return found
 
 
-def _about(form: str, asked: Asked, rows: PairRows) -> tuple[str, ...]:
+def _about(form: str, asked: Asked, rows: PairRows) -> list[str]:
     """What is peculiar to a form."""
-    mass = (
+    words = [
         f"the numbers hold for a contact of {1.0 / rows.mobility:.4g} kg (the inverse of "
         "body_invweight0 of both bodies): another body needs another export"
-    )
+    ]
     if form == "kelvin-voigt":
-        return (mass,)
-    words = [mass]
-    rising = [row for row in rows.rows if row.solimp[0] < row.solimp[1]]
-    if rising:
-        widest = min(row.solimp[2] + row.inset for row in rising)
+        return words
+    law, motion = asked.law, asked.motion
+    widths = (row.solimp[2] + row.inset for row in rows.rows if row.solimp[0] < row.solimp[1])
+    if widest := min(widths, default=0.0):
         words.append(f"deeper than {length(widest, 3)} the force no longer follows the law")
-    law = asked.law
-    heavy = _added(asked, rows)
+    force, pushed = motion.force_by(law), rows.added_mass(motion.penetration) * motion.acceleration
+    heavy = force_error(force + pushed, force, motion.judged)
     if heavy > _HEAVY:
         words.append(
             f"the mass that the contacts add comes to {percent(heavy)} of force on this motion: a "
             "lighter body, a slower motion or the callback has less of it"
         )
     if form == "pair" and law.damping:
-        words += _pulls(law, float(np.median(asked.motion.penetration[asked.motion.judged])), rows)
-    shallow = _shallow(asked.law, rows, asked.motion.deepest)
-    if shallow:
+        words += _pulls(law, float(np.median(motion.penetration[motion.judged])), rows)
+    if shallow := _shallow(law, rows, motion.deepest):
         words.append(
             f"shallower than {length(shallow, 2)} the force at rest is off by more than "
             f"{100 * _OFF:.0f} %"
         )
-    return tuple(words)
+    return words
 
 
 def _pulls(law: GeneralisedHuntCrossley, depth: float, rows: PairRows) -> tuple[str, ...]:
@@ -492,14 +443,6 @@ def _pulls(law: GeneralisedHuntCrossley, depth: float, rows: PairRows) -> tuple[
         "or two-contacts (--form), whose force is never below 0",
         "MJX ignores the adhesion of a pair: the form for MJX is two-contacts (--form)",
     )
-
-
-def _added(asked: Asked, rows: PairRows) -> float:
-    """Of Σ m_a ẍ against the law's force on the motion, %."""
-    motion = asked.motion
-    pushed = rows.added_mass(motion.penetration) * motion.acceleration
-    law = motion.force_by(asked.law)
-    return force_error(law + pushed, law, motion.judged)
 
 
 def _shallow(law: GeneralisedHuntCrossley, rows: PairRows, deepest: float) -> float:

@@ -1,4 +1,4 @@
-"""What one row of MuJoCo's solver does, in plain numbers.
+"""A law as rows of MuJoCo's solver: what a row does, and the numbers of those nearest to a law.
 
 For every row that is not clipped the solver gives R f = a_ref − a, R = (1 − d)/d · Â, with
 a_ref = D/d_w v + S/d_w² d x of a contact whose solref is in the direct format, (−S, −D) (MuJoCo,
@@ -8,17 +8,8 @@ a_ref = D/d_w v + S/d_w² d x of a contact whose solref is in the direct format,
 
 Gravity and every other force are in ẍ already. The last term is a mass that the contact adds.
 
-A row of MuJoCo's whose force goes as a power of depth: solimp by least squares.
-
-With d ∝ x^q a damper goes as x^q and a spring as x^(1 + 2q), but for 1 − d and for the 1e-4 that
-every d is at least. What solimp's sigmoid can be of that is fitted: its low end, width, midpoint
-and power, and how far below the surface it begins. The scale is linear, and solved for.
-
-Two rows that only push, for a MuJoCo whose contacts cannot pull.
-
-Where a damper alone would have to pull, each row needs a spring too, and both are looked for at
-once: the shapes d(x) by differential evolution, and for each shape the springs S₁, S₂ and dampers
-D₁, D₂ ≥ 0 by least squares, over the motion and over two free impacts.
+The ways of a law into rows are at the end: one for Kelvin–Voigt, a spring and a damper that may
+pull, or two rows that only push.
 """
 
 import math
@@ -29,12 +20,23 @@ from itertools import combinations
 import numpy as np
 
 from palpate.errors import InvalidParameterError
-from palpate.exports.engine import Drop, ProbeMotion, drop_to, force_error, kelvin_voigt
+from palpate.exports.engine import (
+    Drop,
+    ProbeMotion,
+    drop_to,
+    force_error,
+    half_period,
+    kelvin_voigt,
+)
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
 #: What the engine clamps an impedance to (mjMINIMP, mjMAXIMP).
 LEAST, MOST = 1e-4, 0.9999
+# How far a width goes beyond the deepest sample.
+_ROOM = 1.02
+#: A row's (d₀, d_w, width, midpoint, power).
+Solimp = tuple[float, float, float, float, float]
 
 
 def impedance(
@@ -77,7 +79,7 @@ class PairRow:
 
     spring: float
     damper: float
-    solimp: tuple[float, float, float, float, float]
+    solimp: Solimp
     inset: float = 0.0
     adhesion: float = 0.0
 
@@ -137,6 +139,12 @@ class PairRows:
         return np.asarray(self.contacts * np.sum(each, axis=0))
 
 
+# A row whose force goes as a power of depth: solimp by least squares.
+#
+# With d ∝ x^q a damper goes as x^q and a spring as x^(1 + 2q), but for 1 − d and for the 1e-4 that
+# every d is at least. What solimp's sigmoid can be of that is fitted: its low end, width, midpoint
+# and power, and how far below the surface it begins. The scale is linear, and solved for.
+
 # Of low/high, midpoint, power, width/deepest and inset/deepest. A sigmoid from its midpoint on
 # depends on power/width only once both are large: beyond these nothing gets better (measured).
 _LOWEST_PROFILE = np.array([0.0, LEAST, 1.0, 1.0, 0.0])
@@ -150,90 +158,60 @@ _KEPT, _CLOUD, _ROUNDS, _SHRINK = 3, 60, 60, 0.6
 # n = 1.5 is 10 % off at a seventh of the depth, 33 % at a fourteenth and .21 % on the paper's
 # motion; so 6 %, 26 % and .31 %.
 _EVENNESS = 0.25
+# What is drawn at random is the same on every run.
+_SEED = 20121
 
 
-@dataclass(frozen=True, slots=True)
-class Profile:
-    """d(x) of a row, and the factor that makes it the power wanted.
+def power_of_depth(
+    depths: Floats, target: Floats, high: float, *, spring: bool, low: bool
+) -> tuple[Solimp, float, float]:
+    """Return solimp and inset [m] of a power of depth, and the factor that makes it the target.
 
-    Attributes
+    Parameters
     ----------
-    solimp : tuple of float
-        (d₀, d_w, width, midpoint, power).
-    inset : float
-        How far below the surface it begins, m.
-    scale : float
-        Of d/(1 − d) for a damper, of d² x/(1 − d) for a spring.
+    depths, target : numpy.ndarray, shape (k,)
+        The depths [m] that count, the deepest of them the last; and there the force of a spring, N,
+        a multiple of d² x/(1 − d), or of a damper, N·s/m, of d/(1 − d).
+    high : float
+        d at the width.
+    spring, low : bool
+        Which of both; and whether d may begin above the least that there is, as it has to for less
+        than x¹.
     """
-
-    solimp: tuple[float, float, float, float, float]
-    inset: float
-    scale: float
-
-
-def constant(level: float, width: float, coefficient: float) -> Profile:
-    """One impedance at every depth: a linear spring, or a damper that does not know depth."""
-    return Profile((level, level, width, 0.5, 2.0), 0.0, coefficient)
-
-
-def damper(depths: Floats, target: Floats, high: float, *, low: bool) -> Profile:
-    """Of a damper, N·s/m at the depths [m] that count, the deepest of them the last.
-
-    ``low``: whether d may begin above the least that there is, as it has to for less than x¹.
-    """
-    return _fitted(depths, target, high, spring=False, low=low)
-
-
-def spring(depths: Floats, target: Floats, high: float) -> Profile:
-    """Of a spring, N at the depths [m] that count, the deepest of them the last."""
-    return _fitted(depths, target, high, spring=True, low=True)
-
-
-def _fitted(depths: Floats, target: Floats, high: float, *, spring: bool, low: bool) -> Profile:
     deepest = float(depths[-1])
-    highest = _HIGHEST_PROFILE.copy()
-    if not low:
-        highest[0] = 0.0  # a power of 1 or more begins at the least that there is
-    if spring:
-        highest[4] = 0.0  # near the surface a spring has no force to miss
-    fit = _Fit(depths, target, high, spring)
-    best = _search(fit, _LOWEST_PROFILE, highest)
-    ratio, midpoint, power, width, inset = best.tolist()
-    scale = float(fit.judge(best[None])[1][0])
-    solimp = (max(ratio * high, LEAST), high, width * deepest, midpoint, power)
-    return Profile(solimp, inset * deepest, scale)
+    # Near the surface a spring has no force to miss.
+    highest = _HIGHEST_PROFILE * np.array([low, 1.0, 1.0, 1.0, not spring])
+    even = target ** (1.0 - _EVENNESS)
 
-
-@dataclass(frozen=True, slots=True)
-class _Fit:
-    depths: Floats
-    target: Floats
-    high: float
-    spring: bool
-
-    def judge(self, tried: Floats) -> tuple[Floats, Floats]:
+    def judge(tried: Floats) -> tuple[Floats, Floats]:
         """Of each row of candidates the squared misfit, and the scale that has the least."""
         ratio, midpoint, power, width, inset = (column[:, None] for column in tried.T)
-        deepest = self.depths[-1]
-        inside = np.maximum(self.depths - inset * deepest, 0.0)
-        low = np.maximum(ratio * self.high, LEAST)
-        d = impedance(inside, low, self.high, width * deepest, midpoint, power)
+        inside = np.maximum(depths - inset * deepest, 0.0)
+        d = impedance(
+            inside, np.maximum(ratio * high, LEAST), high, width * deepest, midpoint, power
+        )
         d = np.where(inside > 0.0, d, 0.0)
-        shape = d / (1.0 - d) * (d * inside if self.spring else 1.0)
-        shape = shape / self.target**_EVENNESS
-        target = self.target ** (1.0 - _EVENNESS)
-        scale = (shape @ target) / np.einsum("ij,ij->i", shape, shape)
-        misfit = scale[:, None] * shape - target
+        shape = d / (1.0 - d) * (d * inside if spring else 1.0)
+        shape = shape / target**_EVENNESS
+        scale = (shape @ even) / np.einsum("ij,ij->i", shape, shape)
+        misfit = scale[:, None] * shape - even
         return np.einsum("ij,ij->i", misfit, misfit), scale
 
+    best = _search(judge, _LOWEST_PROFILE, highest)
+    ratio, midpoint, power, width, inset = best.tolist()
+    solimp = (max(ratio * high, LEAST), high, width * deepest, midpoint, power)
+    return solimp, inset * deepest, float(judge(best[None])[1][0])
 
-def _search(fit: _Fit, lowest: Floats, highest: Floats) -> Floats:
-    """The best of a lattice, and of what is near its best points; the same on every run."""
+
+def _search(
+    judge: Callable[[Floats], tuple[Floats, Floats]], lowest: Floats, highest: Floats
+) -> Floats:
+    """The best of a lattice, and of what is near its best points."""
     random = np.random.default_rng(_SEED)
     ends = zip(lowest, highest, _LATTICE, strict=True)
     axes = [np.linspace(a, b, count) if b > a else np.array([a]) for a, b, count in ends]
     lattice = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, len(axes))
-    misfits = fit.judge(lattice)[0]
+    misfits = judge(lattice)[0]
     spacing = (highest - lowest) / (np.array(_LATTICE) - 1)
     found = []
     for first in np.argsort(misfits)[:_KEPT]:
@@ -241,7 +219,7 @@ def _search(fit: _Fit, lowest: Floats, highest: Floats) -> Floats:
         for _ in range(_ROUNDS):
             cloud = best + step * random.standard_normal((_CLOUD, best.size))
             cloud = np.clip(cloud, lowest, highest)
-            values = fit.judge(cloud)[0]
+            values = judge(cloud)[0]
             nearest = int(values.argmin())
             if values[nearest] < least:
                 best, least = cloud[nearest], values[nearest]
@@ -252,6 +230,12 @@ def _search(fit: _Fit, lowest: Floats, highest: Floats) -> Floats:
     return nearest_of_all
 
 
+# Two rows that only push, for a MuJoCo whose contacts cannot pull.
+#
+# Where a damper alone would have to pull, each row needs a spring too, and both are looked for at
+# once: the shapes d(x) by differential evolution, and for each shape the springs S₁, S₂ and dampers
+# D₁, D₂ ≥ 0 by least squares, over the motion and over two free impacts.
+
 # d at the width: as light as still leaves room down to 1e-4. Four times it fitted as well.
 _HIGH = 0.005
 # Of each row: low/high, midpoint, power, width/deepest.
@@ -261,32 +245,19 @@ _HIGHEST_PAIR = np.array([1.0, MOST, 16.0, 5.0] * 2)
 _COUNTS = ((1.0, 0.3), (0.3, 0.15))
 _SAMPLES = 120, 50  # of the motion, and of each impact
 # Of the evolution: more found no better rows.
-_POPULATION, _GENERATIONS, _SEED = 64, 80, 20121
+_POPULATION, _GENERATIONS = 64, 80
 # Times that the clipped samples are left out and springs and dampers solved for again.
 _PASSES = 3
 _STEPS = 4000  # to half a period, of an impact
 _SETS = [list(each) for size in range(1, 5) for each in combinations(range(4), size)]
 
 
-@dataclass(frozen=True, slots=True)
-class _States:
-    """Penetration, velocity, acceleration and force at states, and how much each counts."""
-
-    x: Floats
-    v: Floats
-    a: Floats
-    force: Floats
-    weight: Floats
-
-
 def two_contacts(
     law: GeneralisedHuntCrossley, motion: ProbeMotion, mobility: float, contacts: int
 ) -> PairRows:
     """Return two rows nearest to F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0, that never pull."""
-    mass = 1.0 / mobility
-    deepest = 1.02 * motion.deepest
-    search = _Search(_states(law, motion, mass, deepest), deepest, mass)
-    best = search.evolve()
+    search = _search_of(law, motion, 1.0 / mobility)
+    best, deepest = search.evolve(), search.deepest
     strengths = search.judge(best[None])[1][0]
     share = mobility / contacts
     made = []
@@ -297,51 +268,15 @@ def two_contacts(
     return PairRows(tuple(made), mobility, contacts)
 
 
-def _states(
-    law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: float, deepest: float
-) -> _States:
-    firm = np.flatnonzero(motion.judged)
-    firm = firm[np.argsort(motion.penetration[firm], kind="stable")]
-    some = firm[np.linspace(0, firm.size - 1, _SAMPLES[0]).astype(int)]
-    parts = [np.stack([motion.penetration[some], motion.velocity[some], motion.acceleration[some]])]
-    counts = [1.0]
-    for part, count in zip(*_COUNTS, strict=True):
-        course = _impact(law, drop_to(law, mass, part * deepest))
-        if course.size:
-            parts.append(course)
-            counts.append(count)
-    forces = [np.maximum(law.force(x, v), 0.0) for x, v, _ in parts]
-    weights = [
-        np.full(force.size, count / max(float(np.linalg.norm(force)), 1e-300))
-        for force, count in zip(forces, counts, strict=True)
-    ]
-    x, v, a = np.concatenate(parts, axis=1)
-    return _States(x, v, a, np.concatenate(forces), np.concatenate(weights))
-
-
-def _impact(law: GeneralisedHuntCrossley, drop: Drop) -> Floats:
-    """Some states of a free body's impact, evenly spaced in time."""
-    secant = law.stiffness * drop.depth ** (law.exponent - 1.0)
-    step = math.pi * math.sqrt(drop.mass / secant) / _STEPS
-    x, v, course = 0.0, drop.speed, []
-    for _ in range(10 * _STEPS):
-        a = -max(law.force(x, v), 0.0) / drop.mass
-        v += step * a
-        x += step * v
-        if not x > 0.0:
-            break
-        course.append((x, v, a))
-    states: Floats = np.array(course).reshape(-1, 3)
-    if course:
-        states = states[np.linspace(0, len(course) - 1, _SAMPLES[1]).astype(int)]
-    return states.T
-
-
 @dataclass(frozen=True, slots=True)
 class _Search:
-    states: _States
+    """Penetration, velocity and force at states, and how much each counts."""
+
+    x: Floats
+    v: Floats
+    force: Floats
+    weight: Floats
     deepest: float
-    mass: float
 
     def evolve(self) -> Floats:
         """Differential evolution around the best; the same on every run."""
@@ -367,14 +302,14 @@ class _Search:
     def judge(self, tried: Floats) -> tuple[Floats, Floats]:
         """Of each candidate the squared misfit, clipping and all, and S₁, D₁, S₂, D₂."""
         columns = self._columns(tried)
-        sizes = np.sqrt(np.einsum("ijk,k->ij", columns**2, self.states.weight**2)) + 1e-300
+        sizes = np.sqrt(np.einsum("ijk,k->ij", columns**2, self.weight**2)) + 1e-300
         columns = columns / sizes[:, :, None]
-        pushes = np.ones((len(tried), 2, self.states.x.size), dtype=np.bool_)
+        pushes = np.ones((len(tried), 2, self.x.size), dtype=np.bool_)
         for _ in range(_PASSES):
             strengths = self._solved(columns * np.repeat(pushes, 2, axis=1))
             each = (columns * strengths[:, :, None]).reshape(len(tried), 2, 2, -1).sum(axis=2)
             pushes = each > 0.0
-        off = (np.maximum(each, 0.0).sum(axis=1) - self.states.force) * self.states.weight
+        off = (np.maximum(each, 0.0).sum(axis=1) - self.force) * self.weight
         return np.einsum("ij,ij->i", off, off), strengths / sizes
 
     def _columns(self, tried: Floats) -> Floats:
@@ -383,15 +318,15 @@ class _Search:
         for k in (0, 4):
             ratio, midpoint, power, width = (column[:, None] for column in tried.T[k : k + 4])
             low = np.maximum(ratio * _HIGH, LEAST)
-            d = impedance(self.states.x, low, _HIGH, width * self.deepest, midpoint, power)
+            d = impedance(self.x, low, _HIGH, width * self.deepest, midpoint, power)
             mass = d / (1.0 - d)
-            made += [mass * d * self.states.x, mass * self.states.v]
+            made += [mass * d * self.x, mass * self.v]
         return np.stack(made, axis=1)
 
     def _solved(self, columns: Floats) -> Floats:
         """Least squares with no number below 0: the best of all sets that are not 0."""
-        weighted = columns * self.states.weight
-        target = self.states.force * self.states.weight
+        weighted = columns * self.weight
+        target = self.force * self.weight
         squares = np.einsum("ijk,ilk->ijl", weighted, weighted)
         along = weighted @ target
         best, least = np.zeros(along.shape), np.zeros(len(along))
@@ -405,6 +340,43 @@ class _Search:
             full[:, chosen] = some
             best = np.where(good[:, None], full, best)
         return best
+
+
+def _search_of(law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: float) -> _Search:
+    """Some states of the motion, and of impacts to all of its depth and to a part."""
+    firm = np.flatnonzero(motion.judged)
+    firm = firm[np.argsort(motion.penetration[firm], kind="stable")]
+    some = firm[np.linspace(0, firm.size - 1, _SAMPLES[0]).astype(int)]
+    parts, counts = [np.stack([motion.penetration[some], motion.velocity[some]])], [1.0]
+    deepest = _ROOM * motion.deepest
+    for part, count in zip(*_COUNTS, strict=True):
+        course = _impact(law, drop_to(law, mass, part * deepest))
+        if course.size:
+            parts.append(course)
+            counts.append(count)
+    forces = [np.maximum(law.force(x, v), 0.0) for x, v in parts]
+    weights = [
+        np.full(force.size, count / max(float(np.linalg.norm(force)), 1e-300))
+        for force, count in zip(forces, counts, strict=True)
+    ]
+    x, v = np.concatenate(parts, axis=1)
+    return _Search(x, v, np.concatenate(forces), np.concatenate(weights), deepest)
+
+
+def _impact(law: GeneralisedHuntCrossley, drop: Drop) -> Floats:
+    """Some penetrations and velocities of a free body's impact, evenly spaced in time."""
+    step = half_period(law, drop.mass, drop.depth) / _STEPS
+    x, v, course = 0.0, drop.speed, []
+    for _ in range(10 * _STEPS):
+        v -= step * (max(law.force(x, v), 0.0) / drop.mass)
+        x += step * v
+        if not x > 0.0:
+            break
+        course.append((x, v))
+    states: Floats = np.array(course).reshape(-1, 2)
+    if course:
+        states = states[np.linspace(0, len(course) - 1, _SAMPLES[1]).astype(int)]
+    return states.T
 
 
 # How a free body rebounds from rows, step by step as in MuJoCo.
@@ -427,9 +399,14 @@ def rebound(rows: PairRows, drop: Drop, step: float) -> float:
     step : float
         s.
     """
-    deepest = 1.5 * drop.depth
-    rows_at = [_tables(row, rows, deepest) for row in rows.rows]
-    spacing = deepest / _TABLE
+    depths = np.linspace(0.0, 1.5 * drop.depth, _TABLE + 1)
+    spacing = 1.5 * drop.depth / _TABLE
+    depths[0] = 1e-6 * depths[1]
+    tables, n = [], rows.contacts
+    for row in rows.rows:
+        spring, damper = row.springs_and_dampers(depths, rows.mobility)
+        mass = row.added_mass(depths, rows.mobility)
+        tables.append([*((n * each).tolist() for each in (spring, damper, mass)), n * row.adhesion])
     # Where the tip touches, MuJoCo has no contact yet: the first step is free flight.
     x, v = step * drop.speed, drop.speed
     for _ in range(MOST_STEPS):
@@ -437,7 +414,7 @@ def rebound(rows: PairRows, drop: Drop, step: float) -> float:
         k = int(place)
         part = place - k
         felt = []
-        for push, drag, added, pull in rows_at:
+        for push, drag, added, pull in tables:
             held = push[k] + part * (push[k + 1] - push[k])
             held += (drag[k] + part * (drag[k + 1] - drag[k])) * v
             felt.append((held, added[k] + part * (added[k + 1] - added[k]), pull))
@@ -466,18 +443,6 @@ def _acceleration(felt: list[tuple[float, float, float]], mass: float) -> float:
         clipped = now
 
 
-def _tables(
-    row: PairRow, rows: PairRows, deepest: float
-) -> tuple[list[float], list[float], list[float], float]:
-    """Force at rest, damping and added mass at even depths from just inside; the adhesion."""
-    depths = np.linspace(0.0, deepest, _TABLE + 1)
-    depths[0] = 1e-6 * depths[1]
-    n = rows.contacts
-    spring, damper = row.springs_and_dampers(depths, rows.mobility)
-    mass = row.added_mass(depths, rows.mobility)
-    return (n * spring).tolist(), (n * damper).tolist(), (n * mass).tolist(), n * row.adhesion
-
-
 # The rows that carry a law, and how much impedance they may have.
 
 # A spring misses nothing where d is at its least, 1e-4, and so may add as little mass as this; with
@@ -487,8 +452,6 @@ SPRING_HIGH = 0.002
 DAMPER_HIGHS = (0.002, 0.003, 0.005, 0.0075, 0.011, 0.017, 0.025, 0.04, 0.06)
 # The force's bar is .6 %, restitution's 3 %: a percent of the one counts as five of the other.
 _FORCE_TO_REBOUND = 5.0
-# How far a width goes beyond the deepest sample.
-_ROOM = 1.02
 # Of what a damper may have to pull with: two digits of it are written, and none below.
 _ADHESION = 1.1
 # Steps to a drop's half period, where e has to be known to a tenth of a percent only.
@@ -533,35 +496,44 @@ def pair(
     x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
     drag = law.damping * x**law.damping_exponent * -v
     strongest = max(float(drag.max()), law.stiffness * float(depths[-1]) ** law.exponent)
-    # Without a damper nothing has to pull.
-    adhesion = float(f"{_ADHESION * strongest / contacts:.2g}") if law.damping else 0.0
-    shape = _spring(law, depths)
-    high = shape.solimp[1]
-    spring = PairRow(shape.scale * high**2 * share, 0.0, shape.solimp, shape.inset)
-    made = []
-    for shape in _dampers(law, depths):
-        high = shape.solimp[1]
-        damper = PairRow(0.0, shape.scale * high * share, shape.solimp, shape.inset, adhesion)
-        made.append(PairRows((spring, damper), mobility, contacts))
-    if not made:
+    adhesion = float(f"{_ADHESION * strongest / contacts:.2g}")
+    if law.exponent == 1.0:
+        solimp, inset, scale = _level(depths), 0.0, law.stiffness * (1.0 - LEAST) / LEAST**2
+    else:
+        target = law.stiffness * depths**law.exponent
+        solimp, inset, scale = power_of_depth(depths, target, SPRING_HIGH, spring=True, low=True)
+    spring = PairRow(scale * solimp[1] ** 2 * share, 0.0, solimp, inset)
+    if law.damping == 0.0:
         return PairRows((spring,), mobility, contacts)
-    return made[0] if len(made) == 1 else min(made, key=_judge(law, motion, 1.0 / mobility))
+    if law.damping_exponent == 0.0:
+        shapes = [(_level(depths), 0.0, law.damping * (1.0 - LEAST) / LEAST)]
+    else:
+        target, low = law.damping * depths**law.damping_exponent, law.damping_exponent < 1.0
+        shapes = [
+            power_of_depth(depths, target, high, spring=False, low=low) for high in DAMPER_HIGHS
+        ]
+    dampers = (
+        PairRow(0.0, scale * solimp[1] * share, solimp, inset, adhesion)
+        for solimp, inset, scale in shapes
+    )
+    made = [PairRows((spring, damper), mobility, contacts) for damper in dampers]
+    return made[0] if len(made) == 1 else min(made, key=misfit_to(law, motion, 1.0 / mobility))
 
 
-def badness(rows: PairRows, law: GeneralisedHuntCrossley, motion: ProbeMotion) -> float:
-    """Error of the force on a motion, %, and a fifth of that of restitution in two drops."""
-    return _judge(law, motion, 1.0 / rows.mobility)(rows)
+def _level(depths: Floats) -> Solimp:
+    """One impedance at every depth: a linear spring, or a damper that does not know depth."""
+    return (LEAST, LEAST, float(depths[-1]), 0.5, 2.0)
 
 
-def _judge(
+def misfit_to(
     law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: float
 ) -> Callable[[PairRows], float]:
+    """Return what says the error of rows: of force on a motion, %, and a fifth of restitution's."""
     drops = [drop_to(law, mass, part * motion.deepest) for part in _DROPS]
-    secants = [law.stiffness * drop.depth ** (law.exponent - 1.0) for drop in drops]
-    steps = [math.pi * math.sqrt(mass / each) / _COARSE for each in secants]
+    steps = [half_period(law, mass, drop.depth) / _COARSE for drop in drops]
     target = motion.force_by(law)
 
-    def judged(rows: PairRows) -> float:
+    def misfit(rows: PairRows) -> float:
         force = rows.force(motion.penetration, motion.velocity, motion.acceleration)
         off = [
             abs(rebound(rows, drop, step) - drop.restitution)
@@ -569,26 +541,7 @@ def _judge(
         ]
         return force_error(force, target, motion.judged) + 100.0 * max(off) / _FORCE_TO_REBOUND
 
-    return judged
-
-
-def _spring(law: GeneralisedHuntCrossley, depths: Floats) -> Profile:
-    if law.exponent == 1.0:
-        scale = law.stiffness * (1.0 - LEAST) / LEAST**2
-        return constant(LEAST, float(depths[-1]), scale)
-    return spring(depths, law.stiffness * depths**law.exponent, SPRING_HIGH)
-
-
-def _dampers(law: GeneralisedHuntCrossley, depths: Floats) -> list[Profile]:
-    """Shapes for a damper, by d at the width; none of a law without one."""
-    if law.damping == 0.0:
-        return []
-    if law.damping_exponent == 0.0:
-        scale = law.damping * (1.0 - LEAST) / LEAST
-        return [constant(LEAST, float(depths[-1]), scale)]
-    target = law.damping * depths**law.damping_exponent
-    low = law.damping_exponent < 1.0
-    return [damper(depths, target, high, low=low) for high in DAMPER_HIGHS]
+    return misfit
 
 
 #: The ways of a law into rows, by the name of the form.

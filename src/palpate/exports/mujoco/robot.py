@@ -1,4 +1,8 @@
-"""MJCF: the pads and pairs to paste, and the smallest scene that runs."""
+"""MuJoCo's text, and models of it: the pads and pairs to paste, and a tip that is pressed on them.
+
+The text comes first; then a compiled model whose tip is moved by inverse dynamics; then the user's
+own model, how it moves where it touches; and at the end a scene that an export wrote, read back.
+"""
 
 import json
 import math
@@ -13,7 +17,7 @@ import numpy as np
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.exports.engine import ProbeMotion, digits, xml_comment
 from palpate.exports.exporting import STATEMENT, InAnEngine
-from palpate.exports.mujoco.fitting import PairRow, PairRows
+from palpate.exports.mujoco.fitting import PairRow
 from palpate.lab.rig import require_mujoco
 from palpate.validation import Floats
 
@@ -77,90 +81,40 @@ class Placement:
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
-def pads(count: int, place: Placement) -> str:
-    """The surfaces, one a row: massless, static, and met by the pairs alone."""
+def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, str]:
+    """The surfaces, one a row, and the ``<contact>`` section; without rows one surface alone.
+
+    Surfaces are massless, static, and met by the pairs alone.
+    """
     # To a picometre: what is beyond is rounding.
     position, normal = _numbers(np.round(place.position, 12).tolist()), _numbers(place.normal)
     turned = "" if place.normal == (0.0, 0.0, 1.0) else f' zaxis="{normal}"'
-    return "\n".join(
+    surfaces = (
         f'    <geom name="{name}" type="plane" pos="{position}"{turned} size="0.1 0.1 0.01" '
         'contype="0" conaffinity="0"/>'
-        for name in PADS[:count]
+        for name in PADS[: max(len(rows), 1)]
     )
-
-
-def pair_attributes(row: PairRow) -> dict[str, str]:
-    """What ``<pair>`` has of a row, in MJCF's words."""
-    attributes = {
-        "condim": "1",
-        # Not "0": a solref that is not negative means something else.
-        "solref": _numbers((-row.spring, -row.damper)),
-        "solimp": _numbers(row.solimp),
-        # Or a model's own <default> for pairs would move the surface.
-        "margin": _numbers([-row.inset]),
-        "gap": "0",
-    }
-    if row.adhesion:
-        attributes["adhesion"] = digits(row.adhesion)
-    return attributes
-
-
-def contact(rows: PairRows, tip: str) -> str:
-    """The ``<contact>`` section."""
-    lines = ["  <contact>"]
-    what = ("spring", "damper") if len(rows.rows) > 1 else ("spring and damper",)
-    for row, pad, name in zip(rows.rows, PADS, what, strict=False):
-        pair = ElementTree.Element("pair", {"geom1": pad, "geom2": tip, **pair_attributes(row)})
+    lines = []
+    what = ("spring", "damper") if len(rows) > 1 else ("spring and damper",)
+    for row, pad, name in zip(rows, PADS, what, strict=False):
+        attributes = {
+            "geom1": pad,
+            "geom2": tip,
+            "condim": "1",
+            # Not "0": a solref that is not negative means something else.
+            "solref": _numbers((-row.spring, -row.damper)),
+            "solimp": _numbers(row.solimp),
+            # Or a model's own <default> for pairs would move the surface.
+            "margin": _numbers([-row.inset]),
+            "gap": "0",
+        }
+        if row.adhesion:
+            attributes["adhesion"] = digits(row.adhesion)
+        pair = ElementTree.Element("pair", attributes)
         lines.append(f"    <!-- The {name}. -->")
         lines.append(f"    {ElementTree.tostring(pair, encoding='unicode')}")
-    return "\n".join([*lines, "  </contact>"])
-
-
-def fragment(rows: PairRows | None, tip: str, place: Placement, notes: Sequence[str]) -> str:
-    """What is to be pasted into a model, or included by it; without rows the surface alone."""
-    return FRAGMENT.format(
-        comment=xml_comment(notes),
-        pads=pads(1 if rows is None else len(rows.rows), place),
-        contact="" if rows is None else contact(rows, tip),
-    )
-
-
-def scene(
-    rows: PairRows | None, *, mass: float, time_step: float, speed: float, depth: float,
-    notes: Sequence[str],
-) -> str:  # fmt: skip
-    """A ball on a slide that meets the surface at a speed; without rows it is the callback's."""
-    return SCENE.format(
-        comment=xml_comment(notes),
-        time_step=digits(time_step),
-        pads=pads(1 if rows is None else len(rows.rows), Placement()),
-        radius=digits(max(0.03, 2.0 * depth)),
-        mass=digits(mass),
-        velocity=digits(-speed),
-        contact="" if rows is None else contact(rows, TIP),
-    )
-
-
-def robot(model: Path, meshes: str, textures: str, notes: Sequence[str]) -> str:
-    """A scene of the user's model, wherever that is, with the fragment beside this file."""
-    whole = model.absolute()
-    folders = {"meshdir": str(whole.parent / meshes), "texturedir": str(whole.parent / textures)}
-    include = ElementTree.Element("include", file=str(whole))
-    parts = (include, ElementTree.Element("compiler", folders))
-    both = [ElementTree.tostring(part, encoding="unicode") for part in parts]
-    return ROBOT.format(comment=xml_comment(notes), model=both[0], assets=both[1])
-
-
-def as_one_contact(rows: PairRows) -> PairRows:
-    """Rows as strong altogether where the two geoms have one contact."""
-    n = rows.contacts
-    each = [
-        replace(
-            row, spring=n * row.spring, damper=n * row.damper, adhesion=n * row.adhesion
-        )
-        for row in rows.rows
-    ]  # fmt: skip
-    return PairRows(tuple(each), rows.mobility)
+    contact = "\n".join(["  <contact>", *lines, "  </contact>"]) if lines else ""
+    return {"pads": "\n".join(surfaces), "contact": contact}
 
 
 def _numbers(values: Sequence[float]) -> str:
@@ -255,11 +209,12 @@ class PressableModel:
             seen.add(len(self.contacts(self.pads[0])))
         return seen
 
-    def along_motion(self, motion: ProbeMotion) -> Floats:
+    def along_motion(self, motion: ProbeMotion, callback: Any = None) -> Floats:
         """Force at every state of a motion, N, by inverse dynamics: no state leads to the next.
 
         The surface is set to the penetration, and the joints are given the velocity and the
-        acceleration that move the tip as the motion has it: what a row is made of.
+        acceleration that move the tip as the motion has it: what a row is made of. The force is
+        that of the contacts, or of a callback that is installed.
         """
         out = self.along()
         force = np.zeros(len(motion))
@@ -269,7 +224,7 @@ class PressableModel:
             self.data.qvel[:] = -v[k] * out
             self.data.qacc[:] = -a[k] * out
             self.mujoco.mj_inverse(self.model, self.data)
-            force[k] = self.force()
+            force[k] = self.force() if callback is None else callback.force
         return force
 
 
@@ -334,9 +289,15 @@ class Robot:
     warnings: tuple[str, ...] = ()
     refusals: tuple[str, ...] = ()
 
-    def pressed(self, rows: tuple[PairRow, ...]) -> PressableModel:
-        """Return the model with the fragment in it, compiled."""
-        return _pressed(self.path, self.geom, rows, self.place)
+    def scene(self, notes: Sequence[str]) -> str:
+        """A scene of the model, wherever that is, with the fragment beside this file."""
+        whole = self.path.absolute()
+        meshes, textures = (str(whole.parent / each) for each in self.asset_folders)
+        folders = {"meshdir": meshes, "texturedir": textures}
+        include = ElementTree.Element("include", file=str(whole))
+        parts = (include, ElementTree.Element("compiler", folders))
+        model, assets = (ElementTree.tostring(part, encoding="unicode") for part in parts)
+        return ROBOT.format(comment=xml_comment(notes), model=model, assets=assets)
 
 
 def read(path: Path, geom: str | None, deepest: float) -> Robot:
@@ -354,7 +315,7 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
             "geom must say what touches (--geom NAME): "
             f"{path.name} has {', '.join(names) or 'none'}"
         )
-    first = _pressed(path, geom, (_ANY,), Placement((0.0, 0.0, -_FAR)))
+    first = pressed(path, geom, (_ANY,), Placement((0.0, 0.0, -_FAR)))
     model = first.model
     kind = mujoco.mjtGeom(int(model.geom_type[first.tip])).name.removeprefix("mjGEOM_")
     if kind == "PLANE":
@@ -406,7 +367,7 @@ def _names(spec: Any) -> list[str]:
     return [geom.name for geom in spec.geoms if geom.name][:20]
 
 
-def _pressed(path: Path, geom: str, rows: tuple[PairRow, ...], place: Placement) -> PressableModel:
+def pressed(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) -> PressableModel:
     """Compile a model with a surface for each row, and a pair of each with the geom."""
     mujoco, spec = engine_here(), _spec(path)
     if geom not in [each.name for each in spec.geoms]:
