@@ -136,8 +136,9 @@ def test_a_map_over_what_is_not_there_is_refused(by, words, run, tmp_path):
 def written(folder, table):
     """A folder of results that holds these rows."""
     sources = [ContactSource("all", "file")]
-    results = Results.begin(folder, Settings(), sources, batches(sources))
-    results.write(results.batches[0], table, np.ones(table.num_rows))
+    [batch] = batches(sources, [1.0])
+    results = Results.begin(folder, Settings(), sources)
+    results.write(batch, table, np.ones(table.num_rows))
     return folder
 
 

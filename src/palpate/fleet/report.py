@@ -259,7 +259,7 @@ def _made(folder: Path) -> Iterator[str]:
         {
             "palpate": about["palpate"],
             "settings": ", ".join(f"{name} {value}" for name, value in settings.items()),
-            "contacts": f"{about['contacts']} in {about['batches']} batches",
+            "contacts": f"{about['contacts']}",
             "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         }
     )

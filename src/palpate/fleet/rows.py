@@ -329,7 +329,7 @@ def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:
     return row
 
 
-def place_in_notes(notes: "dict[str, str]") -> Row:
+def place_in_notes(notes: Mapping[str, str]) -> Row:
     """Where an instrument says that a curve was taken: its stage's position, m."""
     row: Row = {}
     for axis in "xy":
