@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import palpate._core as _core
 from palpate.contact import Contact
 from palpate.diagnosis import Data
 from palpate.diagnosis.diagnosing import count_of_outliers
@@ -28,17 +29,13 @@ from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.curves import STATUS_WORDS, CurveFits, fit_curves
 from palpate.fleet.rows import (
-    AT_DEPTH,
-    LawsAtDepth,
     Row,
-    empty_columns,
     failure,
     in_words,
     place_in_notes,
     rows_of,
     table_of,
     table_of_rows,
-    working_depths,
 )
 from palpate.fleet.tasks import DiagnosisDepth, Settings, cores
 from palpate.identification.identified import (
@@ -331,12 +328,11 @@ def identify_curves(
     if fits_whole_curves(settings):
         table = _together(curves, settings, threads)
         return table, np.full(count, (perf_counter() - begun) / max(count, 1))
-    named = {"source": [curves.source] * count, "index": curves.index, **curves.places}
-    known = {name: values for name, values in named.items() if values is not None}
+    columns = _named(curves)
     return identify_each(
         (
             (
-                {"prepared": None, **{name: values[k] for name, values in known.items()}},
+                {"prepared": None, **{name: values[k] for name, values in columns.items()}},
                 partial(curves.contact, k, settings),
             )
             for k in range(count)
@@ -389,13 +385,10 @@ def identify_each(
     return table_of_rows(rows, settings), np.array(seconds)
 
 
-def _named(curves: Curves, settings: Settings) -> dict[str, Any]:
-    """Columns of which nothing is known but which contacts they are of."""
-    columns = empty_columns(settings, len(curves))
-    columns["source"] = [curves.source] * len(curves)
-    if curves.index is not None:
-        columns["index"] = curves.index
-    return columns | curves.places
+def _named(curves: Curves) -> dict[str, Any]:
+    """Which contacts they are, and where."""
+    index = {} if curves.index is None else {"index": curves.index}
+    return {"source": [curves.source] * len(curves), **index, **curves.places}
 
 
 def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
@@ -405,24 +398,23 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
         chosen["surface_deviation"] = resolutions_of(curves.penetration, threads=threads)
     rejects = settings.estimator.get("outlier_rejection") is not False
     fits, kept, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
-    columns = _named(curves, settings)
-    columns |= _numbers(fits)
+    columns = {**_named(curves), **_numbers(fits)}
     columns |= _at_depths(kept, fits, threads)
     columns["samples"] = _samples(curves)
     columns["taken"] = fits.taken
     columns["fit"] = ["whole-curve"] * len(curves)
     columns["flags"] = _flags(fits, left_out)
-    errors = _errors(curves, fits, settings)
-    for k, error in errors.items():
+    columns["error"], columns["error_kind"] = [None] * len(curves), [None] * len(curves)
+    for k, error in _errors(curves, fits, settings).items():
         for name, values in columns.items():
             if isinstance(values, np.ndarray) and values.dtype == np.float64 and name not in "xyz":
                 values[k] = np.nan
         columns["flags"][k] = columns["fit"][k] = columns["covariance"][k] = None
         columns["error"][k], columns["error_kind"][k] = str(error), type(error).__name__
     if settings.diagnosis == "input":
-        for k in range(len(curves)):
-            columns["findings"][k] = _findings(curves, k, settings, columns["surface"][k])
-    return table_of(columns, settings)
+        surfaces = enumerate(columns["surface"].tolist())
+        columns["findings"] = [_findings(curves, k, settings, d) for k, d in surfaces]
+    return table_of(columns, len(curves), settings)
 
 
 def _samples(curves: Curves) -> NDArray[np.int64]:
@@ -451,12 +443,34 @@ def _numbers(fits: CurveFits) -> dict[str, Any]:
 
 
 def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Floats]:
-    depth, largest = working_depths(curves.penetration, curves.force, fits, threads=threads)
-    found: dict[str, Floats] = {"depth": depth, "largest_depth": largest}
-    laws = LawsAtDepth.of(fits, depth)
-    for name in AT_DEPTH:
-        value, error = getattr(laws, name)
-        found[f"{name}_at_depth"], found[f"{name}_at_depth_standard_error"] = value, error
+    """F = K xⁿ, S = n K xⁿ⁻¹, C = B xⁿ with x = X − d, at the median place X of firm contact.
+
+    There what is not known of the surface d moves them as little as it moves the force. Firm is
+    what the gate of :func:`palpate.choose_gate` takes, at whose median :func:`palpate.identify`
+    works: not what the law leaves decides, but the noise. NaN where contact never is firm.
+    """
+    depths = np.empty((len(curves), 2))
+    _core.working_depths(curves.penetration, curves.force, fits.surface, depths, threads)
+    depth, largest = depths.T.copy()
+    found = {"depth": depth, "largest_depth": largest}
+    with np.errstate(all="ignore"):
+        k, c, n = fits.stiffness, fits.damping, fits.exponent
+        power, log, none = depth**n, np.log(depth), np.zeros_like(depth)
+        force, damping = k * power, c * power
+        stiffness = n * force / depth
+        bend = (n - 1.0) * stiffness / depth
+        for name, value, gradient in (  # by K, B, n, F₀ and d
+            ("force", force, [power, none, log * force, none, -stiffness]),
+            ("stiffness", stiffness,
+             [n * power / depth, none, (1.0 / n + log) * stiffness, none, -bend]),
+            ("damping", damping, [none, power, log * damping, none, -n * damping / depth]),
+        ):  # fmt: skip
+            g = np.stack(gradient, axis=1)
+            variance = np.einsum("ki,kij,kj->k", g, fits.covariance, g)
+            found[f"{name}_at_depth"] = value
+            found[f"{name}_at_depth_standard_error"] = np.sqrt(
+                np.where(variance >= 0.0, variance, np.nan)
+            )
     return found
 
 

@@ -68,7 +68,7 @@ def identify_batch(
     Returns
     -------
     pyarrow.Table
-        :func:`palpate.fleet.rows.columns_of` says what it holds: a row a contact, in their
+        :func:`palpate.fleet.rows.schema_of` says what it holds: a row a contact, in their
         order; of a recording of a probe that travels a row a place. What fails is a row with its
         reason.
 
