@@ -459,13 +459,13 @@ def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Float
         force, damping = k * power, c * power
         stiffness = n * force / depth
         bend = (n - 1.0) * stiffness / depth
-        for name, value, gradient in (  # by K, B, n, F₀ and d
+        slope = [n * power / depth, none, (1.0 / n + log) * stiffness, none, -bend]
+        for name, value, gradient in (
             ("force", force, [power, none, log * force, none, -stiffness]),
-            ("stiffness", stiffness,
-             [n * power / depth, none, (1.0 / n + log) * stiffness, none, -bend]),
+            ("stiffness", stiffness, slope),
             ("damping", damping, [none, power, log * damping, none, -n * damping / depth]),
-        ):  # fmt: skip
-            g = np.stack(gradient, axis=1)
+        ):
+            g = np.stack(gradient, axis=1)  # by K, B, n, F₀ and d
             variance = np.einsum("ki,kij,kj->k", g, fits.covariance, g)
             found[f"{name}_at_depth"] = value
             found[f"{name}_at_depth_standard_error"] = np.sqrt(
