@@ -316,13 +316,17 @@ def test_batches_hold_every_contact_once_and_keep_chunks_whole():
         *(ContactSource(f"{k}.csv", "file") for k in range(70)),
         ContactSource("m.jpk-force-map", "map", 65),
     ]
-    cut = batches(sources)
-    pieces = [piece for batch in cut for piece in batch.pieces]
-    found = [(p.source.name, k) for p in pieces for k in range(p.first, p.first + p.count)]
-    assert len(found) == len(set(found)) == 10_007 + 70 + 65
-    assert [batch.number for batch in cut] == list(range(len(cut)))
-    assert all(piece.first % 300 == 0 for piece in pieces if piece.source.kind == "zarr")
-    assert batches(sources) == cut
+    work = [source.seconds("input", whole_curve=source.kind != "file") for source in sources]
+    cut = batches(sources, work)
+    found = sorted((batch.first, batch.end) for batch in cut)
+    assert [first for first, _ in found] == [0, *(end for _, end in found[:-1])]
+    assert found[-1][1] == 10_007 + 70 + 65
+    rows = [row for batch in sorted(cut, key=lambda b: b.first) for row in batch.table.to_pylist()]
+    numbers = [*range(10_007), *[None] * 70, *range(65)]
+    assert [row["index"] for row in rows] == numbers
+    assert all(first % 300 == 0 for first, _ in found if first < 10_007)
+    again = zip(cut, batches(sources, work), strict=True)
+    assert all(one.table.equals(other.table) for one, other in again)
     changed = [*sources[:-1], ContactSource("m.jpk-force-map", "map", 65, stamp="later")]
     assert digest_of(changed) != digest_of(sources)
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -11,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fleets import LAW, write_recordings, write_zarr
+from fleets import LAW, STEP, contact, curves, write_recordings, write_zarr
 
-from palpate import FleetError, RecordingError
+import palpate
+from palpate import FleetError, RecordingError, write_contact
 from palpate.fleet import running
 from palpate.fleet.files import Results, described_array, read_results, read_seconds, sources_of
 from palpate.fleet.running import identify_batch, timed_batch
@@ -68,12 +70,16 @@ def test_a_folder_of_all_kinds_becomes_a_row_each(run, recordings, tmp_path, mon
 
 def begun(recordings, folder, **settings):
     sources = sources_of([recordings])
-    return Results.begin(folder, Settings(**settings), sources, batches(sources))
+    return Results.begin(folder, Settings(**settings), sources), sources
 
 
-def finished(results, most=None):
-    for batch in results.waiting()[:most]:
-        results.write(batch, *timed_batch(batch.table(), results.settings))
+def finished(run, most=None, *, seconds=10.0, workers=1):
+    """Identify what is left of a run, or so many batches of it; which contacts these are."""
+    results, sources = run
+    waiting = batches(sources, [seconds] * len(sources), workers, results.done())[:most]
+    for batch in waiting:
+        results.write(batch, *timed_batch(batch.table, results.settings))
+    return [k for batch in waiting for k in range(batch.first, batch.end)]
 
 
 @pytest.mark.slow
@@ -104,15 +110,66 @@ def test_a_fleet_of_which_nothing_was_identified_fails(run, tmp_path):
         assert err == "palpate: nothing was identified: none of the 1 rows has numbers\n"
 
 
-def test_a_folder_that_was_begun_goes_on_and_comes_to_the_same(recordings, tmp_path):
+@pytest.mark.parametrize("seconds, workers", [(10.0, 1), (0.2, 1), (0.01, 1), (0.01, 8)])
+def test_a_folder_that_was_begun_goes_on_with_batches_of_any_size_and_comes_to_the_same(
+    seconds, workers, recordings, tmp_path
+):
+    """Nothing is done again, and nothing is lost, by a run with fewer or more workers."""
     finished(begun(recordings, tmp_path / "at-once"))
-    finished(begun(recordings, tmp_path / "in-two"), 1)
-    with pytest.raises(FleetError, match="1 of 2 batches are missing"):
+    first = finished(begun(recordings, tmp_path / "in-two"), 1, seconds=0.2)
+    with pytest.raises(FleetError, match=f"{9 - len(first)} of 9 contacts are missing"):
         read_results(tmp_path / "in-two")
-    again = begun(recordings, tmp_path / "in-two")
-    assert len(again.waiting()) == 1
-    finished(again)
-    assert contents(tmp_path / "at-once") == contents(tmp_path / "in-two")
+    begun_again = begun(recordings, tmp_path / "in-two")
+    then = finished(begun_again, seconds=seconds, workers=workers)
+    assert sorted([*first, *then]) == list(range(9))
+    assert sum(end - start for start, end in begun_again[0].done()) == 9
+    tables = [read_results(tmp_path / name) for name in ("at-once", "in-two")]
+    assert len({repr(table.to_pylist()) for table in tables}) == 1  # NaN is not NaN
+    assert read_seconds(tmp_path / "in-two")["source"] == tables[1]["source"]
+
+
+def test_the_rows_of_a_fleet_are_those_of_identify_one_after_the_other(recordings, tmp_path):
+    """Files of text and arrays, one of which cannot be read: in the order of their names."""
+    finished(begun(recordings, tmp_path / "r", method="single-stage"), seconds=0.2)
+    rows = read_results(tmp_path / "r").to_pylist()
+    arrays = [
+        palpate.prepare(time=STEP * np.arange(x.size), penetration=x, velocity=v, force=f)
+        for x, v, f in zip(*curves(5), strict=True)
+    ]
+    touches = [*arrays, *sorted(recordings.glob("*.csv"))]
+    assert len(rows) == len(touches)
+    for row, touch in zip(rows, touches, strict=True):
+        if row["error"] is not None:
+            with pytest.raises(RecordingError, match=re.escape(row["error"])):
+                palpate.identify(touch)
+            assert row["source"] == str(touch) == str(recordings / "bad.csv")
+            continue
+        found = palpate.identify(touch, "single-stage", trace=False)
+        assert [row[name] for name in found.law.names()] == found.law.parameters.tolist()
+        assert row["covariance"] == found.covariance.reshape(-1).tolist()
+        assert row["flags"] == list(found.flags)
+        of_array = isinstance(touch, palpate.Contact)
+        assert row["source"] == str(recordings / "array.zarr" if of_array else touch)
+
+
+def test_batches_of_uneven_files_take_about_as_long_and_the_longest_come_first(tmp_path):
+    lengths = [200, 400, 800, 1600, 3200, 6400, 12800, 25600]
+    for k in range(48):
+        write_contact(contact(samples=lengths[k % 8]), tmp_path / f"{k:03d}.csv")
+    sources = sources_of([tmp_path])
+    work = [source.seconds("full", whole_curve=False) for source in sources]
+    assert max(work) > 5.0 * min(work)
+    for workers in (1, 2, 4):
+        cut = batches(sources, work, workers)
+        seconds = [batch.seconds for batch in cut]
+        assert seconds == sorted(seconds, reverse=True)
+        share = [0.0] * workers  # as workers take them, one after the other
+        for each in seconds:
+            share[share.index(min(share))] += each
+        assert min(share) > 0.8 * max(share)
+        assert len(cut) >= 4 * workers
+        assert sorted(k for batch in cut for k in range(batch.first, batch.end)) == list(range(48))
+    assert len(batches(sources[:3], [1e-3] * 3, 64)) == 1  # a task would cost more
 
 
 def test_a_folder_of_something_else_is_refused_in_a_line(recordings, tmp_path):
@@ -257,7 +314,7 @@ def many(tmp_path_factory):
 
 def started(many, results, *arguments):
     command = [sys.executable, "-m", "palpate", "fleet", str(many), "-o", str(results)]
-    command += ["--diagnosis", "full", "--workers", "2", *arguments]
+    command += ["--diagnosis", "full", *(arguments or ["--workers", "2"])]
     return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
 
 
@@ -279,12 +336,21 @@ def wait_for_parts(results, count, process):
 def undisturbed(many, tmp_path_factory):
     results = tmp_path_factory.mktemp("results") / "calm"
     assert started(many, results).wait(timeout=180) == 0
-    return contents(results)
+    return results
+
+
+def assert_same_rows(results, others):
+    """Of runs with other numbers of workers, which cut the work elsewhere."""
+    assert len({repr(read_results(each).to_pylist()) for each in (results, others)}) == 1
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
-def test_a_run_that_is_ended_keeps_what_is_done_and_goes_on(how, many, undisturbed, tmp_path):
+@pytest.mark.parametrize(
+    "how, workers", [(signal.SIGINT, ()), (signal.SIGKILL, ("--workers", "1"))]
+)
+def test_a_run_that_is_ended_keeps_what_is_done_and_goes_on(
+    how, workers, many, undisturbed, tmp_path
+):
     results = tmp_path / "results"
     process = started(many, results)
     wait_for_parts(results, 2, process)
@@ -295,9 +361,13 @@ def test_a_run_that_is_ended_keeps_what_is_done_and_goes_on(how, many, undisturb
         assert "the same command goes on" in err
         assert "Traceback" not in err
     kept = contents(results)
-    assert 2 <= len(kept) < len(undisturbed)
-    assert started(many, results).wait(timeout=180) == 0
-    assert contents(results) == undisturbed
+    assert 2 <= len(kept) < len(parts(undisturbed))
+    assert started(many, results, *workers).wait(timeout=180) == 0
+    assert kept.items() <= contents(results).items()
+    if workers:
+        assert_same_rows(results, undisturbed)
+    else:
+        assert contents(results) == contents(undisturbed)
     assert not [path for path in results.iterdir() if path.name.startswith(".palpate-")]
 
 
@@ -322,7 +392,7 @@ def test_workers_that_are_killed_lose_no_row_and_nothing_listens_beyond_this_mac
         spawned = [each for each, command in commands.items() if b"spawn_main" in command]
         os.kill(spawned[0], signal.SIGKILL)
     assert process.wait(timeout=180) == 0
-    assert contents(results) == undisturbed
+    assert contents(results) == contents(undisturbed)
 
 
 @pytest.mark.slow
@@ -382,8 +452,8 @@ def test_workers_of_ones_own_take_the_work_and_others_are_refused(
         process = started(many, tmp_path / "results", "--scheduler", scheduler)
         _, err = process.communicate(timeout=120)
         assert process.returncode == 0, err
-        assert contents(tmp_path / "results") == undisturbed
-        monkeypatch.setattr("palpate.__version__", "9.9", raising=False)
+        assert_same_rows(tmp_path / "results", undisturbed)
+        monkeypatch.setattr(running, "__version__", "9.9")
         with (
             pytest.raises(FleetError, match=r"has palpate \d.*, and palpate 9\.9 asks"),
             running.client_of(scheduler=scheduler),

@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 from benchmarks.fleets import alone
+from benchmarks.fleets.balance import timing
 from benchmarks.fleets.curves import SAMPLES, write_array
 from benchmarks.fleets.processes import watching
 from benchmarks.report import Limit, Row, Section
@@ -23,11 +24,13 @@ def measure(count: int, folder: Path | None = None) -> Section:
         path = Path(scratch)
         write_array(path / "curves.zarr", count)
         _timed(path, 2, "warm")  # the file is in memory then
-        two, whole, peak = _timed(path, 2, "two")
+        with timing() as tasks:
+            two, whole, peak = _timed(path, 2, "two")
         one, _, _ = _timed(path, 1, "one")
     unit = "s"
     limit = Limit(40.0) if count >= _WANTED else None
-    idle = 1.0 - two.busy / (2.0 * two.seconds)
+    busy = sum(float(times[:, 1].sum()) for times in tasks.values())
+    idle = 1.0 - busy / (2.0 * two.seconds)
     rows = [
         Row(f"{count} curves × {SAMPLES} points, two workers", two.seconds, unit, limit=limit),
         Row("  with the workers' start and end", whole, unit),

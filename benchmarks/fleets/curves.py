@@ -15,10 +15,10 @@ DEPTH = 2e-3  # m
 NOISE = (1e-3, 3e-2)  # of the peak force
 
 
-def curves(first: int, count: int) -> tuple[NDArray[np.float64], ...]:
+def curves(first: int, count: int, samples: int = SAMPLES) -> tuple[NDArray[np.float64], ...]:
     """Penetration, velocity and force of some curves: the same whoever asks for them."""
     random = np.random.default_rng([SEED, first])
-    time = np.arange(SAMPLES) * SAMPLE_TIME
+    time = np.arange(samples) * SAMPLE_TIME
     sweep = np.sin(np.pi * time / time[-1])  # in and out
     rate = np.pi / time[-1] * np.cos(np.pi * time / time[-1])
     surface = random.uniform(-0.15, 0.15, (count, 1)) * DEPTH
@@ -36,13 +36,13 @@ def curves(first: int, count: int) -> tuple[NDArray[np.float64], ...]:
     return penetration, velocity, force + offset + noise * random.normal(size=force.shape)
 
 
-def write_array(path: Path, count: int, *, velocity: bool = True) -> None:
+def write_array(path: Path, count: int, *, velocity: bool = True, samples: int = SAMPLES) -> None:
     """Write so many curves as a group by Zarr, one block a chunk."""
     import zarr
 
     group = zarr.open_group(str(path), mode="w")
     group.attrs["sample_time"] = SAMPLE_TIME
-    shape, chunks = (count, SAMPLES), (min(BLOCK, count), SAMPLES)
+    shape, chunks = (count, samples), (min(BLOCK, count), samples)
     names = ["penetration", *(["velocity"] if velocity else []), "force"]
     units = {"penetration": "m", "velocity": "m/s", "force": "N"}
     arrays = {
@@ -60,7 +60,7 @@ def write_array(path: Path, count: int, *, velocity: bool = True) -> None:
         made = dict(
             zip(
                 ("penetration", "velocity", "force"),
-                curves(first, min(BLOCK, count - first)),
+                curves(first, min(BLOCK, count - first), samples),
                 strict=True,
             )
         )

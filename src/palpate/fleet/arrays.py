@@ -10,32 +10,32 @@ at the end of the sensor's range.
 import json
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import palpate._core as _core
 from palpate.contact import Contact
 from palpate.diagnosis import Data
 from palpate.diagnosis.diagnosing import count_of_outliers
 from palpate.digits import rounded
-from palpate.errors import InvalidParameterError, PalpateError, RecordingError
+from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.curves import STATUS_WORDS, CurveFits, fit_curves
 from palpate.fleet.rows import (
-    AT_DEPTH,
-    LawsAtDepth,
     Row,
-    empty_columns,
     failure,
     in_words,
-    row_of,
+    place_in_notes,
     rows_of,
     table_of,
     table_of_rows,
-    working_depths,
 )
 from palpate.fleet.tasks import DiagnosisDepth, Settings, cores
 from palpate.identification.identified import (
@@ -48,6 +48,7 @@ from palpate.identification.identified import (
 from palpate.preparation.gates import choose_gate, resolutions_of
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.velocity import spikes_of_rows, step_of, velocity_of
+from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, shown, whole_in
 
 if TYPE_CHECKING:
@@ -307,8 +308,10 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
     return {**row, "prepared": json.dumps(dict(contact.provenance), ensure_ascii=False)}
 
 
-def identify_curves(curves: Curves, settings: Settings, *, threads: int = 1) -> "pa.Table":
-    """Identify each of the curves: a table with a row for each, in their order.
+def identify_curves(
+    curves: Curves, settings: Settings, *, threads: int = 1
+) -> "tuple[pa.Table, Floats]":
+    """Identify each of the curves: a table with a row for each, in their order, and its seconds.
 
     By the whole-curve fit where the settings allow that, else one by one by the recursion.
 
@@ -321,29 +324,71 @@ def identify_curves(curves: Curves, settings: Settings, *, threads: int = 1) -> 
     threads : int
         That share the rows of the whole-curve fit.
     """
+    count, begun = len(curves), perf_counter()
     if fits_whole_curves(settings):
-        return _together(curves, settings, threads)
-    columns = _named(curves, settings)
-    for k in range(len(curves)):
-        for name, value in _row(curves, k, settings).items():
-            columns[name][k] = value
-    return table_of(columns, settings)
+        table = _together(curves, settings, threads)
+        return table, np.full(count, (perf_counter() - begun) / max(count, 1))
+    columns = _named(curves)
+    return identify_each(
+        (
+            (
+                {"prepared": None, **{name: values[k] for name, values in columns.items()}},
+                partial(curves.contact, k, settings),
+            )
+            for k in range(count)
+        ),
+        settings,
+    )
 
 
-def _row(curves: Curves, row: int, settings: Settings) -> dict[str, Any]:
-    try:
-        return {**row_of(curves.contact(row, settings), settings), "prepared": None}
-    except Exception as error:
-        return failure(error)
+#: What the row of a contact is called and knows beforehand; and the contact, what it is made of,
+#: what makes it, or why it cannot be had.
+Given: TypeAlias = tuple[Row, Any]
 
 
-def _named(curves: Curves, settings: Settings) -> dict[str, Any]:
-    """Columns of which nothing is known but which contacts they are of."""
-    columns = empty_columns(settings, len(curves))
-    columns["source"] = [curves.source] * len(curves)
-    if curves.index is not None:
-        columns["index"] = curves.index
-    return columns | curves.places
+def identify_each(
+    contacts: Iterable[Given], settings: Settings, *, searching: bool = False
+) -> "tuple[pa.Table, Floats]":
+    """Identify contacts one by one: a table with a row for each, or one a place; and its seconds.
+
+    Parameters
+    ----------
+    contacts : iterable of (dict, object)
+        What is known of each, and itself.
+    settings : Settings
+        How they are prepared and identified.
+    searching : bool
+        Whether these are force curves, which the whole-curve fit may search for their surface.
+    """
+    rows: list[Row] = []
+    seconds: list[float] = []
+    begun = perf_counter()
+    searching = searching and searches_whole_curves(settings)
+    for known, given in contacts:
+        try:
+            if isinstance(given, Exception):
+                raise given
+            given = given() if callable(given) else given
+            if isinstance(given, Recording):
+                known = {**place_in_notes(given.notes), **known}
+            contact = (
+                given if isinstance(given, Contact) else prepare(given, **settings.preparation)
+            )
+            new = [row_of_curve(contact, settings)] if searching else [*rows_of(contact, settings)]
+            if not new:
+                raise FleetError("the probe travels, and no place of it is in the window asked for")
+        except Exception as error:
+            new = [failure(error)]
+        rows += [{**row, **known} for row in new]
+        spent, begun = perf_counter() - begun, perf_counter()
+        seconds += [spent / len(new)] * len(new)
+    return table_of_rows(rows, settings), np.array(seconds)
+
+
+def _named(curves: Curves) -> dict[str, Any]:
+    """Which contacts they are, and where."""
+    index = {} if curves.index is None else {"index": curves.index}
+    return {"source": [curves.source] * len(curves), **index, **curves.places}
 
 
 def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
@@ -353,24 +398,23 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
         chosen["surface_deviation"] = resolutions_of(curves.penetration, threads=threads)
     rejects = settings.estimator.get("outlier_rejection") is not False
     fits, kept, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
-    columns = _named(curves, settings)
-    columns |= _numbers(fits)
+    columns = {**_named(curves), **_numbers(fits)}
     columns |= _at_depths(kept, fits, threads)
     columns["samples"] = _samples(curves)
     columns["taken"] = fits.taken
     columns["fit"] = ["whole-curve"] * len(curves)
     columns["flags"] = _flags(fits, left_out)
-    errors = _errors(curves, fits, settings)
-    for k, error in errors.items():
+    columns["error"], columns["error_kind"] = [None] * len(curves), [None] * len(curves)
+    for k, error in _errors(curves, fits, settings).items():
         for name, values in columns.items():
             if isinstance(values, np.ndarray) and values.dtype == np.float64 and name not in "xyz":
                 values[k] = np.nan
         columns["flags"][k] = columns["fit"][k] = columns["covariance"][k] = None
         columns["error"][k], columns["error_kind"][k] = str(error), type(error).__name__
     if settings.diagnosis == "input":
-        for k in range(len(curves)):
-            columns["findings"][k] = _findings(curves, k, settings, columns["surface"][k])
-    return table_of(columns, settings)
+        surfaces = enumerate(columns["surface"].tolist())
+        columns["findings"] = [_findings(curves, k, settings, d) for k, d in surfaces]
+    return table_of(columns, len(curves), settings)
 
 
 def _samples(curves: Curves) -> NDArray[np.int64]:
@@ -399,12 +443,34 @@ def _numbers(fits: CurveFits) -> dict[str, Any]:
 
 
 def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Floats]:
-    depth, largest = working_depths(curves.penetration, curves.force, fits, threads=threads)
-    found: dict[str, Floats] = {"depth": depth, "largest_depth": largest}
-    laws = LawsAtDepth.of(fits, depth)
-    for name in AT_DEPTH:
-        value, error = getattr(laws, name)
-        found[f"{name}_at_depth"], found[f"{name}_at_depth_standard_error"] = value, error
+    """F = K xⁿ, S = n K xⁿ⁻¹, C = B xⁿ with x = X − d, at the median place X of firm contact.
+
+    There what is not known of the surface d moves them as little as it moves the force. Firm is
+    what the gate of :func:`palpate.choose_gate` takes, at whose median :func:`palpate.identify`
+    works: not what the law leaves decides, but the noise. NaN where contact never is firm.
+    """
+    depths = np.empty((len(curves), 2))
+    _core.working_depths(curves.penetration, curves.force, fits.surface, depths, threads)
+    depth, largest = depths.T.copy()
+    found = {"depth": depth, "largest_depth": largest}
+    with np.errstate(all="ignore"):
+        k, c, n = fits.stiffness, fits.damping, fits.exponent
+        power, log, none = depth**n, np.log(depth), np.zeros_like(depth)
+        force, damping = k * power, c * power
+        stiffness = n * force / depth
+        bend = (n - 1.0) * stiffness / depth
+        slope = [n * power / depth, none, (1.0 / n + log) * stiffness, none, -bend]
+        for name, value, gradient in (
+            ("force", force, [power, none, log * force, none, -stiffness]),
+            ("stiffness", stiffness, slope),
+            ("damping", damping, [none, power, log * damping, none, -n * damping / depth]),
+        ):
+            g = np.stack(gradient, axis=1)  # by K, B, n, F₀ and d
+            variance = np.einsum("ki,kij,kj->k", g, fits.covariance, g)
+            found[f"{name}_at_depth"] = value
+            found[f"{name}_at_depth_standard_error"] = np.sqrt(
+                np.where(variance >= 0.0, variance, np.nan)
+            )
     return found
 
 
@@ -542,12 +608,12 @@ def identify_many(
     if contacts is not None and given:
         raise InvalidParameterError(f"{given[0]} must not be given beside contacts")
     if contacts is not None:
-        return table_of_rows(list(_rows(contacts, settings)), settings)
+        return identify_each(_numbered(contacts), settings)[0]
     if len(given) < len(arrays):
         raise InvalidParameterError("contacts must be given, or penetration and force as arrays")
     curves = _curves(penetration, force, velocity, time, sample_time, places or {}, source)
     count = cores() if threads is None else whole_in("threads", threads, 1, 1024)
-    return identify_curves(curves, settings, threads=count)
+    return identify_curves(curves, settings, threads=count)[0]
 
 
 def settings_of(
@@ -569,18 +635,12 @@ def settings_of(
     return Settings(method=method.method, estimator=own, diagnosis=diagnosis, preparation=prepared)
 
 
-def _rows(contacts: "Iterable[Contact | Recorded]", settings: Settings) -> "Iterable[Row]":
+def _numbered(contacts: "Iterable[Contact | Recorded]") -> Iterator[Given]:
     for number, given in enumerate(contacts):
-        named: Row = {"index": number}
-        try:
-            if not isinstance(given, Contact):
-                named["source"] = str(given) if isinstance(given, str | os.PathLike) else None
-                given = prepare(given, **settings.preparation)
-            named["source"] = given.source or named.get("source")
-            rows = [{**named, **row} for row in rows_of(given, settings)]
-        except (PalpateError, ArithmeticError, LookupError, TypeError, ValueError) as error:
-            rows = [{**named, **failure(error)}]
-        yield from rows
+        source = given.source if isinstance(given, Contact | Recording) else None
+        if isinstance(given, str | os.PathLike):
+            source = printable(Path(given))
+        yield {"index": number, "source": source or None}, given
 
 
 def _curves(

@@ -62,29 +62,30 @@ def described_array(name: str) -> ContactSource:
     shape, chunks = _shape(group, name)
     if not shape[0]:
         raise RecordingError(f"{name}: holds no contact: penetration and force have no row")
-    return ContactSource(name, "zarr", shape[0], shape[1], chunks[0], stamp_of(name))
+    return ContactSource(name, "zarr", shape[0], shape[1], chunks[0], stamp_of(name)[0])
 
 
-def stamp_of(name: str) -> str:
-    """What would change if something was written again: how many files, sizes, latest time."""
+def stamp_of(name: str) -> tuple[str, int]:
+    """What would change if something was written again, such as the latest time; and its bytes."""
     if "://" in name:
         fsspec = needed("fsspec", "object storage")
         files, root = fsspec.core.url_to_fs(name)
-        known = files.find(root, detail=True).values()
-        marks = sorted(
-            f"{about['name']} {about.get('size')} {about.get('ETag') or about.get('mtime') or ''}"
-            for about in known
-        )
-        return hashlib.sha256("\n".join(marks).encode()).hexdigest()[:16]
+        known = sorted(files.find(root, detail=True).items())
+        marks = "\n".join(f"{each} {_stamp(about)}" for each, about in known)
+        return hashlib.sha256(marks.encode()).hexdigest()[:16], 0
     try:
         status = [os.stat(name)]  # noqa: PTH116 - of text
         for folder, _, inside in os.walk(name):
             status += [os.stat(f"{folder}/{each}") for each in inside]  # noqa: PTH116
     except OSError as error:  # its row will say it
-        return str(error.strerror)
+        return str(error.strerror), 0
     whole = [each for each in status if not stat.S_ISDIR(each.st_mode)]
     size, latest = sum(each.st_size for each in whole), max(each.st_mtime_ns for each in status)
-    return f"{len(whole)} {size} {latest}"
+    return f"{len(whole)} {size} {latest}", size
+
+
+def _stamp(about: Mapping[str, Any]) -> str:
+    return f"{about.get('size')} {about.get('ETag') or about.get('mtime') or ''}"
 
 
 def curves_of(name: str, first: int, count: int) -> Curves:
@@ -251,7 +252,8 @@ MANIFEST = "_fleet.json"
 #: Beside the results, and not among them: two runs differ in nothing else.
 TIMES = "_seconds"
 REPORT = "report.html"
-_PART = re.compile(r"part-(\d{6,})\.parquet")
+# A file of results is named by its contacts, from the one up to the other.
+_PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet")
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,22 +266,16 @@ class Results:
         Where they are.
     settings : Settings
         They are made by.
-    batches : tuple of Batch
-        That they are of.
+    contacts : int
+        How many there are to be.
     """
 
     folder: Path
     settings: Settings
-    batches: tuple[Batch, ...]
+    contacts: int
 
     @classmethod
-    def begin(
-        cls,
-        folder: Path,
-        settings: Settings,
-        sources: Sequence[ContactSource],
-        batches: Sequence[Batch],
-    ) -> "Results":
+    def begin(cls, folder: Path, settings: Settings, sources: Sequence[ContactSource]) -> "Results":
         """Make the folder, or go on with what a run of the same settings and sources left there.
 
         Raises
@@ -290,26 +286,24 @@ class Results:
             It cannot be made or written to.
         """
         make_folder(folder)
-        wanted = {
+        wanted: dict[str, Any] = {
             "palpate": settings.version,
             "settings": settings.plain(),
             "sources": digest_of(sources),
-            "contacts": sum(batch.contacts for batch in batches),
-            "batches": len(batches),
+            "contacts": sum(source.contacts for source in sources),
         }
         path = folder / MANIFEST
         if path.exists():
-            _check_same(folder, _manifest(folder), wanted)
+            _check_same(folder, manifest_of(folder), wanted)
         else:
             _check_empty(folder)
             write_text(path, json.dumps(wanted, ensure_ascii=False, indent=1) + "\n")
         make_folder(folder / TIMES)
-        return cls(folder, settings, tuple(batches))
+        return cls(folder, settings, wanted["contacts"])
 
-    def waiting(self) -> list[Batch]:
-        """The batches that are not there yet."""
-        there = {int(found[1]) for each in _names(self.folder) if (found := _PART.fullmatch(each))}
-        return [batch for batch in self.batches if batch.number not in there]
+    def done(self) -> list[tuple[int, int]]:
+        """The contacts that are there, from the one up to the other of each file."""
+        return [part for part, _ in _parts(self.folder)]
 
     def error_kinds(self) -> list[str | None]:
         """Why rows that are there have no numbers; None of one that has.
@@ -334,8 +328,9 @@ class Results:
         """
         pa = needed("pyarrow", "a table of contacts")
         times = pa.table({"source": table["source"], "index": table["index"], "seconds": seconds})
-        write_bytes(self.folder / TIMES / _name(batch), as_parquet(times))
-        write_bytes(self.folder / _name(batch), as_parquet(table))
+        name = f"part-{batch.first:08d}-{batch.end:08d}.parquet"
+        write_bytes(self.folder / TIMES / name, as_parquet(times))
+        write_bytes(self.folder / name, as_parquet(table))
 
 
 def as_parquet(table: "pa.Table") -> bytes:
@@ -354,12 +349,12 @@ def read_results(folder: Path) -> "pa.Table":
     FleetError
         The folder holds no results, or not all.
     """
-    about = _manifest(folder)
+    total = manifest_of(folder)["contacts"]
     table = _joined(folder, folder)
-    missing = about["batches"] - len(_parts(folder))
+    missing = total - sum(end - first for (first, end), _ in _parts(folder))
     if missing:
         raise FleetError(
-            f"{folder}: {missing} of {about['batches']} batches are missing; the command that made "
+            f"{folder}: {missing} of {total} contacts are missing; the command that identified "
             "the others goes on with them"
         )
     return table
@@ -370,17 +365,6 @@ def read_seconds(folder: Path) -> "pa.Table":
     return _joined(folder, folder / TIMES)
 
 
-def manifest_of(folder: Path) -> dict[str, Any]:
-    """Return what a fleet's folder says of the run that made it.
-
-    Raises
-    ------
-    FleetError
-        It holds no results of a fleet.
-    """
-    return _manifest(folder)
-
-
 def _joined(folder: Path, place: Path, columns: list[str] | None = None) -> "pa.Table":
     pa = needed("pyarrow", "a table of contacts")
     parquet = needed("pyarrow.parquet", "a table of contacts")
@@ -388,18 +372,17 @@ def _joined(folder: Path, place: Path, columns: list[str] | None = None) -> "pa.
     if not parts:
         raise FleetError(f"{folder}: holds no results yet")
     try:
-        return pa.concat_tables([parquet.read_table(part, columns=columns) for part in parts])
+        return pa.concat_tables([parquet.read_table(part, columns=columns) for _, part in parts])
     except (OSError, pa.ArrowException) as error:
         words = " ".join(str(error).split())
         raise FleetError(f"{folder}: cannot be read: {words}") from None
 
 
-def _parts(folder: Path) -> list[Path]:
-    return [folder / name for name in sorted(_names(folder)) if _PART.fullmatch(name)]
-
-
-def _name(batch: Batch) -> str:
-    return f"part-{batch.number:06d}.parquet"
+def _parts(folder: Path) -> list[tuple[tuple[int, int], Path]]:
+    """The files of results, by their contacts and in the order of these."""
+    found = [(name, folder / name) for name in _names(folder)]
+    matches = [(match, path) for name, path in found if (match := _PART.fullmatch(name))]
+    return sorted(((int(match[1]), int(match[2])), path) for match, path in matches)
 
 
 def _names(folder: Path) -> list[str]:
@@ -409,11 +392,18 @@ def _names(folder: Path) -> list[str]:
         raise RecordingError(f"{folder}: {error.strerror or error}") from None
 
 
-def _manifest(folder: Path) -> dict[str, Any]:
+def manifest_of(folder: Path) -> dict[str, Any]:
+    """Return what a fleet's folder says of the run that made it.
+
+    Raises
+    ------
+    FleetError
+        It holds no results of a fleet.
+    """
     path = folder / MANIFEST
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        if not {"palpate", "settings", "sources", "batches", "contacts"} <= set(found):
+        if not {"palpate", "settings", "sources", "contacts"} <= set(found):
             raise ValueError("it lacks what palpate writes")
     except FileNotFoundError:
         raise FleetError(
@@ -441,11 +431,9 @@ def _difference(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
     for name in sorted({*before, *now}):
         if before.get(name) != now.get(name):
             return f"{name} {_shown(before.get(name))}, and this asks {_shown(now.get(name))}"
-    if (there["sources"], there["batches"]) != (wanted["sources"], wanted["batches"]):
-        return (
-            f"{there['contacts']} contacts in {there['batches']} batches of other sources, or of "
-            "these before they were changed"
-        )
+    if there["sources"] != wanted["sources"]:
+        contacts = there["contacts"]
+        return f"{contacts} contacts of other sources, or of these before they were changed"
     return ""
 
 
@@ -544,7 +532,7 @@ def _in_folder(
 ) -> Iterator[ContactSource]:
     here = os.path.realpath(path)
     if (path / _BAG).is_file():  # a bag of ROS 2 is a folder
-        yield ContactSource(str(path), "file", stamp=stamp_of(str(path)))
+        yield _file(str(path), path)
         return
     results = leave_out is not None and _same(path, leave_out)
     if results or here in above or (path / MANIFEST).is_file():  # results, of whichever run
@@ -572,10 +560,10 @@ def _dangling(path: Path) -> bool:
 
 
 def _file(name: str, path: Path) -> ContactSource:
-    stamp = stamp_of(str(path))
+    stamp, size = stamp_of(str(path))
     if path.name.lower().endswith(_MAPS):
-        return ContactSource(name, "map", _curves_in(path), stamp=stamp)
-    return ContactSource(name, "file", stamp=stamp)
+        return ContactSource(name, "map", _curves_in(path), stamp=stamp, size=size)
+    return ContactSource(name, "file", stamp=stamp, size=size)
 
 
 def _curves_in(path: Path) -> int | None:
@@ -618,8 +606,8 @@ def _remote(text: str, leave_out: Path | None) -> Iterator[ContactSource]:
         if any(name.startswith(f"{array}/") for array in arrays):
             continue
         if name == root.rstrip("/") or name.lower().endswith(_ENDINGS):
-            stamp = f"{about.get('size')} {about.get('ETag') or about.get('mtime') or ''}"
-            yield ContactSource(f"{protocol}://{name}", "file", stamp=stamp)
+            address, size = f"{protocol}://{name}", int(about.get("size") or 0)
+            yield ContactSource(address, "file", stamp=_stamp(about), size=size)
 
 
 def _entries(files: Any, root: str) -> list[tuple[str, dict[str, Any]]]:

@@ -3,10 +3,10 @@
 import math
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,11 +73,21 @@ def numbers(table: "pa.Table", name: str) -> Floats:
     return np.array([math.nan if cell is None else cell for cell in cells], dtype=np.float64)
 
 
+def _errors(table: "pa.Table", name: str) -> Floats:
+    """What repeats of a quantity at depth, and what the findings would move where that is known."""
+    error, moved = (numbers(table, f"{name}_{kind}") for kind in ("standard_error", "systematic"))
+    return np.where(np.isfinite(moved), np.hypot(error, moved), error)
+
+
+def _each(table: "pa.Table", *names: str) -> Iterator[tuple[Any, ...]]:
+    """These columns, row by row."""
+    return zip(*(table.column(name).to_pylist() for name in names), strict=True)
+
+
 def names_of(table: "pa.Table") -> list[str]:
     """What each row is called: its source, and the number of its contact and of its place."""
-    columns = (table.column(name).to_pylist() for name in ("source", "index", "part"))
     found = []
-    for source, index, part in zip(*columns, strict=True):
+    for source, index, part in _each(table, "source", "index", "part"):
         words = source or "contact"
         words += "" if index is None else f" [{index}]"
         found.append(words + ("" if part is None else f", place {part}"))
@@ -98,9 +108,7 @@ def repeats_of(table: "pa.Table", quantity: str) -> list[Repeats]:
         One of ``JUDGED``.
     """
     value = numbers(table, f"{quantity}_at_depth")
-    error = numbers(table, f"{quantity}_at_depth_standard_error")
-    moved = numbers(table, f"{quantity}_at_depth_systematic")
-    error = np.where(np.isfinite(moved), np.hypot(error, moved), error)
+    error = _errors(table, f"{quantity}_at_depth")
     usable = np.isfinite(value) & np.isfinite(error) & (error > 0.0)
     groups: dict[str, list[int]] = defaultdict(list)
     totals: Counter[str] = Counter()
@@ -117,19 +125,11 @@ def repeats_of(table: "pa.Table", quantity: str) -> list[Repeats]:
 
 def _things(table: "pa.Table") -> list[str]:
     """What each row is a contact with; empty where nothing says it."""
-    places = np.stack([numbers(table, axis) for axis in "xyz"], axis=1)
     found = []
-    for source, index, place in zip(
-        table.column("source").to_pylist(),
-        table.column("index").to_pylist(),
-        places.tolist(),
-        strict=True,
-    ):
+    for source, index, *place in _each(table, "source", "index", *"xyz"):
         known = [f"{axis} {1e3 * v:.9g} mm" for axis, v in zip("xyz", place, strict=True) if v == v]
-        if known:
-            found.append(", ".join(known))
-        else:
-            found.append("" if index is not None or not source else _folder(source))
+        folder = "" if index is not None or not source else _folder(source)
+        found.append(", ".join(known) or folder)
     return found
 
 
@@ -152,34 +152,32 @@ def _judged(name: str, total: int, value: Floats, error: Floats) -> Repeats:
 
 def kinds_of(sentences: Iterable[Sequence[str] | None]) -> list[tuple[str, int, str]]:
     """Sentences by what they say but for their numbers: kind, in how many rows, and an example."""
-    counts: Counter[str] = Counter()
-    first: dict[str, str] = {}
-    for row in sentences:
-        for kind in {_without_numbers(words): words for words in row or ()}.items():
-            counts[kind[0]] += 1
-            first.setdefault(*kind)
-    return [(kind, count, first[kind]) for kind, count in counts.most_common()]
-
-
-def _without_numbers(words: str) -> str:
-    return _NUMBER.sub("…", words)
+    return _counted(
+        kind for row in sentences for kind in {_without_numbers(w): w for w in row or ()}.items()
+    )
 
 
 def reasons_of(table: "pa.Table") -> list[tuple[str, int, str]]:
     """Why rows have no numbers: in words without names and numbers, how many, and the first."""
-    counts: Counter[str] = Counter()
-    first: dict[str, str] = {}
-    columns = (table.column(name).to_pylist() for name in ("source", "error"))
-    for name, (source, error) in zip(names_of(table), zip(*columns, strict=True), strict=True):
-        if error is not None:
-            kind = (
-                _without_numbers(error.replace(f"{source}: ", ""))
-                if source
-                else _without_numbers(error)
-            )
-            counts[kind] += 1
-            first.setdefault(kind, name)
-    return [(kind, count, first[kind]) for kind, count in counts.most_common()]
+    errors = zip(names_of(table), _each(table, "source", "error"), strict=True)
+    return _counted(
+        (_without_numbers(error.replace(f"{source}: ", "") if source else error), name)
+        for name, (source, error) in errors
+        if error is not None
+    )
+
+
+def _counted(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, int, str]]:
+    """Kinds, how many there are of each, and its first example; the most frequent first."""
+    examples: dict[str, list[str]] = defaultdict(list)
+    for kind, example in pairs:
+        examples[kind].append(example)
+    found = [(kind, len(each), each[0]) for kind, each in examples.items()]
+    return sorted(found, key=lambda kind: -kind[1])
+
+
+def _without_numbers(words: str) -> str:
+    return _NUMBER.sub("…", words)
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,21 +230,11 @@ def outliers_of(table: "pa.Table") -> list[Outlier]:
 
 def slowest(times: "pa.Table", most: int = 10) -> list[tuple[str, float, int]]:
     """The sources that took longest: name, seconds, and how many rows."""
-    total: dict[str, float] = defaultdict(float)
-    rows: Counter[str] = Counter()
-    for source, seconds in zip(
-        times.column("source").to_pylist(), times.column("seconds").to_pylist(), strict=True
-    ):
-        total[source or "contact"] += seconds
-        rows[source or "contact"] += 1
-    order = sorted(total, key=lambda name: -total[name])
-    return [(name, total[name], rows[name]) for name in order[:most]]
-
-
-def verdicts_of(table: "pa.Table") -> Mapping[str, int]:
-    """How many rows have each verdict; empty without a full diagnosis."""
-    cells = table.column("verdict").to_pylist()
-    return Counter(cell for cell in cells if cell is not None)
+    found: dict[str, list[float]] = defaultdict(list)
+    for source, seconds in _each(times, "source", "seconds"):
+        found[source or "contact"].append(seconds)
+    whole = [(name, sum(each), len(each)) for name, each in found.items()]
+    return sorted(whole, key=lambda each: -each[1])[:most]
 
 
 # What a fleet found, over where it was found.
@@ -277,10 +265,8 @@ class Map:
         The least and the largest depth, m.
     rows : int
         Of the results, of which some may have no place.
-    failures : int
-        Places without a number.
     shallow : int
-        Of these, places that were not pressed to the depth.
+        Places without a number because they were not pressed to the depth.
     mistrusted : numpy.ndarray of bool, shape (k,)
         Places whose number is not to be trusted, by verdict, findings or flags; or, but for the
         damping, is less than its error.
@@ -298,7 +284,6 @@ class Map:
     depth: float | None
     depths: tuple[float, float]
     rows: int
-    failures: int
     shallow: int
     mistrusted: NDArray[np.bool_]
     doubts: tuple[str, ...]
@@ -333,19 +318,23 @@ class Map:
     @property
     def _beside(self) -> list[str]:
         """What to know beside the numbers."""
-        words = []
-        failures = self.failures - self.shallow
-        if failures:
-            words.append(f"{failures} {'place has' if failures == 1 else 'places have'} no number")
-        if self.shallow:
-            were = "place was" if self.shallow == 1 else "places were"
-            words.append(f"{self.shallow} {were} not pressed so deep")
-        left = self.rows - len(self.value)
-        if left:
-            words.append(f"{left} {'row has' if left == 1 else 'rows have'} no place")
         hidden = len(self.places) - len(np.unique(self.places, axis=0))
-        if hidden and len(self.axes) > 1:
-            words.append(f"{hidden} {'lies' if hidden == 1 else 'lie'} on others")
+        counts = (
+            (
+                int(np.isnan(self.value).sum()) - self.shallow,
+                "place has",
+                "places have",
+                "no number",
+            ),
+            (self.shallow, "place was", "places were", "not pressed so deep"),
+            (self.rows - len(self.value), "row has", "rows have", "no place"),
+            (hidden if len(self.axes) > 1 else 0, "lies", "lie", "on others"),
+        )
+        words = [
+            f"{count} {one if count == 1 else several} {what}"
+            for count, one, several, what in counts
+            if count
+        ]
         return [*words, *self.doubts]
 
 
@@ -387,7 +376,7 @@ def map_of(
     value, error, depths = _values(results, of, depth)
     short = np.zeros(len(value), dtype=bool)
     if depth is not None and of != "exponent":  # beyond, the law is extrapolated
-        short = np.isfinite(value) & ~(_numbers(results, "largest_depth") >= depth)
+        short = np.isfinite(value) & ~(numbers(results, "largest_depth") >= depth)
         value, error = np.where(short, np.nan, value), np.where(short, np.nan, error)
     mistrusted = mistrusted_of(results, of)
     if of != "damping":  # which is often next to none, and then known no better than it is large
@@ -408,7 +397,6 @@ def map_of(
         depth,
         span,
         results.num_rows,
-        int(np.count_nonzero(~np.isfinite(value[there]))),
         int(np.count_nonzero(short[there])),
         mistrusted[there],
         _doubts(results, there),
@@ -419,13 +407,12 @@ def mistrusted_of(results: "pa.Table", of: str) -> NDArray[np.bool_]:
     """Say of each row whether its number is not to be trusted, by verdict, findings or flags."""
     verdict = f"verdict_{of}" if of in ("stiffness", "damping") else "verdict"
     marks = (f"{of} not", f"{of} at the edge", NEGATIVE_STIFFNESS)
-    columns = (results.column(name).to_pylist() for name in (verdict, "findings", "flags"))
     return np.array(
         [
             mark == "do-not-trust"
             or (mark is None and any(words.startswith("do-not-trust") for words in findings or ()))
             or any(words.startswith(marks) for words in flags or ())
-            for mark, findings, flags in zip(*columns, strict=True)
+            for mark, findings, flags in _each(results, verdict, "findings", "flags")
         ],
         dtype=bool,
     )
@@ -433,25 +420,18 @@ def mistrusted_of(results: "pa.Table", of: str) -> NDArray[np.bool_]:
 
 def _doubts(results: "pa.Table", there: NDArray[np.bool_]) -> tuple[str, ...]:
     """What the checks say of how many places, the worst and the most frequent first."""
-    kinds: Counter[tuple[str, str]] = Counter()
-    unchecked = 0
-    columns = (results.column(name).to_pylist() for name in ("checked", "findings"))
-    for checked, findings, inside in zip(*columns, there.tolist(), strict=True):
-        if inside:
-            unchecked += checked == "none"
-            kinds.update({_kind(words) for words in findings or ()})
-    said = sorted(
-        (severity, -count, check)
-        for (severity, check), count in kinds.items()
+    inside = results.filter(there)
+    kinds: Counter[tuple[str, ...]] = Counter()
+    for findings in inside.column("findings").to_pylist():
+        kinds.update({tuple(words.split(": ")[:2]) for words in findings or ()})
+    ordered = sorted(kinds.items(), key=lambda kind: (kind[0][0], -kind[1], kind[0][1]))
+    words = [
+        f"{severity}, {check}: {count} of the places"
+        for (severity, check), count in ordered
         if severity != "note"
-    )
-    words = [f"{severity}, {check}: {-count} of the places" for severity, count, check in said]
+    ]
+    unchecked = "none" in inside.column("checked").to_pylist()
     return (*words, *(["the data were not checked"] if unchecked else []))
-
-
-def _kind(words: str) -> tuple[str, str]:
-    severity, check, *_ = words.split(": ")
-    return severity, check
 
 
 def _numbers(results: "pa.Table", name: str) -> Floats:
@@ -460,34 +440,25 @@ def _numbers(results: "pa.Table", name: str) -> Floats:
             f"by: there is no column {name!r}; there are {', '.join(results.schema.names)}"
         )
     try:
-        cells = results.column(name).to_pylist()
-        values: Floats = np.array([np.nan if v is None else v for v in cells], dtype=np.float64)
+        return numbers(results, name)
     except (TypeError, ValueError):
         raise InvalidParameterError(f"by: the column {name} holds no numbers") from None
-    return values
 
 
 def _values(results: "pa.Table", of: str, depth: float | None) -> tuple[Floats, Floats, Floats]:
-    depths = _numbers(results, "depth")
+    depths = numbers(results, "depth")
     if of == "exponent":
         if "exponent" not in results.schema.names:
             raise InvalidParameterError("of: this law has no exponent; draw its stiffness")
-        return _numbers(results, of), _numbers(results, f"{of}_standard_error"), depths
+        return numbers(results, of), numbers(results, f"{of}_standard_error"), depths
     name = f"{of}_at_depth"
     if depth is None:
-        error = _numbers(results, f"{name}_standard_error")
-        moved = _numbers(results, f"{name}_systematic")
-        known = np.isfinite(moved)
-        return _numbers(results, name), np.where(known, np.hypot(error, moved), error), depths
+        return numbers(results, name), _errors(results, name), depths
     number_in("depth", depth, 0.0, 1e6, open_low=True)
     law = FORCE_LAWS[(results.schema.metadata or {})[b"law"].decode()]
-    parameters = np.stack([_numbers(results, each) for each in law.names()], axis=1)
-    value, error = np.full(len(parameters), np.nan), np.full(len(parameters), np.nan)
-    matrices = results.column("covariance").to_pylist()
-    for k, (row, matrix) in enumerate(zip(parameters, matrices, strict=True)):
-        if matrix is None or not np.isfinite(row).all():
-            continue
-        size = len(row)
-        found = at_depth(law(*row.tolist()), np.reshape(matrix, (size, size)), depth)
-        value[k], error[k] = found[name], found[f"{name}_standard_error"]
-    return value, error, depths
+    found = np.full((results.num_rows, 2), np.nan)
+    for k, (matrix, *row) in enumerate(_each(results, "covariance", *law.names())):
+        if matrix is not None and np.isfinite(row).all():
+            there = at_depth(law(*row), np.reshape(matrix, (len(row), len(row))), depth)
+            found[k] = there[name], there[f"{name}_standard_error"]
+    return found[:, 0], found[:, 1], depths

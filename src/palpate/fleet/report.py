@@ -1,7 +1,9 @@
 """The report of a fleet: one page that says what all of it comes to, and what to look at."""
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -63,7 +65,13 @@ def save_report(folder: Path) -> Path:
 
 def fleet_page(folder: Path) -> str:
     """Return the page of a fleet."""
-    table, times = read_results(folder), read_seconds(folder)
+    table, times = read_results(folder), maps.slowest(read_seconds(folder))
+    flags, findings = (table.column(name).to_pylist() for name in ("flags", "findings"))
+    notable = [[f for f in row or () if not f.startswith("note:")] for row in findings]
+    reasons = [[escape(k), f"{n}", escape(name)] for k, n, name in maps.reasons_of(table)]
+    slowest = [[escape(name), f"{rounded(s, 3)} s", f"{count}"] for name, s, count in times]
+    slowest = slowest if len(slowest) > 1 else []
+    count = table.num_rows
     name = folder.resolve().name or "fleet"
     parts = [
         "<header>",
@@ -74,11 +82,23 @@ def fleet_page(folder: Path) -> str:
         *html.section("distributions", "What was identified", _distributions(table)),
         *html.section("map", "Over the material", _map(table)),
         *html.section("repeats", "Repeats", _repeats(table)),
-        *html.section("flags", "Flags", _flags(table)),
-        *html.section("findings", "Findings of the diagnosis", _findings(table)),
+        *html.section("flags", "Flags", _kinds("Flags by kind", flags, count)),
+        *html.section(
+            "findings",
+            "Findings of the diagnosis",
+            _kinds("Findings by kind, notes left out", notable, count),
+        ),
         *html.section("outliers", "Outliers", _outliers(table)),
-        *html.section("failures", "Failures", _failures(table)),
-        *html.section("slowest", "What took longest", _slowest(times)),
+        *html.section(
+            "failures",
+            "Failures",
+            _list("Why there are no numbers", ["reason", "rows", "the first of them"], reasons),
+        ),
+        *html.section(
+            "slowest",
+            "What took longest",
+            _list("The slowest sources", ["source", "took", "rows"], slowest),
+        ),
         *html.section("made", "How it was made", _made(folder)),
         "</main>",
     ]
@@ -87,11 +107,12 @@ def fleet_page(folder: Path) -> str:
 
 
 def _tiles(table: "pa.Table") -> Iterator[str]:
+    count = table.num_rows
     failed = sum(error is not None for error in table.column("error").to_pylist())
     parts = any(part is not None for part in table.column("part").to_pylist())
     tiles = [
-        ("rows", f"{table.num_rows}", "one a place of a contact" if parts else "one a contact"),
-        ("identified", f"{table.num_rows - failed}", _percent(table.num_rows - failed, table)),
+        ("rows", f"{count}", "one a place of a contact" if parts else "one a contact"),
+        ("identified", f"{count - failed}", _percent(count - failed, count)),
         ("failed", f"{failed}", "each with its reason"),
     ]
     for quantity in maps.JUDGED:
@@ -106,7 +127,7 @@ def _tiles(table: "pa.Table") -> Iterator[str]:
         about = f"<small>{heading}</small><b>{number}</b><small>{words}</small>"
         yield f'<div class="tile">{about}</div>'
     yield "</div>"
-    verdicts = maps.verdicts_of(table)
+    verdicts = Counter(mark for mark in table.column("verdict").to_pylist() if mark is not None)
     if verdicts:
         words = ", ".join(f"{html.badge(mark)} {count}" for mark, count in sorted(verdicts.items()))
         yield f"<p>Verdicts: {words}.</p>"
@@ -122,8 +143,8 @@ def _tiles(table: "pa.Table") -> Iterator[str]:
         )
 
 
-def _percent(count: int, table: "pa.Table") -> str:
-    return f"{100.0 * count / max(table.num_rows, 1):.3g}\N{NO-BREAK SPACE}%"
+def _percent(count: int, of: int) -> str:
+    return f"{100.0 * count / max(of, 1):.3g}\N{NO-BREAK SPACE}%"
 
 
 def _distributions(table: "pa.Table") -> Iterator[str]:
@@ -134,9 +155,7 @@ def _distributions(table: "pa.Table") -> Iterator[str]:
         "How what was identified is distributed, stiffness and damping at the working depth, and "
         "below each how well it is known: its standard error over its value."
     )
-    yield from drawing(
-        "distributions", lambda **options: draw_distributions(table, **options), words
-    )
+    yield from drawing("distributions", partial(draw_distributions, table), words)
 
 
 def _map(table: "pa.Table") -> Iterator[str]:
@@ -152,13 +171,12 @@ def _map(table: "pa.Table") -> Iterator[str]:
         return
     found = map_of(table, varying)
     words = f"{found.summary[0].upper()}{found.summary[1:]}."
-    yield from drawing("over-place", lambda **options: draw_map(found, **options), words)
+    yield from drawing("over-place", partial(draw_map, found), words)
 
 
 def _repeats(table: "pa.Table") -> Iterator[str]:
     for quantity in maps.JUDGED:
-        found = maps.repeats_of(table, quantity)
-        if not found:
+        if not (found := maps.repeats_of(table, quantity)):
             continue
         apart = sorted((each for each in found if not each.agree), key=lambda each: -each.z)
         agreeing = len(found) - len(apart)
@@ -171,85 +189,39 @@ def _repeats(table: "pa.Table") -> Iterator[str]:
                 f"Scatter of each group of repeats of the {quantity} over what their standard "
                 "errors say: 1 where the errors are right."
             )
-            yield from drawing(
-                f"repeats-{quantity}",
-                lambda found=found, quantity=quantity, **options: draw_repeats(
-                    found, quantity, **options
-                ),
-                words,
-            )
+            yield from drawing(f"repeats-{quantity}", partial(draw_repeats, found, quantity), words)
         unit = AT_DEPTH[quantity]
-        rows = [
-            [
-                escape(each.name),
-                f"{each.count}" if each.count == each.total else f"{each.count} of {each.total}",
-                escape(with_error(each.mean, each.error, unit=unit)),
-                rounded(each.ratio, 3),
-                html.badge("trust" if each.agree else "with-care", "agree" if each.agree else
-                           f"do not agree, {rounded(each.z, 2)} σ"),
-            ]
-            for each in [*apart, *(e for e in found if e.agree)][:MOST]
-        ]  # fmt: skip
         header = ["repeats of", "with numbers", "weighted mean", "scatter / errors", ""]
-        yield from html.table(_listed(f"Repeats of the {quantity}", len(found)), header, rows)
+        rows = []
+        for each in [*apart, *(e for e in found if e.agree)]:
+            count = f"{each.count}" if each.count == each.total else f"{each.count} of {each.total}"
+            words = "agree" if each.agree else f"do not agree, {rounded(each.z, 2)} σ"
+            badge = html.badge("trust" if each.agree else "with-care", words)
+            mean = escape(with_error(each.mean, each.error, unit=unit))
+            rows.append([escape(each.name), count, mean, rounded(each.ratio, 3), badge])
+        yield from _list(f"Repeats of the {quantity}", header, rows)
 
 
-def _flags(table: "pa.Table") -> Iterator[str]:
-    yield from _kinds("Flags by kind", maps.kinds_of(table.column("flags").to_pylist()), table)
-
-
-def _findings(table: "pa.Table") -> Iterator[str]:
-    rows = table.column("findings").to_pylist()
-    notable = [[f for f in row or () if not f.startswith("note:")] for row in rows]
-    yield from _kinds("Findings by kind, notes left out", maps.kinds_of(notable), table)
-
-
-def _kinds(title: str, kinds: list[tuple[str, int, str]], table: "pa.Table") -> Iterator[str]:
-    if not kinds:
-        return
+def _kinds(title: str, sentences: Iterable[Sequence[str] | None], count: int) -> Iterator[str]:
     rows = [
-        [escape(example if count == 1 else kind), f"{count}", _percent(count, table)]
-        for kind, count, example in kinds[:MOST]
+        [escape(example if number == 1 else kind), f"{number}", _percent(number, count)]
+        for kind, number, example in maps.kinds_of(sentences)
     ]
-    yield from html.table(_listed(title, len(kinds)), ["what is said", "rows", ""], rows)
+    yield from _list(title, ["what is said", "rows", ""], rows)
 
 
 def _outliers(table: "pa.Table") -> Iterator[str]:
     found = maps.outliers_of(table)
-    if not found:
-        return
-    yield (
-        "<p>Farther from the median than five robust standard deviations of the logarithm, their "
-        "own errors counted.</p>"
-    )
-    rows = [
-        [
-            escape(each.name),
-            each.quantity,
-            escape(with_error(each.value, each.error, unit=AT_DEPTH[each.quantity])),
-            rounded(each.distance, 2),
-        ]
-        for each in found[:MOST]
-    ]
-    header = ["contact", "", "at working depth", "robust σ"]
-    yield from html.table(_listed("Outliers", len(found)), header, rows)
-
-
-def _failures(table: "pa.Table") -> Iterator[str]:
-    found = maps.reasons_of(table)
-    if not found:
-        return
-    rows = [[escape(kind), f"{count}", escape(name)] for kind, count, name in found[:MOST]]
-    title = _listed("Why there are no numbers", len(found))
-    yield from html.table(title, ["reason", "rows", "the first of them"], rows)
-
-
-def _slowest(times: "pa.Table") -> Iterator[str]:
-    found = maps.slowest(times)
-    if len(found) < 2:
-        return
-    rows = [[escape(name), f"{rounded(s, 3)} s", f"{count}"] for name, s, count in found]
-    yield from html.table("The slowest sources", ["source", "took", "rows"], rows)
+    if found:
+        yield (
+            "<p>Farther from the median than five robust standard deviations of the logarithm, "
+            "their own errors counted.</p>"
+        )
+    rows = []
+    for each in found:
+        number = escape(with_error(each.value, each.error, unit=AT_DEPTH[each.quantity]))
+        rows.append([escape(each.name), each.quantity, number, rounded(each.distance, 2)])
+    yield from _list("Outliers", ["contact", "", "at working depth", "robust σ"], rows)
 
 
 def _made(folder: Path) -> Iterator[str]:
@@ -259,11 +231,14 @@ def _made(folder: Path) -> Iterator[str]:
         {
             "palpate": about["palpate"],
             "settings": ", ".join(f"{name} {value}" for name, value in settings.items()),
-            "contacts": f"{about['contacts']} in {about['batches']} batches",
+            "contacts": f"{about['contacts']}",
             "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         }
     )
 
 
-def _listed(title: str, count: int) -> str:
-    return title if count <= MOST else f"{title}: the first {MOST} of {count}"
+def _list(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """The first rows of a table; nothing where it has none."""
+    if rows:
+        title = title if len(rows) <= MOST else f"{title}: the first {MOST} of {len(rows)}"
+        yield from html.table(title, header, rows[:MOST])

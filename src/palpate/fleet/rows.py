@@ -4,16 +4,13 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import palpate._core as _core
 from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Finding
-from palpate.estimators.curves import CurveFits
 from palpate.estimators.estimate import Estimate
 from palpate.fleet.tasks import Settings, needed
 from palpate.force_laws import ForceLaw
@@ -25,232 +22,103 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
-Numbers = tuple[Floats, Floats]
+Row = dict[str, Any]
 #: At the working depth: what it is, and its unit.
 AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 
 
-def working_depths(
-    penetration: Floats, force: Floats, fits: CurveFits, *, threads: int = 1
-) -> Numbers:
-    """Median and largest penetration of each row where contact is firm, m; NaN where it never is.
-
-    Firm is what the gate of :func:`palpate.choose_gate` takes, at whose median
-    :func:`palpate.identify` works: not what the law leaves decides, but the noise.
-
-    Parameters
-    ----------
-    penetration : numpy.ndarray, shape (k, samples)
-        m; counted from the surfaces of the fits here.
-    force : numpy.ndarray, shape (k, samples)
-        N.
-    fits : CurveFits
-        Of these rows.
-    threads : int
-        That share the rows.
-    """
-    found = np.empty((len(penetration), 2))
-    _core.working_depths(penetration, force, fits.surface, found, threads)
-    return found[:, 0].copy(), found[:, 1].copy()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LawsAtDepth:
-    """Values and standard errors, SI, one a row.
-
-    F = K xⁿ, S = n K xⁿ⁻¹, C = B xⁿ with x = X − d: at the place X where the probe was, so that
-    what is not known of the surface d moves them as little as it moves the force there.
-    """
-
-    force: Numbers
-    stiffness: Numbers
-    damping: Numbers
-
-    @classmethod
-    def of(cls, fits: CurveFits, depth: Floats) -> "LawsAtDepth":
-        """Return them for each fit at its own depth, m; NaN where that is."""
-        with np.errstate(all="ignore"):
-            k, c, n = fits.stiffness, fits.damping, fits.exponent
-            power, log, none = depth**n, np.log(depth), np.zeros_like(depth)
-            force, damping = k * power, c * power
-            stiffness = n * force / depth
-            bend = (n - 1.0) * stiffness / depth
-            # By K, B, n, F₀ and d.
-            of_force = [power, none, log * force, none, -stiffness]
-            of_stiffness = [
-                n * power / depth, none, (1.0 / n + log) * stiffness, none, -bend,
-            ]  # fmt: skip
-            of_damping = [none, power, log * damping, none, -n * damping / depth]
-            return cls(
-                (force, _error(of_force, fits)),
-                (stiffness, _error(of_stiffness, fits)),
-                (damping, _error(of_damping, fits)),
-            )
-
-
-def _error(gradient: list[Floats], fits: CurveFits) -> Floats:
-    """√(gᵀ C g) of each row."""
-    g = np.stack(gradient, axis=1)
-    variance = np.einsum("ki,kij,kj->k", g, fits.covariance, g)
-    found: Floats = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
-    return found
-
-
-# The columns of a table of contacts: what each holds, and in which unit.
-
-WHOLE, TEXT, TEXTS, NUMBER, NUMBERS = "int64", "string", "texts", "float64", "numbers"
-
-
-@dataclass(frozen=True, slots=True)
-class TableColumn:
-    """A column of the table.
-
-    Attributes
-    ----------
-    name, kind : str
-        Its name, and what it holds.
-    unit : str
-        SI; empty where it has none.
-    words : str
-        What it is.
-    """
-
-    name: str
-    kind: str
-    unit: str
-    words: str
-
-
-def columns_of(settings: Settings) -> list[TableColumn]:
-    """Return the columns of a table that is made by these settings, in their order."""
-    return [
-        TableColumn("source", TEXT, "", "the file, folder or array that the contact is from"),
-        TableColumn(
-            "index", WHOLE, "", "which contact of the source, from 0; null where it is one"
-        ),
-        TableColumn(
-            "part", WHOLE, "", "which place of a probe that travels, from 0; null of one place"
-        ),
-        *(TableColumn(axis, NUMBER, "m", f"where on the material, along {axis}") for axis in "xyz"),
-        TableColumn("method", TEXT, "", "the estimator"),
-        TableColumn("fit", TEXT, "", "recursion or whole-curve; null of a failure"),
-        *_law(settings),
-        TableColumn("covariance", NUMBERS, "", "of the law's parameters, a row after another, SI"),
-        TableColumn("offset", NUMBER, "N", "force out of contact; NaN where it is not estimated"),
-        TableColumn("offset_standard_error", NUMBER, "N", "of the offset"),
-        TableColumn("surface", NUMBER, "m", "of the penetration; NaN where it is not estimated"),
-        TableColumn("surface_standard_error", NUMBER, "m", "of the surface"),
-        TableColumn("depth", NUMBER, "m", "working depth: median penetration below the surface"),
-        TableColumn(
-            "largest_depth", NUMBER, "m", "largest penetration below the surface, in contact"
-        ),
-        *_at_depth(),
-        TableColumn(
-            "residual", NUMBER, "N", "standard deviation of what the law leaves of the force"
-        ),
-        TableColumn("samples", WHOLE, "", "of the contact"),
-        TableColumn("taken", WHOLE, "", "samples that the estimate is made of"),
-        TableColumn("flags", TEXTS, "", "what to know before trusting the numbers"),
-        TableColumn("checked", TEXT, "", "which checks were asked for: none, input or full"),
-        TableColumn(
-            "findings", TEXTS, "", "severity, check and sentence; null where none was made"
-        ),
-        *(
-            TableColumn(f"verdict{name}", TEXT, "", f"{words}; null without a full diagnosis")
-            for name, words in (
-                ("", "trust, with-care or do-not-trust"),
-                ("_stiffness", "the same of the stiffness at working depth"),
-                ("_damping", "the same of the damping at working depth"),
-            )
-        ),
-        TableColumn("prepared", TEXT, "", "how each channel was made, as JSON; null of arrays"),
-        TableColumn("error", TEXT, "", "why there are no numbers; null where there are"),
-        TableColumn("error_kind", TEXT, "", "name of the error's class"),
-        TableColumn("version", TEXT, "", "of the palpate that made the row"),
-        TableColumn("settings", TEXT, "", "digest of the settings, which the file's notes hold"),
-    ]
-
-
-def _law(settings: Settings) -> list[TableColumn]:
-    found = []
-    law = settings.law
-    for name, unit in zip(law.names(), law.units, strict=True):
-        found.append(TableColumn(name, NUMBER, unit, f"{name} of the {law.kind} law"))
-        found.append(TableColumn(f"{name}_standard_error", NUMBER, unit, f"of the {name}"))
-    return found
-
-
-def _at_depth() -> list[TableColumn]:
-    found = []
-    for name, unit in AT_DEPTH.items():
-        words = f"{name} at working depth"
-        found.append(TableColumn(f"{name}_at_depth", NUMBER, unit, words))
-        found.append(TableColumn(f"{name}_at_depth_standard_error", NUMBER, unit, "what repeats"))
-        moved = "what the findings would move; NaN without a full diagnosis"
-        found.append(TableColumn(f"{name}_at_depth_systematic", NUMBER, unit, moved))
-    return found
-
-
 def schema_of(settings: Settings) -> "pa.Schema":
-    """Return the Arrow schema: unit and description of each column, settings of the whole."""
+    """Return the columns of a table: type, unit and description of each, settings of the whole."""
     pa = needed("pyarrow", "a table of contacts")
-    kinds = {
-        WHOLE: pa.int64(),
-        TEXT: pa.string(),
-        TEXTS: pa.list_(pa.string()),
-        NUMBER: pa.float64(),
-        NUMBERS: pa.list_(pa.float64()),
-    }
+    whole, text, number = pa.int64(), pa.string(), pa.float64()
+    texts, numbers = pa.list_(text), pa.list_(number)
+    law = settings.law
+    columns = [
+        ("source", text, "", "the file, folder or array that the contact is from"),
+        ("index", whole, "", "which contact of the source, from 0; null where it is one"),
+        ("part", whole, "", "which place of a probe that travels, from 0; null of one place"),
+        *((axis, number, "m", f"where on the material, along {axis}") for axis in "xyz"),
+        ("method", text, "", "the estimator"),
+        ("fit", text, "", "recursion or whole-curve; null of a failure"),
+    ]
+    for name, unit in zip(law.names(), law.units, strict=True):
+        columns.append((name, number, unit, f"{name} of the {law.kind} law"))
+        columns.append((f"{name}_standard_error", number, unit, f"of the {name}"))
+    columns += [
+        ("covariance", numbers, "", "of the law's parameters, a row after another, SI"),
+        ("offset", number, "N", "force out of contact; NaN where it is not estimated"),
+        ("offset_standard_error", number, "N", "of the offset"),
+        ("surface", number, "m", "of the penetration; NaN where it is not estimated"),
+        ("surface_standard_error", number, "m", "of the surface"),
+        ("depth", number, "m", "working depth: median penetration below the surface"),
+        ("largest_depth", number, "m", "largest penetration below the surface, in contact"),
+    ]
+    for name, unit in AT_DEPTH.items():
+        moved = "what the findings would move; NaN without a full diagnosis"
+        columns.append((f"{name}_at_depth", number, unit, f"{name} at working depth"))
+        columns.append((f"{name}_at_depth_standard_error", number, unit, "what repeats"))
+        columns.append((f"{name}_at_depth_systematic", number, unit, moved))
+    columns += [
+        ("residual", number, "N", "standard deviation of what the law leaves of the force"),
+        ("samples", whole, "", "of the contact"),
+        ("taken", whole, "", "samples that the estimate is made of"),
+        ("flags", texts, "", "what to know before trusting the numbers"),
+        ("checked", text, "", "which checks were asked for: none, input or full"),
+        ("findings", texts, "", "severity, check and sentence; null where none was made"),
+    ]
+    for name, words in (
+        ("verdict", "trust, with-care or do-not-trust"),
+        ("verdict_stiffness", "the same of the stiffness at working depth"),
+        ("verdict_damping", "the same of the damping at working depth"),
+    ):
+        columns.append((name, text, "", f"{words}; null without a full diagnosis"))
+    columns += [
+        ("prepared", text, "", "how each channel was made, as JSON; null of arrays"),
+        ("error", text, "", "why there are no numbers; null where there are"),
+        ("error_kind", text, "", "name of the error's class"),
+        ("version", text, "", "of the palpate that made the row"),
+        ("settings", text, "", "digest of the settings, which the file's notes hold"),
+    ]
     fields = [
-        pa.field(
-            each.name,
-            kinds[each.kind],
-            metadata={"unit": each.unit, "description": each.words}
-            if each.unit
-            else {"description": each.words},
-        )
-        for each in columns_of(settings)
+        pa.field(name, kind, metadata={**({"unit": unit} if unit else {}), "description": words})
+        for name, kind, unit, words in columns
     ]
     notes = {
         "palpate": settings.version,
         "settings": json.dumps(settings.plain(), sort_keys=True),
-        "law": settings.law.kind,
+        "law": law.kind,
     }
     return pa.schema(fields, metadata=notes)
 
 
-def empty_columns(settings: Settings, count: int) -> dict[str, Any]:
-    """Return columns of so many rows of which nothing is known but who made them."""
-    nothing: dict[str, Any] = {}
-    for each in columns_of(settings):
-        nothing[each.name] = np.full(count, np.nan) if each.kind == NUMBER else [None] * count
-    nothing["method"] = [settings.method] * count
-    nothing["checked"] = [settings.diagnosis] * count
-    nothing["version"] = [settings.version] * count
-    nothing["settings"] = [settings.digest] * count
-    return nothing
-
-
-def table_of(columns: Mapping[str, Any], settings: Settings) -> "pa.Table":
-    """Return columns as a table of the settings' schema."""
+def table_of(columns: Mapping[str, Any], count: int, settings: Settings) -> "pa.Table":
+    """Return columns of so many rows as a table; of the others only who made them is known."""
     pa = needed("pyarrow", "a table of contacts")
     schema = schema_of(settings)
-    arrays = [pa.array(columns[field.name], type=field.type) for field in schema]
+    nothing = _nothing(schema, settings)
+    arrays = [
+        pa.array(columns.get(name, [nothing[name]] * count), type=schema.field(name).type)
+        for name in schema.names
+    ]
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
 def table_of_rows(rows: Sequence[Mapping[str, Any]], settings: Settings) -> "pa.Table":
     """Return rows, of which each says what it knows, as a table of the settings' schema."""
-    columns = empty_columns(settings, len(rows))
-    for k, row in enumerate(rows):
-        for name, value in row.items():
-            columns[name][k] = value
-    return table_of(columns, settings)
+    pa = needed("pyarrow", "a table of contacts")
+    schema = schema_of(settings)
+    nothing = _nothing(schema, settings)
+    return pa.Table.from_pylist([{**nothing, **row} for row in rows], schema=schema)
+
+
+def _nothing(schema: "pa.Schema", settings: Settings) -> Row:
+    """A row of which nothing is known but who made it."""
+    unknown = {each.name: math.nan if each.type == "double" else None for each in schema}
+    made = {"method": settings.method, "checked": settings.diagnosis, "version": settings.version}
+    return {**unknown, **made, "settings": settings.digest}
 
 
 # A contact, and what was identified of it, as a row of the table.
-
-Row = dict[str, Any]
 
 
 def rows_of(contact: Contact, settings: Settings) -> Iterator[Row]:
@@ -329,7 +197,7 @@ def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:
     return row
 
 
-def place_in_notes(notes: "dict[str, str]") -> Row:
+def place_in_notes(notes: Mapping[str, str]) -> Row:
     """Where an instrument says that a curve was taken: its stage's position, m."""
     row: Row = {}
     for axis in "xy":

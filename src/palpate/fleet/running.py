@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,12 +21,18 @@ import numpy as np
 from palpate._core import __version__
 from palpate.contact import Contact
 from palpate.errors import FleetError, InvalidParameterError, PalpateError, RecordingError
-from palpate.fleet.arrays import identify_curves, row_of_curve, searches_whole_curves
+from palpate.fleet.arrays import (
+    Given,
+    fits_whole_curves,
+    identify_curves,
+    identify_each,
+    searches_whole_curves,
+)
 from palpate.fleet.files import Results, curves_of, on_this_machine, sources_of
-from palpate.fleet.rows import Row, failure, place_in_notes, rows_of, table_of_rows
+from palpate.fleet.rows import Row, table_of_rows
 from palpate.fleet.tasks import Batch, Settings, batches, cores, line_of, needed
 from palpate.preparation import prepare
-from palpate.recordings import Recording, open_recording
+from palpate.recordings import open_recording
 from palpate.recordings.recording import printable
 from palpate.validation import Floats, whole_in
 
@@ -61,7 +68,7 @@ def identify_batch(
     Returns
     -------
     pyarrow.Table
-        :func:`palpate.fleet.rows.columns_of` says what it holds: a row a contact, in their
+        :func:`palpate.fleet.rows.schema_of` says what it holds: a row a contact, in their
         order; of a recording of a probe that travels a row a place. What fails is a row with its
         reason.
 
@@ -79,11 +86,15 @@ def timed_batch(
     batch: "pa.Table | pa.RecordBatch", settings: Settings, *, threads: int = 1
 ) -> "tuple[pa.Table, Floats]":
     """Identify a batch as :func:`identify_batch` does; and the seconds that each row took."""
-    _check_version(settings)
+    if settings.version != __version__:
+        raise FleetError(
+            f"a worker has palpate {__version__}, and palpate {settings.version} asks; "
+            "install one version everywhere"
+        )
     pa = needed("pyarrow", "a table of contacts")
     names = set(batch.schema.names)
     if {"penetration", "force", "time"} <= names:
-        return _with_samples(batch, settings)
+        return identify_each(_held(batch, settings), settings)
     if not {"source", "kind", "index"} <= names:
         raise InvalidParameterError(
             "a batch must have the columns source, kind and index, or time, penetration and force, "
@@ -106,14 +117,6 @@ def lost(batch: "pa.Table", settings: Settings, reason: str) -> "pa.Table":
     return table_of_rows(rows, settings)
 
 
-def _check_version(settings: Settings) -> None:
-    if settings.version != __version__:
-        raise FleetError(
-            f"a worker has palpate {__version__}, and palpate {settings.version} asks; "
-            "install one version everywhere"
-        )
-
-
 def _runs(batch: "pa.Table | pa.RecordBatch") -> Iterator[tuple[str, list[Named]]]:
     """Rows next to each other that are read together: of one array or map, or any files."""
     columns = (batch.column(name).to_pylist() for name in ("kind", "source", "index"))
@@ -127,124 +130,65 @@ def _runs(batch: "pa.Table | pa.RecordBatch") -> Iterator[tuple[str, list[Named]
 def _identified(
     kind: str, named: list[Named], settings: Settings, threads: int
 ) -> "tuple[pa.Table, Floats]":
-    if kind == "map":
-        return _of_map(named[0][0], [index for _, index in named], settings)
-    if kind == "zarr":
-        return _of_array(named[0][0], [index or 0 for _, index in named], settings, threads)
-    rows: list[Row] = []
-    seconds: list[float] = []
-    for source, index in named:
-        begun = time.perf_counter()
-        new = _of_file(source, index, settings)
-        rows += new
-        seconds += [(time.perf_counter() - begun) / len(new)] * len(new)
-    return table_of_rows(rows, settings), np.array(seconds)
-
-
-def _of_array(
-    source: str, numbers: Sequence[int], settings: Settings, threads: int
-) -> "tuple[pa.Table, Floats]":
+    if kind != "zarr":
+        recordings = _in_files(named) if kind == "file" else _in_map(named)
+        return identify_each(recordings, settings, searching=kind == "map")
+    source, numbers = named[0][0], [index or 0 for _, index in named]
     first, count = min(numbers), max(numbers) - min(numbers) + 1
-    begun = time.perf_counter()
     try:
-        table = identify_curves(curves_of(source, first, count), settings, threads=threads)
-        wanted = [number - first for number in numbers]
-        table = table if wanted == list(range(count)) else table.take(wanted)
+        curves = curves_of(source, first, count)
+        table, seconds = identify_curves(curves, settings, threads=threads)
     except Exception as error:
-        rows = [{"source": source, "index": each, **failure(error)} for each in numbers]
-        table = table_of_rows(rows, settings)
-    spent = time.perf_counter() - begun
-    return table, np.full(table.num_rows, spent / max(table.num_rows, 1))
+        return identify_each([(_name(*each), error) for each in named], settings)
+    rows = np.subtract(numbers, first)
+    return table.take(rows), seconds[rows]
 
 
-def _of_map(
-    source: str, indices: "list[int | None]", settings: Settings
-) -> "tuple[pa.Table, Floats]":
+def _name(source: str, index: int | None) -> Row:
+    return {"source": source, "index": index}
+
+
+def _in_files(named: list[Named]) -> Iterator[Given]:
+    for source, index in named:
+        try:
+            with on_this_machine(source) as path:
+                try:
+                    yield _name(source, index), open_recording(path, curve=index)
+                except PalpateError as error:
+                    if "://" not in source:
+                        raise  # else the name of a copy would tell a person nothing
+                    raise RecordingError(str(error).replace(printable(path), source)) from None
+        except Exception as error:
+            yield _name(source, index), error
+
+
+def _in_map(named: list[Named]) -> Iterator[Given]:
     """Curves of one file, which is opened once."""
     from palpate.recordings.afm import read_curves
 
-    rows: list[Row] = []
-    seconds: list[float] = []
-    numbers = [0 if index is None else index for index in indices]
+    left = deque(named)
     try:
-        with on_this_machine(source) as path:
-            begun = time.perf_counter()
-            for index, read in zip(indices, read_curves(path, numbers), strict=True):
-                named: Row = {"source": source, "index": index}
-                new = _of_recording(read, named, settings, curve=True)
-                rows += new
-                spent, begun = time.perf_counter() - begun, time.perf_counter()
-                seconds += [spent / len(new)] * len(new)
+        with on_this_machine(named[0][0]) as path:
+            for read in read_curves(path, [index or 0 for _, index in named]):
+                yield _name(*left.popleft()), read
     except Exception as error:  # of the file as a whole
-        for index in indices[len(seconds) :]:
-            rows.append({"source": source, "index": index, **failure(error)})
-            seconds.append(0.0)
-    return table_of_rows(rows, settings), np.array(seconds)
+        yield from ((_name(*each), error) for each in left)
 
 
-def _of_file(source: str, index: int | None, settings: Settings) -> list[Row]:
-    named: Row = {"source": source, "index": index}
-    try:
-        with on_this_machine(source) as path:
-            try:
-                recording: Recording | PalpateError = open_recording(path, curve=index)
-            except PalpateError as error:
-                recording = error
-                if "://" in source:  # the name of a copy would tell a person nothing
-                    recording = RecordingError(str(error).replace(printable(path), source))
-            return _of_recording(recording, named, settings)
-    except Exception as error:
-        return [{**named, **failure(error)}]
+def _held(batch: "pa.Table | pa.RecordBatch", settings: Settings) -> Iterator[Given]:
+    """Contacts whose samples are in the batch itself."""
+    columns = {name: batch.column(name) for name in batch.schema.names}
 
-
-def _of_recording(
-    recording: "Recording | BaseException", named: Row, settings: Settings, *, curve: bool = False
-) -> list[Row]:
-    """Prepare and identify: a row, or one for each place; or why not."""
-    if isinstance(recording, BaseException):
-        return [{**named, **failure(recording)}]
-    named = {**named, **place_in_notes(dict(recording.notes))}
-    try:
-        contact: Contact = prepare(recording, **settings.preparation)
-        if curve and searches_whole_curves(settings):
-            rows = [{**named, **row_of_curve(contact, settings)}]
-        else:
-            rows = [{**named, **row} for row in rows_of(contact, settings)]
-    except Exception as error:
-        return [{**named, **failure(error)}]
-    if not rows:
-        words = "the probe travels, and no place of it is in the window that was asked for"
-        return [{**named, **failure(FleetError(words))}]
-    return rows
-
-
-def _with_samples(
-    batch: "pa.Table | pa.RecordBatch", settings: Settings
-) -> "tuple[pa.Table, Floats]":
-    """Identify contacts whose samples are in the batch itself."""
-    names = set(batch.schema.names)
-    rows: list[Row] = []
-    seconds = []
-    for k in range(batch.num_rows):
-        begun = time.perf_counter()
-        named: Row = {
-            name: batch.column(name)[k].as_py() for name in ("source", "index") if name in names
+    def contact(k: int, source: str | None) -> Contact:
+        samples = {name: columns[name][k] for name in _SAMPLES if name in columns}
+        arrays: dict[str, Any] = {
+            name: np.asarray(each.values) for name, each in samples.items() if each.is_valid
         }
-        new: list[Row]
-        try:
-            arrays: dict[str, Any] = {
-                name: np.asarray(batch.column(name)[k].values)
-                for name in _SAMPLES
-                if name in names and batch.column(name)[k].is_valid
-            }
-            contact = prepare(source=named.get("source") or "", **arrays, **settings.preparation)
-            new = [{**named, **row} for row in rows_of(contact, settings)]
-        except Exception as error:
-            new = [{**named, **failure(error)}]
-        rows += new
-        spent = time.perf_counter() - begun
-        seconds += [spent / len(new)] * len(new)
-    return table_of_rows(rows, settings), np.array(seconds)
+        return prepare(source=source or "", **arrays, **settings.preparation)
+
+    for k in range(batch.num_rows):
+        named = {name: columns[name][k].as_py() for name in ("source", "index") if name in columns}
+        yield named, partial(contact, k, named.get("source"))
 
 
 # Where a fleet runs: processes of this machine, or the workers of a scheduler.
@@ -464,8 +408,6 @@ class Fleet:
         That this run wrote.
     seconds : float
         From the first batch to the last.
-    busy : float
-        What the batches took together, s of one worker.
     reasons : dict
         How many rows failed with each class of error.
     """
@@ -477,7 +419,6 @@ class Fleet:
     identified: int = 0
     rows: int = 0
     seconds: float = 0.0
-    busy: float = 0.0
     reasons: dict[str, int] = field(default_factory=dict)
 
 
@@ -526,25 +467,28 @@ def run_fleet(
         whole_in("workers", workers, 1, 10_000)
     needed("distributed", "a fleet")
     listed = sources_of(sources, leave_out=folder)
-    cut = batches(listed)
-    results = Results.begin(folder, settings, listed, cut)
-    waiting = results.waiting()
-    total = sum(batch.contacts for batch in cut)
-    fleet = Fleet(folder, total, total - sum(batch.contacts for batch in waiting))
+    results = Results.begin(folder, settings, listed)
+    there, total = results.done(), results.contacts
+    done = sum(end - first for first, end in there)
+    fleet = Fleet(folder, total, done)
     report = progress or (lambda done, total: None)
-    report(fleet.reused, total)
+    report(done, total)
     _count(fleet, results.error_kinds())
-    if not waiting:
+    if done == total:
         return fleet
+    curves = {"zarr": fits_whole_curves(settings), "map": searches_whole_curves(settings)}
+    work = [
+        source.seconds(settings.diagnosis, whole_curve=curves.get(source.kind, False))
+        for source in listed
+    ]
     with client_of(workers=workers, scheduler=scheduler, dashboard=dashboard) as client:
         begun = time.perf_counter()
-        done = fleet.reused
+        waiting = batches(listed, work, workers or sum(client.nthreads().values()) or 1, there)
         for batch, (table, seconds) in _worked(client, waiting, settings):
             results.write(batch, table, seconds)
             _count(fleet, table["error_kind"].to_pylist())
             fleet.rows += table.num_rows
-            fleet.busy += float(seconds.sum())
-            done += batch.contacts
+            done += batch.end - batch.first
             report(done, total)
         fleet.seconds = time.perf_counter() - begun
     return fleet
@@ -573,7 +517,7 @@ def _worked(
             asked, most = time.monotonic(), _AHEAD * (sum(client.nthreads().values()) or 1)
         while left and len(out) < most:
             batch = left.popleft()
-            future = client.submit(timed_batch, batch.table(), settings, pure=False)
+            future = client.submit(timed_batch, batch.table, settings, pure=False)
             out[future.key] = batch
             coming.add(future)
         future = next(coming)
@@ -587,7 +531,7 @@ def _answer(client: Any, future: Any, batch: Batch, settings: Settings) -> Any:
     try:
         return future.result()
     except distributed.KilledWorker:
-        return _in_parts(client, batch.table(), settings)
+        return _in_parts(client, batch.table, settings)
     except FleetError:
         raise
     except Exception as error:

@@ -2,12 +2,15 @@
 
 import dataclasses
 import hashlib
+import itertools
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
 
 from palpate._core import __version__
 from palpate.contact import Contact
@@ -59,12 +62,19 @@ def cores() -> int:
 
 # What is to be identified: contacts by the source and the number of each, in batches.
 
-# A task costs the scheduler a millisecond or two: a batch takes a fifth of a second or more by the
-# quickest way there is, and a few seconds by the usual ones, so that all of them end together.
-FILES = 32
-CURVES_OF_A_FILE = 32
-# Of an array: a second of fitting, 48 MB as penetration, velocity and force.
-SAMPLES = 2_000_000
+# What a contact takes, s, and each of its samples, on a core of 2.4 GHz: the medians of touches of
+# 200 to 10 000 samples. A search for the surface takes three times as long as the recursion alone;
+# what a task takes may be wrong by that, for all of the tasks are.
+_RECURSION = {"none": (3e-3, 1e-6), "input": (5e-3, 1e-6), "full": (25e-3, 12e-6)}
+_WHOLE_CURVE = {"none": (1e-4, 1e-7), "input": (6e-4, 5e-7)}
+# To read and prepare a file: s, s a byte, and bytes a sample (29 of text with four channels).
+_READING, _READING_A_BYTE, _BYTES_A_SAMPLE = 6e-3, 15e-9, 30.0
+# A task costs the scheduler and the folder of the results some 10 ms.
+_SHORTEST, _LONGEST = 0.05, 1.0  # s
+# A worker holds two tasks at the end, while the other may have none: an eighth of its work.
+_TASKS_A_WORKER = 16
+# Of arrays in one task: 48 MB as penetration, velocity and force.
+_SAMPLES = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +95,8 @@ class ContactSource:
         Contacts that are stored together, and best read together.
     stamp : str
         What would change if it was written again.
+    size : int
+        Of a file, bytes.
     """
 
     name: str
@@ -93,45 +105,45 @@ class ContactSource:
     samples: int = 0
     chunk: int = 1
     stamp: str = ""
+    size: int = 0
 
     @property
     def contacts(self) -> int:
         """How many there are, as far as can be known before it is read."""
         return 1 if self.count is None else self.count
 
-
-@dataclass(frozen=True, slots=True)
-class Piece:
-    """Contacts of one source that are next to each other."""
-
-    source: ContactSource
-    first: int
-    count: int
+    def seconds(self, diagnosis: str, *, whole_curve: bool) -> float:
+        """About how long each of its contacts takes."""
+        by_method = _WHOLE_CURVE if whole_curve else _RECURSION
+        contact, sample = by_method[diagnosis]
+        if self.kind == "zarr":
+            return contact + sample * self.samples
+        size = self.size / max(self.contacts, 1)
+        return _READING + _READING_A_BYTE * size + contact + sample * size / _BYTES_A_SAMPLE
 
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """What is identified by one task, and becomes one file of the results."""
+    """What is identified by one task, and becomes one file of the results.
 
-    number: int
-    pieces: tuple[Piece, ...]
+    Attributes
+    ----------
+    first : int
+        Which contact of the fleet it begins with.
+    table : pyarrow.Table
+        As :func:`palpate.fleet.running.identify_batch` takes it: a row a contact.
+    seconds : float
+        About how long it takes.
+    """
+
+    first: int
+    table: "pa.Table"
+    seconds: float
 
     @property
-    def contacts(self) -> int:
-        """How many there are."""
-        return sum(piece.count for piece in self.pieces)
-
-    def table(self) -> "pa.Table":
-        """Return it as :func:`palpate.fleet.running.identify_batch` takes it: a row a contact."""
-        names: list[str] = []
-        kinds: list[str] = []
-        indices: list[int | None] = []
-        for piece in self.pieces:
-            names += [piece.source.name] * piece.count
-            kinds += [piece.source.kind] * piece.count
-            single = piece.source.count is None
-            indices += [None] if single else list(range(piece.first, piece.first + piece.count))
-        return tasks_table(names, kinds, indices)
+    def end(self) -> int:
+        """Which contact of the fleet it ends before."""
+        return self.first + int(self.table.num_rows)
 
 
 def tasks_table(
@@ -148,35 +160,70 @@ def tasks_table(
     )
 
 
-def batches(sources: Iterable[ContactSource]) -> list[Batch]:
-    """Cut sources into batches; by the sources alone, so that a run that goes on cuts the same."""
-    found: list[tuple[Piece, ...]] = []
-    files: list[Piece] = []
-    for source in sources:
-        if source.count is None:
-            files.append(Piece(source, 0, 1))
-            if len(files) == FILES:
-                found.append(tuple(files))
-                files = []
-            continue
-        if files:
-            found.append(tuple(files))
-            files = []
-        found += [(piece,) for piece in _pieces(source)]
-    if files:
-        found.append(tuple(files))
-    return [Batch(number, pieces) for number, pieces in enumerate(found)]
+def batches(
+    sources: Sequence[ContactSource],
+    seconds: Sequence[float],
+    workers: int = 1,
+    done: Iterable[tuple[int, int]] = (),
+) -> list[Batch]:
+    """Cut sources into batches of about equal work, the longest first.
+
+    Parameters
+    ----------
+    sources : sequence of ContactSource
+        What there is.
+    seconds : sequence of float
+        About how long a contact of each takes.
+    workers : int
+        That share them.
+    done : iterable of (int, int)
+        Contacts that need not be identified, from the one up to the other: without them the
+        batches of the rest are the same.
+    """
+    counts = [source.contacts for source in sources]
+    work = np.repeat(seconds, counts)
+    longest = min(max(float(work.sum()) / (_TASKS_A_WORKER * workers), _SHORTEST), _LONGEST)
+    waiting = np.ones(work.size, dtype=bool)
+    edges = {work.size, *_cuts(sources, seconds, longest)}
+    for first, end in done:
+        waiting[first:end] = False
+        edges |= {first, end}
+    whole = tasks_table(
+        [source.name for source in sources for _ in range(source.contacts)],
+        [source.kind for source in sources for _ in range(source.contacts)],
+        [
+            k
+            for source in sources
+            for k in ([None] if source.count is None else range(source.count))
+        ],
+    )
+    found = [  # copies: of a slice Arrow would send the whole
+        Batch(first, whole.take(np.arange(first, end)), float(work[first:end].sum()))
+        for first, end in itertools.pairwise(sorted(edges))
+        if waiting[first]
+    ]
+    return sorted(found, key=lambda batch: -batch.seconds)
 
 
-def _pieces(source: ContactSource) -> Iterator[Piece]:
-    size = CURVES_OF_A_FILE
-    if source.kind == "zarr":
-        size = max(SAMPLES // max(source.samples, 1), 1)
-        if size > source.chunk:
-            size -= size % source.chunk
-    count = source.contacts
-    for first in range(0, count, size):
-        yield Piece(source, first, min(size, count - first))
+def _cuts(
+    sources: Iterable[ContactSource], seconds: Iterable[float], longest: float
+) -> Iterator[int]:
+    """Where batches begin; chunks that are stored together stay together where they can."""
+    at, load = 0, 0.0
+    yield at
+    for source, each in zip(sources, seconds, strict=True):
+        first = 0
+        while first < source.contacts:
+            fit = int((longest - load) / each)
+            if source.samples:
+                fit = min(fit, _SAMPLES // source.samples)
+            if fit > source.chunk:
+                fit -= (first + fit) % source.chunk
+            fit = min(max(fit, load == 0.0), source.contacts - first)
+            first, at, load = first + fit, at + fit, load + fit * each
+            if first < source.contacts or load >= longest:
+                yield at
+                load = 0.0
 
 
 def digest_of(sources: Iterable[ContactSource]) -> str:
