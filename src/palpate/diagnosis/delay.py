@@ -3,10 +3,9 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
-
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.finding import remedy_of_memory
 from palpate.diagnosis.fit import (
@@ -293,40 +292,38 @@ def _residual_delay(fit: Fit, at: Solution, shift: int) -> float:
 
 def _motion(fit: Fit, shift: int, every: int = 1) -> MovedSamples:
     """The motion that a force later by some samples answers to."""
-    band = fit.band if every == 1 else fit.band.rows(np.arange(len(fit.band)) % every == 0)
-    place = _within_segment(fit, shift)
+    band = fit.band if every == 1 else fit.band.thinned(every)
+    # The samples that were some earlier, none across the border of a segment.
+    segment = fit.data.segment
+    own = segment[band.samples]
+    first, last = np.searchsorted(segment, own), np.searchsorted(segment, own, "right") - 1
+    place = np.clip(band.samples - shift, first, last)
     x = fit.penetration[place] / fit.units.depth
     return MovedSamples(x, fit.data.velocity[place] / fit.units.speed, band, fit.force[::every])
-
-
-def _within_segment(fit: Fit, shift: int) -> NDArray[np.intp]:
-    """The samples that were some earlier, none across the border of a segment."""
-    segment = fit.data.segment
-    own = segment[fit.band.samples]
-    first, last = np.searchsorted(segment, own), np.searchsorted(segment, own, "right") - 1
-    place: NDArray[np.intp] = np.clip(fit.band.samples - shift, first, last)
-    return place
 
 
 def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:
     """The whole shift that fits best: a coarse scan, then single samples around its best."""
     every = max(-(-len(fit.band) // MOST_ROWS), 1)
-    energies: dict[int, float] = {}
+    law, offset = fit.solution.law, fit.solution.offset
 
+    @cache
     def energy(shift: int) -> float:
-        if shift not in energies:
-            law, offset = fit.solution.law, fit.solution.offset
-            moved = _motion(fit, shift, every)
-            energies[shift] = fit.solve(law, offset, moved, enough=ROUGHLY).energy
-        return energies[shift]
+        return fit.solve(law, offset, _motion(fit, shift, every), enough=ROUGHLY).energy
+
+    def roughly(shift: int) -> float:
+        """What a linear step would leave: enough where single samples are tried afterwards."""
+        return fit.at(law, offset, _motion(fit, shift, every)).left_by_a_step
 
     coarse = max(reach // 6, 1)
-    best = min({0, -reach, reach, *range(-reach, reach + 1, coarse)}, key=energy)
+    best = min(
+        {0, -reach, reach, *range(-reach, reach + 1, coarse)},
+        key=roughly if coarse > 1 else energy,
+    )
     while coarse > 1:
-        coarse = max(coarse // 2, 1)
+        coarse //= 2
         near = (best - coarse, best, best + coarse)
         best = min((s for s in near if abs(s) <= reach), key=energy)
-    law, offset = fit.solution.law, fit.solution.offset
     return fit.solve(law, offset, _motion(fit, best)), best
 
 

@@ -67,20 +67,16 @@ def flat(fit: Fit) -> Finding | None:
     long = np.flatnonzero((lengths >= shortest) & inside[borders[:-1]])
     if not long.size:
         return None
-    moving = MOVES * max(fit.data.force_noise, fit.data.force_step)
+    starts, lengths = borders[long], lengths[long]
+    within = np.repeat(starts - np.cumsum(lengths) + lengths, lengths) + np.arange(lengths.sum())
+    model = fit.law.force(np.maximum(fit.penetration[within], 0.0), fit.data.velocity[within])
+    runs = np.cumsum(lengths) - lengths
+    span = np.maximum.reduceat(model, runs) - np.minimum.reduceat(model, runs)
+    stuck = span > MOVES * max(fit.data.force_noise, fit.data.force_step)
     top = float(force[inside].max())
-    at_top = elsewhere = 0
-    for start, length in zip(borders[long].tolist(), lengths[long].tolist(), strict=True):
-        part = slice(start, start + length)
-        x = np.maximum(fit.penetration[part], 0.0)
-        if np.ptp(fit.law.force(x, fit.data.velocity[part])) > moving:
-            at_top += length * (force[start] >= top)
-            elsewhere += length * (force[start] < top)
-    count = int(np.count_nonzero(inside))
-    return _said(at_top / count, elsewhere / count, top)
-
-
-def _said(at_top: float, elsewhere: float, top: float) -> Finding | None:
+    highest = force[starts] >= top
+    count = np.count_nonzero(inside)
+    at_top, elsewhere = (lengths[stuck & at].sum() / count for at in (highest, ~highest))
     part = max(at_top, elsewhere)
     if part <= SOME_FLAT:
         return None

@@ -121,9 +121,11 @@ class Band:
             parts.append(part)
         return tuple(parts)
 
-    def rows(self, keep: NDArray[np.bool_]) -> "Band":
-        """Return some of the windows."""
-        return Band(self.samples, self.windows[:, keep], self.period)
+    def thinned(self, every: int) -> "Band":
+        """Return one in so many of the windows."""
+        index = self.samples[self.windows[:, ::every]]
+        samples = np.unique(index)
+        return Band(samples, np.searchsorted(samples, index), self.period)
 
 
 def band_of(
@@ -208,6 +210,12 @@ class Solution:
     def energy(self) -> float:
         """Sum of squares of the residual, N²."""
         return float(self.residual @ self.residual)
+
+    @property
+    def left_by_a_step(self) -> float:
+        """What its energy would be after a step, were the force linear in the parameters, N²."""
+        left = self.residual - self.jacobian @ _step(self.jacobian, self.residual, 1e-9)
+        return float(left @ left)
 
 
 class Fit:
@@ -302,6 +310,14 @@ class Fit:
         return self.units.restored(self.solution.law)
 
     @cached_property
+    def inverse(self) -> Floats:
+        """Pseudo-inverse of the solution's Jacobian."""
+        size = np.linalg.norm(self.solution.jacobian, axis=0)
+        size[size == 0.0] = 1.0
+        inverse: Floats = np.linalg.pinv(self.solution.jacobian / size) / size[:, None]
+        return inverse
+
+    @cached_property
     def covariance(self) -> Floats:
         """Of the solution's parameters and offset, in local units, for a correlated residual."""
         return robust_covariance(self.solution.jacobian, self.solution.residual, self.band.shared)
@@ -309,8 +325,7 @@ class Fit:
     def at(self, law: ForceLaw, offset: float, moved: "MovedSamples | None" = None) -> Solution:
         """Jacobian and residual of a law in local units."""
         motion = moved or MovedSamples(self.x, self.v, self.band, self.force)
-        x = np.maximum(motion.x, 1e-12)
-        gradient = motion.band.mean(law.parameter_gradient(x, motion.v))
+        gradient = motion.band.mean(law.parameter_gradient(np.maximum(motion.x, 1e-12), motion.v))
         # The force is linear in all parameters but the exponent.
         linear = 2 if isinstance(law, HuntCrossley) else len(law.symbols)
         model = gradient[:, :linear] @ law.parameters[:linear]
@@ -530,16 +545,15 @@ class Beside:
 def beside(fit: Fit, column: Floats) -> Beside | None:
     """Fit a column beside the law's Jacobian; None where the law has it already."""
     jacobian, residual = fit.solution.jacobian, fit.solution.residual
-    size = np.linalg.norm(jacobian, axis=0)
-    size[size == 0.0] = 1.0
-    own = np.linalg.lstsq(jacobian / size, column, rcond=None)[0] / size
+    own = fit.inverse @ column
     left = column - jacobian @ own
     if not np.isfinite(left).all() or float(left @ left) <= COLLINEAR**2 * float(column @ column):
         return None
     amount = float(left @ residual / (left @ left))
-    wide = np.column_stack([jacobian, column])
     after = residual - amount * left
-    error = math.sqrt(robust_covariance(wide, after, fit.band.shared)[-1, -1])
+    # What is left of the column is orthogonal to the others: its own error needs none of them.
+    others = jacobian.shape[1]
+    error = math.sqrt(robust_covariance(left[:, None], after, fit.band.shared, others)[0, 0])
     before = max(fit.solution.energy, np.finfo(float).tiny)
     gain = 1.0 - float(after @ after) / before
     return Beside(-amount * own, amount, abs(amount) / max(error, 1e-300), gain)

@@ -38,7 +38,9 @@ def block_variance(scores: Floats, floor: Floats) -> Floats:
     return largest
 
 
-def robust_covariance(jacobian: Floats, residual: Floats, shared: Sequence[Floats] = ()) -> Floats:
+def robust_covariance(
+    jacobian: Floats, residual: Floats, shared: Sequence[Floats] = (), others: int = 0
+) -> Floats:
     """Covariance of least squares from the influence of each row, in blocks of every length.
 
     With u_i = (JᵀJ)⁻¹ J_i r_i, the white covariance r²(JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ is widened on both
@@ -54,6 +56,8 @@ def robust_covariance(jacobian: Floats, residual: Floats, shared: Sequence[Float
         R for white samples: the part of its window that each row shares with the next, with the
         next but one, and so on. Blocks alone find but 2.2 of the 3 times that windows which share
         two thirds take: bars of 0.85 of their width.
+    others : int
+        Parameters that were fitted too, whose columns are orthogonal to these.
     """
     size = np.linalg.norm(jacobian, axis=0)
     size[size == 0.0] = 1.0
@@ -64,7 +68,7 @@ def robust_covariance(jacobian: Floats, residual: Floats, shared: Sequence[Float
     for lag, part in enumerate(shared, start=1):
         both = scores[:-lag].T @ (scores[lag:] * part[:, None])
         white += both + both.T
-    white *= float(residual @ residual) / max(len(residual) - len(size), 1)
+    white *= float(residual @ residual) / max(len(residual) - len(size) - others, 1)
     variances = np.diag(white).clip(min=np.finfo(float).tiny)
     widening = np.sqrt(block_variance(scores * residual[:, None], variances) / variances)
     covariance: Floats = white * np.outer(widening, widening) / np.outer(size, size)

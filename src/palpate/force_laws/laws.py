@@ -5,7 +5,7 @@ Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, is_dataclass
 from typing import Any, ClassVar, Self, TypeVar, overload
 
 import numpy as np
@@ -53,7 +53,7 @@ class ForceLaw:
     @classmethod
     def names(cls) -> list[str]:
         """Return the names of the parameters, in their order."""
-        return [field.name for field in fields(cls)]  # type: ignore[arg-type]  # every subclass is a dataclass
+        return list(cls.__match_args__)  # type: ignore[attr-defined]  # every subclass is a dataclass
 
     def as_dict(self) -> dict[str, float]:
         """Return the parameters by name, SI."""

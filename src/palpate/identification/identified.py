@@ -242,11 +242,12 @@ class Identified:
         chosen = choices(contact, given)
         fresh = given.replace(**chosen)
         if isinstance(fresh, ViscoelasticContact) and "sample_time" in chosen:
-            chosen["sample_time"] = placed(contact, fresh).settings["sample_time"]
-            fresh = given.replace(**chosen)
+            fresh, written = placed(contact, fresh, traced)
+            chosen["sample_time"] = fresh.settings["sample_time"]
+        else:
+            written = replayed(contact, fresh, traced)
         known = ", ".join(f"{name}={value}" for name, value in chosen.items() if value is not None)
         _LOGGER.info("%s: chosen from the data: %s", fresh.method, known or "nothing")
-        written = replayed(contact, fresh, traced)
         flags = tuple(flags_of(contact, written, fresh))
         taken = np.count_nonzero(written.taken)
         _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))

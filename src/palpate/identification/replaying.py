@@ -225,7 +225,9 @@ _MOST = 3  # places beyond the first: up to 260 000 sample times
 
 
 @timed("relaxation times")
-def placed(contact: Contact, bank: ViscoelasticContact) -> ViscoelasticContact:
+def placed(
+    contact: Contact, bank: ViscoelasticContact, trace: Traced = False
+) -> tuple[ViscoelasticContact, Trace]:
     """Return a bank that has learned a contact, with the place of its relaxation times.
 
     They go from the sample time that it is given: the contact's own, unless a bank that begins
@@ -239,10 +241,12 @@ def placed(contact: Contact, bank: ViscoelasticContact) -> ViscoelasticContact:
         All of it.
     bank : ViscoelasticContact
         With the settings that were chosen; it is left as it is.
+    trace : int, float, "full" or False
+        Which estimates are written down.
     """
     own, duration = contact.sample_time, float(contact.time_steps.sum())
     best = bank.replace(sample_time=own)
-    replayed(contact, best, trace=False)
+    written = replayed(contact, best, trace)
     # By the samples that count with the first: of what fits better others do.
     effective = max(best.evidence().effective_samples, math.e)
     forgets, remembers = _costs(best, effective)
@@ -252,11 +256,11 @@ def placed(contact: Contact, bank: ViscoelasticContact) -> ViscoelasticContact:
         if not some or _LONGEST * step >= _FURTHER * duration:
             break
         trial = bank.replace(sample_time=step)
-        replayed(contact, trial, trace=False)
+        traced = replayed(contact, trial, trace)
         cost = min(_costs(trial, effective)) + _penalty(effective)
         if cost < least:
-            best, least = trial, cost
-    return best
+            best, written, least = trial, traced, cost
+    return best, written
 
 
 def _penalty(effective: float) -> float:
@@ -315,4 +319,4 @@ def _compared(contact: Contact, given: dict[str, Any], surface: float) -> Viscoe
         exponent=kept if kept is not None and low <= kept <= high else None,
     )
     below = replace(contact, penetration=contact.penetration - surface) if surface else contact
-    return placed(below, bank.replace(**choices(below, bank)))
+    return placed(below, bank.replace(**choices(below, bank)))[0]

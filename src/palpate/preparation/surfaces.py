@@ -84,17 +84,15 @@ class Placed:
 
 
 def _model(samples: Samples, parameters: Floats) -> tuple[Floats, Floats]:
-    """Force [N] and its gradient by (k, c, n, F₀, d)."""
+    """Force [N] and its gradient by (k, c, n, F₀, d), a row each."""
     k, c, n, offset, depth = parameters
     below = samples.x - depth
     touching = below > 1e-9
-    below = np.where(touching, below, 1.0)
-    power = np.where(touching, below**n, 0.0)
+    below[~touching] = 1.0
+    power = below**n * touching
     force = power * (k + c * samples.v)
-    gradient = np.column_stack(
-        [power, power * samples.v, np.log(below) * force, np.ones_like(force), -n * force / below]
-    )
-    return force + offset, gradient
+    rows = [power, power * samples.v, np.log(below) * force, np.ones_like(force)]
+    return force + offset, np.array([*rows, -n * force / below])
 
 
 def placed(samples: Samples, start: Floats, *, exponent_fixed: bool = False) -> Placed:
@@ -111,28 +109,30 @@ def placed(samples: Samples, start: Floats, *, exponent_fixed: bool = False) -> 
     """
     parameters, damping = start.copy(), 1e-4
     model, gradient = _model(samples, parameters)
-    gradient[:, 2] *= not exponent_fixed
+    gradient[2] *= not exponent_fixed
     residual = samples.force - model
+    energy = float(residual @ residual)
     for _ in range(STEPS):
-        size = np.linalg.norm(gradient, axis=0)
+        normal = gradient @ gradient.T
+        size = np.sqrt(np.diag(normal))
         size[size == 0.0] = 1.0
-        unit = gradient / size
-        normal = unit.T @ unit + damping * np.eye(len(size))
-        trial = parameters + np.linalg.solve(normal, unit.T @ residual) / size
-        trial[2] = np.clip(trial[2], *EXPONENT_RANGE)
-        trial[4] = np.clip(trial[4], -3.0, 0.9)
+        unit = normal / np.outer(size, size) + damping * np.eye(len(size))
+        trial = parameters + np.linalg.solve(unit, gradient @ residual / size) / size
+        trial[2] = min(max(trial[2], EXPONENT_RANGE[0]), EXPONENT_RANGE[1])
+        trial[4] = min(max(trial[4], -3.0), 0.9)
         model, new_gradient = _model(samples, trial)
-        new_gradient[:, 2] *= not exponent_fixed
+        new_gradient[2] *= not exponent_fixed
         new = samples.force - model
-        if float(new @ new) < float(residual @ residual):
-            ended = float(residual @ residual - new @ new) < 1e-7 * float(new @ new)
-            parameters, residual, gradient = trial, new, new_gradient
+        left = float(new @ new)
+        if left < energy:
+            ended = energy - left < 1e-7 * left
+            parameters, residual, gradient, energy = trial, new, new_gradient, left
             damping = max(damping / 10.0, 1e-9)
             if ended:
                 break
         else:
             damping *= 10.0
-    return Placed(parameters, residual, gradient)
+    return Placed(parameters, residual, gradient.T)
 
 
 # The force out of contact: where it is felt, its mean and its drift.
