@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.finding import remedy_of_memory
 from palpate.diagnosis.fit import (
