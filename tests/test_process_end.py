@@ -127,8 +127,10 @@ os._exit(0 if replayed.estimate().law == own.estimate().law else 4)
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no process can be forked there")
 def test_a_fork_in_the_midst_of_a_replay_leaves_an_error_and_no_lock():
     # Where the child hangs, both processes are ended, by their group.
+    # From 3.12 on Python itself warns of such a fork.
+    command = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", FORK]
     with subprocess.Popen(
-        [sys.executable, "-c", FORK], stderr=subprocess.PIPE, text=True, start_new_session=True
+        command, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as process:
         try:
             _, error = process.communicate(timeout=30)

@@ -11,18 +11,17 @@ import pytest
 
 pytest.importorskip("uvicorn", reason="the extra live is not installed")
 
-from page_server import EXAMPLES, frame, frame_of, raw_frame, received, served
-from scripted import resident
+from page_server import frame, frame_of, raw_frame, received, served
+from scripted import Endless, resident
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-import palpate
 from palpate.errors import InvalidParameterError
 from palpate.live import run
 from palpate.live.choices import LiveCommand
 from palpate.live.page import Page, server, watch
 from palpate.live.page.sink import token_for
-from palpate.live.sources import EndOfSourceError, Replay
+from palpate.live.sources import EndOfSourceError
 
 TOKEN = "a-token-of-twenty-letters"
 
@@ -85,8 +84,8 @@ def test_a_browser_that_asks_for_fewer_samples_gets_every_fourth(page):
         assert np.median(np.diff(times)) == pytest.approx(4e-3)
 
 
-class Until(Replay):
-    """A recording at its own pace, until a test ends it."""
+class Until(Endless):
+    """Samples at their own pace, until a test ends them."""
 
     ended = False
 
@@ -98,7 +97,7 @@ class Until(Replay):
 
 def test_a_page_is_there_while_the_loop_runs_and_every_row_comes_to_it_once():
     page, said = Page(port=0), []
-    source = Until(palpate.prepare(EXAMPLES / "ball.csv"))
+    source = Until()
     running = threading.Thread(target=lambda: said.append(run(source, sinks=[page])))
     running.start()
     origin, rows, asked = f"http://127.0.0.1:{page.port}", 0, False
