@@ -1,4 +1,4 @@
-"""The formats that can be read: how a file of each is known, and the module that reads it."""
+"""Recordings opened, by the formats that can be read, and contacts written."""
 
 import io
 import logging
@@ -6,9 +6,9 @@ import os
 import stat
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
-from palpate.recordings.recording import Recording, printable
+from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file, write_bytes, write_text
+
+_LOGGER = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,229 +129,7 @@ FORMATS: list[Format] = [
 ]
 
 
-def within(name: str, whole: str) -> bool:
-    """Return whether a channel is that one, or a field or an element of it."""
-    return name == whole or (name.startswith(whole) and name[len(whole)] in "./[")
-
-
-# What every reader asks of a file, and how it says that something is lost.
-
-#: What a file, or a part of it, may unpack to or claim, bytes: beyond that no recording goes, and
-#: a damaged size does.
-LARGEST = 8 << 30
-
-
-def regular_size(path: Path, source: str = "") -> int:
-    """Return the size of a file that is read at any place, not from its beginning to its end.
-
-    Raises
-    ------
-    RecordingError
-        It cannot be read, is empty, or is a folder or a device.
-    """
-    source = source or printable(path)
-    try:
-        status = path.stat()
-        if stat.S_ISDIR(status.st_mode):
-            raise RecordingError(f"{source}: this is a folder; name a file in it")
-        if not stat.S_ISREG(status.st_mode):
-            raise RecordingError(
-                f"{source}: this is a device or a socket, which no recording is read from; write "
-                "it to a file"
-            )
-        with path.open("rb"):
-            pass
-    except (OSError, ValueError) as error:
-        raise unreadable(source, error) from None
-    if not status.st_size:
-        raise RecordingError(f"{source}: the file is empty; record or copy it again")
-    return status.st_size
-
-
-def unreadable(source: str, error: Exception) -> Exception:
-    """Return the error of a file that the system does not let read; any other error as it is.
-
-    A ValueError is the system's only where it is about a zero byte in the name.
-    """
-    if not isinstance(error, OSError) and "embedded null" not in str(error):
-        return error
-    reason = getattr(error, "strerror", None) or "cannot be read"
-    return RecordingError(f"{source}: {reason}; check the path")
-
-
-def in_words(size: float) -> str:
-    """Return a number of bytes as a person says it."""
-    for unit in ("bytes", "kB", "MB", "GB", "TB"):
-        if size < 1000 or unit == "TB":
-            break
-        size /= 1000
-    return f"{size:.3g} {unit}" if size < 1000 else f"{size:.0f} {unit}"
-
-
-def first_line(error: BaseException) -> str:
-    """Return what a library says of an error, on one line of bounded length."""
-    lines = str(error).strip().splitlines()
-    words = " ".join((lines[0] if lines else type(error).__name__).split())
-    return words if len(words) <= 160 else f"{words[:159]}…"
-
-
-def refuse_losses(source: str, losses: Sequence[str], request: Request) -> None:
-    """Refuse a damaged file, where that is asked for.
-
-    Raises
-    ------
-    RecordingError
-        Something is lost, and the request is strict.
-    """
-    if request.strict and losses:
-        more = f" (and {len(losses) - 1} more)" if len(losses) > 1 else ""
-        raise RecordingError(
-            f"{source}: {losses[0]}{more}; without --strict the rest of the file is read"
-        )
-
-
-# Tables of named columns, and contacts, written: Parquet by pyarrow, or CSV.
-
-_ROWS = 100_000  # of text that are made at once
-
-
-def write_columns(
-    columns: Mapping[str, NDArray[Any]],
-    path: Path,
-    *,
-    units: Mapping[str, str] | None = None,
-    notes: Mapping[str, str] | None = None,
-    inputs: Sequence[Path] = (),
-) -> None:
-    """Write columns of equal length, whole or not at all; every number comes back as it was.
-
-    :func:`palpate.open_recording` reads it, with units and notes. A unit is in the description of
-    its column in Parquet, and in a note in CSV.
-
-    Parameters
-    ----------
-    columns : mapping
-        One-dimensional arrays of numbers or text.
-    path : Path
-        Ends in .parquet or .csv.
-    units, notes : mapping, optional
-        Units of columns, and what else is to be said.
-    inputs : sequence of Path
-        Files that must not be written over.
-
-    Raises
-    ------
-    InvalidParameterError
-        The path has another ending.
-    MissingExtraError
-        Parquet is asked for, and pyarrow is not installed.
-    RecordingError
-        The path cannot be written.
-    """
-    ending = path.suffix.lower()
-    if ending == ".parquet":
-        write_bytes(path, _as_parquet(columns, units or {}, notes or {}), inputs)
-    elif ending == ".csv":
-        write_text(path, _as_csv(columns, units or {}, notes or {}), inputs)
-    else:
-        raise InvalidParameterError(f"{path}: a table's name must end in .parquet or .csv")
-
-
-def has_parquet() -> bool:
-    """Whether pyarrow, which writes Parquet, is installed."""
-    try:
-        import pyarrow.parquet  # noqa: F401 - whether it can be imported is the question
-    except ImportError:
-        return False
-    return True
-
-
-def _as_parquet(
-    columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
-) -> bytes:
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as parquet
-    except ImportError:
-        raise MissingExtraError(
-            "Parquet needs pyarrow: pip install 'palpate[recordings]', or write .csv"
-        ) from None
-    arrays = [pa.array(values) for values in columns.values()]
-    fields = [
-        pa.field(name, array.type, metadata={"unit": units[name]} if name in units else None)
-        for name, array in zip(columns, arrays, strict=True)
-    ]
-    table = pa.table(arrays, schema=pa.schema(fields, metadata=dict(notes)))
-    written = io.BytesIO()
-    parquet.write_table(table, written, compression="zstd")
-    return written.getvalue()
-
-
-def _as_csv(
-    columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
-) -> str:
-    text = io.StringIO()
-    units_note = {"units": ", ".join(f"{name} {unit}" for name, unit in units.items())}
-    for name, words in {**notes, **(units_note if units else {})}.items():
-        text.write(f"# {name}: {' '.join(words.split())}\n")
-    text.write(",".join(columns) + "\n")
-    length = len(next(iter(columns.values())))
-    for start in range(0, length, _ROWS):
-        # repr: the shortest text that is the same number again.
-        cells = [
-            map(str if values.dtype.kind == "U" else repr, values[start : start + _ROWS].tolist())
-            for values in columns.values()
-        ]
-        text.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
-    return text.getvalue()
-
-
-def write_contact(
-    contact: Contact,
-    path: str | Path,
-    notes: Mapping[str, str] | None = None,
-    *,
-    velocity: bool = False,
-) -> None:
-    """Write a contact as CSV, whole or not at all, with what is known of it above the header.
-
-    Parameters
-    ----------
-    contact : Contact
-        For instance of :meth:`palpate.lab.Bench.run`. Several segments get a column.
-    path : str or Path
-        The file.
-    notes : mapping, optional
-        Further lines for its head, before those of the contact's ``provenance``.
-    velocity : bool
-        Write the velocity too. Most rigs record none, and it is worked out when it is needed.
-
-    Raises
-    ------
-    RecordingError
-        The path cannot be written.
-    """
-    head = {**(notes or {}), **contact.provenance}
-    if not velocity:
-        head.pop("velocity", None)
-    columns = {"time_s": (contact.time, "%.9g"), "penetration_m": (contact.penetration, "%.7g")}
-    if velocity:
-        columns["velocity_m_s"] = contact.velocity, "%.7g"
-    columns["force_N"] = contact.force, "%.7g"
-    if contact.segment[-1:].any():
-        columns["segment"] = (contact.segment + 1).astype(np.float64), "%d"
-    text = io.StringIO()
-    for name, words in head.items():
-        text.write(f"# {name}: {' '.join(words.split())}\n")
-    text.write(",".join(columns) + "\n")
-    table = np.column_stack([values for values, _ in columns.values()])
-    np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")
-    write_text(Path(path), text.getvalue())
-
-
 # From a file to the format that reads it: by its content, else by the suffix of its name.
-
-_LOGGER = logging.getLogger(__name__)
 
 
 def open_recording(
@@ -448,13 +228,8 @@ def _log(recording: Recording, seconds: float) -> None:
         return
     sizes = {len(values) for values in recording.channels.values()}
     samples = " or ".join(map(str, sorted(sizes)[:3])) or "no"
-    _LOGGER.info(
-        "read %s: %d channels of %s samples, %.4f s",
-        recording.source,
-        len(recording.channels),
-        samples,
-        seconds,
-    )
+    words = f"{len(recording.channels)} channels of {samples} samples"
+    _LOGGER.info("read %s: %s, %.4f s", recording.source, words, seconds)
     for name, values in recording.channels.items():
         unit = recording.units.get(name) or "unit not said"
         _LOGGER.debug("channel %s: %s, %d samples, %s", name, values.dtype, len(values), unit)
@@ -472,3 +247,265 @@ def format_of(path: Path) -> Format:
     marked = (each for each in FORMATS if begin.startswith(each.marks))
     named = (each for each in FORMATS if name.endswith(each.suffixes))
     return next(marked, None) or next(named, TEXT)
+
+
+# What every reader asks of a file, and how it says that something is lost.
+
+#: What a file, or a part of it, may unpack to or claim, bytes: beyond that no recording goes, and
+#: a damaged size does.
+LARGEST = 8 << 30
+
+
+def within(name: str, whole: str) -> bool:
+    """Return whether a channel is that one, or a field or an element of it."""
+    return name == whole or (name.startswith(whole) and name[len(whole)] in "./[")
+
+
+def regular_size(path: Path, source: str = "") -> int:
+    """Return the size of a file that is read at any place, not from its beginning to its end.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read, is empty, or is a folder or a device.
+    """
+    source = source or printable(path)
+    try:
+        status = path.stat()
+        if stat.S_ISDIR(status.st_mode):
+            raise RecordingError(f"{source}: this is a folder; name a file in it")
+        if not stat.S_ISREG(status.st_mode):
+            raise RecordingError(
+                f"{source}: this is a device or a socket, which no recording is read from; write "
+                "it to a file"
+            )
+        with path.open("rb"):
+            pass
+    except (OSError, ValueError) as error:
+        raise unreadable(source, error) from None
+    if not status.st_size:
+        raise RecordingError(f"{source}: the file is empty; record or copy it again")
+    return status.st_size
+
+
+def unreadable(source: str, error: Exception) -> Exception:
+    """Return the error of a file that the system does not let read; any other error as it is.
+
+    A ValueError is the system's only where it is about a zero byte in the name.
+    """
+    if not isinstance(error, OSError) and "embedded null" not in str(error):
+        return error
+    reason = getattr(error, "strerror", None) or "cannot be read"
+    return RecordingError(f"{source}: {reason}; check the path")
+
+
+def in_words(size: float) -> str:
+    """Return a number of bytes as a person says it."""
+    for unit in ("bytes", "kB", "MB", "GB", "TB"):
+        if size < 1000 or unit == "TB":
+            break
+        size /= 1000
+    return f"{size:.3g} {unit}" if size < 1000 else f"{size:.0f} {unit}"
+
+
+def first_line(error: BaseException) -> str:
+    """Return what a library says of an error, on one line of bounded length."""
+    lines = str(error).strip().splitlines()
+    words = " ".join((lines[0] if lines else type(error).__name__).split())
+    return words if len(words) <= 160 else f"{words[:159]}…"
+
+
+@dataclass(slots=True)
+class Draft:
+    """What a reader has gathered of a file until it is a recording; that says what each is.
+
+    Attributes
+    ----------
+    source : str
+        The file's name.
+    request : Request
+        What is asked for.
+    """
+
+    source: str
+    request: Request
+    channels: dict[str, NDArray[Any]] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    notes: dict[str, str] = field(default_factory=dict)
+    clocks: dict[str, str] = field(default_factory=dict)
+    frames: dict[str, str] = field(default_factory=dict)
+    types: dict[str, str] = field(default_factory=dict)
+    faults: dict[str, Faults] = field(default_factory=dict)
+    losses: list[str] = field(default_factory=list)
+    omissions: list[str] = field(default_factory=list)
+
+    def error(self, words: str) -> RecordingError:
+        """Return an error that names the file."""
+        return RecordingError(f"{self.source}: {words}")
+
+    def omit(self, name: str, reason: str) -> None:
+        """Say that something is not read, and why."""
+        self.omissions.append(f"{name}: {reason}")
+
+    def lose(self, name: str, reason: str) -> None:
+        """Say that something cannot be read, and why."""
+        self.losses.append(f"{name}: {reason}")
+
+    def done(self, rows: Sequence[int] | None = None) -> Recording:
+        """Return the recording.
+
+        Raises
+        ------
+        RecordingError
+            Something is lost, and the request is strict.
+        """
+        if self.request.strict and self.losses:
+            more = f" (and {len(self.losses) - 1} more)" if len(self.losses) > 1 else ""
+            rest = "without --strict the rest of the file is read"
+            raise self.error(f"{self.losses[0]}{more}; {rest}")
+        mappings = ("units", "notes", "clocks", "frames", "types", "faults")
+        own: dict[str, Any] = {name: getattr(self, name) for name in mappings}
+        own |= {name: tuple(getattr(self, name)) for name in ("losses", "omissions")}
+        return Recording(self.channels, source=self.source, rows=rows, **own)
+
+
+# Tables of named columns, and contacts, written: Parquet by pyarrow, or CSV.
+
+_ROWS = 100_000  # of text that are made at once
+
+
+def write_columns(
+    columns: Mapping[str, NDArray[Any]],
+    path: Path,
+    *,
+    units: Mapping[str, str] | None = None,
+    notes: Mapping[str, str] | None = None,
+    inputs: Sequence[Path] = (),
+) -> None:
+    """Write columns of equal length, whole or not at all; every number comes back as it was.
+
+    :func:`palpate.open_recording` reads it, with units and notes. A unit is in the description of
+    its column in Parquet, and in a note in CSV.
+
+    Parameters
+    ----------
+    columns : mapping
+        One-dimensional arrays of numbers or text.
+    path : Path
+        Ends in .parquet or .csv.
+    units, notes : mapping, optional
+        Units of columns, and what else is to be said.
+    inputs : sequence of Path
+        Files that must not be written over.
+
+    Raises
+    ------
+    InvalidParameterError
+        The path has another ending.
+    MissingExtraError
+        Parquet is asked for, and pyarrow is not installed.
+    RecordingError
+        The path cannot be written.
+    """
+    ending = path.suffix.lower()
+    if ending == ".parquet":
+        write_bytes(path, _as_parquet(columns, units or {}, notes or {}), inputs)
+    elif ending == ".csv":
+        write_text(path, _as_csv(columns, units or {}, notes or {}), inputs)
+    else:
+        raise InvalidParameterError(f"{path}: a table's name must end in .parquet or .csv")
+
+
+def has_parquet() -> bool:
+    """Whether pyarrow, which writes Parquet, is installed."""
+    try:
+        import pyarrow.parquet  # noqa: F401 - whether it can be imported is the question
+    except ImportError:
+        return False
+    return True
+
+
+def _as_parquet(
+    columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
+) -> bytes:
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise MissingExtraError(
+            "Parquet needs pyarrow: pip install 'palpate[recordings]', or write .csv"
+        ) from None
+    arrays = [pa.array(values) for values in columns.values()]
+    fields = [
+        pa.field(name, array.type, metadata={"unit": units[name]} if name in units else None)
+        for name, array in zip(columns, arrays, strict=True)
+    ]
+    table = pa.table(arrays, schema=pa.schema(fields, metadata=dict(notes)))
+    written = io.BytesIO()
+    parquet.write_table(table, written, compression="zstd")
+    return written.getvalue()
+
+
+def _as_csv(
+    columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
+) -> str:
+    listed = ", ".join(f"{name} {unit}" for name, unit in units.items())
+    text = _head({**notes, **({"units": listed} if units else {})}, columns)
+    length = len(next(iter(columns.values())))
+    for start in range(0, length, _ROWS):
+        # repr: the shortest text that is the same number again.
+        cells = [
+            map(str if values.dtype.kind == "U" else repr, values[start : start + _ROWS].tolist())
+            for values in columns.values()
+        ]
+        text.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
+    return text.getvalue()
+
+
+def _head(notes: Mapping[str, str], names: Iterable[str]) -> io.StringIO:
+    """Text that begins with notes, and the names of the columns."""
+    text = io.StringIO()
+    for name, words in notes.items():
+        text.write(f"# {name}: {' '.join(words.split())}\n")
+    text.write(",".join(names) + "\n")
+    return text
+
+
+def write_contact(
+    contact: Contact,
+    path: str | Path,
+    notes: Mapping[str, str] | None = None,
+    *,
+    velocity: bool = False,
+) -> None:
+    """Write a contact as CSV, whole or not at all, with what is known of it above the header.
+
+    Parameters
+    ----------
+    contact : Contact
+        For instance of :meth:`palpate.lab.Bench.run`. Several segments get a column.
+    path : str or Path
+        The file.
+    notes : mapping, optional
+        Further lines for its head, before those of the contact's ``provenance``.
+    velocity : bool
+        Write the velocity too. Most rigs record none, and it is worked out when it is needed.
+
+    Raises
+    ------
+    RecordingError
+        The path cannot be written.
+    """
+    head = {**(notes or {}), **contact.provenance}
+    if not velocity:
+        head.pop("velocity", None)
+    columns = {"time_s": (contact.time, "%.9g"), "penetration_m": (contact.penetration, "%.7g")}
+    if velocity:
+        columns["velocity_m_s"] = contact.velocity, "%.7g"
+    columns["force_N"] = contact.force, "%.7g"
+    if contact.segment[-1:].any():
+        columns["segment"] = (contact.segment + 1).astype(np.float64), "%d"
+    text = _head(head, columns)
+    table = np.column_stack([values for values, _ in columns.values()])
+    np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")
+    write_text(Path(path), text.getvalue())

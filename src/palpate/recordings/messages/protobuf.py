@@ -1,4 +1,4 @@
-"""Messages in JSON: objects of numbers, in any order and number."""
+"""Messages that are decoded one by one: in JSON by the standard library, and in protobuf."""
 
 import json
 from collections import defaultdict
@@ -11,7 +11,7 @@ from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
 from palpate.recordings.messages.layout import LONGEST_LIST, Starts, UndecodableError, one_line
-from palpate.recordings.messages.topic import LOG_TIME, Found, ObjectTopic, stamp_of
+from palpate.recordings.messages.topic import Found, ObjectTopic
 from palpate.recordings.opening import Request, first_line
 
 _DEEPEST = 32
@@ -50,23 +50,13 @@ class JsonTopic(ObjectTopic):
         found = self.found.get("", Found())
         for row, message in enumerate(messages, start=found.count):
             for path, value in self._numbers(message, "", found, 0):
-                if self._asked(path):
+                if path not in self._wanted:
+                    self._wanted[path] = self.wants("", path)
+                if self._wanted[path]:
                     values[path].append(value)
                     rows[path].append(row)
-        if set(values) <= {stamp_of(values)}:
-            return
-        self.found[""] = found
-        for path, numbers in values.items():
-            found.extend({path: _column(numbers)}, np.array(rows[path]))
-        found.extend({LOG_TIME: times}, slice(found.count, found.count + len(times)))
-        found.count += len(times)
-
-    def _asked(self, path: str) -> bool:
-        if path not in self._wanted:
-            self._wanted[path] = path == stamp_of((path,)) or self.request.wants(
-                f"{self.name}.{path}"
-            )
-        return self._wanted[path]
+        columns = [(path, np.array(rows[path]), _column(each)) for path, each in values.items()]
+        self.keep("", found, columns, times)
 
     def _numbers(
         self, value: Any, path: str, found: Found, depth: int
@@ -194,18 +184,8 @@ class ProtobufTopic(ObjectTopic):
     def _extend(self, name: str, messages: Sequence[Any], times: Starts, without: Any) -> None:
         found = self.found.get(name, Found())
         rows = found.count + np.arange(len(messages))
-        wanted = [
-            (path, part, values)
-            for path, part, values in self._columns(messages, rows, "", found, without)
-            if path == stamp_of((path,)) or self.request.wants(f"{self.name}{name}.{path}")
-        ]
-        if {path for path, _, _ in wanted} <= {stamp_of(path for path, _, _ in wanted)}:
-            return
-        self.found[name] = found
-        for path, part, values in wanted:
-            found.extend({path: values}, part)
-        found.extend({LOG_TIME: times}, rows)
-        found.count += len(messages)
+        columns = self._columns(messages, rows, "", found, without)
+        self.keep(name, found, [each for each in columns if self.wants(name, each[0])], times)
 
     def _columns(
         self, messages: Sequence[Any], rows: Starts, path: str, found: Found, without: Any = None

@@ -1,7 +1,7 @@
 """A topic: blocks of its messages in, channels out."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -93,6 +93,8 @@ class Found:
         return values, Faults(missing, first, "nothing: the message has no such field")
 
 
+#: A number of some messages: its path, the rows that have it, and the values.
+Column: TypeAlias = tuple[str, _Rows, NDArray[Any]]
 _Part: TypeAlias = tuple[Starts, Layout, Matrix]
 
 
@@ -167,6 +169,21 @@ class ObjectTopic(Topic):
                 times.append(block.times[k])
             if messages and not self.omitted:
                 self.take_objects(messages, np.array(times, np.int64))
+
+    def wants(self, name: str, path: str) -> bool:
+        """Whether a number of an entity is kept: it is asked for, or when it was measured."""
+        return path in STAMPS or self.request.wants(f"{self.name}{name}.{path}")
+
+    def keep(self, name: str, found: Found, columns: Sequence[Column], times: Starts) -> None:
+        """Add some messages of an entity, unless nothing but their stamp was asked for."""
+        paths = {path for path, _, _ in columns}
+        if paths <= {stamp_of(paths)}:
+            return
+        self.found[name] = found
+        rows = slice(found.count, found.count + len(times))
+        for path, part, values in (*columns, (LOG_TIME, rows, times)):
+            found.extend({path: values}, part)
+        found.count += len(times)
 
 
 class BinaryTopic(Topic):
