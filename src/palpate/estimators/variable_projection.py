@@ -145,7 +145,7 @@ def projection_settings(
     )
 
 
-def forgotten(forgetting: Forgetting | None) -> tuple[float, float]:
+def forgotten(forgetting: Forgetting | None) -> tuple[float, ...]:
     """Check how the past is forgotten, as the compiled constructors take it."""
     instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
     return (forgetting or ConstantForgetting())._plain()

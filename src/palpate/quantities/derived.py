@@ -56,13 +56,15 @@ class Wanted:
     frequency: float | None = None
 
     def __post_init__(self) -> None:
-        if self.impact_speed is not None:
-            number_in("impact_speed", self.impact_speed, 0.0, 1e6, open_low=True)
         instance("tip", self.tip, (Tip, type(None)))
-        if self.poisson_ratio is not None:
-            number_in("poisson_ratio", self.poisson_ratio, -1.0, 0.5, open_low=True)
-        if self.frequency is not None:
-            number_in("frequency", self.frequency, 0.0, 1e12, open_low=True)
+        ranges = {
+            "impact_speed": (0.0, 1e6),
+            "poisson_ratio": (-1.0, 0.5),
+            "frequency": (0.0, 1e12),
+        }
+        for name, ends in ranges.items():
+            if getattr(self, name) is not None:
+                number_in(name, getattr(self, name), *ends, open_low=True)
 
 
 class Derivable(Protocol):

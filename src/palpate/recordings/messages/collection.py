@@ -106,22 +106,17 @@ class Collection(Draft):
             self.omit(topic.name, f"long lists are not read: {_few(topic.skipped)}")
 
     def _add(self, above: str, found: Found) -> None:
-        times = set(found.times)
         names = {path: f"{above}.{path}" for path in found.columns}
         names[LOG_TIME] = f"{above}.log_time"
         for path in list(found.columns):
-            values, faults = found.finish(path)
-            self.channels[names[path]] = values
+            self.channels[names[path]], faults = found.finish(path)
             if faults is not None:
                 self.faults[names[path]] = faults
-        stamp = stamp_of(times & names.keys())
-        clock = names[LOG_TIME]
-        if stamp is not None and self.channels[names[stamp]].any():
-            clock = names[stamp]
-        for path, name in names.items():
-            self.clocks[name] = clock
-            if path == LOG_TIME or path in times:
-                self.units[name] = "ns"
+        stamp = stamp_of(found.times & names.keys())
+        known = stamp is not None and self.channels[names[stamp]].any()
+        clock = names[stamp] if stamp is not None and known else names[LOG_TIME]
+        self.clocks |= dict.fromkeys(names.values(), clock)
+        self.units |= {names[path]: "ns" for path in names.keys() & {LOG_TIME, *found.times}}
         self._describe(above, names, found)
 
     def _describe(self, above: str, names: dict[str, str], found: Found) -> None:
@@ -132,8 +127,7 @@ class Collection(Draft):
         for path, name in names.items():
             parts = path.split(".")
             for k in range(1, len(parts)):
-                unit = units.get(".".join(parts[:k]))
-                if unit is not None:
+                if (unit := units.get(".".join(parts[:k]))) is not None:
                     self.units.setdefault(name, unit)
             if len(frame) == 1 and frame[0]:
                 self.frames[name] = frame[0]
@@ -146,9 +140,8 @@ class Collection(Draft):
             return
         self.notes[f"{above}.child_frame_id"] = moving[0]
         if found.types.get("twist") == ("nav_msgs/msg/Odometry", "twist"):
-            for path in names:
-                if path.startswith("twist."):
-                    self.frames[names[path]] = moving[0]
+            velocities = (name for path, name in names.items() if path.startswith("twist."))
+            self.frames |= dict.fromkeys(velocities, moving[0])
 
     def _check(self, names: list[str]) -> None:
         for wanted in self.request.channels or ():
