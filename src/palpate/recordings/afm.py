@@ -164,16 +164,11 @@ def _chosen(count: int, source: str, request: Request) -> int:
     """Which of so many curves is asked for."""
     if not count:
         raise RecordingError(f"{source}: there is no curve in it; look at what wrote it")
-    if request.curve is None and count > 1:
-        raise RecordingError(
-            f"{source}: holds {count} curves; choose one with --curve N, from 0 to {count - 1}"
-        )
     number = request.curve or 0
-    if not 0 <= number < count:
-        raise RecordingError(
-            f"{source}: there is no curve {number}; choose one with --curve N, from 0 to "
-            f"{count - 1}"
-        )
+    if (request.curve is None and count > 1) or not 0 <= number < count:
+        what = f"holds {count} curves" if request.curve is None else f"there is no curve {number}"
+        words = f"{what}; choose one with --curve N, from 0 to {count - 1}"
+        raise RecordingError(f"{source}: {words}")
     return number
 
 

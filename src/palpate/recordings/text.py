@@ -398,7 +398,7 @@ class _Table:
         first = next(blocks, b"")
         self._begin(first, kinds)
         row = self.layout.first + 1
-        for block in itertools.chain([_after(first, self.layout.first)], blocks):
+        for block in itertools.chain(first.split(b"\n", self.layout.first)[-1:], blocks):
             last = b""
             if self.text.cut_off and block:
                 begin = block.rfind(b"\n", 0, -1) + 1
@@ -591,14 +591,6 @@ class _Table:
 
 def _without_returns(lines: bytes) -> bytes:
     return re.sub(rb"\r+\n", b"\n", lines) if b"\r" in lines else lines
-
-
-def _after(lines: bytes, count: int) -> bytes:
-    """What follows so many lines."""
-    offset = 0
-    for _ in range(count):
-        offset = lines.find(b"\n", offset) + 1
-    return lines[offset:]
 
 
 def _turned(cells: Sequence[list[str]], width: int) -> list[Sequence[str]]:

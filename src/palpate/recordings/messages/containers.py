@@ -250,10 +250,6 @@ def _until_damaged(
         collection.lost(f"{bad} rows are no messages")
 
 
-def _read_mcap(path: Path, collection: Collection) -> Iterator[float]:
-    return _Mcap(path, collection).read()
-
-
 class _Mcap:
     """An MCAP file, read record by record up to its end, or to where it is damaged."""
 
@@ -403,5 +399,5 @@ _KINDS: dict[int, Any] = {
 _READERS: dict[bytes, Callable[[Path, Collection], Iterator[float]]] = {
     b"#ROSBAG V": _read_ros1,
     b"SQLite format 3\0": _read_sqlite,
-    _MAGIC: _read_mcap,
+    _MAGIC: lambda path, collection: _Mcap(path, collection).read(),
 }
