@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.estimators.contact_estimator import known_exponent
 from palpate.estimators.estimate import ADVICE
 from palpate.estimators.variable_projection import projection_settings, surfaces_in
 from palpate.force_laws import HuntCrossley
@@ -325,11 +324,9 @@ def _checked_curves(*given: "ArrayLike") -> tuple[Floats, ...]:
 def _checked(count: int, settings: dict[str, Any]) -> tuple[Any, ...]:
     """The settings of :func:`fit_curves`, as the core takes them; what is 0 is not given."""
     offset, scale = settings["offset"], settings["scale"]
-    level, exponents, *_ = projection_settings(
-        settings["noise"], settings["exponent_range"], None, offset, None
-    )
-    if (fixed := known_exponent(settings["exponent"])) is not None:
-        exponents = fixed, fixed
+    # The prior of the offset is that of each curve.
+    level, exponents, fixed, *_ = projection_settings({**settings, "offset_deviation": None})
+    exponents = (fixed, fixed) if fixed else exponents
     instance("scale", scale, (Scale, type(None)))
     deviations = (
         _of_each(name, settings[name], count) for name in ("offset_deviation", "surface_deviation")

@@ -36,7 +36,7 @@ class JsonTopic(ObjectTopic):
     def decoded(self, message: bytes) -> Any:
         """Return a message as an object; raise UndecodableError where it is none."""
         try:
-            found = json.loads(message)
+            found = json.loads(message, parse_int=_whole)
         except (ValueError, RecursionError) as error:
             raise UndecodableError(f"it is no JSON: {first_line(error)[:60]}") from None
         if not isinstance(found, dict):
@@ -99,16 +99,13 @@ def _column(numbers: list[Any]) -> NDArray[Any]:
     kinds = set(map(type, numbers))
     if kinds == {bool}:
         return np.array(numbers, bool)
-    if kinds == {int} and all(-_LARGEST <= number < _LARGEST for number in numbers):
-        return np.array(numbers, np.int64)
-    return np.array([_float(number) for number in numbers])
+    return np.array(numbers, np.int64 if kinds == {int} else np.float64)
 
 
-def _float(number: Any) -> float:
-    try:
-        return float(number)
-    except OverflowError:
-        return float("inf") if number > 0 else float("-inf")
+def _whole(digits: str) -> int | float:
+    """A whole number; beyond 64 bits as a float."""
+    number = int(digits)
+    return number if -_LARGEST <= number < _LARGEST else float(digits)
 
 
 # Messages of protobuf, decoded by its own package; each field of many messages is a column.
