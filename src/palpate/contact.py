@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.validation import Floats, kept, number, signals
+from palpate.validation import Floats, kept, number, same_length, signals
 
 Severity: TypeAlias = Literal["note", "with-care", "do-not-trust"]
 
@@ -200,9 +200,8 @@ def numbered(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
     except (TypeError, ValueError):
         raise InvalidParameterError("segment must be one label a sample, such as 0, 0, 1") from None
     if given.shape != (samples,):
-        raise InvalidParameterError(
-            f"arrays must have the same length: time has {samples}, segment has {given.size}"
-        )
+        same_length(time=samples, segment=given.size)
+        raise InvalidParameterError("segment must be one label a sample, such as 0, 0, 1")
     other = (given[1:] != given[:-1]) & ~(missing[1:] & missing[:-1])
     return np.concatenate([np.zeros(min(samples, 1), dtype=np.int64), np.cumsum(other)])
 

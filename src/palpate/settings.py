@@ -1,6 +1,6 @@
 """Settings that estimators share: the gate, how the past is forgotten, the units."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import palpate._core as _core
@@ -16,8 +16,18 @@ _REJECTION = _core.defaults["OutlierRejection"]
 SAMPLE_TIME: float = _core.defaults["loop"]["sample_time"]
 
 
+class _Numbers:
+    """A setting of plain numbers: as the compiled constructors take it, in their order."""
+
+    __slots__ = ()
+
+    def _plain(self) -> tuple[float, ...]:
+        own: Any = self  # which each subclass makes a dataclass
+        return tuple(float(getattr(self, each.name) or 0.0) for each in fields(own))
+
+
 @dataclass(frozen=True, slots=True)
-class ContactGate:
+class ContactGate(_Numbers):
     """Which samples are contact.
 
     Contact is made above ``make_force`` and lost at or below ``break_force``; a sample also has to
@@ -49,10 +59,6 @@ class ContactGate:
             )
         kept(self, "minimum_penetration", 0.0, 1e100)
 
-    def _plain(self) -> tuple[float, float, float]:
-        assert self.break_force is not None
-        return self.minimum_penetration, self.make_force, self.break_force
-
 
 @dataclass(frozen=True, slots=True)
 class ConstantForgetting:
@@ -72,12 +78,12 @@ class ConstantForgetting:
     def __post_init__(self) -> None:
         kept(self, "factor", 0.0, 1.0, open_low=True)
 
-    def _plain(self) -> tuple[float, float]:
+    def _plain(self) -> tuple[float, ...]:
         return self.factor, 0.0
 
 
 @dataclass(frozen=True, slots=True)
-class FadingForgetting:
+class FadingForgetting(_Numbers):
     """Forgetting that fades after each contact: λ(t) = 1 − (1 − λ₀) e^(−α t), section V-A-3.
 
     Parameters
@@ -95,15 +101,12 @@ class FadingForgetting:
         kept(self, "initial_factor", 0.0, 1.0, open_low=True)
         kept(self, "rate", 0.0, 1e6, open_low=True)
 
-    def _plain(self) -> tuple[float, float]:
-        return self.initial_factor, self.rate
-
 
 Forgetting = ConstantForgetting | FadingForgetting
 
 
 @dataclass(frozen=True, slots=True)
-class SelfPerturbation:
+class SelfPerturbation(_Numbers):
     """Self-perturbing least squares (Park & Jun 1992), section VII.
 
     P ← (1/λ) [P − L gᵀ + β NINT(γ e²) I], and λ returns to λ₀ whenever NINT(γ e²) > 0; e is the
@@ -124,12 +127,9 @@ class SelfPerturbation:
         kept(self, "gain", 0.0, 1e20)
         kept(self, "sensitivity", 0.0, 1e40)
 
-    def _plain(self) -> tuple[float, float]:
-        return self.gain, self.sensitivity
-
 
 @dataclass(frozen=True, slots=True)
-class ChangeDetector:
+class ChangeDetector(_Numbers):
     """Notices that another material is touched, and reinitialises the estimate.
 
     z = min(e²/s², 25);  g ← max(0, g + z − drift);  alarm at g > threshold   (Page's CUSUM)
@@ -181,10 +181,6 @@ class ChangeDetector:
         kept(self, "warm_up", 10, 1_000_000, whole=True)
         kept(self, "transition", 0, 100, whole=True)
 
-    def _plain(self) -> tuple[float, float, float, float, float, float]:
-        first = self.drift, self.threshold, self.noise or 0.0, self.adaptation
-        return *first, float(self.warm_up), float(self.transition)
-
 
 @dataclass(frozen=True, slots=True)
 class OutlierRejection:
@@ -216,7 +212,7 @@ class OutlierRejection:
 
 
 @dataclass(frozen=True, slots=True)
-class Scale:
+class Scale(_Numbers):
     """Units of the arithmetic: inputs are divided by these, laws come back in SI.
 
     An initial covariance is meant in scaled units. ``Scale()`` is plain SI, as in the paper.
@@ -234,9 +230,6 @@ class Scale:
     def __post_init__(self) -> None:
         for name in ("penetration", "velocity", "force"):
             kept(self, name, 1e-30, 1e30)
-
-    def _plain(self) -> tuple[float, float, float]:
-        return self.penetration, self.velocity, self.force
 
 
 class Configured:

@@ -221,10 +221,15 @@ def signal(name: str, values: ArrayLike) -> Floats:
 def signals(**arrays: ArrayLike) -> tuple[Floats, ...]:
     """Each array as by :func:`signal`, all of the same length."""
     checked = {name: signal(name, values) for name, values in arrays.items()}
-    if len({array.size for array in checked.values()}) > 1:
-        lengths = ", ".join(f"{name} has {array.size}" for name, array in checked.items())
-        raise InvalidParameterError(f"arrays must have the same length: {lengths}")
+    same_length(**{name: array.size for name, array in checked.items()})
     return tuple(checked.values())
+
+
+def same_length(**sizes: int) -> None:
+    """Refuse arrays of different length."""
+    if len(set(sizes.values())) > 1:
+        lengths = ", ".join(f"{name} has {size}" for name, size in sizes.items())
+        raise InvalidParameterError(f"arrays must have the same length: {lengths}")
 
 
 def positive(name: str, values: ArrayLike) -> Floats:

@@ -67,26 +67,16 @@ def estimator_by_law(
     settings = _SETTINGS.get(law)
     if given is ViscoelasticContact and law == USUAL:
         settings = {"damping": law, "memory": "none"}
-    if given is None:
-        found = ViscoelasticContact if settings is not None else _usual_of(law)
-    else:
-        found = given
-        able = settings is not None if given is ViscoelasticContact else given.law_type.kind == law
-        if not able:
-            raise InvalidParameterError(_at_odds(law, given))
+    able = [each for each in ESTIMATORS.values() if each.law_type.kind == law]
+    if settings is not None:
+        able = [ViscoelasticContact]
+    found = given or able[0]  # the default before all others
+    if found not in able:
+        own = f"the {found.law_type.kind} law alone"
+        if found is ViscoelasticContact:
+            own = ", ".join((USUAL, *_SETTINGS))
+        raise InvalidParameterError(
+            f"law {law} and method {found.method} do not go together, which identifies {own}: "
+            "leave one of them out"
+        )
     return found, dict(settings or {})
-
-
-def _usual_of(law: str) -> type[ContactEstimator]:
-    """The first of the methods that identify it, the default before all others."""
-    return next(each for each in ESTIMATORS.values() if each.law_type.kind == law)
-
-
-def _at_odds(law: str, method: type[ContactEstimator]) -> str:
-    own = f"the {method.law_type.kind} law alone"
-    if method is ViscoelasticContact:
-        own = ", ".join((USUAL, *_SETTINGS))
-    return (
-        f"law {law} and method {method.method} do not go together, which identifies {own}: leave "
-        "one of them out"
-    )

@@ -14,7 +14,7 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.force_laws import ForceLaw
 from palpate.settings import ChangeDetector, Configured, ContactGate, OutlierRejection, Scale
-from palpate.validation import Floats, instance, number_in, shown, signal, signals
+from palpate.validation import Floats, instance, number_in, same_length, shown, signal, signals
 
 
 class ContactEstimator(Configured):
@@ -167,10 +167,8 @@ def _time_steps(dt: "ArrayLike", samples: int) -> Floats:
     """One time step, or as many as there are samples."""
     one = np.isscalar(dt) or (isinstance(dt, np.ndarray) and dt.ndim == 0)
     steps = signal("dt", np.array([dt]) if one else dt)
-    if not one and steps.size != samples:
-        raise InvalidParameterError(
-            f"arrays must have the same length: penetration has {samples}, dt has {steps.size}"
-        )
+    if not one:
+        same_length(penetration=samples, dt=steps.size)
     return steps
 
 

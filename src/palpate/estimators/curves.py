@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.estimators.contact_estimator import known_exponent
 from palpate.estimators.estimate import ADVICE
 from palpate.estimators.variable_projection import projection_settings, surfaces_in
 from palpate.force_laws import HuntCrossley
@@ -74,18 +73,13 @@ class StatedCost:
         depth = self.penetration - surface
         power = np.where(depth > 0.0, np.abs(depth) ** exponent, 0.0)
         model = power * (stiffness + damping * self.velocity) + offset
-        return np.concatenate([self.force - model, self.prior_residuals(parameters)])
-
-    def prior_residuals(self, parameters: Floats) -> Floats:
-        """The priors' part of :meth:`residuals`, N."""
-        stiffness, damping, exponent, offset, _ = parameters
         noise = np.sqrt(self.variance)
         parts = [noise * damping / stiffness * self.scale.velocity / _DISSIPATION_DEVIATION]
         if self.exponent is None:
             parts.append(noise * (exponent - _EXPONENT) / _EXPONENT_DEVIATION)
         if self.offset:
             parts.append((offset - self.offset_mean) * noise / self.offset_width)
-        return np.array(parts)
+        return np.concatenate([self.force - model, parts])
 
     @property
     def offset_width(self) -> float:
@@ -238,9 +232,7 @@ def fit_curves(
     settings = arguments(locals())
     curves = _checked_curves(*(settings.pop(name) for name in _SIGNALS))
     shared = whole_in("threads", settings.pop("threads"), 1, 1024)
-    numbers, covariance, taken, codes = _fitted(
-        curves, _checked(len(curves[0]), **settings), shared
-    )
+    numbers, covariance, taken, codes = _fitted(curves, _checked(len(curves[0]), settings), shared)
     *law, sigma, cost = numbers[:, :7].T.copy()
     found: list[Any] = [*law, covariance, sigma, cost, taken, *codes.T.copy()]
     return CurveFits(*found)
@@ -273,7 +265,10 @@ def stated_cost(
     if len(curves[0]) != 1:
         raise InvalidParameterError(f"the cost of one curve is asked for, not of {len(curves[0])}")
     roles = np.empty(curves[0].shape, np.uint8)
-    checked = _checked(1, exponent=exponent, offset=offset, **settings)
+    usual: dict[str, Any] = fit_curves.__kwdefaults__ or {}
+    if unknown := settings.keys() - usual.keys():
+        raise InvalidParameterError(f"there is no setting {', '.join(sorted(unknown))}")
+    checked = _checked(1, {**usual, "exponent": exponent, "offset": offset, **settings})
     numbers, _, _, codes = _fitted(curves, checked, 1, roles)
     if codes[0, 1] == STATUS_WORDS.index("no contact"):
         raise InvalidParameterError("nothing of the curve is contact")
@@ -326,33 +321,20 @@ def _checked_curves(*given: "ArrayLike") -> tuple[Floats, ...]:
     return tuple(np.ascontiguousarray(np.atleast_2d(array)) for array in arrays)
 
 
-def _checked(
-    count: int,
-    *,
-    surface: Literal["estimate"] | None = None,
-    surface_range: tuple[float, float] | None = None,
-    exponent: float | None = None,
-    exponent_range: tuple[float, float] = _RANGE,
-    offset: bool = True,
-    offset_deviation: "ArrayLike | None" = None,
-    surface_deviation: "ArrayLike | None" = None,
-    noise: float | None = None,
-    scale: Scale | None = None,
-) -> tuple[Any, ...]:
+def _checked(count: int, settings: dict[str, Any]) -> tuple[Any, ...]:
     """The settings of :func:`fit_curves`, as the core takes them; what is 0 is not given."""
-    level, exponents, *_ = projection_settings(noise, exponent_range, None, offset, None)
-    if (fixed := known_exponent(exponent)) is not None:
-        exponents = fixed, fixed
+    offset, scale = settings["offset"], settings["scale"]
+    # The prior of the offset is that of each curve.
+    level, exponents, fixed, *_ = projection_settings({**settings, "offset_deviation": None})
+    exponents = (fixed, fixed) if fixed else exponents
     instance("scale", scale, (Scale, type(None)))
-    return (
-        exponents,
-        offset,
-        level,
-        _of_each("offset_deviation", offset_deviation, count),
-        _of_each("surface_deviation", surface_deviation, count),
-        surfaces_in(surface, surface_range, (0.0, 0.0), 1e30),  # 0: the core chooses it
-        (0.0, 0.0, 0.0) if scale is None else scale._plain(),
+    deviations = (
+        _of_each(name, settings[name], count) for name in ("offset_deviation", "surface_deviation")
     )
+    # Of a surface 0: the core chooses where it is looked for.
+    surfaces = surfaces_in(settings["surface"], settings["surface_range"], (0.0, 0.0), 1e30)
+    units = (0.0, 0.0, 0.0) if scale is None else scale._plain()
+    return exponents, offset, level, *deviations, surfaces, units
 
 
 def _of_each(name: str, value: "ArrayLike | None", count: int) -> Floats:

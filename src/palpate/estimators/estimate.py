@@ -367,13 +367,10 @@ class Trace:
         """Which estimates are in a part of the samples, and after which of that part's samples."""
         if self.samples is None:
             return window, None
-        place = np.full(len(self), -1, dtype=np.int64)
-        kept = place[window]
-        kept[:] = np.arange(len(kept))  # a view
-        there = place[self.samples]
-        rows = np.flatnonzero(there >= 0)
-        rows = rows[np.argsort(there[rows])]
-        return rows, there[rows]
+        kept = np.arange(len(self))[window]
+        _, there, rows = np.intersect1d(kept, self.samples, return_indices=True)
+        order = np.argsort(there)
+        return rows[order], there[order]
 
     @property
     def full(self) -> bool:

@@ -119,7 +119,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         unit = (scale or PROBING).penetration
         least, most = _DEFAULTS["surface_range"]
         super().__init__(
-            *projection_settings(noise, exponent_range, exponent, offset, offset_deviation),
+            *projection_settings(self._settings),
             surfaces_in(surface, surface_range, (least * unit, most * unit), 5.0 * unit),
             positive_or_none("surface_deviation", surface_deviation),
             forgotten(forgetting),
@@ -128,24 +128,24 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
 
 
 def projection_settings(
-    noise: float | None,
-    exponent_range: tuple[float, float],
-    exponent: float | None,
-    offset: bool,
-    offset_deviation: float | None,
+    settings: dict[str, Any],
 ) -> tuple[float, tuple[float, float], float, bool, float]:
     """Check what the projection is set by, as the compiled constructors take it; 0 is not given."""
+    noise = positive_or_none("noise", settings["noise"])
+    exponents = settings["exponent_range"]
+    low, high = pair_in("exponent_range", exponents, 0.1, 10.0)
+    if not 0.2 <= high - low <= 5.0:
+        reason = "nothing" if high <= low else "too little or too much to search"
+        raise InvalidParameterError(
+            f"exponent_range must be 0.2 to 5 wide, not {shown(exponents)}: it holds {reason}"
+        )
+    known, offset = known_exponent(settings["exponent"]) or 0.0, settings["offset"]
     instance("offset", offset, bool)
-    return (
-        positive_or_none("noise", noise),
-        _checked_range(exponent_range),
-        known_exponent(exponent) or 0.0,
-        offset,
-        positive_or_none("offset_deviation", offset_deviation),
-    )
+    tare = positive_or_none("offset_deviation", settings["offset_deviation"])
+    return noise, (low, high), known, offset, tare
 
 
-def forgotten(forgetting: Forgetting | None) -> tuple[float, float]:
+def forgotten(forgetting: Forgetting | None) -> tuple[float, ...]:
     """Check how the past is forgotten, as the compiled constructors take it."""
     instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
     return (forgetting or ConstantForgetting())._plain()
@@ -165,29 +165,17 @@ def surfaces_in(
     """Check where a surface is looked for, m; None: nowhere."""
     if not (surface is None or (isinstance(surface, str) and surface == "estimate")):
         raise InvalidParameterError(f"surface must be 'estimate' or None, not {shown(surface)}")
-    if surface is None:
-        if surface_range is not None:
-            raise InvalidParameterError(
-                "surface_range is for surface='estimate'; without it the surface is at 0"
-            )
-        return None
+    if surface is None and surface_range is not None:
+        raise InvalidParameterError(
+            "surface_range is for surface='estimate'; without it the surface is at 0"
+        )
     if surface_range is None:
-        return usual
+        return None if surface is None else usual
     low, high = pair_in("surface_range", surface_range, -widest, widest)
     if not high > low:
         raise InvalidParameterError(
             f"surface_range must be (lowest, highest) in m, not {shown(surface_range)}: it holds "
             "nothing"
-        )
-    return low, high
-
-
-def _checked_range(exponent_range: tuple[float, float]) -> tuple[float, float]:
-    low, high = pair_in("exponent_range", exponent_range, 0.1, 10.0)
-    if not 0.2 <= high - low <= 5.0:
-        reason = "nothing" if high <= low else "too little or too much to search"
-        raise InvalidParameterError(
-            f"exponent_range must be 0.2 to 5 wide, not {shown(exponent_range)}: it holds {reason}"
         )
     return low, high
 
@@ -260,7 +248,7 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
                 f"exponent_drift must be 0 where the exponent is known, not {exponent_drift!r}"
             )
         super().__init__(
-            *projection_settings(noise, exponent_range, exponent, offset, offset_deviation),
+            *projection_settings(self._settings),
             drift,
             *loop_settings(self._settings, PROBING),
         )

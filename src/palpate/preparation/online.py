@@ -12,7 +12,16 @@ from palpate.errors import InvalidParameterError
 from palpate.preparation.settings import flipped
 from palpate.preparation.velocity import window_samples
 from palpate.settings import Configured
-from palpate.validation import Floats, above_zero, arguments, number_in, shown, signal, unmasked
+from palpate.validation import (
+    Floats,
+    above_zero,
+    arguments,
+    number_in,
+    same_length,
+    shown,
+    signal,
+    unmasked,
+)
 
 _DEFAULTS = _core.defaults["OnlinePreparation"]
 LONGEST_WINDOW: int = _DEFAULTS["longest_window"]  # samples
@@ -130,27 +139,22 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
         columns = 1 if self._settings["direction"] is None else 3
         p, f = _rows("position", position, columns), _rows("force", force, columns)
         t = None if time is None else signal("time", time)
-        sizes = {"position": p.size // columns, "force": f.size // columns}
-        if t is not None:
-            sizes["time"] = t.size
-        if len(set(sizes.values())) > 1:
-            lengths = ", ".join(f"{name} has {size}" for name, size in sizes.items())
-            raise InvalidParameterError(f"arrays must have the same length: {lengths}")
-        times, depths, speeds, pushes = np.empty((4, sizes["position"]))
-        segment = np.empty(sizes["position"], dtype=np.int64)
+        samples = p.size // columns
+        timed = {} if t is None else {"time": t.size}
+        same_length(position=samples, force=f.size // columns, **timed)
+        found, segment = np.empty((4, samples)), np.empty(samples, dtype=np.int64)
+        times, depths, speeds, pushes = found
         count = self._replay(p, f, t, times, depths, speeds, pushes, segment)
+        times, depths, speeds, pushes = found[:, :count]
+        width = window_samples(self._settings["sample_time"], self._settings["velocity_window"])
         return Contact(
-            times[:count],
-            penetration=depths[:count],
-            velocity=speeds[:count],
-            force=pushes[:count],
+            times,
+            penetration=depths,
+            velocity=speeds,
+            force=pushes,
             segment=segment[:count],
-            provenance={"velocity": self._words()},
+            provenance={"velocity": WORDS.format(samples=width, delay=1e3 * self.delay)},
         )
-
-    def _words(self) -> str:
-        samples = window_samples(self._settings["sample_time"], self._settings["velocity_window"])
-        return WORDS.format(samples=samples, delay=1e3 * self.delay)
 
 
 def _unit_vector(direction: "ArrayLike") -> list[float]:

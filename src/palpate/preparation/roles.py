@@ -1,13 +1,13 @@
 """Which channel of a recording is the time, the position, the force, by names and units."""
 
-import dataclasses
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from palpate.errors import MissingChannelError, RecordingError
 from palpate.recordings import Recording
+from palpate.recordings.opening import within
 from palpate.recordings.recording import UNITS, plain_unit, stated_unit, unit_in_name
 
 _INDEX = re.compile(r"^(.*)\[(\d+)\]$")
@@ -119,10 +119,7 @@ _OF_UNIT = {
     **dict.fromkeys(UNITS["force"], ("force",)),
     **dict.fromkeys(UNITS["penetration"], ("penetration", "position")),
     **dict.fromkeys(UNITS["velocity"], ("velocity",)),
-    "Nm": ("torque",),
-    "N·m": ("torque",),
-    "N*m": ("torque",),
-    "mNm": ("torque",),
+    **dict.fromkeys(("Nm", "N·m", "N*m", "mNm"), ("torque",)),
 }
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+")
 
@@ -167,7 +164,7 @@ def words_of(name: str) -> list[str]:
 # Which channel of a recording is the time, the position, the force, and why.
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True)
 class Columns:
     """Which channel is which; what is not there under its default name is looked for.
 
@@ -195,7 +192,7 @@ class Columns:
     orientation: str | None = None
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True)
 class Roles:
     """The channels that a contact is made of.
 
@@ -224,7 +221,7 @@ class Roles:
     velocity: str | None = None
     segment: str | None = None
     orientation: tuple[str, ...] = ()
-    reasons: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    reasons: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def by_role(self) -> dict[str, tuple[str, ...]]:
@@ -250,73 +247,55 @@ def roles_of(recording: Recording, columns: Columns | None = None) -> Roles:
     return _Choosing(recording, Columns() if columns is None else columns).roles()
 
 
-@dataclasses.dataclass
+@dataclass
 class _Choosing:
     recording: Recording
     columns: Columns
-    reasons: dict[str, str] = dataclasses.field(default_factory=dict)
+    reasons: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.vectors = vectors_of(self.recording.channels)
         self.kinds: dict[str, str | None] = {}
 
     def roles(self) -> Roles:
-        names = self.columns
-        if names.position is not None:
-            depth, is_penetration = self._named("position", names.position), False
+        if self.columns.position is not None:
+            depth, is_penetration = self._named("position", self.columns.position), False
         else:
-            depth, is_penetration = self._depth()
-        force = self._force(len(depth))
+            depth = self._given("penetration") or self._only("penetration", 1)
+            is_penetration = bool(depth)
+            depth = depth or self._only("position", 3) or self._only("position", 1)
+        if not depth:
+            raise self._missing("penetration_m")
+        sizes = (3, 1) if len(depth) == 3 else (1, 3)
+        force = self._given("force") or self._only("force", sizes[0])
+        force = force or self._only("force", sizes[1])
+        if not force:
+            raise self._missing("force_N")
+        time = self._given("time")
+        if not time and not self.recording.clocks:
+            time = self._only("time", 1)
         return Roles(
             depth,
             is_penetration,
             force,
-            self._time(),
-            self._velocity(depth, is_penetration),
-            (*self._given("segment"), None)[0],
+            next(iter(time), None),
+            next(iter(self._velocity(depth, is_penetration)), None),
+            next(iter(self._given("segment")), None),
             self._orientation(depth),
             self.reasons,
         )
 
-    def _depth(self) -> tuple[tuple[str, ...], bool]:
-        given = self._given("penetration")
-        if given:
-            return given, True
-        if found := self._only("penetration", "penetration", 1):
-            return found, True
-        for size in (3, 1):
-            if found := self._only("position", "position", size):
-                return found, False
-        raise MissingChannelError("penetration_m", self._shown(), self.recording.source)
-
-    def _force(self, size: int) -> tuple[str, ...]:
-        if given := self._given("force"):
-            return given
-        for wanted in (3, 1) if size == 3 else (1, 3):
-            if found := self._only("force", "force", wanted):
-                return found
-        raise MissingChannelError("force_N", self._shown(), self.recording.source)
-
-    def _time(self) -> str | None:
-        if given := self._given("time"):
-            return given[0]
-        if self.recording.clocks:
-            return None
-        found = self._only("time", "time", 1)
-        return found[0] if found else None
-
-    def _velocity(self, depth: tuple[str, ...], is_penetration: bool) -> str | None:
+    def _velocity(self, depth: tuple[str, ...], is_penetration: bool) -> tuple[str, ...]:
         if self.columns.velocity == "none":
-            return None
+            return ()
         if given := self._given("velocity"):
-            return given[0]
-        if not is_penetration or len(depth) > 1:  # of which direction, with which sign?
-            return None
-        found = self._candidates("velocity", 1)
+            return given
+        # Of a position: of which direction, with which sign?
+        found = self._candidates("velocity", 1) if is_penetration and len(depth) == 1 else []
         if len(found) != 1:
-            return None
-        self._because("velocity", found[0], "velocity")
-        return found[0][0]
+            return ()
+        self._because("velocity", found[0])
+        return found[0]
 
     def _orientation(self, depth: tuple[str, ...]) -> tuple[str, ...]:
         """What is named; of several, that of the position's own topic or group."""
@@ -343,9 +322,8 @@ class _Choosing:
             for part in parts:
                 self.recording.channel(part)
             if len(parts) not in (3, 4):
-                raise RecordingError(
-                    f"{self._where()}the {role} {name!r} must be one channel or three, x,y,z"
-                )
+                words = f"the {role} {name!r} must be one channel or three, x,y,z"
+                raise RecordingError.of(self.recording.source, words)
             self.reasons[role] = "they are named"
             return parts
         size = 4 if role == "orientation" else 3
@@ -353,29 +331,29 @@ class _Choosing:
         below = [
             vector
             for vector in self.vectors
-            if _below(vector.stem, name) and len(vector) == size and self._is(vector, kind)
+            if within(vector.stem, name) and len(vector) == size and self._is(vector, kind)
         ] or [vector for vector in self.vectors if vector.stem == name and len(vector) == size]
         if len(below) == 1:
             self.reasons[role] = f"the {role} of {name}"
             return below[0].components
-        single = [each for each in channels if _below(each, name) and self._kind(each) == kind]
+        single = [each for each in channels if within(each, name) and self._kind(each) == kind]
         if len(single) == 1:
             self.reasons[role] = f"the {role} of {name}"
             return (single[0],)
-        raise MissingChannelError(name, self._shown(), self.recording.source)
+        raise self._missing(name)
 
-    def _only(self, role: str, kind: str, size: int) -> tuple[str, ...]:
+    def _missing(self, name: str) -> MissingChannelError:
+        return MissingChannelError(name, list(self.recording.channels), self.recording.source)
+
+    def _only(self, role: str, size: int) -> tuple[str, ...]:
         """The one that could be it; none where there is none; several are refused."""
-        found = self._candidates(kind, size)
+        found = self._candidates(role, size)
         if len(found) > 1:
             listed = ", ".join(" ".join(names) for names in found[:6])
-            more = ", …" if len(found) > 6 else ""
-            raise RecordingError(
-                f"{self._where()}{len(found)} could be the {role}: {listed}{more}; name one with "
-                f"--{role}"
-            )
+            words = f"{len(found)} could be the {role}: {listed}{', …' if len(found) > 6 else ''}"
+            raise RecordingError.of(self.recording.source, f"{words}; name one with --{role}")
         if found:
-            self._because(role, found[0], kind)
+            self._because(role, found[0])
         return found[0] if found else ()
 
     def _candidates(self, kind: str, size: int) -> list[tuple[str, ...]]:
@@ -407,9 +385,8 @@ class _Choosing:
             return kind == "orientation" and len(vector) == 4
         name = vector.components[0]
         unit = self.recording.units.get(name) or unit_in_name(name)
-        found = kind_of(vector.stem, unit) or kind_of(
-            name, unit
-        )  # of x, y, z the stem says nothing
+        # Of x, y, z the stem says nothing.
+        found = kind_of(vector.stem, unit) or kind_of(name, unit)
         return found == kind and (len(vector) != 4 or kind == "orientation")
 
     def _kind(self, name: str) -> str | None:
@@ -417,22 +394,11 @@ class _Choosing:
             self.kinds[name] = kind_of(name, self.recording.units.get(name))
         return self.kinds[name]
 
-    def _because(self, role: str, names: Sequence[str], kind: str) -> None:
-        others = "the only position" if kind == "position" else f"the only {kind}"
-        self.reasons[role] = f"{others}{' in space' if len(names) == 3 else ''}"
-
-    def _shown(self) -> list[str]:
-        return list(self.recording.channels)
-
-    def _where(self) -> str:
-        return f"{self.recording.source}: " if self.recording.source else ""
+    def _because(self, role: str, names: Sequence[str]) -> None:
+        self.reasons[role] = f"the only {role}{' in space' if len(names) == 3 else ''}"
 
 
 def _group(name: str) -> str:
     """The topic of a channel of messages; the group of an array."""
     topic, dot, _ = name.partition(".")
     return topic if dot else name.rpartition("/")[0]
-
-
-def _below(name: str, group: str) -> bool:
-    return name == group or (name.startswith(group) and name[len(group)] in "./[")

@@ -527,17 +527,16 @@ def _pressed_there(own: Signals, whole: AlongNormal, settings: Preparation) -> A
 
 
 def _travelled(pieces: list[Piece], signals: Signals) -> list[Remark]:
-    kept = sum(len(piece[0].time) for piece in pieces)
-    left = 1.0 - kept / len(signals.time)
+    left = 1.0 - sum(len(piece[0].time) for piece in pieces) / len(signals.time)
+    words, elsewhere, end = (
+        f"the probe travels over the material: {len(pieces)} places, each by itself",
+        "between them, or at none for a second",
+        "; one law of all of them is an average",
+    )
     if len(pieces) == 1:
         words = "the probe travels over the material, and stays at one place of it for a second"
-        if left > 0.0:
-            words += f"; {left:.0%} of the samples were elsewhere, and are left out"
-    else:
-        words = f"the probe travels over the material: {len(pieces)} places, each by itself"
-        if left > 0.0:
-            words += f"; {left:.0%} of the samples were between them, or at none for a second"
-        words += "; one law of all of them is an average"
+        elsewhere, end = "elsewhere, and are left out", ""
+    words += f"; {left:.0%} of the samples were {elsewhere}{end}" if left > 0.0 else end
     return [Remark("episodes", words, "--spot inf, where all of it is one material", "with-care")]
 
 

@@ -15,6 +15,8 @@ from palpate.estimators.least_squares import robust_covariance
 from palpate.preparation.gates import noise_of
 from palpate.validation import Floats
 
+# What a tare leaves of the force's offset.
+
 LEAST_DEVIATION = 1e-6  # of the largest force: no force sensor is better than 1e-5
 
 

@@ -56,13 +56,15 @@ class Wanted:
     frequency: float | None = None
 
     def __post_init__(self) -> None:
-        if self.impact_speed is not None:
-            number_in("impact_speed", self.impact_speed, 0.0, 1e6, open_low=True)
         instance("tip", self.tip, (Tip, type(None)))
-        if self.poisson_ratio is not None:
-            number_in("poisson_ratio", self.poisson_ratio, -1.0, 0.5, open_low=True)
-        if self.frequency is not None:
-            number_in("frequency", self.frequency, 0.0, 1e12, open_low=True)
+        ranges = {
+            "impact_speed": (0.0, 1e6),
+            "poisson_ratio": (-1.0, 0.5),
+            "frequency": (0.0, 1e12),
+        }
+        for name, ends in ranges.items():
+            if getattr(self, name) is not None:
+                number_in(name, getattr(self, name), *ends, open_low=True)
 
 
 class Derivable(Protocol):
@@ -254,6 +256,9 @@ def _tangent(omega: float, stiffness: Quantity, damping: Quantity) -> Quantity:
 # Usual times between samples: the way of a probe over a longer gap is not known.
 LONGEST_GAP = 20.0
 
+# What overflows, such as the square of 1e200 N, is not defined.
+_absurd_numbers = np.errstate(all="ignore")
+
 
 def path_of(result: Derivable) -> Path:
     """Return the samples that are finite and were not left out as outliers.
@@ -285,47 +290,48 @@ def _going_on(contact: Contact) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(~known)])
 
 
+@_absurd_numbers
 def restitution_from(result: Derivable, speed: float | None) -> Restitution:
     """Return the restitution at a speed, m/s, or at the one that is wanted."""
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
     fastest = fastest_of(result.contact.velocity[result.trace.taken])
     found, v0 = result.diagnosis, speed or result.wanted.impact_speed
-    with _absurd_numbers():
-        law = result.law
-        if isinstance(law, GeneralisedHuntCrossley):
-            law = law.simplest()
-        own = [result.law.names().index(name) for name in law.names()]
-        b = dissipation_of(law, result.covariance[np.ix_(own, own)], found.working_depth)
-        trusted = found.verdict.damping != "do-not-trust"
-        return restitution_of(law, b, fastest, v0, trusted=trusted)
+    law = result.law
+    if isinstance(law, GeneralisedHuntCrossley):
+        law = law.simplest()
+    own = [result.law.names().index(name) for name in law.names()]
+    b = dissipation_of(law, result.covariance[np.ix_(own, own)], found.working_depth)
+    trusted = found.verdict.damping != "do-not-trust"
+    return restitution_of(law, b, fastest, v0, trusted=trusted)
 
 
+@_absurd_numbers
 def energy_from(result: Derivable) -> EnergyLoss:
     """Return the energy lost in the touches, or cycles, of a recording."""
     data, path = result.data or Data(result.contact), path_of(result)
     going_on = replace(result.contact, segment=_going_on(result.contact))
     checks = {each.check for each in result.diagnosis.findings}
-    with _absurd_numbers():
-        return energy_of(
-            path,
-            loops_of(going_on, path),
-            result.law,
-            result.diagnosis.working_depth.damping,
-            force_noise=data.force_noise,
-            depth_noise=data.penetration_noise,
-            skewed="delay" in checks,
-            drifting="offset drift" in checks,
-        )
+    return energy_of(
+        path,
+        loops_of(going_on, path),
+        result.law,
+        result.diagnosis.working_depth.damping,
+        force_noise=data.force_noise,
+        depth_noise=data.penetration_noise,
+        skewed="delay" in checks,
+        drifting="offset drift" in checks,
+    )
 
 
+@_absurd_numbers
 def passivity_from(result: Derivable) -> Passivity:
     """Return where the law pulls in the recorded motion."""
     data, there = result.data or Data(result.contact), result.diagnosis.working_depth
-    with _absurd_numbers():
-        return passivity_of(path_of(result), result.law, there, data.force_noise)
+    return passivity_of(path_of(result), result.law, there, data.force_noise)
 
 
+@_absurd_numbers
 def elastic_modulus_from(
     result: Derivable, tip: Tip | None, poisson_ratio: float | None
 ) -> ElasticModulus:
@@ -340,14 +346,8 @@ def elastic_modulus_from(
     depth = result.contact.penetration[result.trace.taken] - result.estimate.surface
     inside = depth[depth > 0.0]
     low, high = np.percentile(inside, (10.0, 90.0)).tolist() if inside.size else (math.nan,) * 2
-    with _absurd_numbers():
-        found = elastic_modulus_of(result.law, result.diagnosis, (low, high), tip, ratio)
+    found = elastic_modulus_of(result.law, result.diagnosis, (low, high), tip, ratio)
     if found.refused or not result.estimate.fixed:
         return found
     given = "the exponent was given: that the tip is of this shape is not checked by it"
     return replace(found, remarks=(*found.remarks, given))
-
-
-def _absurd_numbers() -> np.errstate:
-    """Let what overflows, such as the square of 1e200 N, be not defined."""
-    return np.errstate(all="ignore")

@@ -1,4 +1,4 @@
-"""Shapes of a rigid tip, by which the force of an elastic half-space grows with depth.
+"""Young's modulus by the shape of a rigid tip, by which a half-space's force grows with depth.
 
 F = E* g xᵐ with the reduced modulus E* = E/(1 − ν²): a rigid tip without friction or adhesion,
 small strains, a homogeneous, isotropic material much thicker than the contact is wide. Sneddon,
@@ -89,9 +89,8 @@ class Sphere(Tip):
     def limitations(self, depth: float) -> list[str]:
         """Say where the depth is more than a tenth of the radius."""
         part = depth / self.radius
-        if part <= SMALL_DEPTH:
-            return []
-        return [f"Hertz is for depths far below the radius, and the probe goes to {part:.2g} of it"]
+        words = f"Hertz is for depths far below the radius, and the probe goes to {part:.2g} of it"
+        return [words] if part > SMALL_DEPTH else []
 
     def holds(self, depth: float) -> bool:
         """Whether the depth is less than the radius, beyond which there is no ball."""
@@ -123,9 +122,8 @@ class FlatPunch(Tip):
     def limitations(self, depth: float) -> list[str]:
         """Say where the depth is more than a tenth of the radius."""
         part = depth / self.radius
-        if part <= SMALL_DEPTH:
-            return []
-        return [f"linear elasticity is for small strains: the depth is {part:.2g} of the radius"]
+        words = f"linear elasticity is for small strains: the depth is {part:.2g} of the radius"
+        return [words] if part > SMALL_DEPTH else []
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,12 +154,8 @@ class Cone(Tip):
         The strain below it is about 0.2 cot α (Johnson, *Contact Mechanics*, 1985, section 6.3).
         """
         strain = 0.2 / math.tan(self.half_angle)
-        if strain <= SMALL_STRAIN:
-            return []
-        return [
-            f"linear elasticity is for small strains: below this cone they are {strain:.2g} at any "
-            "depth"
-        ]
+        words = "linear elasticity is for small strains: below this cone they are "
+        return [f"{words}{strain:.2g} at any depth"] if strain > SMALL_STRAIN else []
 
 
 #: Every tip by its kind.
@@ -257,7 +251,12 @@ def elastic_modulus_of(
     there = found.working_depth
     exponent = _exponent(there)
     known = (tip, ratio, exponent, poisson_ratio is None)
-    refused = _no_tip(there, exponent, tip)
+    refused: str | None = None
+    if not math.isfinite(exponent.value):
+        refused = "the law has no force at the working depth"
+    elif not tip.holds(there.depth):
+        depth = in_words(there.depth, "m")
+        refused = f"at the working depth, {depth}, there is no {tip.kind} left"
     if refused:
         return ElasticModulus(UNKNOWN, *known, refused)
     low, modulus, high = (
@@ -289,14 +288,6 @@ def _exponent(there: WorkingDepth) -> Quantity:
     per = there.depth / there.force.value
     s = there.stiffness
     return Quantity(per * s.value, per * s.standard_error, per * s.systematic)
-
-
-def _no_tip(there: WorkingDepth, exponent: Quantity, tip: Tip) -> str | None:
-    if not math.isfinite(exponent.value):
-        return "the law has no force at the working depth"
-    if not tip.holds(there.depth):
-        return f"at the working depth, {in_words(there.depth, 'm')}, there is no {tip.kind} left"
-    return None
 
 
 def _another_shape(exponent: Quantity, spread: float, tip: Tip) -> str | None:

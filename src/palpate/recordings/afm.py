@@ -16,7 +16,7 @@ from afmformats.meta import META_FIELDS, MetaDataMissingError
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.opening import Request, first_line, refuse_losses, regular_size
+from palpate.recordings.opening import Draft, Request, first_line, regular_size
 from palpate.recordings.recording import Recording, printable
 
 # afmformats' own errors derive from BaseException.
@@ -164,16 +164,11 @@ def _chosen(count: int, source: str, request: Request) -> int:
     """Which of so many curves is asked for."""
     if not count:
         raise RecordingError(f"{source}: there is no curve in it; look at what wrote it")
-    if request.curve is None and count > 1:
-        raise RecordingError(
-            f"{source}: holds {count} curves; choose one with --curve N, from 0 to {count - 1}"
-        )
     number = request.curve or 0
-    if not 0 <= number < count:
-        raise RecordingError(
-            f"{source}: there is no curve {number}; choose one with --curve N, from 0 to "
-            f"{count - 1}"
-        )
+    if (request.curve is None and count > 1) or not 0 <= number < count:
+        what = f"holds {count} curves" if request.curve is None else f"there is no curve {number}"
+        words = f"{what}; choose one with --curve N, from 0 to {count - 1}"
+        raise RecordingError(f"{source}: {words}")
     return number
 
 
@@ -185,56 +180,46 @@ def _recording(
     request: Request,
 ) -> Recording:
     """Return the columns of a curve, which has to have a force."""
-    channels: dict[str, NDArray[Any]] = {}
-    losses, omissions = [], []
+    draft = Draft(source, request)
+    channels = draft.channels
     for name in names:
         if not request.wants(name) and name != "time":
             continue
         try:
             channels[name] = np.asarray(column(name))
         except errors.AFMFileFormatError:  # a height that this instrument does not measure
-            omissions.append(f"{name}: this file has none")
+            draft.omit(name, "this file has none")
         except _FAULTS as error:
-            losses.append(f"{name}: cannot be read: {first_line(error)}")
+            draft.lose(name, f"cannot be read: {first_line(error)}")
     lengths = {name: len(values) for name, values in channels.items()}
     if not set(lengths) - {"time", "segment"}:
-        raise RecordingError(f"{source}: no column of the curve can be read: {losses or omissions}")
-    least = min(lengths.values())
-    if least < max(lengths.values()):
-        losses.append(f"its columns hold from {least} to {max(lengths.values())} samples: cut")
-        channels = {name: values[:least] for name, values in channels.items()}
-    refuse_losses(source, losses, request)
-    notes = _notes(metadata, channels.get("segment"))
-    _add_tip(channels, metadata, request, notes)
+        why = draft.losses or draft.omissions
+        raise draft.error(f"no column of the curve can be read: {why}")
+    least, most = min(lengths.values()), max(lengths.values())
+    if least < most:
+        draft.losses.append(f"its columns hold from {least} to {most} samples: cut")
+        channels |= {name: values[:least] for name, values in channels.items()}
+    draft.notes = _notes(metadata, channels.get("segment"))
+    _add_tip(draft, metadata)
     request.report(1.0)
-    return Recording(
-        channels,
-        units={name: unit for name in channels if (unit := column_units.get(name))},
-        source=source,
-        notes=notes,
-        clocks={name: "time" for name in channels if name != "time" and "time" in channels},
-        losses=tuple(losses),
-        omissions=tuple(omissions),
-    )
+    draft.units = {name: unit for name in channels if (unit := column_units.get(name))}
+    draft.clocks = {name: "time" for name in channels if name != "time" and "time" in channels}
+    return draft.done()
 
 
-def _add_tip(
-    channels: dict[str, NDArray[Any]],
-    metadata: Mapping[str, Any],
-    request: Request,
-    notes: dict[str, str],
-) -> None:
+def _add_tip(draft: Draft, metadata: Mapping[str, Any]) -> None:
     """Where the tip is: the height of the cantilever's base and its deflection, z + F/k.
 
     The base is no probe. Taken for one, the cantilever's compliance is identified as the sample's.
     """
+    channels = draft.channels
     stiffness = float(metadata.get("spring constant", np.nan))
     height = next((name for name in _HEIGHTS if name in channels), None)
     known = height is not None and "force" in channels and np.isfinite(stiffness)
-    if "tip position" in channels or not known or not request.wants("tip position"):
+    if "tip position" in channels or not known or not draft.request.wants("tip position"):
         return
     channels["tip position"] = channels[str(height)] + channels["force"] / stiffness
-    notes["tip position"] = f"{height} + force / spring constant"
+    draft.notes["tip position"] = f"{height} + force / spring constant"
 
 
 def _notes(metadata: Mapping[str, Any], segment: NDArray[Any] | None) -> dict[str, str]:

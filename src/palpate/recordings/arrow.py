@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.recordings.nested import MOST_COLUMNS, text_of
-from palpate.recordings.opening import LARGEST, Request, first_line, in_words, refuse_losses
+from palpate.recordings.opening import LARGEST, Draft, Request, first_line, in_words
 from palpate.recordings.recording import Faults, Recording, printable
 
 # What Arrow raises on a damaged file, whichever part of it is met.
@@ -45,29 +45,26 @@ def read(path: Path, request: Request) -> Recording:
     source = printable(path)
     with path.open("rb") as file:
         begin = file.read(len(_BEGIN))
-    losses: list[str] = []
+    draft = Draft(source, request)
     try:
         if begin.startswith(b"PAR1"):
             with parquet.ParquetFile(path, page_checksum_verification=True) as table:
                 _check_claim(table.metadata)
                 of = lambda name: table.read(columns=[name])  # noqa: E731
-                return _recording(table.schema_arrow, of, source, request, losses)
+                return _recording(table.schema_arrow, of, draft)
         if begin != _BEGIN:
-            raise RecordingError(
-                f"{source}: this is no Parquet, Feather (version 2) or Arrow file; check what "
-                "wrote it"
+            raise draft.error(
+                "this is no Parquet, Feather (version 2) or Arrow file; check what wrote it"
             )
         with pa.OSFile(str(path)) as file:
-            batches = _batches(file, losses)
-            return _recording(
-                batches.schema, lambda n: batches.select([n]), source, request, losses
-            )
+            batches = _batches(file, draft.losses)
+            return _recording(batches.schema, lambda n: batches.select([n]), draft)
     except RecordingError:
         raise
     except _DAMAGED as error:
-        raise RecordingError(
-            f"{source}: the file is cut off or damaged ({first_line(error)}); copy it again, or "
-            "let the recorder close its file"
+        raise draft.error(
+            f"the file is cut off or damaged ({first_line(error)}); copy it again, or let the "
+            "recorder close its file"
         ) from None
 
 
@@ -99,21 +96,12 @@ def _batches(file: pa.NativeFile, losses: list[str]) -> pa.Table:
     return pa.Table.from_batches(found, reader.schema)
 
 
-def _recording(
-    schema: pa.Schema,
-    table_of: Callable[[str], pa.Table],
-    source: str,
-    request: Request,
-    losses: list[str],
-) -> Recording:
+def _recording(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: Draft) -> Recording:
+    request = draft.request
     wanted = [form for form in schema if request.wants(_name(form.name))]
     if not wanted and len(schema):
         asked, there = ", ".join(request.channels or ()), ", ".join(map(_name, schema.names[:20]))
-        raise RecordingError(f"{source}: none of the columns {asked}; there are {there}")
-    channels: dict[str, NDArray[Any]] = {}
-    units: dict[str, str] = {}
-    faults: dict[str, Faults] = {}
-    omissions = []
+        raise draft.error(f"none of the columns {asked}; there are {there}")
     for k, form in enumerate(wanted):
         unit = next((text_of(form.metadata[u]) for u in _UNITS if u in (form.metadata or {})), None)
         try:
@@ -124,29 +112,21 @@ def _recording(
             for name, values in _leaves(_name(form.name), table.column(0)):
                 if not request.wants(name):
                     continue
-                channels[name], own_unit, fault = _values(name, values)
+                draft.channels[name], own_unit, fault = _values(name, values)
                 if stated := own_unit or unit:
-                    units[name] = stated
+                    draft.units[name] = stated
                 if fault is not None:
-                    faults[name] = fault
+                    draft.faults[name] = fault
         except _NoChannelError as error:
-            omissions.append(str(error))
+            draft.omissions.append(str(error))
         except _DAMAGED as error:
-            losses.append(f"column {_name(form.name)!r} cannot be read: {first_line(error)}")
+            draft.losses.append(f"column {_name(form.name)!r} cannot be read: {first_line(error)}")
         request.report((k + 1) / len(wanted))
-    if not channels:
-        reasons = [*losses, *omissions, "it has no columns of numbers"]
-        raise RecordingError(f"{source}: nothing in it can be read: {reasons[0]}")
-    refuse_losses(source, losses, request)
-    return Recording(
-        channels,
-        units=units,
-        source=source,
-        notes=_notes(schema.metadata or {}),
-        faults=faults,
-        losses=tuple(losses),
-        omissions=tuple(omissions),
-    )
+    if not draft.channels:
+        reasons = [*draft.losses, *draft.omissions, "it has no columns of numbers"]
+        raise draft.error(f"nothing in it can be read: {reasons[0]}")
+    draft.notes = _notes(schema.metadata or {})
+    return draft.done()
 
 
 def _values(name: str, values: pa.ChunkedArray) -> tuple[NDArray[Any], str | None, Faults | None]:

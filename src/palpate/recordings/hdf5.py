@@ -52,9 +52,9 @@ def read(path: Path, request: Request) -> Recording:
     source = printable(path)
     with opened(path, source) as file:
         if not _is_afm(file):
-            walk = Walk()
+            walk = Walk(Findings(source, request))
             walk.file(file)
-            return walk.found.recording(source, request)
+            return walk.found.recording()
     return FORCE_CURVES.read(path, request)  # the file is closed: afmformats opens it its own way
 
 
@@ -99,8 +99,8 @@ def _is_afm(file: h5py.File) -> bool:
 class Walk:
     """What a file holds, group by group, without a number of it being read."""
 
-    def __init__(self) -> None:
-        self.found = Findings()
+    def __init__(self, found: Findings) -> None:
+        self.found = found
         self._seen: set[Any] = set()
 
     def file(self, file: h5py.File) -> None:
@@ -145,7 +145,7 @@ class Walk:
         whole = "/".join((*path, name))
         kind, shape = item.dtype.kind, item.shape
         if shape == () and kind in "iufbOS" and item.dtype.itemsize <= _LONGEST_TEXT:
-            self._scalar(item, whole)
+            self.found.note(whole, text_of(item[()]) or item[()])
         elif shape is None or not all(shape) or kind not in "iufbV" or item.dtype.subdtype:
             self.found.omit(whole, _no_numbers(item))
         elif item.external or item.is_virtual:
@@ -155,7 +155,9 @@ class Walk:
             fields = item.dtype.names
             if not fields:
                 read = lambda: np.asarray(item[()])  # noqa: E731
-                self.found.add(path, name, item.shape, read, unit=self._unit(item))
+                stated = dict(self.attributes(item))
+                unit = next((stated[each] for each in _UNITS if stated.get(each)), None)
+                self.found.add(path, name, item.shape, read, unit=unit)
             elif set(fields) == {"real", "imag"}:
                 self.found.omit(whole, "holds complex numbers")
             else:
@@ -181,9 +183,8 @@ class Walk:
         elif 2 * written < pieces:  # more is missing than is there
             self.found.lose(whole, f"{written} of its {pieces} pieces were written")
         elif claimed > LARGEST:
-            self.found.lose(
-                whole, f"claims {in_words(claimed)}, and the file holds {in_words(stored)} of it"
-            )
+            there = f"and the file holds {in_words(stored)} of it"
+            self.found.lose(whole, f"claims {in_words(claimed)}, {there}")
         else:
             if written < pieces:
                 missing = f"{pieces - written} of its {pieces} pieces were never written"
@@ -191,21 +192,13 @@ class Walk:
             return True
         return False
 
-    def _scalar(self, item: h5py.Dataset, whole: str) -> None:
-        value = item[()]
-        self.found.note(whole, text_of(value) or value)
-
     def _notes(self, item: Any, whole: str) -> None:
         """Keep the rate and the frame that a group or an array states."""
         for name, words in self.attributes(item):
             if name in _FRAMES:
-                self.found.frames[whole] = words
+                self.found.group_frames[whole] = words
             elif _RATE.match(name):
                 self.found.note(f"{whole} {name}", words)
-
-    def _unit(self, item: h5py.Dataset) -> str | None:
-        stated = dict(self.attributes(item))
-        return next((stated[name] for name in _UNITS if stated.get(name)), None)
 
     def attributes(self, item: Any) -> Iterator[tuple[str, str]]:
         """Yield those attributes that are one text or one number."""
@@ -238,8 +231,6 @@ def _no_numbers(item: h5py.Dataset) -> str:
 
 # MATLAB's version 7.3: HDF5 with its own attributes, and with every array turned over.
 
-_LONGEST_CHAR = 4096
-
 
 def read_matlab(path: Path, request: Request) -> Recording:
     """Read a MATLAB file of version 7.3.
@@ -251,9 +242,9 @@ def read_matlab(path: Path, request: Request) -> Recording:
     """
     source = printable(path)
     with opened(path, source) as file:
-        walk = _Variables()
+        walk = _Variables(Findings(source, request))
         walk.group(file, ())
-        return walk.found.recording(source, request)
+        return walk.found.recording()
 
 
 class _Variables(Walk):
@@ -310,7 +301,7 @@ class _Variables(Walk):
 
 
 def _char(item: h5py.Dataset) -> str | None:
-    if item.dtype.kind not in "iu" or item.size > _LONGEST_CHAR:
+    if item.dtype.kind not in "iu" or item.size > _LONGEST_TEXT:
         return None
     return "".join(chr(code) for code in item[()].T.reshape(-1))
 

@@ -91,11 +91,11 @@ def read(path: Path, request: Request) -> Recording:
             f"{source}: this is no MATLAB file of version 5 to 7.3; save it again with "
             "save(name, '-v7') or '-v7.3'"
         )
-    found = Findings()
+    found = Findings(source, request)
     for name, value in _variables(path, size, found):
         if name:  # MATLAB keeps what belongs to its objects in one without a name
             _take(value, (), name, found)
-    return found.recording(source, request)
+    return found.recording()
 
 
 def _take(

@@ -1,14 +1,13 @@
 """Arrays in groups: which channels they are, and which array is the clock of which."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import RecordingError
-from palpate.recordings.opening import Request, first_line, refuse_losses, within
+from palpate.recordings.opening import Draft, first_line, within
 from palpate.recordings.recording import Recording
 from palpate.recordings.times import clock_rank, epoch_unit_of
 
@@ -80,31 +79,17 @@ class Leaf:
 
 
 @dataclass(slots=True)
-class Findings:
+class Findings(Draft):
     """What is found in a file of groups, before any number of it is read."""
 
     leaves: list[Leaf] = field(default_factory=list)
-    notes: dict[str, str] = field(default_factory=dict)
-    frames: dict[str, str] = field(default_factory=dict)
-    losses: list[str] = field(default_factory=list)
-    omissions: list[str] = field(default_factory=list)
-    _channels: dict[str, NDArray[Any]] = field(default_factory=dict)
-    _units: dict[str, str] = field(default_factory=dict)
-    _clocks: dict[str, str] = field(default_factory=dict)
+    group_frames: dict[str, str] = field(default_factory=dict)
 
     def note(self, name: str, words: object) -> None:
         """Keep what the file says of itself, as far as that is short."""
         if len(self.notes) < _MOST_NOTES:
             text = " ".join(str(words).split())
             self.notes[name] = text if len(text) <= 200 else f"{text[:199]}…"
-
-    def omit(self, name: str, reason: str) -> None:
-        """Say that something is not read, and why."""
-        self.omissions.append(f"{name}: {reason}")
-
-    def lose(self, name: str, reason: str) -> None:
-        """Say that something cannot be read, and why."""
-        self.losses.append(f"{name}: {reason}")
 
     def add(
         self,
@@ -129,12 +114,11 @@ class Findings:
         else:
             lengths = lengths or (1,)
             squeezed = lambda: _plain(read()).reshape(lengths)  # noqa: E731
-            leaf = Leaf(group, name, channel, lengths, squeezed, unit)
-            if group_unit and leaf.rank is None:  # it is the unit of what is measured
-                leaf = replace(leaf, unit=unit or group_unit)
-            self.leaves.append(leaf)
+            if len(lengths) == 2 or clock_rank(name) is None:  # it is the unit of what is measured
+                unit = unit or group_unit
+            self.leaves.append(Leaf(group, name, channel, lengths, squeezed, unit))
 
-    def recording(self, source: str, request: Request) -> Recording:
+    def recording(self) -> Recording:
         """Read the channels that are asked for, each with its clock.
 
         Raises
@@ -142,36 +126,27 @@ class Findings:
         RecordingError
             There is nothing to read, or it is damaged and the request is strict.
         """
-        clocks = _Clocks(self.leaves)
+        clocks, request = _Clocks(self.leaves), self.request
         wanted = {
             leaf.channel: clocks.of(leaf) for leaf in self.leaves if request.wants(leaf.channel)
         }
         needed = {clock.channel for clock in wanted.values() if clock is not None}
         chosen = [leaf for leaf in self.leaves if leaf.channel in wanted or leaf.channel in needed]
         for k, leaf in enumerate(chosen):
-            self._read(leaf, wanted.get(leaf.channel), request)
+            self._read(leaf, wanted.get(leaf.channel))
             request.report((k + 1) / len(chosen))
-        if not self._channels:
-            raise RecordingError(f"{source}: {self._nothing(request)}")
-        refuse_losses(source, self.losses, request)
-        kept = {name: clock for name, clock in self._clocks.items() if clock in self._channels}
-        return Recording(
-            self._channels,
-            units=self._units,
-            source=source,
-            notes=self.notes,
-            clocks=kept,
-            frames={
-                channel: frame
-                for channel in self._channels
-                for name, frame in self.frames.items()
-                if within(channel, name)
-            },
-            losses=tuple(self.losses),
-            omissions=tuple(self.omissions),
-        )
+        if not self.channels:
+            raise self.error(self._nothing())
+        self.clocks = {name: clock for name, clock in self.clocks.items() if clock in self.channels}
+        self.frames = {
+            channel: frame
+            for channel in self.channels
+            for name, frame in self.group_frames.items()
+            if within(channel, name)
+        }
+        return self.done()
 
-    def _read(self, leaf: Leaf, clock: Leaf | None, request: Request) -> None:
+    def _read(self, leaf: Leaf, clock: Leaf | None) -> None:
         try:
             values = leaf.read()
         except _FAULTS as error:
@@ -184,20 +159,20 @@ class Findings:
             if unit and not leaf.unit:
                 self.note(leaf.channel, f"taken as {unit} since 1970, by its size")
         for name, column in _columns(leaf, values, clock):
-            if values.ndim == 2 and not request.wants(name):
+            if values.ndim == 2 and not self.request.wants(name):
                 continue
-            self._channels[name] = column
+            self.channels[name] = column
             if unit:
-                self._units[name] = unit
+                self.units[name] = unit
             if clock is not None:
-                self._clocks[name] = clock.channel
+                self.clocks[name] = clock.channel
 
-    def _nothing(self, request: Request) -> str:
+    def _nothing(self) -> str:
         if self.losses:
             return f"nothing in it can be read: {self.losses[0]}"
-        if request.channels is not None and self.leaves:
+        if self.request.channels is not None and self.leaves:
             names = ", ".join(leaf.channel for leaf in self.leaves[:20])
-            return f"none of the channels {', '.join(request.channels)}; there are {names}"
+            return f"none of the channels {', '.join(self.request.channels)}; there are {names}"
         why = f" ({self.omissions[0]})" if self.omissions else ""
         return f"there are no arrays of numbers in it{why}; look at what wrote it"
 

@@ -1,4 +1,4 @@
-"""The formats that can be read: how a file of each is known, and the module that reads it."""
+"""Recordings opened, by the formats that can be read, and contacts written."""
 
 import io
 import logging
@@ -6,9 +6,9 @@ import os
 import stat
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
-from palpate.recordings.recording import Recording, printable
+from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file, write_bytes, write_text
+
+_LOGGER = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,9 +129,115 @@ FORMATS: list[Format] = [
 ]
 
 
-def within(name: str, whole: str) -> bool:
-    """Return whether a channel is that one, or a field or an element of it."""
-    return name == whole or (name.startswith(whole) and name[len(whole)] in "./[")
+# From a file to the format that reads it: by its content, else by the suffix of its name.
+
+
+def open_recording(
+    path: str | os.PathLike[str],
+    channels: Sequence[str] | None = None,
+    *,
+    strict: bool = False,
+    curve: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Recording:
+    """Read a file as it is.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file; ``-`` is standard input. Its format is known by its content, else by the suffix of
+        its name; what is neither is read as text.
+    channels : sequence of str, optional
+        Read these only: whole names, or a topic or group with all below it, such as ``"/ft"``.
+        Unless given, all that hold numbers.
+    strict : bool
+        Refuse a file that is damaged, where else what can be read of it is, and
+        ``Recording.losses`` says what could not.
+    curve : int, optional
+        Which curve, from 0, of a file that holds many.
+    progress : callable, optional
+        Called now and then with the fraction that has been read.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read, or is not of the format that it seems to be.
+    MissingExtraError
+        The packages that read the format are not installed: the message says how.
+    """
+    try:
+        file = Path(path)
+        wanted = None if channels is None else tuple(channels)
+    except TypeError:
+        raise InvalidParameterError(f"path must be a path, not {path!r}") from None
+    if curve is not None and curve < 0:
+        raise InvalidParameterError(f"curve must be counted from 0, not {curve}")
+    begun = time.perf_counter()
+    recording = _read(file, Request(wanted, strict, curve, progress))
+    _log(recording, time.perf_counter() - begun)
+    return recording
+
+
+def _read(file: Path, request: Request) -> Recording:
+    standard = str(file) == "-"
+    if not standard and not file.is_fifo():
+        if not file.is_dir():  # a bag of ROS 2 is one
+            regular_size(file)
+        return format_of(file).read(file, request)
+    source = "standard input" if standard else printable(file)
+    # The suffix stays, for the format may be known by that only.
+    with scratch_file(f"recording{file.suffix}") as (copy, content):
+        _copy_stream(file, source, content)
+        regular_size(copy, source)
+        try:
+            recording = format_of(copy).read(copy, request)
+        except RecordingError as error:  # the name of a copy would tell a person nothing
+            raise RecordingError(str(error).replace(printable(copy), source)) from None
+    return replace(recording, source=source)
+
+
+def _copy_stream(file: Path, source: str, content: IO[bytes]) -> None:
+    """Copy what standard input (``-``) or a pipe gives until its end."""
+    standard = nullcontext(getattr(sys.stdin, "buffer", None))
+    try:
+        with standard if str(file) == "-" else file.open("rb") as stream:
+            if stream is None or stream.isatty():  # closed, that of a notebook, or a terminal
+                raise RecordingError(f"{source}: nothing can be read from it here; name a file")
+            while chunk := stream.read(1 << 20):
+                content.write(chunk)
+                if content.tell() > LARGEST:
+                    raise RecordingError(
+                        f"{source}: more than {LARGEST >> 30} GiB came; write it to a file, and "
+                        "name that"
+                    )
+        content.flush()
+    except OSError as error:
+        raise unreadable(source, error) from None
+
+
+def _log(recording: Recording, seconds: float) -> None:
+    """Say what was read, and how long that took."""
+    sizes = {len(values) for values in recording.channels.values()}
+    samples = " or ".join(map(str, sorted(sizes)[:3])) or "no"
+    words = f"{len(recording.channels)} channels of {samples} samples"
+    _LOGGER.info("read %s: %s, %.4f s", recording.source, words, seconds)
+    for name, values in recording.channels.items():
+        unit = recording.units.get(name) or "unit not said"
+        _LOGGER.debug("channel %s: %s, %d samples, %s", name, values.dtype, len(values), unit)
+
+
+def format_of(path: Path) -> Format:
+    """Return the format of a file; text where it is none that is known."""
+    begin = b""
+    if path.is_dir():
+        path = path / "metadata.yaml"  # a bag of ROS 2 is a folder
+    else:
+        with path.open("rb") as file:
+            begin = file.read(64)
+    name = path.name.lower()
+    marked = (each for each in FORMATS if begin.startswith(each.marks))
+    named = (each for each in FORMATS if name.endswith(each.suffixes))
+    return next(marked, None) or next(named, TEXT)
 
 
 # What every reader asks of a file, and how it says that something is lost.
@@ -137,6 +245,11 @@ def within(name: str, whole: str) -> bool:
 #: What a file, or a part of it, may unpack to or claim, bytes: beyond that no recording goes, and
 #: a damaged size does.
 LARGEST = 8 << 30
+
+
+def within(name: str, whole: str) -> bool:
+    """Return whether a channel is that one, or a field or an element of it."""
+    return name == whole or (name.startswith(whole) and name[len(whole)] in "./[")
 
 
 def regular_size(path: Path, source: str = "") -> int:
@@ -193,19 +306,58 @@ def first_line(error: BaseException) -> str:
     return words if len(words) <= 160 else f"{words[:159]}…"
 
 
-def refuse_losses(source: str, losses: Sequence[str], request: Request) -> None:
-    """Refuse a damaged file, where that is asked for.
+@dataclass(slots=True)
+class Draft:
+    """What a reader has gathered of a file until it is a recording; that says what each is.
 
-    Raises
-    ------
-    RecordingError
-        Something is lost, and the request is strict.
+    Attributes
+    ----------
+    source : str
+        The file's name.
+    request : Request
+        What is asked for.
     """
-    if request.strict and losses:
-        more = f" (and {len(losses) - 1} more)" if len(losses) > 1 else ""
-        raise RecordingError(
-            f"{source}: {losses[0]}{more}; without --strict the rest of the file is read"
-        )
+
+    source: str
+    request: Request
+    channels: dict[str, NDArray[Any]] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    notes: dict[str, str] = field(default_factory=dict)
+    clocks: dict[str, str] = field(default_factory=dict)
+    frames: dict[str, str] = field(default_factory=dict)
+    types: dict[str, str] = field(default_factory=dict)
+    faults: dict[str, Faults] = field(default_factory=dict)
+    losses: list[str] = field(default_factory=list)
+    omissions: list[str] = field(default_factory=list)
+
+    def error(self, words: str) -> RecordingError:
+        """Return an error that names the file."""
+        return RecordingError(f"{self.source}: {words}")
+
+    def omit(self, name: str, reason: str) -> None:
+        """Say that something is not read, and why."""
+        self.omissions.append(f"{name}: {reason}")
+
+    def lose(self, name: str, reason: str) -> None:
+        """Say that something cannot be read, and why."""
+        self.losses.append(f"{name}: {reason}")
+
+    def done(self, rows: Sequence[int] | None = None) -> Recording:
+        """Return the recording.
+
+        Raises
+        ------
+        RecordingError
+            Something is lost, and the request is strict.
+        """
+        if self.request.strict and self.losses:
+            more = f" (and {len(self.losses) - 1} more)" if len(self.losses) > 1 else ""
+            rest = "without --strict the rest of the file is read"
+            raise self.error(f"{self.losses[0]}{more}; {rest}")
+        mappings = ("units", "notes", "clocks", "frames", "types", "faults")
+        own: dict[str, Any] = {name: getattr(self, name) for name in mappings}
+        own |= {name: tuple(getattr(self, name)) for name in ("losses", "omissions")}
+        return Recording(self.channels, source=self.source, rows=rows, **own)
 
 
 # Tables of named columns, and contacts, written: Parquet by pyarrow, or CSV.
@@ -288,11 +440,8 @@ def _as_parquet(
 def _as_csv(
     columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
 ) -> str:
-    text = io.StringIO()
-    units_note = {"units": ", ".join(f"{name} {unit}" for name, unit in units.items())}
-    for name, words in {**notes, **(units_note if units else {})}.items():
-        text.write(f"# {name}: {' '.join(words.split())}\n")
-    text.write(",".join(columns) + "\n")
+    listed = ", ".join(f"{name} {unit}" for name, unit in units.items())
+    text = _head({**notes, **({"units": listed} if units else {})}, columns)
     length = len(next(iter(columns.values())))
     for start in range(0, length, _ROWS):
         # repr: the shortest text that is the same number again.
@@ -302,6 +451,15 @@ def _as_csv(
         ]
         text.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
     return text.getvalue()
+
+
+def _head(notes: Mapping[str, str], names: Iterable[str]) -> io.StringIO:
+    """Text that begins with notes, and the names of the columns."""
+    text = io.StringIO()
+    for name, words in notes.items():
+        text.write(f"# {name}: {' '.join(words.split())}\n")
+    text.write(",".join(names) + "\n")
+    return text
 
 
 def write_contact(
@@ -338,137 +496,7 @@ def write_contact(
     columns["force_N"] = contact.force, "%.7g"
     if contact.segment[-1:].any():
         columns["segment"] = (contact.segment + 1).astype(np.float64), "%d"
-    text = io.StringIO()
-    for name, words in head.items():
-        text.write(f"# {name}: {' '.join(words.split())}\n")
-    text.write(",".join(columns) + "\n")
+    text = _head(head, columns)
     table = np.column_stack([values for values, _ in columns.values()])
     np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")
     write_text(Path(path), text.getvalue())
-
-
-# From a file to the format that reads it: by its content, else by the suffix of its name.
-
-_LOGGER = logging.getLogger(__name__)
-
-
-def open_recording(
-    path: str | os.PathLike[str],
-    channels: Sequence[str] | None = None,
-    *,
-    strict: bool = False,
-    curve: int | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Recording:
-    """Read a file as it is.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file; ``-`` is standard input. Its format is known by its content, else by the suffix of
-        its name; what is neither is read as text.
-    channels : sequence of str, optional
-        Read these only: whole names, or a topic or group with all below it, such as ``"/ft"``.
-        Unless given, all that hold numbers.
-    strict : bool
-        Refuse a file that is damaged, where else what can be read of it is, and
-        ``Recording.losses`` says what could not.
-    curve : int, optional
-        Which curve, from 0, of a file that holds many.
-    progress : callable, optional
-        Called now and then with the fraction that has been read.
-
-    Raises
-    ------
-    RecordingError
-        The file cannot be read, or is not of the format that it seems to be.
-    MissingExtraError
-        The packages that read the format are not installed: the message says how.
-    """
-    try:
-        file = Path(path)
-        wanted = None if channels is None else tuple(channels)
-    except TypeError:
-        raise InvalidParameterError(f"path must be a path, not {path!r}") from None
-    if curve is not None and curve < 0:
-        raise InvalidParameterError(f"curve must be counted from 0, not {curve}")
-    begun = time.perf_counter()
-    recording = _read(file, Request(wanted, strict, curve, progress))
-    _log(recording, time.perf_counter() - begun)
-    return recording
-
-
-def _read(file: Path, request: Request) -> Recording:
-    standard = str(file) == "-"
-    if not standard and not _is(stat.S_ISFIFO, file):
-        if not _is(stat.S_ISDIR, file):  # a bag of ROS 2 is one
-            regular_size(file)
-        return format_of(file).read(file, request)
-    source = "standard input" if standard else printable(file)
-    # The suffix stays, for the format may be known by that only.
-    with scratch_file(f"recording{file.suffix}") as (copy, content):
-        _copy_stream(file, source, content)
-        regular_size(copy, source)
-        try:
-            recording = format_of(copy).read(copy, request)
-        except RecordingError as error:  # the name of a copy would tell a person nothing
-            raise RecordingError(str(error).replace(printable(copy), source)) from None
-    return replace(recording, source=source)
-
-
-def _is(kind: Callable[[int], bool], path: Path) -> bool:
-    try:
-        return kind(path.stat().st_mode)
-    except (OSError, ValueError):  # whoever reads it says what is wrong
-        return False
-
-
-def _copy_stream(file: Path, source: str, content: IO[bytes]) -> None:
-    """Copy what standard input (``-``) or a pipe gives until its end."""
-    standard = nullcontext(getattr(sys.stdin, "buffer", None))
-    try:
-        with standard if str(file) == "-" else file.open("rb") as stream:
-            if stream is None or stream.isatty():  # closed, that of a notebook, or a terminal
-                raise RecordingError(f"{source}: nothing can be read from it here; name a file")
-            while chunk := stream.read(1 << 20):
-                content.write(chunk)
-                if content.tell() > LARGEST:
-                    raise RecordingError(
-                        f"{source}: more than {LARGEST >> 30} GiB came; write it to a file, and "
-                        "name that"
-                    )
-        content.flush()
-    except OSError as error:
-        raise unreadable(source, error) from None
-
-
-def _log(recording: Recording, seconds: float) -> None:
-    """Say what was read, and how long that took."""
-    if not _LOGGER.isEnabledFor(logging.INFO):
-        return
-    sizes = {len(values) for values in recording.channels.values()}
-    samples = " or ".join(map(str, sorted(sizes)[:3])) or "no"
-    _LOGGER.info(
-        "read %s: %d channels of %s samples, %.4f s",
-        recording.source,
-        len(recording.channels),
-        samples,
-        seconds,
-    )
-    for name, values in recording.channels.items():
-        unit = recording.units.get(name) or "unit not said"
-        _LOGGER.debug("channel %s: %s, %d samples, %s", name, values.dtype, len(values), unit)
-
-
-def format_of(path: Path) -> Format:
-    """Return the format of a file; text where it is none that is known."""
-    begin = b""
-    if _is(stat.S_ISDIR, path):
-        path = path / "metadata.yaml"  # a bag of ROS 2 is a folder
-    else:
-        with path.open("rb") as file:
-            begin = file.read(64)
-    name = path.name.lower()
-    marked = (each for each in FORMATS if begin.startswith(each.marks))
-    named = (each for each in FORMATS if name.endswith(each.suffixes))
-    return next(marked, None) or next(named, TEXT)

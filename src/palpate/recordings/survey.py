@@ -199,16 +199,12 @@ def _clock(recording: Recording, name: str, count: int, channels: Iterable[str])
     forward = steps[steps > 0.0]
     step = float(np.median(forward)) if forward.size else np.nan
     gaps = forward[forward > GAP * step]
+    start, stop = first + float(times.min()) * factor, first + float(times.max()) * factor
     return ClockSurvey(
-        name,
-        count,
-        on_it,
-        unknown=count - times.size,
-        start=first + float(times.min()) * factor,
-        stop=first + float(times.max()) * factor,
+        *(name, count, on_it, count - times.size, start, stop),
         step=step * factor,
         gaps=gaps.size,
-        largest_gap=float(gaps.max()) * factor if gaps.size else 0.0,
+        largest_gap=float(gaps.max(initial=0.0)) * factor,
         repeated=int(np.count_nonzero(steps == 0.0)),
         backward=int(np.count_nonzero(steps < 0.0)),
     )
@@ -220,9 +216,6 @@ def _channel(recording: Recording, name: str) -> ChannelSurvey:
     if values.dtype.kind not in "fiub":
         known = sum(1 for value in values.flat if str(value).strip())
         return ChannelSurvey(name, "text", unit, frame, len(values), known)
-    kind = str(values.dtype)
     finite = values[np.isfinite(values)] if values.dtype.kind == "f" else values
-    if not finite.size:
-        return ChannelSurvey(name, kind, unit, frame, len(values), 0)
-    ends = float(finite.min()), float(finite.max())
-    return ChannelSurvey(name, kind, unit, frame, len(values), finite.size, *ends)
+    ends = (float(finite.min()), float(finite.max())) if finite.size else ()
+    return ChannelSurvey(name, str(values.dtype), unit, frame, len(values), finite.size, *ends)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import MissingChannelError, RecordingError
-from palpate.recordings.opening import LARGEST, Request, first_line, refuse_losses
+from palpate.recordings.opening import LARGEST, Draft, Request, first_line
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.recordings.text_layout import (
     SPACES,
@@ -398,7 +398,7 @@ class _Table:
         first = next(blocks, b"")
         self._begin(first, kinds)
         row = self.layout.first + 1
-        for block in itertools.chain([_after(first, self.layout.first)], blocks):
+        for block in itertools.chain(first.split(b"\n", self.layout.first)[-1:], blocks):
             last = b""
             if self.text.cut_off and block:
                 begin = block.rfind(b"\n", 0, -1) + 1
@@ -553,14 +553,13 @@ class _Table:
 
     def recording(self) -> Recording:
         """Return what has been read."""
-        channels: dict[str, NDArray[Any]] = {}
-        faults: dict[str, Faults] = {}
-        units: dict[str, str] = {}
+        draft = Draft(self.source, self.request, notes=dict(self.layout.notes))
+        channels, units = draft.channels, draft.units
         for column in self.columns:
             fault, made = column.fault(), column.channels()
             channels |= made
             if fault is not None:
-                faults |= dict.fromkeys(made, fault)
+                draft.faults |= dict.fromkeys(made, fault)
             if column.name in self.layout.units:
                 units |= dict.fromkeys(made, self.layout.units[column.name])
             elif column.kind in ("dates", "nanoseconds"):
@@ -575,37 +574,23 @@ class _Table:
         wanted = {n: values for n, values in channels.items() if self.request.wants(n)}
         if self.request.channels and not wanted:
             raise MissingChannelError(self.request.channels[0], self.layout.header, self.source)
-        rows = _in_one(self.rows)
-        losses = self.losses.sentences() + self.text.losses
-        refuse_losses(self.source, losses, self.request)
-        if losses and not len(rows):
-            raise RecordingError(f"{self.source}: no row of it can be read: {losses[0]}")
-        ignored = ", ".join(column.name for column in self.columns if column.kind == "nothing")
-        notes = dict(self.layout.notes)
+        draft.channels = wanted
+        draft.units = {name: unit for name, unit in units.items() if name in wanted}
+        draft.losses = self.losses.sentences() + self.text.losses
+        if ignored := ", ".join(each.name for each in self.columns if each.kind == "nothing"):
+            draft.omit("columns that were not asked for", ignored)
         if self.text.encoding != "utf-8":
-            notes["encoding"] = self.text.encoding.upper().replace("WINDOWS", "Windows")
-        return Recording(
-            wanted,
-            units={name: unit for name, unit in units.items() if name in wanted},
-            source=self.source,
-            notes=notes,
-            rows=rows,
-            faults=faults,
-            losses=losses,
-            omissions=[f"columns that were not asked for: {ignored}"] if ignored else [],
-        )
+            encoding = self.text.encoding.upper().replace("WINDOWS", "Windows")
+            draft.notes["encoding"] = encoding
+        rows = _in_one(self.rows)
+        recording = draft.done(rows)
+        if draft.losses and not len(rows):
+            raise draft.error(f"no row of it can be read: {draft.losses[0]}")
+        return recording
 
 
 def _without_returns(lines: bytes) -> bytes:
     return re.sub(rb"\r+\n", b"\n", lines) if b"\r" in lines else lines
-
-
-def _after(lines: bytes, count: int) -> bytes:
-    """What follows so many lines."""
-    offset = 0
-    for _ in range(count):
-        offset = lines.find(b"\n", offset) + 1
-    return lines[offset:]
 
 
 def _turned(cells: Sequence[list[str]], width: int) -> list[Sequence[str]]:

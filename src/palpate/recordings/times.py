@@ -161,14 +161,12 @@ def clock_rank(name: str) -> int | None:
 
     Of one with groups or fields, such as ``robot/time`` or ``/ft.header.stamp``, the last counts.
     """
-    own = _own(name)
-    return next((i for i, form in enumerate(_PATTERNS) if form.match(own)), None)
+    return next((i for i, found in enumerate(_matches(name)) if found), None)
 
 
 def clock_unit(name: str) -> str | None:
     """Return the unit in the name of times: ``"ms"`` of ``time_ms``."""
-    own = _own(name)
-    found = next((match for form in _PATTERNS if (match := form.match(own))), None)
+    found = next(filter(None, _matches(name)), None)
     return _SHORT.get(found["unit"].lower()) if found and found["unit"] else None
 
 
@@ -179,5 +177,6 @@ def epoch_unit_of(values: NDArray[Any]) -> str | None:
     return None if unit == "s" else unit
 
 
-def _own(name: str) -> str:
-    return re.split(r"[/.]", name)[-1].strip()
+def _matches(name: str) -> list[re.Match[str] | None]:
+    own = re.split(r"[/.]", name)[-1].strip()
+    return [form.match(own) for form in _PATTERNS]

@@ -1,13 +1,9 @@
 """All topics of a recording, and what is said of them."""
 
 from collections.abc import Hashable
+from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
-from typing import Any
 
-from numpy.typing import NDArray
-
-from palpate.errors import RecordingError
 from palpate.recordings.messages.layout import (
     UndecodableError,
     message_fields,
@@ -18,36 +14,18 @@ from palpate.recordings.messages.layout import (
 )
 from palpate.recordings.messages.protobuf import JsonTopic
 from palpate.recordings.messages.topic import LOG_TIME, BinaryTopic, Found, Topic, stamp_of
-from palpate.recordings.opening import Request, within
-from palpate.recordings.recording import Faults, Recording, printable
+from palpate.recordings.opening import Draft, Request, within
+from palpate.recordings.recording import Recording
 
 NOT_ASKED = "not asked for"
 
 
-class Collection:
-    """Topics, as a reader finds them in a file or in several.
+@dataclass(slots=True)
+class Collection(Draft):
+    """Topics, as a reader finds them in a file or in several."""
 
-    Parameters
-    ----------
-    path : Path
-        The file or folder.
-    request : Request
-        What is asked for.
-    """
-
-    def __init__(self, path: Path, request: Request) -> None:
-        self.source = printable(path)
-        self.request = request
-        self.losses: list[str] = []
-        self.omissions: list[str] = []
-        self.notes: dict[str, str] = {}
-        self.values: dict[str, NDArray[Any]] = {}
-        self.units: dict[str, str] = {}
-        self.clocks: dict[str, str] = {}
-        self.frames: dict[str, str] = {}
-        self.faults: dict[str, Faults] = {}
-        self._topics: dict[Hashable, Topic] = {}
-        self._types: dict[str, str] = {}
+    _topics: dict[Hashable, Topic] = field(default_factory=dict)
+    _types: dict[str, str] = field(default_factory=dict)
 
     def topic(
         self, name: str, type_name: str, encoding: str, form: str, definition: bytes
@@ -78,14 +56,10 @@ class Collection:
         self._topics[key] = topic
         return topic
 
-    def error(self, what: str, cure: str) -> RecordingError:
-        """Return an error that names the file."""
-        return RecordingError(f"{self.source}: {what}; {cure}")
-
     def lost(self, sentence: str) -> None:
         """Say what could not be read; raise RecordingError where nothing may be lost."""
         if self.request.strict:
-            raise RecordingError(f"{self.source}: {sentence}")
+            raise self.error(sentence)
         if sentence not in self.losses:
             self.losses.append(sentence)
 
@@ -102,39 +76,25 @@ class Collection:
         RecordingError
             It is nothing; or something was asked for that there is not.
         """
-        types = {}
         for topic in self._topics.values():
             self._say(topic)
             for name, found in topic.found.items():
                 self._add(topic.name + name, found)
-                types[topic.name] = topic.type_name
+                self.types[topic.name] = topic.type_name
         unread = {topic.name for topic in self._topics.values() if topic.omitted == NOT_ASKED}
         if unread:
-            self.omissions.append(f"not asked for: {_few(unread)}")
-        self._check(list(self.values))
+            self.omit(NOT_ASKED, _few(unread))
+        self._check(list(self.channels))
         self.request.report(1.0)
-        return Recording(
-            self.values,
-            units=self.units,
-            source=self.source,
-            notes=self.notes,
-            clocks=self.clocks,
-            frames=self.frames,
-            types=types,
-            faults=self.faults,
-            losses=tuple(self.losses),
-            omissions=tuple(self.omissions),
-        )
+        return self.done()
 
     def _say(self, topic: Topic) -> None:
         what = f"{topic.name} ({topic.type_name}, {topic.messages} messages)"
         if topic.omitted == NOT_ASKED:
             return
         if topic.undecodable:
-            self.lost(
-                f"{topic.name}: {topic.undecodable} of {topic.messages} messages could not be "
-                f"decoded: {topic.reason}"
-            )
+            count = f"{topic.undecodable} of {topic.messages} messages"
+            self.lost(f"{topic.name}: {count} could not be decoded: {topic.reason}")
         if topic.omitted:
             self.omissions.append(f"{what} was not read: {topic.omitted}")
         elif not topic.messages:
@@ -143,39 +103,31 @@ class Collection:
             asked = "" if self.request.channels is None else " that were asked for"
             self.omissions.append(f"{what} holds no numbers{asked}")
         if topic.found and topic.skipped:
-            self.omissions.append(f"{topic.name}: long lists are not read: {_few(topic.skipped)}")
+            self.omit(topic.name, f"long lists are not read: {_few(topic.skipped)}")
 
     def _add(self, above: str, found: Found) -> None:
-        times = set(found.times)
         names = {path: f"{above}.{path}" for path in found.columns}
         names[LOG_TIME] = f"{above}.log_time"
         for path in list(found.columns):
-            values, faults = found.finish(path)
-            self.values[names[path]] = values
+            self.channels[names[path]], faults = found.finish(path)
             if faults is not None:
                 self.faults[names[path]] = faults
-        stamp = stamp_of(times & names.keys())
-        clock = names[LOG_TIME]
-        if stamp is not None and self.values[names[stamp]].any():
-            clock = names[stamp]
-        for path, name in names.items():
-            self.clocks[name] = clock
-            if path == LOG_TIME or path in times:
-                self.units[name] = "ns"
+        stamp = stamp_of(found.times & names.keys())
+        known = stamp is not None and self.channels[names[stamp]].any()
+        clock = names[stamp] if stamp is not None and known else names[LOG_TIME]
+        self.clocks |= dict.fromkeys(names.values(), clock)
+        self.units |= {names[path]: "ns" for path in names.keys() & {LOG_TIME, *found.times}}
         self._describe(above, names, found)
 
     def _describe(self, above: str, names: dict[str, str], found: Found) -> None:
         units = {path: _unit_of(*where) for path, where in found.types.items()}
         frame = next((found.frames[path] for path in _FRAMES if path in found.frames), [])
         if len(frame) > 1:
-            self.omissions.append(
-                f"{above}: its frame changes ({frame[0]!r}, {frame[1]!r}, …): none is given"
-            )
+            self.omit(above, f"its frame changes ({frame[0]!r}, {frame[1]!r}, …): none is given")
         for path, name in names.items():
             parts = path.split(".")
             for k in range(1, len(parts)):
-                unit = units.get(".".join(parts[:k]))
-                if unit is not None:
+                if (unit := units.get(".".join(parts[:k]))) is not None:
                     self.units.setdefault(name, unit)
             if len(frame) == 1 and frame[0]:
                 self.frames[name] = frame[0]
@@ -188,9 +140,8 @@ class Collection:
             return
         self.notes[f"{above}.child_frame_id"] = moving[0]
         if found.types.get("twist") == ("nav_msgs/msg/Odometry", "twist"):
-            for path in names:
-                if path.startswith("twist."):
-                    self.frames[names[path]] = moving[0]
+            velocities = (name for path, name in names.items() if path.startswith("twist."))
+            self.frames |= dict.fromkeys(velocities, moving[0])
 
     def _check(self, names: list[str]) -> None:
         for wanted in self.request.channels or ():
@@ -198,13 +149,11 @@ class Collection:
                 there = sorted({topic.name for topic in self._topics.values()})
                 why = [each for each in self.omissions if each.startswith(f"{wanted} ")]
                 reason = f"no numbers are read of {wanted!r}" + "".join(f" ({w})" for w in why[:1])
-                raise self.error(reason, f"there are the topics {_few(there)}")
+                raise self.error(f"{reason}; there are the topics {_few(there)}")
         if not names:
-            why = [*self.losses, *self.omissions][:2]
-            raise self.error(
-                "no topic has numbers that can be read" + "".join(f". {each}" for each in why),
-                "record a topic of forces and one of positions",
-            )
+            words = ". ".join(["numbers that can be read", *[*self.losses, *self.omissions][:2]])
+            remedy = "record a topic of forces and one of positions"
+            raise self.error(f"no topic has {words}; {remedy}")
 
 
 def _few(names: set[str] | list[str]) -> str:

@@ -60,7 +60,7 @@ def read(path: Path, request: Request) -> Recording:
         It cannot be read, was not closed (bags of ROS 1 and SQLite), or holds no numbers; or,
         where strict, is damaged.
     """
-    collection = Collection(path, request)
+    collection = Collection(printable(path), request)
     folder = path.parent if path.name == METADATA else path
     if folder.is_dir():
         _read_folder(folder, collection)
@@ -109,10 +109,10 @@ def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None
             collection.omissions.append(f"not of this bag by its metadata: {others}")
         return files, expected
     if not there:
-        raise collection.error("the folder holds no bag of ROS 2", "give the file of a recording")
+        raise collection.error("the folder holds no bag of ROS 2; give the file of a recording")
     if any(".db3" in each.name for each in there):
         raise collection.error(
-            f"the recorder did not close the bag: {METADATA} is missing", _reindex(folder)
+            f"the recorder did not close the bag: {METADATA} is missing; {_reindex(folder)}"
         )
     collection.lost(f"{METADATA} is missing, as where the recorder was killed")
     return there, None
@@ -128,9 +128,9 @@ def _read_file(path: Path, collection: Collection, part: tuple[float, float]) ->
                 messages = reader(plain, collection)
                 break
         else:
-            name = printable(Path(path.name))
+            name = printable(path.name)
             raise collection.error(
-                f"{name} begins as no bag and no MCAP file does", "check what wrote it"
+                f"{name} begins as no bag and no MCAP file does; check what wrote it"
             )
         for fraction in messages:
             collection.request.report(part[0] + (part[1] - part[0]) * fraction)
@@ -161,8 +161,8 @@ def _read_ros1(path: Path, collection: Collection) -> Iterator[float]:
         bag.open()
     except Exception as error:  # of a damaged file rosbags raises whatever it comes upon
         raise collection.error(
-            f"the recorder did not close the bag, or it is damaged ({first_line(error)})",
-            f"close it with: rosbag reindex {printable(path)}",
+            f"the recorder did not close the bag, or it is damaged ({first_line(error)}); close it "
+            f"with: rosbag reindex {printable(path)}"
         ) from None
     with closing(bag):
         counts = [0, *(sum(info.connection_counts.values()) for info in bag.chunk_infos)]
@@ -173,15 +173,15 @@ def _read_ros1(path: Path, collection: Collection) -> Iterator[float]:
 def _read_sqlite(path: Path, collection: Collection) -> Iterator[float]:
     logs = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
     if any(log.is_file() and log.stat().st_size for log in logs):
-        raise collection.error("the recorder did not close the bag", _reindex(path.parent))
+        raise collection.error(f"the recorder did not close the bag; {_reindex(path.parent)}")
     # rosbags makes a URI of the path, in which ?, # and % would mean something else.
     bag = Sqlite3Reader(Path(quote(str(path.absolute()))))
     try:
         bag.open()
     except Exception as error:
         raise collection.error(
-            f"{printable(Path(path.name))} cannot be read: {first_line(error)}",
-            f"if it was not closed, {_reindex(path.parent)}",
+            f"{printable(path.name)} cannot be read: {first_line(error)}; if it was not closed, "
+            f"{_reindex(path.parent)}"
         ) from None
     with closing(bag):
         kinds = {
@@ -248,10 +248,6 @@ def _until_damaged(
         collection.lost(f"it is damaged, and read no further: {first_line(error)}")
     if bad:
         collection.lost(f"{bad} rows are no messages")
-
-
-def _read_mcap(path: Path, collection: Collection) -> Iterator[float]:
-    return _Mcap(path, collection).read()
 
 
 class _Mcap:
@@ -375,7 +371,7 @@ class _Mcap:
             self.collection.notes[one_line(name)] = one_line(" ".join(words.split()))
 
     def _lost(self, sentence: str) -> None:
-        self.collection.lost(f"{printable(Path(self.path.name))}: {sentence}")
+        self.collection.lost(f"{printable(self.path.name)}: {sentence}")
 
 
 def _whole_records(data: bytes) -> tuple[list[int], int]:
@@ -403,5 +399,5 @@ _KINDS: dict[int, Any] = {
 _READERS: dict[bytes, Callable[[Path, Collection], Iterator[float]]] = {
     b"#ROSBAG V": _read_ros1,
     b"SQLite format 3\0": _read_sqlite,
-    _MAGIC: _read_mcap,
+    _MAGIC: lambda path, collection: _Mcap(path, collection).read(),
 }

@@ -1,10 +1,10 @@
-"""What a message consists of: a tree of numbers, texts, lists and groups.
+"""What messages of ROS consist of, and where in them each number stands.
 
-Messages of one layout, read as arrays: where in them each number stands, and how that is known.
-
-All messages that have the length of the first, and its bytes wherever a byte says how the message
-goes on (the kind of encoding, counts of lists, lengths of strings, names), have their numbers in
-the same places. So they are one matrix of bytes, and a field is some of its columns.
+The definition of a type gives a tree of numbers, texts, lists and groups; by that one message is
+walked, which gives its layout. All messages that have the length of the first, and its bytes
+wherever a byte says how the message goes on (the kind of encoding, counts of lists, lengths of
+strings, names), have their numbers in the same places. So they are one matrix of bytes, and a field
+is some of its columns.
 """
 
 import re
@@ -12,7 +12,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -217,13 +217,6 @@ Starts: TypeAlias = NDArray[np.int64]
 Matrix: TypeAlias = NDArray[np.uint8]
 
 
-class MessageNumber(Protocol):
-    """A number of a message."""
-
-    def read(self, messages: Matrix) -> NDArray[Any]:
-        """Return it of every message."""
-
-
 @dataclass(frozen=True, slots=True)
 class NumberAt:
     """A number of fixed size; its dtype as NumPy writes it: ``<f8``."""
@@ -247,13 +240,17 @@ class NumberAt:
 class TimeAt:
     """A time or a duration of two numbers, as whole nanoseconds."""
 
-    seconds: MessageNumber
-    nanoseconds: MessageNumber
+    seconds: NumberAt
+    nanoseconds: NumberAt
 
     def read(self, messages: Matrix) -> NDArray[Any]:
         """Return it of every message."""
         seconds = self.seconds.read(messages).astype(np.int64)
         return seconds * 1_000_000_000 + self.nanoseconds.read(messages).astype(np.int64)
+
+
+#: A number of a message.
+MessageNumber: TypeAlias = NumberAt | TimeAt
 
 
 @dataclass(frozen=True, slots=True)
@@ -365,37 +362,13 @@ _NAMES = ("name", "names", "joint_names")  # of what the lists beside them hold
 _LONGEST_NAME = 200  # bytes
 
 
-@dataclass(frozen=True, slots=True)
-class Encoding:
-    """How the numbers of a message follow each other.
-
-    Attributes
-    ----------
-    begin : int
-        Bytes before the first field, from which CDR aligns.
-    order : str
-        Of bytes: ``"<"`` or ``">"``.
-    alignment : int
-        The largest: 1 for ROS 1, which packs; 8 for CDR; 4 for its second version.
-    """
-
-    begin: int
-    order: str
-    alignment: int
-
-
-ROS1 = Encoding(0, "<", 1)
-_CDR = {
-    0x00: Encoding(4, ">", 8),
-    0x01: Encoding(4, "<", 8),
-    0x06: Encoding(4, ">", 4),
-    0x07: Encoding(4, "<", 4),
-}
+# By the second byte of a message in CDR: the order of bytes, and the largest alignment.
+_CDR = {0x00: (">", 8), 0x01: ("<", 8), 0x06: (">", 4), 0x07: ("<", 4)}
 
 
 def walk_ros1(message: bytes, fields: Group) -> Layout:
     """Return the layout of a message of ROS 1; UndecodableError where it is not of its type."""
-    return _Walk(message, ROS1).walk(fields)
+    return _Walk(message, 0, "<", 1).walk(fields)  # which packs
 
 
 def walk_cdr(message: bytes, fields: Group) -> Layout:
@@ -404,19 +377,18 @@ def walk_cdr(message: bytes, fields: Group) -> Layout:
         raise UndecodableError(f"a message of {len(message)} bytes has no head")
     if message[0] != 0 or message[1] not in _CDR:
         raise UndecodableError(f"the encoding {message[:2].hex()} is not read, only plain CDR")
-    return _Walk(message, _CDR[message[1]]).walk(fields)
+    return _Walk(message, 4, *_CDR[message[1]]).walk(fields)
 
 
 class _Walk:
-    def __init__(self, message: bytes, encoding: Encoding) -> None:
-        self.message = message
-        self.order = encoding.order
-        self.begin = encoding.begin
-        self.alignment = encoding.alignment
-        self.position = encoding.begin
+    """A message being walked; from ``begin`` on, where its first field is, CDR aligns."""
+
+    def __init__(self, message: bytes, begin: int, order: str, alignment: int) -> None:
+        self.message, self.order, self.alignment = message, order, alignment
+        self.begin = self.position = begin
         self.left = MOST_PARTS
         self.layout = Layout(len(message))
-        self.layout.check(message, 0, min(2, encoding.begin))  # padding may differ
+        self.layout.check(message, 0, min(2, begin))  # padding may differ
         self.entity = Entity()
         self.quiet = 0  # inside of a long list nothing is noted
 

@@ -1,4 +1,4 @@
-"""Messages in JSON: objects of numbers, in any order and number."""
+"""Messages that are decoded one by one: in JSON by the standard library, and in protobuf."""
 
 import json
 from collections import defaultdict
@@ -11,7 +11,7 @@ from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
 from palpate.recordings.messages.layout import LONGEST_LIST, Starts, UndecodableError, one_line
-from palpate.recordings.messages.topic import LOG_TIME, Found, ObjectTopic, stamp_of
+from palpate.recordings.messages.topic import Found, ObjectTopic
 from palpate.recordings.opening import Request, first_line
 
 _DEEPEST = 32
@@ -36,7 +36,7 @@ class JsonTopic(ObjectTopic):
     def decoded(self, message: bytes) -> Any:
         """Return a message as an object; raise UndecodableError where it is none."""
         try:
-            found = json.loads(message)
+            found = json.loads(message, parse_int=_whole)
         except (ValueError, RecursionError) as error:
             raise UndecodableError(f"it is no JSON: {first_line(error)[:60]}") from None
         if not isinstance(found, dict):
@@ -50,23 +50,13 @@ class JsonTopic(ObjectTopic):
         found = self.found.get("", Found())
         for row, message in enumerate(messages, start=found.count):
             for path, value in self._numbers(message, "", found, 0):
-                if self._asked(path):
+                if path not in self._wanted:
+                    self._wanted[path] = self.wants("", path)
+                if self._wanted[path]:
                     values[path].append(value)
                     rows[path].append(row)
-        if set(values) <= {stamp_of(values)}:
-            return
-        self.found[""] = found
-        for path, numbers in values.items():
-            found.extend({path: _column(numbers)}, np.array(rows[path]))
-        found.extend({LOG_TIME: times}, slice(found.count, found.count + len(times)))
-        found.count += len(times)
-
-    def _asked(self, path: str) -> bool:
-        if path not in self._wanted:
-            self._wanted[path] = path == stamp_of((path,)) or self.request.wants(
-                f"{self.name}.{path}"
-            )
-        return self._wanted[path]
+        columns = [(path, np.array(rows[path]), _column(each)) for path, each in values.items()]
+        self.keep("", found, columns, times)
 
     def _numbers(
         self, value: Any, path: str, found: Found, depth: int
@@ -109,16 +99,13 @@ def _column(numbers: list[Any]) -> NDArray[Any]:
     kinds = set(map(type, numbers))
     if kinds == {bool}:
         return np.array(numbers, bool)
-    if kinds == {int} and all(-_LARGEST <= number < _LARGEST for number in numbers):
-        return np.array(numbers, np.int64)
-    return np.array([_float(number) for number in numbers])
+    return np.array(numbers, np.int64 if kinds == {int} else np.float64)
 
 
-def _float(number: Any) -> float:
-    try:
-        return float(number)
-    except OverflowError:
-        return float("inf") if number > 0 else float("-inf")
+def _whole(digits: str) -> int | float:
+    """A whole number; beyond 64 bits as a float."""
+    number = int(digits)
+    return number if -_LARGEST <= number < _LARGEST else float(digits)
 
 
 # Messages of protobuf, decoded by its own package; each field of many messages is a column.
@@ -194,18 +181,8 @@ class ProtobufTopic(ObjectTopic):
     def _extend(self, name: str, messages: Sequence[Any], times: Starts, without: Any) -> None:
         found = self.found.get(name, Found())
         rows = found.count + np.arange(len(messages))
-        wanted = [
-            (path, part, values)
-            for path, part, values in self._columns(messages, rows, "", found, without)
-            if path == stamp_of((path,)) or self.request.wants(f"{self.name}{name}.{path}")
-        ]
-        if {path for path, _, _ in wanted} <= {stamp_of(path for path, _, _ in wanted)}:
-            return
-        self.found[name] = found
-        for path, part, values in wanted:
-            found.extend({path: values}, part)
-        found.extend({LOG_TIME: times}, rows)
-        found.count += len(messages)
+        columns = self._columns(messages, rows, "", found, without)
+        self.keep(name, found, [each for each in columns if self.wants(name, each[0])], times)
 
     def _columns(
         self, messages: Sequence[Any], rows: Starts, path: str, found: Found, without: Any = None

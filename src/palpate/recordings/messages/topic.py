@@ -1,7 +1,7 @@
 """A topic: blocks of its messages in, channels out."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -70,11 +70,6 @@ class Found:
         if len(self.frames[path]) < 2 and frame not in self.frames[path]:
             self.frames[path].append(frame)
 
-    def extend(self, values: Mapping[str, NDArray[Any]], rows: _Rows) -> None:
-        """Add the numbers of some rows."""
-        for path, column in values.items():
-            self.columns[path].append((rows, column))
-
     def finish(self, path: str) -> tuple[NDArray[Any], Faults | None]:
         """Return a column, which is empty then; a row without the field is NaN, and a fault."""
         pieces = self.columns.pop(path)
@@ -93,6 +88,8 @@ class Found:
         return values, Faults(missing, first, "nothing: the message has no such field")
 
 
+#: A number of some messages: its path, the rows that have it, and the values.
+PathColumn: TypeAlias = tuple[str, _Rows, NDArray[Any]]
 _Part: TypeAlias = tuple[Starts, Layout, Matrix]
 
 
@@ -141,6 +138,21 @@ class Topic:
         self.reason = self.reason or reason
         if self.undecodable >= PATIENCE and not self.found:
             self.omitted = reason
+
+    def wants(self, name: str, path: str) -> bool:
+        """Whether a number of an entity is kept: it is asked for, or when it was measured."""
+        return path in STAMPS or self.request.wants(f"{self.name}{name}.{path}")
+
+    def keep(self, name: str, found: Found, columns: Sequence[PathColumn], times: Starts) -> None:
+        """Add some messages of an entity, unless nothing but their stamp was asked for."""
+        paths = {path for path, _, _ in columns}
+        if paths <= {stamp_of(paths)}:
+            return
+        self.found[name] = found
+        rows = slice(found.count, found.count + len(times))
+        for path, part, values in (*columns, (LOG_TIME, rows, times)):
+            found.columns[path].append((part, values))
+        found.count += len(times)
 
 
 class ObjectTopic(Topic):
@@ -263,10 +275,9 @@ class BinaryTopic(Topic):
             return
         self.skipped |= layout.skipped.keys()
         for entity in layout.entities:
-            above = f"{self.name}{entity.name}."
             stamp = stamp_of(entity.leaves)
             for path in list(entity.leaves):
-                if path != stamp and not self.request.wants(above + path):
+                if not self.wants(entity.name, path):
                     del entity.leaves[path]
             if set(entity.leaves) <= {stamp}:
                 entity.leaves.clear()
@@ -278,21 +289,18 @@ class BinaryTopic(Topic):
                 if entity.leaves:
                     by_name[entity.name].append((part, entity))
         for name, pieces in by_name.items():
-            found = self.found.setdefault(name, Found())
+            found = self.found.get(name, Found())
             which = [part[0] for part, _ in pieces]
             # Messages of several layouts stay in the order in which they stand in the file.
             order = np.argsort(np.concatenate(which), kind="stable")
             row_of = np.empty(len(order), np.int64)
             row_of[order] = found.count + np.arange(len(order))
-            end = 0
-            for here, ((_, _, matrix), entity) in zip(which, pieces, strict=True):
-                rows = row_of[end : end + len(matrix)]
-                end += len(matrix)
+            ends, columns = np.cumsum([len(here) for here in which[:-1]]), list[PathColumn]()
+            for rows, ((_, _, matrix), entity) in zip(np.split(row_of, ends), pieces, strict=True):
                 one = slice(found.count, found.count + len(matrix)) if len(pieces) == 1 else rows
                 found.types |= entity.types
                 found.times |= {p for p, leaf in entity.leaves.items() if isinstance(leaf, TimeAt)}
                 for path, frame in entity.frames.items():
                     found.meet_frame(path, frame)
-                values = {path: leaf.read(matrix) for path, leaf in entity.leaves.items()}
-                found.extend({**values, LOG_TIME: times[here]}, one)
-            found.count += len(order)
+                columns += [(path, one, leaf.read(matrix)) for path, leaf in entity.leaves.items()]
+            self.keep(name, found, columns, times[np.sort(np.concatenate(which))])
