@@ -1,10 +1,4 @@
-"""Elementary functions of the C library, over arrays.
-
-NumPy's own differ in the last digit from one kind of processor to the next. A robot amplifies
-that: between two counts of its encoders position control sees nothing, and the poking device,
-pushed from behind, diverges from 1e-16 m to a micrometre within half a second. With these the
-same seed gives the same file on them all.
-"""
+"""How the probe is commanded to move: into the surface, and along it."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -18,6 +12,14 @@ from numpy.typing import ArrayLike
 from palpate.design.motion import PAPER_MOTION, Motion
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
 from palpate.validation import Floats, instance, number_in, signals
+
+
+# Elementary functions of the C library, over arrays.
+#
+# NumPy's own differ in the last digit from one kind of processor to the next. A robot amplifies
+# that: between two counts of its encoders position control sees nothing, and the poking device,
+# pushed from behind, diverges from 1e-16 m to a micrometre within half a second. With these the
+# same seed gives the same file on them all.
 
 
 def _over_arrays(function: Callable[..., float], arguments: int) -> Callable[..., Floats]:
@@ -35,7 +37,7 @@ arccos = _over_arrays(math.acos, 1)
 arctan2 = _over_arrays(math.atan2, 2)
 
 
-# How the probe is commanded to move: into the surface, and along it.
+# Trajectories.
 
 
 @runtime_checkable
