@@ -13,7 +13,6 @@ from palpate.design.motion import PAPER_MOTION, Motion
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
 from palpate.validation import Floats, instance, number_in, signals
 
-
 # Elementary functions of the C library, over arrays.
 #
 # NumPy's own differ in the last digit from one kind of processor to the next. A robot amplifies
