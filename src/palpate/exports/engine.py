@@ -14,7 +14,7 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +23,11 @@ from palpate.digits import rounded
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.estimators.estimate import rmse_percent
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, force_over_breaks
+from palpate.identifying import Identification
+from palpate.lab.trajectories import Probing
 from palpate.quantities.restitution import restitution
+from palpate.results.saved import SavedResult
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from palpate.identifying import Identification
-    from palpate.results.saved import SavedResult
-
 
 #: An engine is asked for the force at so many states at most, unless it is slow.
 MOST_SAMPLES = 20_000
@@ -70,8 +68,6 @@ class ProbeMotion:
 
         Judged where it is deeper than 2 mm.
         """
-        from palpate.lab.trajectories import Probing
-
         time: Floats = 1e-3 * np.arange(6000, dtype=np.float64)
         command = Probing(pause=0.0).at(time)
         return cls(
@@ -84,7 +80,7 @@ class ProbeMotion:
         )
 
     @classmethod
-    def recorded(cls, result: "Identification | SavedResult") -> "ProbeMotion":
+    def recorded(cls, result: Identification | SavedResult) -> "ProbeMotion":
         """Return the motion that a law was identified from; judged where samples were taken.
 
         Raises
@@ -93,7 +89,11 @@ class ProbeMotion:
             No sample was taken.
         """
         contact = result.contact
-        surface, offset = surface_and_offset(result)
+        if isinstance(result, Identification):
+            surface, offset = result.estimate.surface, result.estimate.offset
+        else:
+            [found] = result.description["results"]
+            surface, offset = (float(found.get(name, 0.0)) for name in ("surface", "offset"))
         good = np.isfinite(contact.penetration) & np.isfinite(contact.velocity)
         good &= np.isfinite(contact.force)
         parts = [np.flatnonzero(good[part]) + part.start for part in contact.segments()]
@@ -160,14 +160,6 @@ class ProbeMotion:
         """Which samples :meth:`firm` takes."""
         places = np.flatnonzero(self.judged)
         return places[:: -(-places.size // most)]
-
-
-def surface_and_offset(result: "Identification | SavedResult") -> tuple[float, float]:
-    """Return where an estimator found the surface, m, and the offset of the force, N; else 0."""
-    if hasattr(result, "description"):
-        [found] = result.description["results"]
-        return float(found.get("surface", 0.0)), float(found.get("offset", 0.0))
-    return result.estimate.surface, result.estimate.offset
 
 
 @dataclass(frozen=True, slots=True, eq=False)

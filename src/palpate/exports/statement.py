@@ -6,13 +6,13 @@ says it all.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, Union, cast
+from typing import Any, TypeAlias
 
 from palpate._core import __version__
-from palpate.diagnosis import MARKS, Finding, Verdict
+from palpate.diagnosis import MARKS, Diagnosis, Finding, Verdict
 from palpate.digits import parameter, rounded
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.exports.engine import (
@@ -31,16 +31,13 @@ from palpate.exports.engine import (
     without_memory,
 )
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, GeneralisedHuntCrossley
+from palpate.identifying import Identification
 from palpate.quantities.elastic_modulus import Sphere
+from palpate.results.saved import SavedResult
 from palpate.validation import Floats, defined, shown
 
-if TYPE_CHECKING:
-    from palpate.identifying import Identification
-    from palpate.results.saved import SavedResult
-
-
 #: What can be exported.
-Exportable: TypeAlias = Union["Identification", "SavedResult", ForceLaw]
+Exportable: TypeAlias = Identification | SavedResult | ForceLaw
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,27 +86,36 @@ class ExportedLaw:
         """
         if isinstance(result, ForceLaw):
             return cls(result, ProbeMotion.of_paper())
-        known = ("law", "contact", "trace", "standard_errors")
-        if not all(hasattr(result, name) for name in known):
+        if isinstance(result, Identification):
+            tip = result.wanted.tip
+            radius = tip.radius if isinstance(tip, Sphere) else None
+            return cls._identified(result, result.diagnosis, result.flags, radius)
+        if not isinstance(result, SavedResult):
             raise InvalidParameterError(
                 "result must be an Identification, a SavedResult or a force law, not "
                 f"{shown(result)}"
             )
-        if not hasattr(result, "description"):
-            return cls._identified(result, cast(Any, result).diagnosis)
         try:
-            return cls._identified(result, result)
+            [found] = result.description["results"]
+            saved = (found.get("elastic_modulus") or {}).get("tip") or {}
+            radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
+            return cls._identified(result, result, map(str, found.get("flags", ())), radius)
         except (RecordingError, InvalidParameterError):
             raise
         except (AttributeError, LookupError, TypeError, ValueError) as error:
             reason = f"{type(error).__name__}: {error}"
-            folder = cast("SavedResult", result).folder
             raise RecordingError(
-                f"{folder}: the result is damaged ({reason}); identify again"
+                f"{result.folder}: the result is damaged ({reason}); identify again"
             ) from None
 
     @classmethod
-    def _identified(cls, result: "Identification | SavedResult", judged: Any) -> "ExportedLaw":
+    def _identified(
+        cls,
+        result: Identification | SavedResult,
+        judged: Diagnosis | SavedResult,
+        flags: Iterable[str],
+        tip_radius: float | None,
+    ) -> "ExportedLaw":
         return cls(
             law=result.law,
             motion=ProbeMotion.recorded(result),
@@ -117,7 +123,8 @@ class ExportedLaw:
             standard_errors=result.standard_errors,
             verdict=judged.verdict,
             findings=tuple(judged.findings),
-            **_flags_and_tip(result),
+            flags=tuple(flags),
+            tip_radius=tip_radius,
         )
 
     @property
@@ -151,18 +158,6 @@ class ExportedLaw:
                 "back: no engine is given that; palpate diagnose FILE says what is wrong"
             )
         return found
-
-
-def _flags_and_tip(result: Any) -> dict[str, Any]:
-    """Its flags, and the radius of a round tip that was named with the identification."""
-    if not hasattr(result, "description"):
-        tip = result.wanted.tip
-        radius = tip.radius if isinstance(tip, Sphere) else None
-        return {"flags": tuple(result.flags), "tip_radius": radius}
-    [found] = result.description["results"]
-    saved = (found.get("elastic_modulus") or {}).get("tip") or {}
-    radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
-    return {"flags": tuple(map(str, found.get("flags", ()))), "tip_radius": radius}
 
 
 # An engine's force and rebound beside the law's and the measured ones.
