@@ -46,7 +46,6 @@ from palpate.exports.mujoco.robot import (
     Placement,
     PressableModel,
     Robot,
-    compiled,
     engine_here,
     pressed,
     read,
@@ -108,12 +107,10 @@ class InMuJoCo(Fragment):
 
     def pressed(self) -> PressableModel:
         """Return the user's model with the fragment in it, or the small scene."""
-        rows, robot = self.rows.rows, self.robot
-        if robot is not None:
-            return pressed(robot.path, robot.geom, rows, robot.place)
-        mujoco = engine_here()
-        model = mujoco.MjModel.from_xml_string(self.scene(0.0))
-        return compiled(mujoco, model, TIP, max(len(rows), 1), Placement())
+        if (robot := self.robot) is not None:
+            return pressed(robot.path, robot.geom, self.rows.rows, robot.place)
+        model = engine_here().MjModel.from_xml_string(self.scene(0.0))
+        return PressableModel(model, TIP, Placement())
 
     def contact(self, model: Any, tip: str) -> AbstractContextManager[Any]:
         """Have in force, meanwhile, what the scene itself does not say."""
