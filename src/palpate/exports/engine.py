@@ -195,6 +195,12 @@ class Asked:
     time_step: float = 1e-3
     form: str = "auto"
 
+    def __post_init__(self) -> None:
+        if not self.law.stiffness > 0.0:
+            raise InvalidParameterError(
+                f"law must have a stiffness above 0, not {self.law.stiffness:.3g}"
+            )
+
     @property
     def mass_or_one(self) -> float:
         """The mass, kg; 1 kg where none is given, for engines whose law does not depend on it."""

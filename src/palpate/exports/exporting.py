@@ -17,8 +17,6 @@ from palpate.exports.statement import (
     ExportedLaw,
     Statement,
     compared,
-    refusals,
-    warnings,
 )
 from palpate.lab.materials import Touch
 from palpate.validation import Floats, number_in
@@ -137,10 +135,7 @@ def export(
     _check(engine, asked, given_radius=tip_radius is not None)
     fragment = engine.fit(asked)
     found = compared(source, nearest, fragment, replay=replay and engine.version() is not None)
-    every = source, nearest, fragment, found
-    statement = Statement(
-        source, nearest, engine, fragment, found, refusals(*every), warnings(*every), allow
-    )
+    statement = Statement(source, nearest, engine, fragment, found, allow)
     if statement.refused:
         raise ExportRefusedError(f"{engine.title}: {statement.claim}", statement)
     return Export(statement, fragment, fragment.files(statement.notes()))

@@ -299,12 +299,7 @@ def rig_xml(geometry: Geometry, home: Floats, *, time_step: float) -> str:
     time_step : float
         s.
     """
-    elbows = geometry.elbows(home)
-    wrists = geometry.wrists(*geometry.tip(home))
-    chains = "\n".join(
-        _chain(i, geometry, float(home[i]), elbows[i], wrists[i // 2], _handle(geometry, i))
-        for i in range(4)
-    )
+    chains = "\n".join(_chain(i, geometry, home) for i in range(4))
     motors = "\n".join(f'    <motor name="motor_{i}" joint="motor_{i}"/>' for i in range(4))
     # The stiffest constraint that the step allows: linkages on bearings, not on springs.
     stiff = f'solref="{2.0 * time_step:g} 1" solimp="0.999 0.9999 0.0001"'
@@ -362,11 +357,10 @@ def _scenery(geometry: Geometry) -> str:
 {motors}"""
 
 
-def _chain(
-    i: int, geometry: Geometry, angle: float, elbow: Floats, wrist: Floats, carried: str
-) -> str:
-    """One motor, its proximal and its distal link, at home."""
-    motor = geometry.motors[i]
+def _chain(i: int, geometry: Geometry, home: Floats) -> str:
+    """One motor, its proximal and its distal link, at home; the first chain carries the handle."""
+    motor, angle = geometry.motors[i], float(home[i])
+    elbow, wrist = geometry.elbows(home)[i], geometry.wrists(*geometry.tip(home))[i // 2]
     # The two chains of a pantograph lie one above the other.
     level = THICKNESS * (1.2 if ELBOW[i] > 0.0 else -1.2)
     distal = math.atan2(wrist[1] - elbow[1], wrist[0] - elbow[0])
@@ -377,7 +371,7 @@ def _chain(
       <body name="distal_{i}" pos="{geometry.proximal} 0 0" euler="0 0 {distal - angle:.12g}">
         <joint name="elbow_{i}" type="hinge" axis="0 0 1" damping="1e-5"/>
         {_link(geometry.distal, level, "0.45 0.62 0.78 1")}
-{carried.replace("ANGLE", f"{-distal:.12g}")}
+{_handle(geometry, -distal) if i == 0 else ""}
       </body>
     </body>"""
 
@@ -391,13 +385,11 @@ def _link(length: float, level: float, colour: str) -> str:
     )
 
 
-def _handle(geometry: Geometry, i: int) -> str:
-    """The handle with sensor and poking device, carried by the first chain."""
-    if i != 0:
-        return ""
+def _handle(geometry: Geometry, angle: float) -> str:
+    """The handle with sensor and poking device."""
     half, end = geometry.handle / 2, geometry.poker - 0.004
     return f"""
-        <body name="handle" pos="{geometry.distal} 0 0" euler="0 0 ANGLE">
+        <body name="handle" pos="{geometry.distal} 0 0" euler="0 0 {angle:.12g}">
           <joint name="wrist" type="hinge" axis="0 0 1" damping="1e-5"/>
           <geom type="box" mass="{HANDLE_MASS}" pos="{half:.9g} 0 0"
                 size="{half:.9g} 0.007 0.004" rgba="0.25 0.27 0.3 1"/>

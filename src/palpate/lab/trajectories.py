@@ -1,7 +1,7 @@
 """How the probe is commanded to move: into the surface, and along it."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -21,19 +21,10 @@ from palpate.validation import Floats, instance, number_in, signals
 # same seed gives the same file on them all.
 
 
-def _over_arrays(function: Callable[..., float], arguments: int) -> Callable[..., Floats]:
-    ufunc = np.frompyfunc(function, arguments, 1)
-
-    def over_arrays(*values: ArrayLike) -> Floats:
-        return np.asarray(ufunc(*values), dtype=np.float64)
-
-    return over_arrays
-
-
-sin = _over_arrays(math.sin, 1)
-cos = _over_arrays(math.cos, 1)
-arccos = _over_arrays(math.acos, 1)
-arctan2 = _over_arrays(math.atan2, 2)
+sin = np.vectorize(math.sin, otypes=[np.float64])
+cos = np.vectorize(math.cos, otypes=[np.float64])
+arccos = np.vectorize(math.acos, otypes=[np.float64])
+arctan2 = np.vectorize(math.atan2, otypes=[np.float64])
 
 
 # Trajectories.

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 import multiprocessing
 import os
 import platform
@@ -21,6 +20,7 @@ from palpate.figures.style import as_svg, recoloured, slim
 from palpate.fleet.running import ignoring_interrupts
 from palpate.paper.experiment import Experiment, Outcome
 from palpate.paper.report import Report, figures_of, versions, write_report
+from palpate.validation import or_nan, plain
 from palpate.writing import check_own, make_folder, write_text
 
 #: Called with what has just been finished, and how many of how many outcomes and figures are.
@@ -57,16 +57,12 @@ def path_of(folder: Path, name: str, seed: int) -> Path:
 
 def write_outcome(folder: Path, experiment: Experiment, outcome: Outcome) -> None:
     """Write an outcome, whole or not at all; what is not finite is null."""
-
-    def plain(value: float) -> float | None:
-        return value if math.isfinite(value) else None
-
     whole = {
         "experiment": experiment.name,
         "provenance": provenance(experiment),
         "seed": outcome.seed,
-        "numbers": {name: plain(value) for name, value in outcome.numbers.items()},
-        "curves": {name: list(map(plain, curve)) for name, curve in outcome.curves.items()},
+        "numbers": plain(outcome.numbers),
+        "curves": plain(outcome.curves),
     }
     text = json.dumps(whole, ensure_ascii=False, allow_nan=False)
     write_text(path_of(folder, experiment.name, outcome.seed), text + "\n")
@@ -74,15 +70,11 @@ def write_outcome(folder: Path, experiment: Experiment, outcome: Outcome) -> Non
 
 def read_outcome(folder: Path, experiment: Experiment, seed: int) -> Outcome | None:
     """Return an outcome written earlier by the same versions and settings; None else."""
-
-    def known(value: float | None) -> float:
-        return math.nan if value is None else float(value)
-
     try:
         whole = json.loads(path_of(folder, experiment.name, seed).read_text(encoding="utf-8"))
         if (whole["provenance"], whole["seed"]) == (provenance(experiment), seed):
-            numbers = {name: known(value) for name, value in whole["numbers"].items()}
-            curves = {name: list(map(known, curve)) for name, curve in whole["curves"].items()}
+            numbers = {name: or_nan(value) for name, value in whole["numbers"].items()}
+            curves = {name: list(map(or_nan, curve)) for name, curve in whole["curves"].items()}
             return Outcome(seed, numbers, curves)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         pass  # absent or damaged: it is made anew
@@ -200,8 +192,7 @@ def _measurements(report: Report) -> Iterator[Task]:
     for group in sorted({each.group for each in report.experiments}):
         members = [each for each in report.experiments if each.group == group]
         for seed in range(report.seeds):
-            left = tuple(each for each in members if (each.name, seed) not in report.outcomes)
-            if left:
+            if left := tuple(e for e in members if (e.name, seed) not in report.outcomes):
                 yield left, seed
 
 

@@ -240,10 +240,6 @@ class MuJoCo(Engine):
         """
         asked, robot, mobility = _felt(asked)
         asked, lifted = _lifted(asked)
-        if not asked.law.stiffness > 0.0:
-            raise InvalidParameterError(
-                f"law must have a stiffness above 0 for MuJoCo, not {asked.law.stiffness:g}"
-            )
         form, rows = self._chosen(asked, mobility, 1 if robot is None else robot.contacts)
         if rows is None:
             return _as_callback(asked, mobility, robot)
