@@ -34,124 +34,45 @@ Result = Outcome | tuple[str, str] | str
 NOT_MEASURING = ("cli", "reports", "paper/judging.py", "paper/report.py")
 
 
-@cache
-def code() -> str:
-    """Return a hash of the code that measures, for a checkout changes without its version."""
-    root, found = Path(str(palpate.__file__)).parent, hashlib.sha256()
-    for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".so", ".pyd")):
-        if not path.relative_to(root).as_posix().startswith(NOT_MEASURING):
-            found.update(path.read_bytes())
-    return found.hexdigest()[:16]
+def run_paper(
+    experiments: Sequence[Experiment],
+    *,
+    seeds: int,
+    folder: Path,
+    workers: int | None = None,
+    progress: Progress = lambda words, done, total: None,
+    begun: Callable[[Report], None] = lambda report: None,
+) -> Report:
+    """Run experiments over seeds, write everything to a folder, and resume what it holds.
 
+    ``progress`` is called after each outcome and figure, ``begun`` once before any, with what is
+    reused. ``workers`` is how many processes to start, default: as many as there are cores.
 
-def provenance(experiment: Experiment) -> dict[str, Any]:
-    """Return what has to match for an outcome to be reused: versions, machine and settings."""
-    made_by = {**versions(), "code": code(), "machine": platform.machine()}
-    return {"versions": made_by, "settings": repr(experiment)}
-
-
-def path_of(folder: Path, name: str, seed: int) -> Path:
-    """Where the outcome of an experiment and a seed lies."""
-    return folder / "outcomes" / f"{name}-seed{seed}.json"
-
-
-def write_outcome(folder: Path, experiment: Experiment, outcome: Outcome) -> None:
-    """Write an outcome, whole or not at all; what is not finite is null."""
-    whole = {
-        "experiment": experiment.name,
-        "provenance": provenance(experiment),
-        "seed": outcome.seed,
-        "numbers": plain(outcome.numbers),
-        "curves": plain(outcome.curves),
-    }
-    text = json.dumps(whole, ensure_ascii=False, allow_nan=False)
-    write_text(path_of(folder, experiment.name, outcome.seed), text + "\n")
-
-
-def read_outcome(folder: Path, experiment: Experiment, seed: int) -> Outcome | None:
-    """Return an outcome written earlier by the same versions and settings; None else."""
+    Raises
+    ------
+    RecordingError
+        The folder cannot be written to; raised before the work starts.
+    PalpateError
+        Some experiments failed; the others are in the report all the same.
+    """
+    begun_before = (folder / "outcomes").is_dir()
+    drawings = [path.name for each in experiments for path in figures_of(folder, each.name)]
+    pages = ["report.html", "report.json", "claims.md"]
+    check_own(folder, [*pages, *drawings], lambda _: begun_before)
+    for wanted in (folder, folder / "outcomes"):
+        make_folder(wanted)
+    report = Report(experiments, seeds, folder)
+    _resume(report)
+    begun(report)
     try:
-        whole = json.loads(path_of(folder, experiment.name, seed).read_text(encoding="utf-8"))
-        if (whole["provenance"], whole["seed"]) == (provenance(experiment), seed):
-            numbers = {name: or_nan(value) for name, value in whole["numbers"].items()}
-            curves = {name: list(map(or_nan, curve)) for name, curve in whole["curves"].items()}
-            return Outcome(seed, numbers, curves)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        pass  # absent or damaged: it is made anew
-    return None
-
-
-def _remark(experiment: Experiment, seeds: int) -> str:
-    """What a figure is of; it stands at its end."""
-    made = hashlib.sha256(repr(provenance(experiment)).encode()).hexdigest()[:16]
-    return f"<!-- {seeds} seeds, {made} -->\n"
-
-
-def write_figures(folder: Path, experiment: Experiment, seeds: int, drawn: Sequence[str]) -> None:
-    """Write an experiment's figure for both backgrounds."""
-    for path, drawing in zip(figures_of(folder, experiment.name), drawn, strict=True):
-        write_text(path, drawing + _remark(experiment, seeds))
-
-
-def figures_are_current(folder: Path, experiment: Experiment, seeds: int) -> bool:
-    """Whether both figures are there, of as many seeds by the same versions and settings."""
-    end, paths = _remark(experiment, seeds), figures_of(folder, experiment.name)
-    try:
-        return all(path.read_text(encoding="utf-8").endswith(end) for path in paths)
-    except (OSError, ValueError):
-        return False
-
-
-def perform(experiments: Sequence[Experiment], given: Given) -> list[Result]:
-    """Run one seed of experiments that press the same, or draw their outcomes, in a worker."""
-    results: list[Result] = []
-    for each in experiments:
-        try:
-            if isinstance(given, int):
-                results.append(each.run(given))
-                continue
-            # Not into files: a worker that is stopped could not take its half of one away.
-            light = slim(as_svg(each.figure(given)))
-            results.append((light, recoloured(light)))
-        except Exception as error:
-            last = traceback.extract_tb(error.__traceback__)[-1]
-            place = f"{Path(last.filename).name}:{last.lineno}"
-            results.append(f"{type(error).__name__}: {error} ({place})")
-    return results
-
-
-@contextmanager
-def processes(count: int) -> Iterator[futures.ProcessPoolExecutor]:
-    """Processes that end at once when this one is interrupted."""
-    others = set(multiprocessing.active_children())
-    context = multiprocessing.get_context("spawn")
-    pool = futures.ProcessPoolExecutor(count, mp_context=context, initializer=_prepare_worker)
-    try:
-        # A pool starts a process where a submission finds none idle: all of them here, so that no
-        # interrupt is lost later.
-        with ignoring_interrupts():
-            for _ in range(count):
-                pool.submit(int)
-        yield pool
-    except BaseException:
-        for worker in set(multiprocessing.active_children()) - others:
-            worker.terminate()
-        raise
+        _work(report, workers or os.cpu_count() or 1, progress)
     finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _prepare_worker() -> None:
-    """End when the process that started this one is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
+        write_report(report)
+    if failures := report.failures:
+        more = f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
+        words = f"{failures[0]}{more}; the rest is in {folder / 'report.html'}"
+        raise palpate.PalpateError(words)
+    return report
 
 
 def _resume(report: Report) -> None:
@@ -222,42 +143,127 @@ def _settle(
     progress(what, len(report.outcomes) + len(report.drawn), total)
 
 
-def run_paper(
-    experiments: Sequence[Experiment],
-    *,
-    seeds: int,
-    folder: Path,
-    workers: int | None = None,
-    progress: Progress = lambda words, done, total: None,
-    begun: Callable[[Report], None] = lambda report: None,
-) -> Report:
-    """Run experiments over seeds, write everything to a folder, and resume what it holds.
+# In a worker, and the workers.
 
-    ``progress`` is called after each outcome and figure, ``begun`` once before any, with what is
-    reused. ``workers`` is how many processes to start, default: as many as there are cores.
 
-    Raises
-    ------
-    RecordingError
-        The folder cannot be written to; raised before the work starts.
-    PalpateError
-        Some experiments failed; the others are in the report all the same.
-    """
-    begun_before = (folder / "outcomes").is_dir()
-    drawings = [path.name for each in experiments for path in figures_of(folder, each.name)]
-    pages = ["report.html", "report.json", "claims.md"]
-    check_own(folder, [*pages, *drawings], lambda _: begun_before)
-    for wanted in (folder, folder / "outcomes"):
-        make_folder(wanted)
-    report = Report(experiments, seeds, folder)
-    _resume(report)
-    begun(report)
+def perform(experiments: Sequence[Experiment], given: Given) -> list[Result]:
+    """Run one seed of experiments that press the same, or draw their outcomes, in a worker."""
+    results: list[Result] = []
+    for each in experiments:
+        try:
+            if isinstance(given, int):
+                results.append(each.run(given))
+                continue
+            # Not into files: a worker that is stopped could not take its half of one away.
+            light = slim(as_svg(each.figure(given)))
+            results.append((light, recoloured(light)))
+        except Exception as error:
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            place = f"{Path(last.filename).name}:{last.lineno}"
+            results.append(f"{type(error).__name__}: {error} ({place})")
+    return results
+
+
+@contextmanager
+def processes(count: int) -> Iterator[futures.ProcessPoolExecutor]:
+    """Processes that end at once when this one is interrupted."""
+    others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
+    pool = futures.ProcessPoolExecutor(count, mp_context=context, initializer=_prepare_worker)
     try:
-        _work(report, workers or os.cpu_count() or 1, progress)
+        # A pool starts a process where a submission finds none idle: all of them here, so that no
+        # interrupt is lost later.
+        with ignoring_interrupts():
+            for _ in range(count):
+                pool.submit(int)
+        yield pool
+    except BaseException:
+        for worker in set(multiprocessing.active_children()) - others:
+            worker.terminate()
+        raise
     finally:
-        write_report(report)
-    if failures := report.failures:
-        more = f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
-        words = f"{failures[0]}{more}; the rest is in {folder / 'report.html'}"
-        raise palpate.PalpateError(words)
-    return report
+        pool.shutdown(cancel_futures=True)
+
+
+def _prepare_worker() -> None:
+    """End when the process that started this one is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+# On the disk: outcomes and figures, and by what code they were made.
+
+
+@cache
+def code() -> str:
+    """Return a hash of the code that measures, for a checkout changes without its version."""
+    root, found = Path(str(palpate.__file__)).parent, hashlib.sha256()
+    for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".so", ".pyd")):
+        if not path.relative_to(root).as_posix().startswith(NOT_MEASURING):
+            found.update(path.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def provenance(experiment: Experiment) -> dict[str, Any]:
+    """Return what has to match for an outcome to be reused: versions, machine and settings."""
+    made_by = {**versions(), "code": code(), "machine": platform.machine()}
+    return {"versions": made_by, "settings": repr(experiment)}
+
+
+def path_of(folder: Path, name: str, seed: int) -> Path:
+    """Where the outcome of an experiment and a seed lies."""
+    return folder / "outcomes" / f"{name}-seed{seed}.json"
+
+
+def write_outcome(folder: Path, experiment: Experiment, outcome: Outcome) -> None:
+    """Write an outcome, whole or not at all; what is not finite is null."""
+    whole = {
+        "experiment": experiment.name,
+        "provenance": provenance(experiment),
+        "seed": outcome.seed,
+        "numbers": plain(outcome.numbers),
+        "curves": plain(outcome.curves),
+    }
+    text = json.dumps(whole, ensure_ascii=False, allow_nan=False)
+    write_text(path_of(folder, experiment.name, outcome.seed), text + "\n")
+
+
+def read_outcome(folder: Path, experiment: Experiment, seed: int) -> Outcome | None:
+    """Return an outcome written earlier by the same versions and settings; None else."""
+    try:
+        whole = json.loads(path_of(folder, experiment.name, seed).read_text(encoding="utf-8"))
+        if (whole["provenance"], whole["seed"]) == (provenance(experiment), seed):
+            numbers = {name: or_nan(value) for name, value in whole["numbers"].items()}
+            curves = {name: list(map(or_nan, curve)) for name, curve in whole["curves"].items()}
+            return Outcome(seed, numbers, curves)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        pass  # absent or damaged: it is made anew
+    return None
+
+
+def _remark(experiment: Experiment, seeds: int) -> str:
+    """What a figure is of; it stands at its end."""
+    made = hashlib.sha256(repr(provenance(experiment)).encode()).hexdigest()[:16]
+    return f"<!-- {seeds} seeds, {made} -->\n"
+
+
+def write_figures(folder: Path, experiment: Experiment, seeds: int, drawn: Sequence[str]) -> None:
+    """Write an experiment's figure for both backgrounds."""
+    for path, drawing in zip(figures_of(folder, experiment.name), drawn, strict=True):
+        write_text(path, drawing + _remark(experiment, seeds))
+
+
+def figures_are_current(folder: Path, experiment: Experiment, seeds: int) -> bool:
+    """Whether both figures are there, of as many seeds by the same versions and settings."""
+    end, paths = _remark(experiment, seeds), figures_of(folder, experiment.name)
+    try:
+        return all(path.read_text(encoding="utf-8").endswith(end) for path in paths)
+    except (OSError, ValueError):
+        return False
