@@ -324,7 +324,10 @@ class Statement:
         result, engine = [], []
         if source.verdict is not None and source.verdict.overall == "do-not-trust":
             result.append(f"the diagnosis says do not trust{_because(source)}")
-        if not source.law.remembers and any(each < 0.0 for each in _strengths(source)):
+        values = source.law.as_dict()
+        # Of two springs one may pull.
+        strengths = ("damping",) if "quadratic_stiffness" in values else ("stiffness", "damping")
+        if not source.law.remembers and any(values.get(each, 0.0) < 0.0 for each in strengths):
             result.append(
                 "the law has a negative stiffness or damping, and makes energy: "
                 f"{nearest.which} it is another, by {percent(nearest.error_percent)} of force"
@@ -548,13 +551,6 @@ def _listed(numbers: Mapping[str, float], figures: int) -> str:
 
 def _because(source: ExportedLaw) -> str:
     return f": {source.reason}" if source.reason else ""
-
-
-def _strengths(source: ExportedLaw) -> list[float]:
-    """Which of the law's parameters must not be below 0; of two springs one may."""
-    values = source.law.as_dict()
-    springs = [] if "quadratic_stiffness" in values else ["stiffness"]
-    return [values[name] for name in (*springs, "damping") if name in values]
 
 
 def _ms(seconds: float) -> str:

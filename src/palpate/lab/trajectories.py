@@ -59,6 +59,12 @@ class Command:
     lateral_position: Floats
     lateral_velocity: Floats
 
+    @classmethod
+    def inward(cls, penetration: Floats, velocity: Floats) -> "Command":
+        """Straight into the surface and out of it, at the lateral position 0."""
+        still = np.zeros_like(penetration)
+        return cls(penetration, velocity, still, still)
+
 
 @dataclass(frozen=True, slots=True)
 class Probing:
@@ -97,12 +103,9 @@ class Probing:
         since = time - self.pause
         blend, rate = smooth_step(since / self.approach)
         x, v = self.motion.at(since - self.approach)
-        still = np.zeros_like(time)
-        return Command(
+        return Command.inward(
             (x + self.clearance) * blend - self.clearance,
             v * blend + (x + self.clearance) * rate / self.approach,
-            still,
-            still,
         )
 
 
@@ -188,12 +191,9 @@ class Tapping:
         """Return the command at times [s], shape (k,)."""
         turns = np.maximum(time - self.pause, 0.0) * self.rate
         stroke = np.array(self.depths)[turns.astype(np.int64) % len(self.depths)] + self.clearance
-        still = np.zeros_like(time)
-        return Command(
+        return Command.inward(
             stroke * np.square(sin(math.pi * turns)) - self.clearance,
             stroke * math.pi * self.rate * sin(2.0 * math.pi * turns),
-            still,
-            still,
         )
 
 
@@ -248,9 +248,8 @@ class SplineTrajectory:
     def at(self, time: Floats) -> Command:
         """Return the command at times [s], shape (k,)."""
         inside = np.clip(time, *self._ends)
-        still = np.zeros_like(time)
         velocity = np.where(inside == time, self._spline(inside, 1), 0.0)
-        return Command(self._spline(inside), velocity, still, still)
+        return Command.inward(self._spline(inside), velocity)
 
 
 def smooth_step(u: Floats) -> tuple[Floats, Floats]:

@@ -512,22 +512,14 @@ class Scene(InAnEngine):
     """
 
     def __init__(self, path: str | Path) -> None:
-        self._path = Path(path)
-        self.name = f"{self._path.parent.name or 'a'} scene of MuJoCo".removeprefix(".")
-        self._scene = _read(self._path)
-
-    def pushed(self, motion: ProbeMotion) -> Floats:
-        """Force of the scene's contact [N], shape (k,)."""
-        return self._scene.along_motion(motion)
-
-    def describe(self) -> dict[str, Any]:
-        """Return the law that was exported, where a statement beside the scene says it."""
-        beside = self._path.with_name(STATEMENT[0])
+        path = Path(path)
+        name = f"{path.parent.name or 'a'} scene of MuJoCo".removeprefix(".")
         try:
-            law = json.loads(beside.read_bytes())["exported_law"]
-            return {**law, "engine": "mujoco"}
-        except (OSError, ValueError, LookupError, TypeError):
-            return {"kind": "a scene of MuJoCo", "file": self._path.name}
+            law = json.loads(path.with_name(STATEMENT[0]).read_bytes())["exported_law"]
+            truth = {**law, "engine": "mujoco"}
+        except (OSError, ValueError, LookupError, TypeError):  # no statement beside the scene
+            truth = {"kind": "a scene of MuJoCo", "file": path.name}
+        super().__init__(name, _read(path).along_motion, truth)
 
 
 def _read(path: Path) -> PressableModel:
