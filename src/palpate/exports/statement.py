@@ -5,7 +5,7 @@ beside it, or predicts it; a :class:`Statement` judges that, and says it in word
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -85,46 +85,40 @@ class ExportedLaw:
         """
         if isinstance(result, ForceLaw):
             return cls(result, ProbeMotion.of_paper())
-        if isinstance(result, Identification):
-            tip = result.wanted.tip
-            radius = tip.radius if isinstance(tip, Sphere) else None
-            return cls._identified(result, result.diagnosis, result.flags, radius)
-        if not isinstance(result, SavedResult):
+        if not isinstance(result, Identification | SavedResult):
             raise InvalidParameterError(
                 "result must be an Identification, a SavedResult or a force law, not "
                 f"{shown(result)}"
             )
+        judged: Diagnosis | SavedResult
         try:
-            [found] = result.description["results"]
-            saved = (found.get("elastic_modulus") or {}).get("tip") or {}
-            radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
-            return cls._identified(result, result, map(str, found.get("flags", ())), radius)
+            if isinstance(result, Identification):
+                judged, flags, tip = result.diagnosis, result.flags, result.wanted.tip
+                radius = tip.radius if isinstance(tip, Sphere) else None
+            else:
+                judged, [found] = result, result.description["results"]
+                saved = (found.get("elastic_modulus") or {}).get("tip") or {}
+                radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
+                flags = found.get("flags", ())
+            return cls(
+                law=result.law,
+                motion=ProbeMotion.recorded(result),
+                name=Path(result.contact.source).name or "a contact",
+                standard_errors=result.standard_errors,
+                verdict=judged.verdict,
+                findings=tuple(judged.findings),
+                flags=tuple(map(str, flags)),
+                tip_radius=radius,
+            )
         except (RecordingError, InvalidParameterError):
             raise
         except (AttributeError, LookupError, TypeError, ValueError) as error:
+            if isinstance(result, Identification):
+                raise
             reason = f"{type(error).__name__}: {error}"
             raise RecordingError(
                 f"{result.folder}: the result is damaged ({reason}); identify again"
             ) from None
-
-    @classmethod
-    def _identified(
-        cls,
-        result: Identification | SavedResult,
-        judged: Diagnosis | SavedResult,
-        flags: Iterable[str],
-        tip_radius: float | None,
-    ) -> "ExportedLaw":
-        return cls(
-            law=result.law,
-            motion=ProbeMotion.recorded(result),
-            name=Path(result.contact.source).name or "a contact",
-            standard_errors=result.standard_errors,
-            verdict=judged.verdict,
-            findings=tuple(judged.findings),
-            flags=tuple(flags),
-            tip_radius=tip_radius,
-        )
 
     @property
     def reason(self) -> str:
