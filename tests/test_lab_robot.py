@@ -44,7 +44,7 @@ def test_the_speeds_of_the_motors_are_the_slopes_of_their_angles():
     angles = [
         geometry.motor_angles(PLACE + s * h * sideways, DEPTH + s * h * inward) for s in (1, -1)
     ]
-    _, speeds = geometry.motor_motion(PLACE, DEPTH, sideways, inward)
+    _, speeds = geometry.motor_motion(lab.Command(DEPTH, inward, PLACE, sideways))
     # Central differences of step h: rounding of 1e-16/h is the error.
     np.testing.assert_allclose(speeds, (angles[0] - angles[1]) / (2.0 * h), rtol=1e-8, atol=1e-8)
 

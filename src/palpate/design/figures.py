@@ -1,7 +1,7 @@
 """The figure of a design: the planned motion and the better one, and what each would identify."""
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -58,47 +58,43 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
             grid = figure.add_gridspec(2, 6)
             cells = [grid[0, :3], grid[0, 3:], grid[1, :2], grid[1, 2:4], grid[1, 4:]]
             panels = [figure.add_subplot(cell) for cell in cells]
-        motions = _motions(design)
-        _draw_depth(panels[0], motions, look)
-        _draw_orbit(panels[1], design, motions, look)
-        _draw_precision(panels[2:], design, look)
+        shown = [_Shown("planned", design.planned, look.theme.lines[1], "--")]
+        if design.better is not None:
+            shown.append(_Shown("better", design.better, look.theme.lines[0], "-"))
+        _draw_motions(panels[0], panels[1], design, shown, look)
+        rounds = any(
+            bool((each.of.expected_errors > 1.02 * each.of.relative_errors).any()) for each in shown
+        )
+        _draw_precision(panels[2:], design, shown, look, rounds=rounds)
         if sheet.narrow:
             figure.align_ylabels(panels)
         better = "no better motion" if design.better is None else "better"
         caption = f"{CAPTION} Circles: with what the sensor's steps repeat."
-        title = [f"{better}: {design.reason}", _guess(design)]
-        set_titles(figure, sheet, title, caption if _rounds(design) else CAPTION, lines=6)
+        parts = zip(design.law.symbols, design.law.parameters, design.law.units, strict=True)
+        words = (f"{symbol} = {rounded(float(value), 4)} {unit}" for symbol, value, unit in parts)
+        title = [f"{better}: {design.reason}", f"guessed: {', '.join(map(str.strip, words))}"]
+        set_titles(figure, sheet, title, caption if rounds else CAPTION, lines=6)
     return figure
 
 
-def _guess(design: Design) -> str:
-    law = design.law
-    parts = zip(law.symbols, law.parameters, law.units, strict=True)
-    words = (
-        f"{symbol} = {rounded(float(value), 4)} {unit}".strip() for symbol, value, unit in parts
-    )
-    return f"guessed: {', '.join(words)}"
+class _Shown(NamedTuple):
+    """A motion, and its colour and dashes."""
+
+    name: str
+    of: PredictedPrecision
+    colour: str
+    dashes: str
 
 
-def _motions(design: Design) -> list[tuple[str, PredictedPrecision]]:
-    better = [] if design.better is None else [("better", design.better)]
-    return [("planned", design.planned), *better]
-
-
-def _look_of_motion(name: str, look: Look) -> tuple[str, str]:
-    """Colour and dashes of a motion."""
-    return (look.theme.lines[0], "-") if name == "better" else (look.theme.lines[1], "--")
-
-
-def _shown_time(motions: list[tuple[str, PredictedPrecision]]) -> Floats:
+def _shown_time(motions: list[_Shown]) -> Floats:
     """Times to draw motions at, s."""
     frequencies = [
         w
-        for _, each in motions
-        for a, w in zip(each.motion.amplitudes, each.motion.frequencies, strict=True)
+        for each in motions
+        for a, w in zip(each.of.motion.amplitudes, each.of.motion.frequencies, strict=True)
         if a > 0.0
     ]
-    longest = motions[0][1].durations[-1]
+    longest = motions[0].of.durations[-1]
     if not frequencies:
         return np.array([0.0, longest])
     span = min(_PERIODS * 2.0 * math.pi / min(frequencies), longest)
@@ -106,25 +102,15 @@ def _shown_time(motions: list[tuple[str, PredictedPrecision]]) -> Floats:
     return np.linspace(0.0, span, min(int(points) + 2, _MOST_POINTS))
 
 
-def _draw_depth(axes: "Axes", motions: list[tuple[str, PredictedPrecision]], look: Look) -> None:
-    time = _shown_time(motions)
-    depth = scale_of(max(each.peak_penetration for _, each in motions), "m")
-    for name, each in motions:
-        colour, dashes = _look_of_motion(name, look)
-        axes.plot(time, depth.factor * each.motion.at(time)[0], dashes, color=colour, label=name)
-    axes.set(xlabel="time [s]", ylabel=depth.label("penetration"))
-    head(axes, "Penetration")
-
-
-def _draw_orbit(
-    axes: "Axes", design: Design, motions: list[tuple[str, PredictedPrecision]], look: Look
+def _draw_motions(
+    depths: "Axes", orbits: "Axes", design: Design, motions: list[_Shown], look: Look
 ) -> None:
-    """Velocity over penetration, and the limits that the better motion keeps to."""
+    """Penetration over time; velocity over it, and the limits that the better motion keeps to."""
     time, limits = _shown_time(motions), design.limits
-    depth = scale_of(max(each.peak_penetration for _, each in motions), "m")
-    speed = scale_of(max([limits.speed, *(each.peak_speed for _, each in motions)]), "m/s")
+    depth = scale_of(max(each.of.peak_penetration for each in motions), "m")
+    speed = scale_of(max([limits.speed, *(each.of.peak_speed for each in motions)]), "m/s")
     left, right = limits.least_penetration, limits.peak_penetration
-    axes.plot(
+    orbits.plot(
         depth.factor * np.array([left, right, right, left, left]),
         speed.factor * limits.speed * np.array([-1.0, -1.0, 1.0, 1.0, -1.0]),
         ":",
@@ -132,28 +118,31 @@ def _draw_orbit(
         linewidth=look.points(1.0),
         label="limits",
     )
-    for name, each in motions:
-        x, v = each.motion.at(time)
-        colour, dashes = _look_of_motion(name, look)
-        axes.plot(depth.factor * x, speed.factor * v, dashes, color=colour, label=name)
-    axes.set(xlabel=depth.label("penetration"), ylabel=speed.label("velocity"))
-    head(axes, "Velocity over penetration")
+    for name, of, colour, dashes in motions:
+        x, v = of.motion.at(time)
+        depths.plot(time, depth.factor * x, dashes, color=colour, label=name)
+        orbits.plot(depth.factor * x, speed.factor * v, dashes, color=colour, label=name)
+    depths.set(xlabel="time [s]", ylabel=depth.label("penetration"))
+    head(depths, "Penetration")
+    orbits.set(xlabel=depth.label("penetration"), ylabel=speed.label("velocity"))
+    head(orbits, "Velocity over penetration")
 
 
-def _draw_precision(panels: "list[Axes]", design: Design, look: Look) -> None:
+def _draw_precision(
+    panels: "list[Axes]", design: Design, motions: list[_Shown], look: Look, *, rounds: bool
+) -> None:
     """Relative standard error of each parameter over the time in motion, a panel each."""
     durations = design.planned.durations
     first = max(min(0.1, 0.2 * durations[0]), 10.0 * design.sample_time)
     times = np.geomspace(min(first, durations[-1]), durations[-1], _DURATIONS)
-    for name, each in _motions(design):
-        bounds = [design.measurement.relative_errors(each.motion, t, quick=True) for t in times]
-        colour, dashes = _look_of_motion(name, look)
-        rows = zip(panels, 100.0 * np.transpose(bounds), each.expected_errors.T, strict=True)
+    for name, of, colour, dashes in motions:
+        bounds = [design.measurement.relative_errors(of.motion, t, quick=True) for t in times]
+        rows = zip(panels, 100.0 * np.transpose(bounds), of.expected_errors.T, strict=True)
         for axes, errors, expected in rows:
             known = np.where(np.isfinite(errors), errors, np.nan)
             label = name if np.isfinite(errors).any() else f"{name}: not identifiable"
             axes.plot(times, known, dashes, color=colour, label=label)
-            if _rounds(design):
+            if rounds:
                 circles = np.where(np.isfinite(expected), 100.0 * expected, np.nan)
                 size = look.points(5.0)
                 axes.plot(durations, circles, "o", color=colour, mfc="none", markersize=size)
@@ -181,11 +170,3 @@ def _finish_precision(axes: "Axes", symbol: str, targets: tuple[float, ...], loo
             axis.set_major_locator(LogLocator(subs=(1.0,) if few else (1.0, 2.0, 5.0), numticks=9))
     axes.set(xlabel="time in motion [s]", ylabel=f"s.e. of {symbol} [%]")
     head(axes, f"Relative standard error of {symbol}")
-
-
-def _rounds(design: Design) -> bool:
-    """Whether what a sensor's steps repeat is to be seen beside the bound."""
-    return any(
-        bool((each.expected_errors > 1.02 * each.relative_errors).any())
-        for _, each in _motions(design)
-    )

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from palpate.design.motion import PAPER_MOTION as PAPER_MOTION
-from palpate.design.motion import Motion as Motion
+from palpate.design.motion import PAPER_MOTION, Motion
 from palpate.design.precision import (
     HORIZON,
     Limits,

@@ -10,6 +10,7 @@ speed.
 """
 
 import math
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -242,15 +243,12 @@ class PlannedMeasurement:
         self, motion: Motion, before: Floats, index: Floats, stride: int, column: int, target: float
     ) -> int:
         """Return the least count of a block's samples that meets a target; all of them do."""
-        low, high = 0, len(index)
-        while high - low > 1:
-            middle = (low + high) // 2
-            part = before + self._information(motion, index[:middle], stride)
-            if self._relative(part)[column] <= target:
-                high = middle
-            else:
-                low = middle
-        return high
+
+        def met(count: int) -> bool:
+            part = before + self._information(motion, index[:count], stride)
+            return bool(self._relative(part)[column] <= target)
+
+        return bisect_left(range(len(index)), True, lo=1, key=met)
 
     def _to_horizon(self, motion: Motion) -> Iterator[tuple[Floats, int]]:
         every = self._count(_EVERY_SAMPLE)

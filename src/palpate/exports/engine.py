@@ -14,7 +14,7 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +23,11 @@ from palpate.digits import rounded
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.estimators.estimate import rmse_percent
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, force_over_breaks
+from palpate.identifying import Identification
+from palpate.lab.trajectories import Probing
 from palpate.quantities.restitution import restitution
+from palpate.results.saved import SavedResult
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    from palpate.identifying import Identification
-    from palpate.results.saved import SavedResult
-
 
 #: An engine is asked for the force at so many states at most, unless it is slow.
 MOST_SAMPLES = 20_000
@@ -70,8 +68,6 @@ class ProbeMotion:
 
         Judged where it is deeper than 2 mm.
         """
-        from palpate.lab.trajectories import Probing
-
         time: Floats = 1e-3 * np.arange(6000, dtype=np.float64)
         command = Probing(pause=0.0).at(time)
         return cls(
@@ -84,7 +80,7 @@ class ProbeMotion:
         )
 
     @classmethod
-    def recorded(cls, result: "Identification | SavedResult") -> "ProbeMotion":
+    def recorded(cls, result: Identification | SavedResult) -> "ProbeMotion":
         """Return the motion that a law was identified from; judged where samples were taken.
 
         Raises
@@ -93,7 +89,11 @@ class ProbeMotion:
             No sample was taken.
         """
         contact = result.contact
-        surface, offset = surface_and_offset(result)
+        if isinstance(result, Identification):
+            surface, offset = result.estimate.surface, result.estimate.offset
+        else:
+            [found] = result.description["results"]
+            surface, offset = (float(found.get(name, 0.0)) for name in ("surface", "offset"))
         good = np.isfinite(contact.penetration) & np.isfinite(contact.velocity)
         good &= np.isfinite(contact.force)
         parts = [np.flatnonzero(good[part]) + part.start for part in contact.segments()]
@@ -162,14 +162,6 @@ class ProbeMotion:
         return places[:: -(-places.size // most)]
 
 
-def surface_and_offset(result: "Identification | SavedResult") -> tuple[float, float]:
-    """Return where an estimator found the surface, m, and the offset of the force, N; else 0."""
-    if hasattr(result, "description"):
-        [found] = result.description["results"]
-        return float(found.get("surface", 0.0)), float(found.get("offset", 0.0))
-    return result.estimate.surface, result.estimate.offset
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Asked:
     """A law to be carried into an engine, and for what.
@@ -202,6 +194,12 @@ class Asked:
     tip_radius: float | None = None
     time_step: float = 1e-3
     form: str = "auto"
+
+    def __post_init__(self) -> None:
+        if not self.law.stiffness > 0.0:
+            raise InvalidParameterError(
+                f"law must have a stiffness above 0, not {self.law.stiffness:.3g}"
+            )
 
     @property
     def mass_or_one(self) -> float:
@@ -397,6 +395,23 @@ def with_exponents(
 def kelvin_voigt(law: ForceLaw, motion: ProbeMotion) -> GeneralisedHuntCrossley:
     """Return the K x + B v nearest to a law; see :func:`with_exponents`."""
     return with_exponents(law, motion, 1.0, 0.0)
+
+
+def is_kelvin_voigt(law: GeneralisedHuntCrossley) -> bool:
+    """Whether a law is exactly K x + B v."""
+    linear = law.damping == 0.0 or law.damping_exponent == 0.0
+    return law.exponent == 1.0 and linear and not law.remembers
+
+
+def stable_step(law: GeneralisedHuntCrossley, mass: float, depth: float) -> float:
+    """Time step from which on an explicit penalty contact is unstable, s.
+
+    h² k/m + 2 h c/m = 4, with k = n K xⁿ⁻¹ and c = B xᵖ, at the greatest depth. (Semi-implicit
+    Euler of m ẍ + c ẋ + k x = 0; MuJoCo held to within 10 % of it.)
+    """
+    k = law.exponent * law.stiffness * depth ** (law.exponent - 1.0)
+    c = law.damping * depth**law.damping_exponent
+    return float((math.sqrt(c * c + 4.0 * k * mass) - c) / k)
 
 
 @dataclass(frozen=True, slots=True)
@@ -666,23 +681,3 @@ def engine_called(name: str) -> Engine:
         raise InvalidParameterError(f"to must be one of {', '.join(MODULES)}, not {name!r}")
     engine: Engine = import_module(MODULES[name]).ENGINE
     return engine
-
-
-# What engines have in common whose contact is F = K x + B v.
-
-
-def is_kelvin_voigt(law: GeneralisedHuntCrossley) -> bool:
-    """Whether a law is exactly K x + B v."""
-    linear = law.damping == 0.0 or law.damping_exponent == 0.0
-    return law.exponent == 1.0 and linear and not law.remembers
-
-
-def stable_step(law: GeneralisedHuntCrossley, mass: float, depth: float) -> float:
-    """Time step from which on an explicit penalty contact is unstable, s.
-
-    h² k/m + 2 h c/m = 4, with k = n K xⁿ⁻¹ and c = B xᵖ, at the greatest depth. (Semi-implicit
-    Euler of m ẍ + c ẋ + k x = 0; MuJoCo held to within 10 % of it.)
-    """
-    k = law.exponent * law.stiffness * depth ** (law.exponent - 1.0)
-    c = law.damping * depth**law.damping_exponent
-    return float((math.sqrt(c * c + 4.0 * k * mass) - c) / k)

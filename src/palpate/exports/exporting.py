@@ -1,8 +1,7 @@
 """A law on its way into an engine and back: fitted, judged, written down; and pressed again."""
 
 import json
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -17,8 +16,6 @@ from palpate.exports.statement import (
     ExportedLaw,
     Statement,
     compared,
-    refusals,
-    warnings,
 )
 from palpate.lab.materials import Touch
 from palpate.validation import Floats, number_in
@@ -137,10 +134,7 @@ def export(
     _check(engine, asked, given_radius=tip_radius is not None)
     fragment = engine.fit(asked)
     found = compared(source, nearest, fragment, replay=replay and engine.version() is not None)
-    every = source, nearest, fragment, found
-    statement = Statement(
-        source, nearest, engine, fragment, found, refusals(*every), warnings(*every), allow
-    )
+    statement = Statement(source, nearest, engine, fragment, found, allow)
     if statement.refused:
         raise ExportRefusedError(f"{engine.title}: {statement.claim}", statement)
     return Export(statement, fragment, fragment.files(statement.notes()))
@@ -223,18 +217,27 @@ def _written(
 # An exported fragment, for the laboratory to press: the engine's force in place of a law's.
 
 
-class InAnEngine(ABC):
-    """A material of the laboratory whose force an engine works out, state by state."""
+class InAnEngine:
+    """A material of the laboratory whose force an engine works out, state by state.
 
-    name: str
+    Parameters
+    ----------
+    name : str
+        What a person calls it.
+    pushed : callable
+        Force of the engine [N] at the states of a motion below the surface, shape (k,).
+    truth : dict
+        What a recording says of it, SI.
+    """
 
-    @abstractmethod
-    def pushed(self, motion: ProbeMotion) -> Floats:
-        """Force of the engine [N] at the states of a motion below the surface, shape (k,)."""
+    def __init__(
+        self, name: str, pushed: Callable[[ProbeMotion], Floats], truth: dict[str, Any]
+    ) -> None:
+        self.name, self._pushed, self._truth = name, pushed, truth
 
-    @abstractmethod
     def describe(self) -> dict[str, Any]:
-        """Return what a recording says of its truth, SI."""
+        """Return the law that was exported, SI, and the engine."""
+        return self._truth
 
     def touch(self) -> Touch:
         """Refuse: the contact of an engine has the probe's acceleration in it.
@@ -256,7 +259,7 @@ class InAnEngine(ABC):
         force = np.zeros_like(time)
         below = np.flatnonzero(penetration > 0.0)
         if below.size:
-            force[below] = self.pushed(
+            force[below] = self._pushed(
                 ProbeMotion(
                     time[below],
                     penetration[below],
@@ -286,21 +289,15 @@ class Pressed(InAnEngine):
     """
 
     def __init__(self, made: Export) -> None:
-        engine = made.statement.engine
-        self._made = made
-        self.name = f"{made.statement.source.name or 'a law'} in {engine.title}"
+        statement, fragment = made.statement, made.fragment
+        engine, law = statement.engine, statement.nearest.law.simplest()
 
-    def pushed(self, motion: ProbeMotion) -> Floats:
-        """Force of the replayed fragment [N], shape (k,)."""
-        ran = self._made.fragment.replay(motion)
-        if ran is None:
-            engine = self._made.statement.engine
-            raise MissingExtraError(f"{engine.title} is not run here: nothing can press it")
-        return ran.force
+        def replayed(motion: ProbeMotion) -> Floats:
+            ran = fragment.replay(motion)
+            if ran is None:
+                raise MissingExtraError(f"{engine.title} is not run here: nothing can press it")
+            return ran.force
 
-    def describe(self) -> dict[str, Any]:
-        """Return the law that was exported, SI, and the engine."""
-        statement = self._made.statement
-        law = statement.nearest.law.simplest()
-        inside = {"engine": statement.engine.name, "form": statement.fragment.form}
-        return {"kind": law.kind, **law.as_dict(), **inside}
+        name = f"{statement.source.name or 'a law'} in {engine.title}"
+        inside = {"engine": engine.name, "form": fragment.form}
+        super().__init__(name, replayed, {"kind": law.kind, **law.as_dict(), **inside})

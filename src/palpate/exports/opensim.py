@@ -271,16 +271,12 @@ class OpenSim(Engine):
         Raises
         ------
         InvalidParameterError
-            The tip's radius is not given, or the stiffness is not above 0.
+            The tip's radius is not given.
         """
         if asked.tip_radius is None:
             raise InvalidParameterError(
                 "tip_radius is needed for OpenSim, whose force goes with its root: give that of "
                 "the tip, as in --tip-radius 5mm"
-            )
-        if asked.law.stiffness <= 0.0:
-            raise InvalidParameterError(
-                f"a law with a stiffness of {asked.law.stiffness:.3g} cannot be a force of OpenSim"
             )
         law, radius = nearest(asked), asked.tip_radius
         warnings = [

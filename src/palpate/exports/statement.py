@@ -1,18 +1,17 @@
 """What an export states: where its law comes from, how far the engine is from it, and in words.
 
 An :class:`ExportedLaw` is what was identified, or a law alone; :func:`compared` replays the engine
-beside it, or predicts it; :func:`refusals` and :func:`warnings` judge that; a :class:`Statement`
-says it all.
+beside it, or predicts it; a :class:`Statement` judges that, and says it in words and numbers.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, Union, cast
+from typing import Any, TypeAlias
 
 from palpate._core import __version__
-from palpate.diagnosis import MARKS, Finding, Verdict
+from palpate.diagnosis import MARKS, Diagnosis, Finding, Verdict
 from palpate.digits import parameter, rounded
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.exports.engine import (
@@ -31,16 +30,13 @@ from palpate.exports.engine import (
     without_memory,
 )
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, GeneralisedHuntCrossley
+from palpate.identifying import Identification
 from palpate.quantities.elastic_modulus import Sphere
+from palpate.results.saved import SavedResult
 from palpate.validation import Floats, defined, shown
 
-if TYPE_CHECKING:
-    from palpate.identifying import Identification
-    from palpate.results.saved import SavedResult
-
-
 #: What can be exported.
-Exportable: TypeAlias = Union["Identification", "SavedResult", ForceLaw]
+Exportable: TypeAlias = Identification | SavedResult | ForceLaw
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,36 +85,40 @@ class ExportedLaw:
         """
         if isinstance(result, ForceLaw):
             return cls(result, ProbeMotion.of_paper())
-        known = ("law", "contact", "trace", "standard_errors")
-        if not all(hasattr(result, name) for name in known):
+        if not isinstance(result, Identification | SavedResult):
             raise InvalidParameterError(
                 "result must be an Identification, a SavedResult or a force law, not "
                 f"{shown(result)}"
             )
-        if not hasattr(result, "description"):
-            return cls._identified(result, cast(Any, result).diagnosis)
+        judged: Diagnosis | SavedResult
         try:
-            return cls._identified(result, result)
+            if isinstance(result, Identification):
+                judged, flags, tip = result.diagnosis, result.flags, result.wanted.tip
+                radius = tip.radius if isinstance(tip, Sphere) else None
+            else:
+                judged, [found] = result, result.description["results"]
+                saved = (found.get("elastic_modulus") or {}).get("tip") or {}
+                radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
+                flags = found.get("flags", ())
+            return cls(
+                law=result.law,
+                motion=ProbeMotion.recorded(result),
+                name=Path(result.contact.source).name or "a contact",
+                standard_errors=result.standard_errors,
+                verdict=judged.verdict,
+                findings=tuple(judged.findings),
+                flags=tuple(map(str, flags)),
+                tip_radius=radius,
+            )
         except (RecordingError, InvalidParameterError):
             raise
         except (AttributeError, LookupError, TypeError, ValueError) as error:
+            if isinstance(result, Identification):
+                raise
             reason = f"{type(error).__name__}: {error}"
-            folder = cast("SavedResult", result).folder
             raise RecordingError(
-                f"{folder}: the result is damaged ({reason}); identify again"
+                f"{result.folder}: the result is damaged ({reason}); identify again"
             ) from None
-
-    @classmethod
-    def _identified(cls, result: "Identification | SavedResult", judged: Any) -> "ExportedLaw":
-        return cls(
-            law=result.law,
-            motion=ProbeMotion.recorded(result),
-            name=Path(result.contact.source).name or "a contact",
-            standard_errors=result.standard_errors,
-            verdict=judged.verdict,
-            findings=tuple(judged.findings),
-            **_flags_and_tip(result),
-        )
 
     @property
     def reason(self) -> str:
@@ -151,18 +151,6 @@ class ExportedLaw:
                 "back: no engine is given that; palpate diagnose FILE says what is wrong"
             )
         return found
-
-
-def _flags_and_tip(result: Any) -> dict[str, Any]:
-    """Its flags, and the radius of a round tip that was named with the identification."""
-    if not hasattr(result, "description"):
-        tip = result.wanted.tip
-        radius = tip.radius if isinstance(tip, Sphere) else None
-        return {"flags": tuple(result.flags), "tip_radius": radius}
-    [found] = result.description["results"]
-    saved = (found.get("elastic_modulus") or {}).get("tip") or {}
-    radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
-    return {"flags": tuple(map(str, found.get("flags", ()))), "tip_radius": radius}
 
 
 # An engine's force and rebound beside the law's and the measured ones.
@@ -284,7 +272,7 @@ def _interrupted(error: BaseException | None) -> bool:
     return _interrupted(error.__cause__ or error.__context__)
 
 
-# When an export is refused, and what it warns of, whichever the engine.
+# When an export is refused, what it warns of, and what it carries, in words and as plain numbers.
 
 #: Beyond it, %, an engine has another contact than the one that was identified.
 MOST_PERCENT = 5.0
@@ -292,112 +280,6 @@ MOST_PERCENT = 5.0
 REBOUND_PERCENT = 5.0
 # The same number in another arithmetic differs by less, percentage points.
 _AS_PREDICTED = 1.0
-
-
-def refusals(
-    source: ExportedLaw, nearest: Nearest, fragment: Fragment, compared: Compared
-) -> tuple[str, ...]:
-    """Return why an export should not be used; nothing where it may be."""
-    result, engine = [], []
-    if source.verdict is not None and source.verdict.overall == "do-not-trust":
-        result.append(f"the diagnosis says do not trust{_because(source)}")
-    if not source.law.remembers and any(each < 0.0 for each in _strengths(source)):
-        result.append(
-            f"the law has a negative stiffness or damping, and makes energy: {nearest.which} it is "
-            f"another, by {percent(nearest.error_percent)} of force"
-        )
-    if not compared.percent <= MOST_PERCENT:  # which NaN is not either
-        engine.append(
-            f"the force of the engine is off by {percent(compared.percent)}, more than "
-            f"{MOST_PERCENT:g} %, {'replayed' if compared.replayed else 'as predicted'}"
-        )
-    limit, step = fragment.largest_step, fragment.asked.time_step
-    if limit is not None and step >= limit:
-        engine.append(
-            f"the simulation is unstable at a time step of {_ms(step)}: it has to be below "
-            f"{_ms(limit)}"
-        )
-    return (*result, *fragment.refusals, *engine)
-
-
-def warnings(
-    source: ExportedLaw, nearest: Nearest, fragment: Fragment, compared: Compared
-) -> tuple[str, ...]:
-    """Return what a user of an export should know."""
-    return (
-        *_warnings_of_the_result(source, nearest),
-        *fragment.warnings,
-        *_warnings_of_engine(source, fragment, compared),
-    )
-
-
-def _warnings_of_the_result(source: ExportedLaw, nearest: Nearest) -> list[str]:
-    found = []
-    verdict = source.verdict
-    if verdict is None:
-        found.append("a law alone: no recording says how far it is to be trusted")
-    elif verdict.overall == "with-care":
-        found.append(f"the diagnosis says with care{_because(source)}")
-    if verdict is not None and verdict.overall == "trust" and verdict.damping != "trust":
-        found.append(f"the damping alone is {verdict.damping}: so are impacts")
-    found += [f"flagged: {flag}" for flag in source.flags]
-    if nearest.which and source.law.remembers:
-        found.append(
-            f"the law remembers, which no engine does: this is {nearest.which}, "
-            f"{percent(nearest.error_percent)} of force from it on this motion, and more at "
-            "other speeds; restitution is that of this one"
-        )
-    elif nearest.which:
-        found.append(
-            f"the law is none that engines have: this is {nearest.which}, "
-            f"{percent(nearest.error_percent)} of force from it"
-        )
-    return found
-
-
-def _warnings_of_engine(source: ExportedLaw, fragment: Fragment, compared: Compared) -> list[str]:
-    found = []
-    if abs(compared.rebound_percent) > REBOUND_PERCENT:
-        found.append(
-            f"impacts will be wrong: a restitution of {rounded(compared.rebound, 3)}, where the "
-            f"law has {rounded(compared.drop.restitution, 3)}"
-        )
-    if compared.drop.speed > source.motion.fastest and source.verdict is not None:
-        found.append(
-            f"the law was identified at speeds to {length(source.motion.fastest, 2)}/s: an "
-            f"impact at {rounded(compared.drop.speed, 2)} m/s is beyond the recording"
-        )
-    limit, step = fragment.largest_step, fragment.asked.time_step
-    if limit is not None and 0.5 * limit < step < limit:
-        found.append(
-            f"a time step of {_ms(step)} is above half of the {_ms(limit)} from which on the "
-            "simulation is unstable"
-        )
-    if compared.replayed and abs(compared.percent - compared.predicted_percent) > _AS_PREDICTED:
-        found.append(
-            f"the engine was off by {percent(compared.percent)}, and predicted was "
-            f"{percent(compared.predicted_percent)}: its version may differ from those known"
-        )
-    return found
-
-
-def _because(source: ExportedLaw) -> str:
-    return f": {source.reason}" if source.reason else ""
-
-
-def _strengths(source: ExportedLaw) -> list[float]:
-    """Which of the law's parameters must not be below 0; of two springs one may."""
-    values = source.law.as_dict()
-    springs = [] if "quadratic_stiffness" in values else ["stiffness"]
-    return [values[name] for name in (*springs, "damping") if name in values]
-
-
-def _ms(seconds: float) -> str:
-    return f"{rounded(1e3 * seconds, 2)} ms" if math.isfinite(seconds) else "any"
-
-
-# What an export carries, in words and as plain numbers.
-
 #: Below it, %, an error is the arithmetic's: single precision in an engine leaves 10⁻⁵.
 EXACT = 1e-3
 
@@ -418,8 +300,6 @@ class Statement:
         The law in its numbers.
     compared : Compared
         The errors.
-    refusals, warnings : tuple of str
-        Why it should not be used, and what a user should know.
     allowed : bool
         Whether it was asked for in spite of refusals.
     """
@@ -429,9 +309,82 @@ class Statement:
     engine: Engine
     fragment: Fragment = field(repr=False)
     compared: Compared
-    refusals: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
     allowed: bool = False
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """Why it should not be used; nothing where it may be."""
+        source, nearest, found = self.source, self.nearest, self.compared
+        result, engine = [], []
+        if source.verdict is not None and source.verdict.overall == "do-not-trust":
+            result.append(f"the diagnosis says do not trust{_because(source)}")
+        values = source.law.as_dict()
+        # Of two springs one may pull.
+        strengths = ("damping",) if "quadratic_stiffness" in values else ("stiffness", "damping")
+        if not source.law.remembers and any(values.get(each, 0.0) < 0.0 for each in strengths):
+            result.append(
+                "the law has a negative stiffness or damping, and makes energy: "
+                f"{nearest.which} it is another, by {percent(nearest.error_percent)} of force"
+            )
+        if not found.percent <= MOST_PERCENT:  # which NaN is not either
+            engine.append(
+                f"the force of the engine is off by {percent(found.percent)}, more than "
+                f"{MOST_PERCENT:g} %, {'replayed' if found.replayed else 'as predicted'}"
+            )
+        limit, step = self.fragment.largest_step, self.fragment.asked.time_step
+        if limit is not None and step >= limit:
+            engine.append(
+                f"the simulation is unstable at a time step of {_ms(step)}: it has to be below "
+                f"{_ms(limit)}"
+            )
+        return (*result, *self.fragment.refusals, *engine)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know."""
+        source, nearest, found = self.source, self.nearest, self.compared
+        verdict = source.verdict
+        result, engine = [], []
+        if verdict is None:
+            result.append("a law alone: no recording says how far it is to be trusted")
+        elif verdict.overall == "with-care":
+            result.append(f"the diagnosis says with care{_because(source)}")
+        if verdict is not None and verdict.overall == "trust" and verdict.damping != "trust":
+            result.append(f"the damping alone is {verdict.damping}: so are impacts")
+        result += [f"flagged: {flag}" for flag in source.flags]
+        if nearest.which and source.law.remembers:
+            result.append(
+                f"the law remembers, which no engine does: this is {nearest.which}, "
+                f"{percent(nearest.error_percent)} of force from it on this motion, and more at "
+                "other speeds; restitution is that of this one"
+            )
+        elif nearest.which:
+            result.append(
+                f"the law is none that engines have: this is {nearest.which}, "
+                f"{percent(nearest.error_percent)} of force from it"
+            )
+        if abs(found.rebound_percent) > REBOUND_PERCENT:
+            engine.append(
+                f"impacts will be wrong: a restitution of {rounded(found.rebound, 3)}, where the "
+                f"law has {rounded(found.drop.restitution, 3)}"
+            )
+        if found.drop.speed > source.motion.fastest and source.verdict is not None:
+            engine.append(
+                f"the law was identified at speeds to {length(source.motion.fastest, 2)}/s: an "
+                f"impact at {rounded(found.drop.speed, 2)} m/s is beyond the recording"
+            )
+        limit, step = self.fragment.largest_step, self.fragment.asked.time_step
+        if limit is not None and 0.5 * limit < step < limit:
+            engine.append(
+                f"a time step of {_ms(step)} is above half of the {_ms(limit)} from which on the "
+                "simulation is unstable"
+            )
+        if found.replayed and abs(found.percent - found.predicted_percent) > _AS_PREDICTED:
+            engine.append(
+                f"the engine was off by {percent(found.percent)}, and predicted was "
+                f"{percent(found.predicted_percent)}: its version may differ from those known"
+            )
+        return (*result, *self.fragment.warnings, *engine)
 
     @property
     def refused(self) -> bool:
@@ -588,3 +541,11 @@ class Statement:
 
 def _listed(numbers: Mapping[str, float], figures: int) -> str:
     return ", ".join(f"{name} = {rounded(value, figures)}" for name, value in numbers.items())
+
+
+def _because(source: ExportedLaw) -> str:
+    return f": {source.reason}" if source.reason else ""
+
+
+def _ms(seconds: float) -> str:
+    return f"{rounded(1e3 * seconds, 2)} ms" if math.isfinite(seconds) else "any"

@@ -3,14 +3,23 @@
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
 from palpate.lab.materials import Material, Touch
-from palpate.lab.rig import Probe, Progress, Run, Sensors, SimulatedMotion, rounded
+from palpate.lab.rig import (
+    IdealRun,
+    Probe,
+    Progress,
+    Sensors,
+    SimulatedMotion,
+    Simulation,
+    TwinPantograph,
+    rounded,
+)
 from palpate.lab.trajectories import Command, Trajectory, smooth_step
 from palpate.preparation import prepare
 from palpate.preparation.surfaces import deviation_left
@@ -38,12 +47,6 @@ class Measurement:
     command: Command
 
 
-def _twin_pantograph() -> Probe:
-    from palpate.lab.rig import TwinPantograph
-
-    return TwinPantograph()
-
-
 @dataclass(frozen=True, slots=True)
 class Bench:
     """A laboratory bench: one material, one motion, one probe, one set of sensors.
@@ -62,7 +65,7 @@ class Bench:
 
     material: Material
     trajectory: Trajectory
-    probe: Probe = field(default_factory=_twin_pantograph)
+    probe: Probe = field(default_factory=TwinPantograph)
     sensors: Sensors = field(default_factory=Sensors)
 
     def __post_init__(self) -> None:
@@ -92,17 +95,15 @@ class Bench:
         time: Floats = step * np.arange(max(round(length / step), 1), dtype=np.float64)
         random = np.random.default_rng(seed)
         motion = self.probe.follow(self.trajectory, self.material, time, random, progress)
-        return Measurement(
-            self._recorded(time, motion, random, seed),
-            Contact(
-                time,
-                penetration=motion.penetration,
-                velocity=motion.velocity,
-                force=motion.force,
-                source="truth",
-            ),
-            self.trajectory.at(time),
+        truth = Contact(
+            time,
+            penetration=motion.penetration,
+            velocity=motion.velocity,
+            force=motion.force,
+            source="truth",
         )
+        recorded = self._recorded(time, motion, random, seed)
+        return Measurement(recorded, truth, self.trajectory.at(time))
 
     def _recorded(
         self, time: Floats, motion: SimulatedMotion, random: np.random.Generator, seed: int
@@ -110,43 +111,34 @@ class Bench:
         force = self.sensors.force(motion.force, random)
         resting = time < self.trajectory.pause
         tare = float(force[resting].mean()) if resting.any() else 0.0
-        penetration = rounded(motion.recorded_penetration, self.sensors.penetration_resolution)
+        removed = "there is no pause: the force bias is still in"
+        if samples := int(resting.sum()):
+            removed = (
+                f"force bias of {tare:.6g} N, the mean of {samples} samples of the pause, removed"
+            )
         contact = prepare(
             time=time,
-            penetration=penetration,
+            penetration=rounded(motion.recorded_penetration, self.sensors.penetration_resolution),
             force=force - tare,
             source=f"{self.material.name}, {self.probe.name}, seed {seed}",
-            provenance=self._history(tare, int(resting.sum()), seed),
+            provenance={
+                "material": self.material.name,
+                "truth": json.dumps(self.material.describe(), ensure_ascii=False),
+                "trajectory": repr(self.trajectory),
+                "probe": self.probe.name,
+                "sensors": self.sensors.describe(),
+                "tare": removed,
+                "seed": str(seed),
+            },
         )
         left = deviation_left(force, resting) if resting.any() else None
         return replace(contact, tare_deviation=left)
-
-    def _history(self, tare: float, samples: int, seed: int) -> dict[str, str]:
-        removed = (
-            f"force bias of {tare:.6g} N, the mean of {samples} samples of the pause, removed"
-            if samples
-            else "there is no pause: the force bias is still in"
-        )
-        return {
-            "material": self.material.name,
-            "truth": json.dumps(self.material.describe(), ensure_ascii=False),
-            "trajectory": repr(self.trajectory),
-            "probe": self.probe.name,
-            "sensors": self.sensors.describe(),
-            "tare": removed,
-            "seed": str(seed),
-        }
 
 
 # A bench that goes on: what is touched and how the probe moves can be exchanged meanwhile.
 
 #: s that the probe takes from one motion to the beginning of another.
 TRANSITION = 0.5
-
-
-class _Startable(Protocol):
-    def start(self, command: Command, sample_time: float, random: np.random.Generator) -> Run:
-        """Return a run from rest where a command begins."""
 
 
 class OngoingBench:
@@ -245,24 +237,28 @@ class OngoingBench:
         """Do what waits for the end of a transition, when the probe is at rest above."""
         if self.now < self._transition + TRANSITION:
             return
-        if self._transition > -np.inf:  # forget the motion before
-            after, began = self.trajectory.at, self._transition
-            self._motion, self._transition = (lambda time: after(time - began)), -np.inf
+        if self._transition > -np.inf:
+            self._forget_the_motion_before(self._transition)
         if self._moving is not None:
             moving, self._moving = self._moving, None
             self.move(moving)
         elif self._placing is not None:
             self.change(self._placing)
 
-    def _begin(self) -> Run:
-        probe: _Startable = self._bench.probe  # type: ignore[assignment]  # of the laboratory
-        first = self._motion(np.array([self.now]))
-        return probe.start(first, self._step, self._random)
-
-    def _recover(self) -> None:
-        began, self.trajectory = self.now, self._bench.trajectory
+    def _forget_the_motion_before(self, began: float) -> None:
         after = self.trajectory.at
         self._motion, self._transition = (lambda time: after(time - began)), -np.inf
+
+    def _begin(self) -> IdealRun | Simulation:
+        probe: Any = self._bench.probe  # of the laboratory
+        run: IdealRun | Simulation = probe.start(
+            self._motion(np.array([self.now])), self._step, self._random
+        )
+        return run
+
+    def _recover(self) -> None:
+        self.trajectory = self._bench.trajectory
+        self._forget_the_motion_before(self.now)
         self._moving = None
         self.change(self._bench.material)
         self._run = self._begin()
@@ -279,15 +275,17 @@ def _from(material: Material, began: float) -> Touch:
 def _blended(before: Command, after: Command, since: Floats) -> Command:
     """From one motion to another: x = x₀ + (x₁ − x₀) u, whose speed has u̇ (x₁ − x₀) in it."""
     blend, rate = smooth_step(since / TRANSITION)
-    depth, lateral = (
-        after.penetration - before.penetration,
-        after.lateral_position - before.lateral_position,
-    )
+
+    def both(x: Floats, v: Floats, x_after: Floats, v_after: Floats) -> tuple[Floats, Floats]:
+        way = x_after - x
+        return x + way * blend, v + (v_after - v) * blend + way * rate / TRANSITION
+
     return Command(
-        before.penetration + depth * blend,
-        before.velocity + (after.velocity - before.velocity) * blend + depth * rate / TRANSITION,
-        before.lateral_position + lateral * blend,
-        before.lateral_velocity
-        + (after.lateral_velocity - before.lateral_velocity) * blend
-        + lateral * rate / TRANSITION,
+        *both(before.penetration, before.velocity, after.penetration, after.velocity),
+        *both(
+            before.lateral_position,
+            before.lateral_velocity,
+            after.lateral_position,
+            after.lateral_velocity,
+        ),
     )

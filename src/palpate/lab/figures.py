@@ -1,4 +1,4 @@
-"""A picture of the rig as it presses the material, by MuJoCo's own renderer."""
+"""The rig as it presses the material: MuJoCo's picture of it, or a drawing."""
 
 import io
 import os
@@ -71,16 +71,12 @@ def _rendered(run: Simulation, width: int, height: int) -> NDArray[Any]:
     context = GLContext(width, height)
     try:
         context.make_current()
+        camera = mujoco.MjvCamera()
+        camera.lookat[:] = (0.02, -0.085, -0.02)
+        camera.distance, camera.azimuth, camera.elevation = 0.46, 58.0, -40.0
         scene = mujoco.MjvScene(run.model, maxgeom=200)
-        mujoco.mjv_updateScene(
-            run.model,
-            run.data,
-            mujoco.MjvOption(),
-            None,
-            _camera(),
-            mujoco.mjtCatBit.mjCAT_ALL,
-            scene,
-        )
+        options, parts = mujoco.MjvOption(), mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(run.model, run.data, options, None, camera, parts, scene)
         target = mujoco.MjrContext(run.model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, target)
         view, pixels = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), np.uint8)
@@ -90,16 +86,6 @@ def _rendered(run: Simulation, width: int, height: int) -> NDArray[Any]:
     finally:
         context.free()
     return pixels[::-1]
-
-
-def _camera() -> Any:
-    camera = require_mujoco().MjvCamera()
-    camera.lookat[:] = (0.02, -0.085, -0.02)
-    camera.distance, camera.azimuth, camera.elevation = 0.46, 58.0, -40.0
-    return camera
-
-
-# The laboratory's rig as it presses the material: MuJoCo's picture of it, or a drawing.
 
 
 def save_rig(bench: Bench, path: str | Path, *, dark: bool = False) -> str:

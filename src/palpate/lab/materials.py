@@ -18,6 +18,30 @@ from palpate.validation import Floats, instance, number, number_in
 Touch = Callable[[float, float, float, float], float]
 
 
+def felt_along(
+    touch: Touch, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+) -> Floats:
+    """Force [N] along a whole motion, one sample after the other."""
+    columns = (array.tolist() for array in (time, lateral_position, penetration, velocity))
+    return np.array([touch(*sample) for sample in zip(*columns, strict=True)], dtype=np.float64)
+
+
+class SampleBySample:
+    """Whose force along a motion is that of its touch, one sample after the other."""
+
+    __slots__ = ()
+
+    def touch(self) -> Touch:
+        """Return the force of a material that nobody has touched yet."""
+        raise NotImplementedError
+
+    def force(
+        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+    ) -> Floats:
+        """Force [N] along a whole motion, shapes (k,)."""
+        return felt_along(self.touch(), time, lateral_position, penetration, velocity)
+
+
 @runtime_checkable
 class Material(Protocol):
     """What a probe presses on."""
@@ -81,7 +105,7 @@ class Homogeneous:
 
 
 @dataclass(frozen=True, slots=True)
-class Relaxing:
+class Relaxing(SampleBySample):
     """A Hunt–Crossley law and a Maxwell branch in parallel: it relaxes when held.
 
     F = K xⁿ + B xⁿ v + s,   ds/dt = E v − s/τ  for x ≥ 0, else 0;  F ≥ 0
@@ -124,12 +148,6 @@ class Relaxing:
 
         return force
 
-    def force(
-        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
-    ) -> Floats:
-        """Force [N] along a whole motion, shapes (k,)."""
-        return _felt_along(self.touch(), time, lateral_position, penetration, velocity)
-
     def describe(self) -> dict[str, Any]:
         """Return the law's parameters and the branch's, SI."""
         return {
@@ -163,7 +181,7 @@ class _MaxwellBranch:
 
 
 @dataclass(frozen=True, slots=True)
-class SpaceVaryingMaterial:
+class SpaceVaryingMaterial(SampleBySample):
     """Materials side by side: which of them is touched depends on the lateral position.
 
     Parameters
@@ -187,12 +205,6 @@ class SpaceVaryingMaterial:
         """Return the force, as a function of what is done where."""
         return _selected(self.materials, self.borders, by_time=False)
 
-    def force(
-        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
-    ) -> Floats:
-        """Force [N] along a whole motion, shapes (k,)."""
-        return _felt_along(self.touch(), time, lateral_position, penetration, velocity)
-
     def describe(self) -> dict[str, Any]:
         """Return every zone's truth, and the borders [m]."""
         zones = [material.describe() for material in self.materials]
@@ -200,7 +212,7 @@ class SpaceVaryingMaterial:
 
 
 @dataclass(frozen=True, slots=True)
-class TimeVaryingMaterial:
+class TimeVaryingMaterial(SampleBySample):
     """Materials one after the other: which of them is touched depends on the time.
 
     Parameters
@@ -223,12 +235,6 @@ class TimeVaryingMaterial:
     def touch(self) -> Touch:
         """Return the force, as a function of what is done when."""
         return _selected(self.materials, self.times, by_time=True)
-
-    def force(
-        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
-    ) -> Floats:
-        """Force [N] along a whole motion, shapes (k,)."""
-        return _felt_along(self.touch(), time, lateral_position, penetration, velocity)
 
     def describe(self) -> dict[str, Any]:
         """Return every episode's truth, and the times [s]."""
@@ -286,13 +292,6 @@ def _check_sequence(name: str, materials: tuple[Material, ...], edges: tuple[flo
     known = [number(name, edge) for edge in edges]
     if any(after <= before for before, after in itertools.pairwise(known)):
         raise InvalidParameterError(f"{name} must increase, not {edges!r}")
-
-
-def _felt_along(
-    touch: Touch, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
-) -> Floats:
-    columns = (array.tolist() for array in (time, lateral_position, penetration, velocity))
-    return np.array([touch(*sample) for sample in zip(*columns, strict=True)], dtype=np.float64)
 
 
 # Ours, within the orders that the paper's text still gives (section V): ball K ≈ B ≈ 2000, n ≈ 1;

@@ -1,4 +1,4 @@
-"""Geometry of the planar twin pantograph: motor angles to tip, and back.
+"""The rig: geometry, probes and sensors, and a planar twin pantograph that MuJoCo simulates.
 
 The plane has x along the surface and y into the material, y = 0 at the surface. Each pantograph is
 a five-bar linkage: two motors, two proximal and two distal links that meet in its wrist. The wrists
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from palpate.errors import InvalidParameterError, MissingExtraError
-from palpate.lab.materials import Material, Touch
+from palpate.lab.materials import Material, Touch, felt_along
 from palpate.lab.trajectories import Command, Trajectory, arccos, arctan2, cos, sin
 from palpate.validation import Floats, number_in
 
@@ -76,23 +76,18 @@ class Geometry:
         angles: Floats = arctan2(reach[..., 1], reach[..., 0]) + ELBOW * turn
         return angles
 
-    def motor_motion(
-        self,
-        lateral_position: Floats,
-        penetration: Floats,
-        lateral_velocity: Floats,
-        velocity: Floats,
-    ) -> tuple[Floats, Floats]:
+    def motor_motion(self, command: Command) -> tuple[Floats, Floats]:
         """Angles of the four motors, rad, and their speeds, rad/s; shapes (k, 4).
 
         A distal link keeps its length: (wrist − elbow) · (wrist velocity − elbow velocity) = 0.
         """
-        angles = self.motor_angles(lateral_position, penetration)
-        wrists = self.wrists(lateral_position, penetration)[..., PANTOGRAPH, :]
+        tip = command.lateral_position, command.penetration
+        angles = self.motor_angles(*tip)
+        wrists = self.wrists(*tip)[..., PANTOGRAPH, :]
         out = np.stack([cos(angles), sin(angles)], axis=-1)
         along = wrists - (self.motors + self.proximal * out)
         turning = np.stack([-out[..., 1], out[..., 0]], axis=-1) * self.proximal
-        moving = np.stack([lateral_velocity, velocity], axis=-1)[..., None, :]
+        moving = np.stack([command.lateral_velocity, command.velocity], axis=-1)[..., None, :]
         speeds: Floats = (along * moving).sum(axis=-1) / (along * turning).sum(axis=-1)
         return angles, speeds
 
@@ -124,13 +119,12 @@ def _length(vectors: Floats) -> Floats:
 
 def _meeting(left: Floats, right: Floats, radius: float) -> Floats:
     """The deeper of the two points at a distance from both."""
-    first, second = (left, right)
-    between = second - first
+    between = right - left
     distance = _length(between)[..., None]
     height = np.sqrt(np.maximum(radius**2 - 0.25 * distance**2, 0.0))
     across = np.stack([-between[..., 1], between[..., 0]], axis=-1) / distance
     across = across * np.where(across[..., 1:] >= 0.0, 1.0, -1.0)
-    point: Floats = 0.5 * (first + second) + height * across
+    point: Floats = 0.5 * (left + right) + height * across
     return point
 
 
@@ -178,15 +172,6 @@ class Probe(Protocol):
         """Press ``material`` along ``trajectory``; times are s, evenly spaced, from 0 on."""
 
 
-class Run(Protocol):
-    """A probe that has begun, and goes on as it is told."""
-
-    def simulate(
-        self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
-    ) -> SimulatedMotion:
-        """Follow a command over its times [s]; the next call continues from where this one ends."""
-
-
 @dataclass(frozen=True, slots=True)
 class IdealProbe:
     """A tip that is where the command says, without a robot: for statistics."""
@@ -203,10 +188,8 @@ class IdealProbe:
     ) -> SimulatedMotion:
         """Press ``material`` exactly along ``trajectory``."""
         command = trajectory.at(time)
-        x, v = command.penetration, command.velocity
-        return SimulatedMotion(
-            x, v, command.lateral_position, material.force(time, command.lateral_position, x, v), x
-        )
+        x, v, lateral = command.penetration, command.velocity, command.lateral_position
+        return SimulatedMotion(x, v, lateral, material.force(time, lateral, x, v), x)
 
     def start(
         self, command: Command, sample_time: float, random: np.random.Generator
@@ -222,11 +205,8 @@ class IdealRun:
         self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
     ) -> SimulatedMotion:
         """Follow a command over its times [s]."""
-        x, v = command.penetration, command.velocity
-        lateral = command.lateral_position
-        columns = (each.tolist() for each in (time, lateral, x, v))
-        force = np.array([touch(*sample) for sample in zip(*columns, strict=True)])
-        return SimulatedMotion(x, v, lateral, force, x)
+        x, v, lateral = command.penetration, command.velocity, command.lateral_position
+        return SimulatedMotion(x, v, lateral, felt_along(touch, time, lateral, x, v), x)
 
 
 # What stands between a contact and its recording.
@@ -319,12 +299,7 @@ def rig_xml(geometry: Geometry, home: Floats, *, time_step: float) -> str:
     time_step : float
         s.
     """
-    elbows = geometry.elbows(home)
-    wrists = geometry.wrists(*geometry.tip(home))
-    chains = "\n".join(
-        _chain(i, geometry, float(home[i]), elbows[i], wrists[i // 2], _handle(geometry, i))
-        for i in range(4)
-    )
+    chains = "\n".join(_chain(i, geometry, home) for i in range(4))
     motors = "\n".join(f'    <motor name="motor_{i}" joint="motor_{i}"/>' for i in range(4))
     # The stiffest constraint that the step allows: linkages on bearings, not on springs.
     stiff = f'solref="{2.0 * time_step:g} 1" solimp="0.999 0.9999 0.0001"'
@@ -382,11 +357,10 @@ def _scenery(geometry: Geometry) -> str:
 {motors}"""
 
 
-def _chain(
-    i: int, geometry: Geometry, angle: float, elbow: Floats, wrist: Floats, carried: str
-) -> str:
-    """One motor, its proximal and its distal link, at home."""
-    motor = geometry.motors[i]
+def _chain(i: int, geometry: Geometry, home: Floats) -> str:
+    """One motor, its proximal and its distal link, at home; the first chain carries the handle."""
+    motor, angle = geometry.motors[i], float(home[i])
+    elbow, wrist = geometry.elbows(home)[i], geometry.wrists(*geometry.tip(home))[i // 2]
     # The two chains of a pantograph lie one above the other.
     level = THICKNESS * (1.2 if ELBOW[i] > 0.0 else -1.2)
     distal = math.atan2(wrist[1] - elbow[1], wrist[0] - elbow[0])
@@ -397,7 +371,7 @@ def _chain(
       <body name="distal_{i}" pos="{geometry.proximal} 0 0" euler="0 0 {distal - angle:.12g}">
         <joint name="elbow_{i}" type="hinge" axis="0 0 1" damping="1e-5"/>
         {_link(geometry.distal, level, "0.45 0.62 0.78 1")}
-{carried.replace("ANGLE", f"{-distal:.12g}")}
+{_handle(geometry, -distal) if i == 0 else ""}
       </body>
     </body>"""
 
@@ -411,13 +385,11 @@ def _link(length: float, level: float, colour: str) -> str:
     )
 
 
-def _handle(geometry: Geometry, i: int) -> str:
-    """The handle with sensor and poking device, carried by the first chain."""
-    if i != 0:
-        return ""
+def _handle(geometry: Geometry, angle: float) -> str:
+    """The handle with sensor and poking device."""
     half, end = geometry.handle / 2, geometry.poker - 0.004
     return f"""
-        <body name="handle" pos="{geometry.distal} 0 0" euler="0 0 ANGLE">
+        <body name="handle" pos="{geometry.distal} 0 0" euler="0 0 {angle:.12g}">
           <joint name="wrist" type="hinge" axis="0 0 1" damping="1e-5"/>
           <geom type="box" mass="{HANDLE_MASS}" pos="{half:.9g} 0 0"
                 size="{half:.9g} 0.007 0.004" rgba="0.25 0.27 0.3 1"/>
@@ -555,11 +527,12 @@ class _PositionControl:
             kept * filtered + (1.0 - kept) * ((now - last) / step)
             for filtered, now, last in zip(self._filtered, counted, before, strict=True)
         ]
-        self._counted = counted
-        stiff, damped = self._settings.proportional_gain, self._settings.derivative_gain
-        limit = self._settings.torque_limit
+        self._counted, rig, limit = counted, self._settings, self._settings.torque_limit
         every = zip(goal, counted, speed, self._filtered, strict=True)
-        wanted = [stiff * (q - now) + damped * (rate - known) for q, now, rate, known in every]
+        wanted = (
+            rig.proportional_gain * (q - now) + rig.derivative_gain * (rate - known)
+            for q, now, rate, known in every
+        )
         return [min(max(torque, -limit), limit) for torque in wanted]
 
 
@@ -617,36 +590,23 @@ class Simulation:
         self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
     ) -> SimulatedMotion:
         """Follow a command over its times [s]; the next call continues from where this one ends."""
-        goals, speeds = self._geometry.motor_motion(
-            command.lateral_position,
-            command.penetration,
-            command.lateral_velocity,
-            command.velocity,
-        )
+        goals, speeds = self._geometry.motor_motion(command)
         samples, counts = [], []
         every = zip(time.tolist(), goals.tolist(), speeds.tolist(), strict=True)
         for k, (now, goal, speed) in enumerate(every):
             if progress is not None and k % 100 == 0:
                 progress(now)
-            counted = self._encoders.read(self._angles())
+            turned = self._positions.tolist()
+            counted = self._encoders.read([turned[motor] + home for motor, home in self._motors])
             self._torques[:] = self._control.torques(counted, goal, speed)
             counts.append(counted)
-            samples.append(self._sample(now, touch))
+            samples.append(self._step(now, touch))
+            for substep in range(1, self._substeps):
+                self._step(now + substep * self._step_time, touch)
         felt = np.array(samples, dtype=np.float64).reshape(-1, 4).T.copy()
         depth, velocity, lateral_position, force = felt
         recorded = self._geometry.tip(np.array(counts, dtype=np.float64).reshape(-1, 4))[1]
         return SimulatedMotion(depth, velocity, lateral_position, force, recorded)
-
-    def _sample(self, now: float, touch: Touch) -> tuple[float, float, float, float]:
-        """Advance by a sample time; what the tip did and felt at its beginning."""
-        felt = self._step(now, touch)
-        for substep in range(1, self._substeps):
-            self._step(now + substep * self._step_time, touch)
-        return felt
-
-    def _angles(self) -> list[float]:
-        turned = self._positions.tolist()
-        return [turned[address] + home for address, home in self._motors]
 
     def _step(self, now: float, touch: Touch) -> tuple[float, float, float, float]:
         """Advance by a substep; what the tip did and felt at its beginning."""

@@ -1,13 +1,7 @@
-"""Elementary functions of the C library, over arrays.
-
-NumPy's own differ in the last digit from one kind of processor to the next. A robot amplifies
-that: between two counts of its encoders position control sees nothing, and the poking device,
-pushed from behind, diverges from 1e-16 m to a micrometre within half a second. With these the
-same seed gives the same file on them all.
-"""
+"""How the probe is commanded to move: into the surface, and along it."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -19,23 +13,21 @@ from palpate.design.motion import PAPER_MOTION, Motion
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
 from palpate.validation import Floats, instance, number_in, signals
 
-
-def _over_arrays(function: Callable[..., float], arguments: int) -> Callable[..., Floats]:
-    ufunc = np.frompyfunc(function, arguments, 1)
-
-    def over_arrays(*values: ArrayLike) -> Floats:
-        return np.asarray(ufunc(*values), dtype=np.float64)
-
-    return over_arrays
+# Elementary functions of the C library, over arrays.
+#
+# NumPy's own differ in the last digit from one kind of processor to the next. A robot amplifies
+# that: between two counts of its encoders position control sees nothing, and the poking device,
+# pushed from behind, diverges from 1e-16 m to a micrometre within half a second. With these the
+# same seed gives the same file on them all.
 
 
-sin = _over_arrays(math.sin, 1)
-cos = _over_arrays(math.cos, 1)
-arccos = _over_arrays(math.acos, 1)
-arctan2 = _over_arrays(math.atan2, 2)
+sin = np.vectorize(math.sin, otypes=[np.float64])
+cos = np.vectorize(math.cos, otypes=[np.float64])
+arccos = np.vectorize(math.acos, otypes=[np.float64])
+arctan2 = np.vectorize(math.atan2, otypes=[np.float64])
 
 
-# How the probe is commanded to move: into the surface, and along it.
+# Trajectories.
 
 
 @runtime_checkable
@@ -66,6 +58,12 @@ class Command:
     velocity: Floats
     lateral_position: Floats
     lateral_velocity: Floats
+
+    @classmethod
+    def inward(cls, penetration: Floats, velocity: Floats) -> "Command":
+        """Straight into the surface and out of it, at the lateral position 0."""
+        still = np.zeros_like(penetration)
+        return cls(penetration, velocity, still, still)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,12 +103,9 @@ class Probing:
         since = time - self.pause
         blend, rate = smooth_step(since / self.approach)
         x, v = self.motion.at(since - self.approach)
-        still = np.zeros_like(time)
-        return Command(
+        return Command.inward(
             (x + self.clearance) * blend - self.clearance,
             v * blend + (x + self.clearance) * rate / self.approach,
-            still,
-            still,
         )
 
 
@@ -196,12 +191,9 @@ class Tapping:
         """Return the command at times [s], shape (k,)."""
         turns = np.maximum(time - self.pause, 0.0) * self.rate
         stroke = np.array(self.depths)[turns.astype(np.int64) % len(self.depths)] + self.clearance
-        still = np.zeros_like(time)
-        return Command(
+        return Command.inward(
             stroke * np.square(sin(math.pi * turns)) - self.clearance,
             stroke * math.pi * self.rate * sin(2.0 * math.pi * turns),
-            still,
-            still,
         )
 
 
@@ -256,9 +248,8 @@ class SplineTrajectory:
     def at(self, time: Floats) -> Command:
         """Return the command at times [s], shape (k,)."""
         inside = np.clip(time, *self._ends)
-        still = np.zeros_like(time)
         velocity = np.where(inside == time, self._spline(inside, 1), 0.0)
-        return Command(self._spline(inside), velocity, still, still)
+        return Command.inward(self._spline(inside), velocity)
 
 
 def smooth_step(u: Floats) -> tuple[Floats, Floats]:

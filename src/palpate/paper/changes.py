@@ -191,13 +191,12 @@ def _summary(
 
 
 def _curves(name: str, result: palpate.Identification, error: Floats) -> Curves:
-    courses = zip(UNITS, experiment.course_of(result)[::EVERY].T, strict=True)
     # The largest of each 50 samples, so that no peak is thinned away.
     blocks = error[: len(error) // EVERY * EVERY].reshape(-1, EVERY)
     starts = (int(np.searchsorted(result.contact.time, change)) for change in CHANGES)
     changes = [error[start - BEFORE : start + AFTER] for start in starts]
     return {
-        **{f"{name}/{symbol}": course for symbol, course in courses},
+        **experiment.courses(name, result, np.s_[::EVERY]),
         f"{name}/error": blocks.max(axis=1),
         f"{name}/change": np.mean(changes, axis=0),
     }

@@ -27,6 +27,8 @@ from palpate.paper.experiment import (
 from palpate.paper.judging import named
 from palpate.paper.methods import condition_number
 
+# Fig. 10: near the surface.
+
 #: From here on the approach is over, s.
 SINES = 2.5
 MODELS: dict[str, rig.Method] = {
@@ -120,6 +122,8 @@ def _draw_loop(axes: Axes, outcome: Outcome, models: Sequence[str], stiffness: f
     experiment.truth(axes, 0.0, None)
     axes.set(xlabel="penetration [mm]")
 
+
+# Figs. 17 and 18: how rich a motion has to be.
 
 SECONDS = 22.0
 #: How long the ideal probe goes on, s.

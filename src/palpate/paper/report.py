@@ -299,8 +299,17 @@ def write_report(report: Report) -> None:
     The figures that lie in the folder are put into the page.
     """
     folder = report.folder
-    sections = [line for section in report.sections for line in _section(section, folder)]
-    parts = [*_head(report), "<main>", *_claims(report), *_rest(), *sections, "</main>"]
+    chapters = [
+        ("claims", "Every claim of the paper", _claims(report)),
+        ("not-held", "Not held against anything", _not_held()),
+        ("settings", "Settings and materials", _tables(settings())),
+        *(
+            (s.experiment.name, _heading(s.experiment), _section(s, folder))
+            for s in report.sections
+        ),
+    ]
+    sections = (line for chapter in chapters for line in html.section(*chapter))
+    parts = [*_head(report), "<main>", *sections, "</main>"]
     whole = {
         "title": TITLE,
         **circumstances(),
@@ -421,7 +430,6 @@ def _figure(name: str) -> str:
 
 
 def _claims(report: Report) -> Iterator[str]:
-    yield '<section id="claims"><h2>Every claim of the paper</h2>'
     counts = report.counts.items()
     yield _list((_badge(verdict, f"{n} {verdict.value}") for verdict, n in counts), "counts")
     yield (
@@ -441,20 +449,15 @@ def _claims(report: Report) -> Iterator[str]:
         for each in report.judgements
     )
     yield from html.table("Every claim", header, rows)
-    yield "</section>"
 
 
-def _rest() -> Iterator[str]:
-    """What the paper says besides, a list for each reason, and what was chosen here."""
-    yield '<section id="not-held"><h2>Not held against anything</h2>'
+def _not_held() -> Iterator[str]:
+    """What the paper says besides, a list for each reason."""
     yield "<p>What sections II to VIII say besides, and why no number here speaks of it.</p>"
     for why, sentences in not_held().items():
         yield f"<h3>{escape(why)}</h3>"
         every = (f"<q>{escape(words)}</q> <small>{escape(at)}</small>" for at, words in sentences)
         yield _list(every)
-    yield '</section>\n<section id="settings"><h2>Settings and materials</h2>'
-    yield from _tables(settings())
-    yield "</section>"
 
 
 def _tables(tables: Iterable[Table]) -> Iterator[str]:
@@ -467,7 +470,6 @@ def _tables(tables: Iterable[Table]) -> Iterator[str]:
 
 def _section(section: Section, folder: Path) -> Iterator[str]:
     name, words = section.experiment.name, section.experiment.caption
-    yield f'<section id="{name}"><h2>{escape(_heading(section.experiment))}</h2>'
     if section.drawn:
         drawing = figures_of(folder, name)[0].read_text(encoding="utf-8")
         inside = inline(drawing, f"{name}-drawing", words)
@@ -486,4 +488,4 @@ def _section(section: Section, folder: Path) -> Iterator[str]:
     yield from _tables(section.experiment.tables(section.say))
     yield "<details><summary>Every number, as it was measured</summary>"
     yield from _tables([section.say.every_number()])
-    yield "</details>\n</section>"
+    yield "</details>"

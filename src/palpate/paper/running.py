@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 import multiprocessing
 import os
 import platform
@@ -21,6 +20,7 @@ from palpate.figures.style import as_svg, recoloured, slim
 from palpate.fleet.running import ignoring_interrupts
 from palpate.paper.experiment import Experiment, Outcome
 from palpate.paper.report import Report, figures_of, versions, write_report
+from palpate.validation import or_nan, plain
 from palpate.writing import check_own, make_folder, write_text
 
 #: Called with what has just been finished, and how many of how many outcomes and figures are.
@@ -34,80 +34,116 @@ Result = Outcome | tuple[str, str] | str
 NOT_MEASURING = ("cli", "reports", "paper/judging.py", "paper/report.py")
 
 
-@cache
-def code() -> str:
-    """Return a hash of the code that measures, for a checkout changes without its version."""
-    root, found = Path(str(palpate.__file__)).parent, hashlib.sha256()
-    for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".so", ".pyd")):
-        if not path.relative_to(root).as_posix().startswith(NOT_MEASURING):
-            found.update(path.read_bytes())
-    return found.hexdigest()[:16]
+def run_paper(
+    experiments: Sequence[Experiment],
+    *,
+    seeds: int,
+    folder: Path,
+    workers: int | None = None,
+    progress: Progress = lambda words, done, total: None,
+    begun: Callable[[Report], None] = lambda report: None,
+) -> Report:
+    """Run experiments over seeds, write everything to a folder, and resume what it holds.
 
+    ``progress`` is called after each outcome and figure, ``begun`` once before any, with what is
+    reused. ``workers`` is how many processes to start, default: as many as there are cores.
 
-def provenance(experiment: Experiment) -> dict[str, Any]:
-    """Return what has to match for an outcome to be reused: versions, machine and settings."""
-    made_by = {**versions(), "code": code(), "machine": platform.machine()}
-    return {"versions": made_by, "settings": repr(experiment)}
-
-
-def path_of(folder: Path, name: str, seed: int) -> Path:
-    """Where the outcome of an experiment and a seed lies."""
-    return folder / "outcomes" / f"{name}-seed{seed}.json"
-
-
-def write_outcome(folder: Path, experiment: Experiment, outcome: Outcome) -> None:
-    """Write an outcome, whole or not at all; what is not finite is null."""
-
-    def plain(value: float) -> float | None:
-        return value if math.isfinite(value) else None
-
-    whole = {
-        "experiment": experiment.name,
-        "provenance": provenance(experiment),
-        "seed": outcome.seed,
-        "numbers": {name: plain(value) for name, value in outcome.numbers.items()},
-        "curves": {name: list(map(plain, curve)) for name, curve in outcome.curves.items()},
-    }
-    text = json.dumps(whole, ensure_ascii=False, allow_nan=False)
-    write_text(path_of(folder, experiment.name, outcome.seed), text + "\n")
-
-
-def read_outcome(folder: Path, experiment: Experiment, seed: int) -> Outcome | None:
-    """Return an outcome written earlier by the same versions and settings; None else."""
-
-    def known(value: float | None) -> float:
-        return math.nan if value is None else float(value)
-
+    Raises
+    ------
+    RecordingError
+        The folder cannot be written to; raised before the work starts.
+    PalpateError
+        Some experiments failed; the others are in the report all the same.
+    """
+    begun_before = (folder / "outcomes").is_dir()
+    drawings = [path.name for each in experiments for path in figures_of(folder, each.name)]
+    pages = ["report.html", "report.json", "claims.md"]
+    check_own(folder, [*pages, *drawings], lambda _: begun_before)
+    for wanted in (folder, folder / "outcomes"):
+        make_folder(wanted)
+    report = Report(experiments, seeds, folder)
+    _resume(report)
+    begun(report)
     try:
-        whole = json.loads(path_of(folder, experiment.name, seed).read_text(encoding="utf-8"))
-        if (whole["provenance"], whole["seed"]) == (provenance(experiment), seed):
-            numbers = {name: known(value) for name, value in whole["numbers"].items()}
-            curves = {name: list(map(known, curve)) for name, curve in whole["curves"].items()}
-            return Outcome(seed, numbers, curves)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        pass  # absent or damaged: it is made anew
-    return None
+        _work(report, workers or os.cpu_count() or 1, progress)
+    finally:
+        write_report(report)
+    if failures := report.failures:
+        more = f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
+        words = f"{failures[0]}{more}; the rest is in {folder / 'report.html'}"
+        raise palpate.PalpateError(words)
+    return report
 
 
-def _remark(experiment: Experiment, seeds: int) -> str:
-    """What a figure is of; it stands at its end."""
-    made = hashlib.sha256(repr(provenance(experiment)).encode()).hexdigest()[:16]
-    return f"<!-- {seeds} seeds, {made} -->\n"
+def _resume(report: Report) -> None:
+    """Read the outcomes that an earlier run by the same code has left."""
+    for each in report.experiments:
+        found = (read_outcome(report.folder, each, seed) for seed in range(report.seeds))
+        report.outcomes |= {(each.name, outcome.seed): outcome for outcome in found if outcome}
+        if figures_are_current(report.folder, each, report.seeds):
+            report.drawn.add(each.name)
 
 
-def write_figures(folder: Path, experiment: Experiment, seeds: int, drawn: Sequence[str]) -> None:
-    """Write an experiment's figure for both backgrounds."""
-    for path, drawing in zip(figures_of(folder, experiment.name), drawn, strict=True):
-        write_text(path, drawing + _remark(experiment, seeds))
+def _work(report: Report, workers: int, progress: Progress) -> None:
+    """Do all that is missing; a failure is noted, and the rest goes on."""
+    tasks = [*_measurements(report), *_drawings(report, report.experiments)]
+    if not tasks:
+        return
+    with processes(min(workers, len(tasks))) as pool:
+        pending = {pool.submit(perform, *task): task for task in tasks}
+        while pending:
+            # In the order of the work: what was finished first is written down first.
+            finished = futures.wait(pending, return_when=futures.FIRST_COMPLETED).done
+            for future in [each for each in pending if each in finished]:
+                experiments, given = pending.pop(future)
+                try:
+                    results = future.result()
+                except Exception as error:  # a worker that died
+                    results = [f"{type(error).__name__}: {error}"] * len(experiments)
+                for experiment, result in zip(experiments, results, strict=True):
+                    _settle(report, experiment, given, result, progress)
+                # A worker may have died: what it did is among the failures.
+                with suppress(futures.BrokenExecutor):
+                    for task in _drawings(report, experiments) if isinstance(given, int) else ():
+                        pending[pool.submit(perform, *task)] = task
 
 
-def figures_are_current(folder: Path, experiment: Experiment, seeds: int) -> bool:
-    """Whether both figures are there, of as many seeds by the same versions and settings."""
-    end, paths = _remark(experiment, seeds), figures_of(folder, experiment.name)
-    try:
-        return all(path.read_text(encoding="utf-8").endswith(end) for path in paths)
-    except (OSError, ValueError):
-        return False
+def _measurements(report: Report) -> Iterator[Task]:
+    """Each seed of each group, one group after the other, without what is there already."""
+    for group in sorted({each.group for each in report.experiments}):
+        members = [each for each in report.experiments if each.group == group]
+        for seed in range(report.seeds):
+            if left := tuple(e for e in members if (e.name, seed) not in report.outcomes):
+                yield left, seed
+
+
+def _drawings(report: Report, experiments: Iterable[Experiment]) -> Iterator[Task]:
+    """Those of the experiments of which every seed is there, and no figure."""
+    for each in experiments:
+        if report.is_complete(each) and each.name not in report.drawn:
+            yield (each,), report.outcomes_of(each)
+
+
+def _settle(
+    report: Report, experiment: Experiment, given: Given, result: Result, progress: Progress
+) -> None:
+    """Write down what a task gave of an experiment."""
+    what = f"{experiment.name}, {f'seed {given}' if isinstance(given, int) else 'figure'}"
+    if isinstance(result, str):
+        report.failures.append(f"{what}: {result}")
+    elif isinstance(result, Outcome):
+        # Known before it is written: an interrupt may come while the disk takes its time, and the
+        # page then counts every outcome that is there.
+        report.outcomes[experiment.name, result.seed] = result
+        write_outcome(report.folder, experiment, result)
+    else:
+        write_figures(report.folder, experiment, report.seeds, result)
+        report.drawn.add(experiment.name)
+    total = len(report.experiments) * (report.seeds + 1)
+    progress(what, len(report.outcomes) + len(report.drawn), total)
+
+
+# In a worker, and the workers.
 
 
 def perform(experiments: Sequence[Experiment], given: Given) -> list[Result]:
@@ -162,111 +198,72 @@ def _prepare_worker() -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
-def _resume(report: Report) -> None:
-    """Read the outcomes that an earlier run by the same code has left."""
-    for each in report.experiments:
-        found = (read_outcome(report.folder, each, seed) for seed in range(report.seeds))
-        report.outcomes |= {(each.name, outcome.seed): outcome for outcome in found if outcome}
-        if figures_are_current(report.folder, each, report.seeds):
-            report.drawn.add(each.name)
+# On the disk: outcomes and figures, and by what code they were made.
 
 
-def _work(report: Report, workers: int, progress: Progress) -> None:
-    """Do all that is missing; a failure is noted, and the rest goes on."""
-    tasks = [*_measurements(report), *_drawings(report, report.experiments)]
-    if not tasks:
-        return
-    with processes(min(workers, len(tasks))) as pool:
-        pending = {pool.submit(perform, *task): task for task in tasks}
-        while pending:
-            # In the order of the work: what was finished first is written down first.
-            finished = futures.wait(pending, return_when=futures.FIRST_COMPLETED).done
-            for future in [each for each in pending if each in finished]:
-                experiments, given = pending.pop(future)
-                try:
-                    results = future.result()
-                except Exception as error:  # a worker that died
-                    results = [f"{type(error).__name__}: {error}"] * len(experiments)
-                for experiment, result in zip(experiments, results, strict=True):
-                    _settle(report, experiment, given, result, progress)
-                # A worker may have died: what it did is among the failures.
-                with suppress(futures.BrokenExecutor):
-                    for task in _drawings(report, experiments) if isinstance(given, int) else ():
-                        pending[pool.submit(perform, *task)] = task
+@cache
+def code() -> str:
+    """Return a hash of the code that measures, for a checkout changes without its version."""
+    root, found = Path(str(palpate.__file__)).parent, hashlib.sha256()
+    for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".so", ".pyd")):
+        if not path.relative_to(root).as_posix().startswith(NOT_MEASURING):
+            found.update(path.read_bytes())
+    return found.hexdigest()[:16]
 
 
-def _measurements(report: Report) -> Iterator[Task]:
-    """Each seed of each group, one group after the other, without what is there already."""
-    for group in sorted({each.group for each in report.experiments}):
-        members = [each for each in report.experiments if each.group == group]
-        for seed in range(report.seeds):
-            left = tuple(each for each in members if (each.name, seed) not in report.outcomes)
-            if left:
-                yield left, seed
+def provenance(experiment: Experiment) -> dict[str, Any]:
+    """Return what has to match for an outcome to be reused: versions, machine and settings."""
+    made_by = {**versions(), "code": code(), "machine": platform.machine()}
+    return {"versions": made_by, "settings": repr(experiment)}
 
 
-def _drawings(report: Report, experiments: Iterable[Experiment]) -> Iterator[Task]:
-    """Those of the experiments of which every seed is there, and no figure."""
-    for each in experiments:
-        if report.is_complete(each) and each.name not in report.drawn:
-            yield (each,), report.outcomes_of(each)
+def path_of(folder: Path, name: str, seed: int) -> Path:
+    """Where the outcome of an experiment and a seed lies."""
+    return folder / "outcomes" / f"{name}-seed{seed}.json"
 
 
-def _settle(
-    report: Report, experiment: Experiment, given: Given, result: Result, progress: Progress
-) -> None:
-    """Write down what a task gave of an experiment."""
-    what = f"{experiment.name}, {f'seed {given}' if isinstance(given, int) else 'figure'}"
-    if isinstance(result, str):
-        report.failures.append(f"{what}: {result}")
-    elif isinstance(result, Outcome):
-        # Known before it is written: an interrupt may come while the disk takes its time, and the
-        # page then counts every outcome that is there.
-        report.outcomes[experiment.name, result.seed] = result
-        write_outcome(report.folder, experiment, result)
-    else:
-        write_figures(report.folder, experiment, report.seeds, result)
-        report.drawn.add(experiment.name)
-    total = len(report.experiments) * (report.seeds + 1)
-    progress(what, len(report.outcomes) + len(report.drawn), total)
+def write_outcome(folder: Path, experiment: Experiment, outcome: Outcome) -> None:
+    """Write an outcome, whole or not at all; what is not finite is null."""
+    whole = {
+        "experiment": experiment.name,
+        "provenance": provenance(experiment),
+        "seed": outcome.seed,
+        "numbers": plain(outcome.numbers),
+        "curves": plain(outcome.curves),
+    }
+    text = json.dumps(whole, ensure_ascii=False, allow_nan=False)
+    write_text(path_of(folder, experiment.name, outcome.seed), text + "\n")
 
 
-def run_paper(
-    experiments: Sequence[Experiment],
-    *,
-    seeds: int,
-    folder: Path,
-    workers: int | None = None,
-    progress: Progress = lambda words, done, total: None,
-    begun: Callable[[Report], None] = lambda report: None,
-) -> Report:
-    """Run experiments over seeds, write everything to a folder, and resume what it holds.
-
-    ``progress`` is called after each outcome and figure, ``begun`` once before any, with what is
-    reused. ``workers`` is how many processes to start, default: as many as there are cores.
-
-    Raises
-    ------
-    RecordingError
-        The folder cannot be written to; raised before the work starts.
-    PalpateError
-        Some experiments failed; the others are in the report all the same.
-    """
-    begun_before = (folder / "outcomes").is_dir()
-    drawings = [path.name for each in experiments for path in figures_of(folder, each.name)]
-    pages = ["report.html", "report.json", "claims.md"]
-    check_own(folder, [*pages, *drawings], lambda _: begun_before)
-    for wanted in (folder, folder / "outcomes"):
-        make_folder(wanted)
-    report = Report(experiments, seeds, folder)
-    _resume(report)
-    begun(report)
+def read_outcome(folder: Path, experiment: Experiment, seed: int) -> Outcome | None:
+    """Return an outcome written earlier by the same versions and settings; None else."""
     try:
-        _work(report, workers or os.cpu_count() or 1, progress)
-    finally:
-        write_report(report)
-    if failures := report.failures:
-        more = f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
-        words = f"{failures[0]}{more}; the rest is in {folder / 'report.html'}"
-        raise palpate.PalpateError(words)
-    return report
+        whole = json.loads(path_of(folder, experiment.name, seed).read_text(encoding="utf-8"))
+        if (whole["provenance"], whole["seed"]) == (provenance(experiment), seed):
+            numbers = {name: or_nan(value) for name, value in whole["numbers"].items()}
+            curves = {name: list(map(or_nan, curve)) for name, curve in whole["curves"].items()}
+            return Outcome(seed, numbers, curves)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        pass  # absent or damaged: it is made anew
+    return None
+
+
+def _remark(experiment: Experiment, seeds: int) -> str:
+    """What a figure is of; it stands at its end."""
+    made = hashlib.sha256(repr(provenance(experiment)).encode()).hexdigest()[:16]
+    return f"<!-- {seeds} seeds, {made} -->\n"
+
+
+def write_figures(folder: Path, experiment: Experiment, seeds: int, drawn: Sequence[str]) -> None:
+    """Write an experiment's figure for both backgrounds."""
+    for path, drawing in zip(figures_of(folder, experiment.name), drawn, strict=True):
+        write_text(path, drawing + _remark(experiment, seeds))
+
+
+def figures_are_current(folder: Path, experiment: Experiment, seeds: int) -> bool:
+    """Whether both figures are there, of as many seeds by the same versions and settings."""
+    end, paths = _remark(experiment, seeds), figures_of(folder, experiment.name)
+    try:
+        return all(path.read_text(encoding="utf-8").endswith(end) for path in paths)
+    except (OSError, ValueError):
+        return False

@@ -128,10 +128,7 @@ class _Repetitions(Experiment):
                     numbers |= by_symbol(f"standard error {method} {k}", errors)
                     # Of every repetition by the single stage, of the first by others.
                     if method == "single-stage" or k == 0:
-                        for symbol, column in zip(
-                            UNITS, experiment.course_of(result)[drawn].T, strict=True
-                        ):
-                            curves[f"{method} {k}/{symbol}"] = column
+                        curves |= experiment.courses(f"{method} {k}", result, drawn)
             truth = session(material, "three-sines", seeds[0]).truth.window(3.0)
             # The level of the excitation that the rig reached.
             numbers[f"motion {material} [mm]"] = 1e3 * float(np.std(truth.penetration))

@@ -397,10 +397,9 @@ class Drake(Engine):
         Raises
         ------
         InvalidParameterError
-            The stiffness is not above 0; or the slab is asked for without the tip's radius, or for
-            a tip that is pressed in too deep.
+            No contact pushes back; or the slab is asked for without the tip's radius, or for a tip
+            that is pressed in too deep.
         """
-        _pushing(asked.law)
         if asked.form == "auto":
             return _nearest(asked)
         if asked.form == "hydroelastic":
@@ -507,7 +506,7 @@ def _dissipating(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
 
 
 def _pushing(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
-    """The law, which must have a spring."""
+    """The law fitted, which must have a spring."""
     if law.stiffness > 0.0:
         return law
     raise InvalidParameterError(

@@ -11,7 +11,6 @@ the force at (x, v).
 
 import math
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -126,7 +125,8 @@ class Plant:
     """A tip on a slide, as parsed."""
 
     def __init__(self, text: str, setting: Setting, kind: str = "sdf") -> None:
-        drake = _drake()
+        import pydrake.all as drake
+
         builder = drake.DiagramBuilder()
         configuration = drake.MultibodyPlantConfig(
             time_step=setting.time_step,
@@ -195,9 +195,3 @@ def simulated_rebound(plant: Plant, drop: Drop) -> float:
         if not math.isfinite(v):
             break
     return 0.0
-
-
-def _drake() -> ModuleType:
-    import pydrake.all as drake
-
-    return drake

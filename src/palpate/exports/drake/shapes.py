@@ -257,7 +257,10 @@ class Slab:
 def slab(law: GeneralisedHuntCrossley, motion: ProbeMotion, radius: float) -> Slab:
     """Return the slab nearest to a law: least squares over the judged samples."""
     x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
-    halvings = halvings_for(radius, float(np.sqrt(np.mean(x**2))))
+    # So fine a mesh that it loses MESH_LOSS at a mean depth: loss/V by `shapes`, with V = π x² R.
+    depth = float(np.sqrt(np.mean(x**2)))
+    finer = math.log(math.pi * radius / (2.0 * math.sqrt(3.0) * depth * MESH_LOSS), 4.0)
+    halvings = max(math.ceil(finer), _COARSEST)
     # The pressure rises down to the medial plane only.
     thickness = max(0.02, 2.0 * motion.deepest)
     elastic, damper = shapes(x, radius, halvings)
@@ -265,13 +268,6 @@ def slab(law: GeneralisedHuntCrossley, motion: ProbeMotion, radius: float) -> Sl
     per_volume, damping = not_negative(np.column_stack([elastic, damper * v]), wanted).tolist()
     dissipation = damping / per_volume if per_volume > 0.0 else 0.0
     return Slab(per_volume * thickness, dissipation, thickness, radius, halvings)
-
-
-def halvings_for(radius: float, depth: float) -> int:
-    """How fine the mesh must be for its loss at a depth to be :data:`MESH_LOSS`."""
-    # loss/V by `shapes`, with V = π x² R.
-    wanted = math.log(math.pi * radius / (2.0 * math.sqrt(3.0) * depth * MESH_LOSS), 4.0)
-    return max(math.ceil(wanted), _COARSEST)
 
 
 def shapes(penetration: Floats, radius: float, halvings: int) -> tuple[Floats, Floats]:

@@ -46,7 +46,6 @@ from palpate.exports.mujoco.robot import (
     Placement,
     PressableModel,
     Robot,
-    compiled,
     engine_here,
     pressed,
     read,
@@ -108,12 +107,10 @@ class InMuJoCo(Fragment):
 
     def pressed(self) -> PressableModel:
         """Return the user's model with the fragment in it, or the small scene."""
-        rows, robot = self.rows.rows, self.robot
-        if robot is not None:
-            return pressed(robot.path, robot.geom, rows, robot.place)
-        mujoco = engine_here()
-        model = mujoco.MjModel.from_xml_string(self.scene(0.0))
-        return compiled(mujoco, model, TIP, max(len(rows), 1), Placement())
+        if (robot := self.robot) is not None:
+            return pressed(robot.path, robot.geom, self.rows.rows, robot.place)
+        model = engine_here().MjModel.from_xml_string(self.scene(0.0))
+        return PressableModel(model, TIP, Placement())
 
     def contact(self, model: Any, tip: str) -> AbstractContextManager[Any]:
         """Have in force, meanwhile, what the scene itself does not say."""
@@ -215,6 +212,10 @@ _FRICTIONLESS = (
     "the contact is frictionless (condim 1): a condim of 3 would change the force along the normal "
     "under a pyramidal cone, and friction would grow with a pair's adhesion"
 )
+_ONE_FOR_ALL = (
+    "mjcb_passive is one for all models, and none can be compiled while it is installed; it is "
+    "Python at every step, some 20 µs of it"
+)
 
 
 class MuJoCo(Engine):
@@ -243,33 +244,53 @@ class MuJoCo(Engine):
         """
         asked, robot, mobility = _felt(asked)
         asked, lifted = _lifted(asked)
-        if not asked.law.stiffness > 0.0:
-            raise InvalidParameterError(
-                f"law must have a stiffness above 0 for MuJoCo, not {asked.law.stiffness:g}"
-            )
         form, rows = self._chosen(asked, mobility, 1 if robot is None else robot.contacts)
-        if rows is None:
-            return _as_callback(asked, mobility, robot)
-        made = _in_rows(form, asked, rows, robot)
-        made = replace(made, warnings=(*made.warnings, *lifted))
-        if self.pulls() or not any(row.adhesion for row in rows.rows):
-            return made
-        words = f"MuJoCo {self.version()} is too old for the adhesion of a pair: not replayed here"
-        return replace(made, runs=False, warnings=(*made.warnings, words))
-
-    def _chosen(self, asked: Asked, mobility: float, contacts: int) -> tuple[str, PairRows | None]:
-        """The form, and its rows; None of the callback."""
-        if asked.form == "callback":
-            return asked.form, None
-        why = _not_in_rows(asked.law)
-        if asked.form == "auto":
-            if why:
-                return "callback", None
-            tried = self._ways(asked.law)
+        law, deepest = asked.law, asked.motion.deepest
+        engine_law = kelvin_voigt(law, asked.motion) if form == "kelvin-voigt" else law
+        pulls = any(row.adhesion for row in rows.rows)
+        runs = self.pulls() or not pulls
+        refusals = _too_narrow(rows, deepest)
+        if robot is not None:
+            refusals += robot.refusals
+            if form == "callback" and robot.contacts > 1:
+                refusals.append("the callback pushes at one point: give it a round tip")
+            if not robot.passive and (pulls or form == "callback"):
+                refusals.append(NOTHING_PASSIVE)
+        if form == "callback":
+            numbers, warnings = dict(zip("KnBp", numbers_of(law).values(), strict=True)), []
+            if asked.form == "auto":
+                warnings.append(f"{_not_in_rows(law).partition(':')[0]}: so it is a callback")
+            warnings.append(_ONE_FOR_ALL)
         else:
-            if why and asked.form != "kelvin-voigt":
-                raise InvalidParameterError(f"form {asked.form}: {why}")
-            tried = (asked.form,)
+            numbers, warnings = _numbers(rows), [_FRICTIONLESS, *_about(form, asked, rows)]
+            warnings += [*(robot.warnings if robot else ()), *lifted]
+            if not runs:
+                warnings.append(
+                    f"MuJoCo {self.version()} is too old for the adhesion of a pair: not replayed "
+                    "here"
+                )
+        return (AsCallback if form == "callback" else InRows)(
+            form=form,
+            asked=asked,
+            numbers=numbers,
+            engine_law=engine_law,
+            exact=form == "callback",
+            largest_step=stable_step(engine_law, asked.mass_or_one, deepest),
+            warnings=tuple(warnings),
+            refusals=tuple(refusals),
+            rows=rows,
+            robot=robot,
+            runs=runs,
+        )
+
+    def _chosen(self, asked: Asked, mobility: float, contacts: int) -> tuple[str, PairRows]:
+        """The form, and its rows; none of the callback."""
+        why = _not_in_rows(asked.law)
+        if asked.form == "callback" or (asked.form == "auto" and why):
+            return "callback", PairRows((), mobility)
+        if why and asked.form != "kelvin-voigt":
+            raise InvalidParameterError(f"form {asked.form}: {why}")
+        tried = self._ways(asked.law) if asked.form == "auto" else (asked.form,)
         made = {form: FITS[form](asked.law, asked.motion, mobility, contacts) for form in tried}
         if len(made) == 1:
             return tried[0], made[tried[0]]
@@ -340,57 +361,6 @@ def _not_in_rows(law: GeneralisedHuntCrossley) -> str:
     return ""
 
 
-def _as_callback(asked: Asked, mobility: float, robot: Robot | None) -> AsCallback:
-    law = asked.law
-    chosen = _not_in_rows(law) if asked.form == "auto" else ""
-    warnings = [f"{chosen.partition(':')[0]}: so it is a callback"] if chosen else []
-    warnings.append(
-        "mjcb_passive is one for all models, and none can be compiled while it is installed; it is "
-        "Python at every step, some 20 µs of it"
-    )
-    refusals: tuple[str, ...] = ()
-    if robot is not None:
-        refusals = robot.refusals
-        if robot.contacts > 1:
-            refusals += ("the callback pushes at one point: give it a round tip",)
-        refusals += () if robot.passive else (NOTHING_PASSIVE,)
-    return AsCallback(
-        form="callback",
-        asked=asked,
-        numbers=dict(zip("KnBp", numbers_of(law).values(), strict=True)),
-        engine_law=law,
-        exact=True,
-        largest_step=stable_step(law, asked.mass_or_one, asked.motion.deepest),
-        warnings=tuple(warnings),
-        refusals=refusals,
-        rows=PairRows((), mobility),
-        robot=robot,
-    )
-
-
-def _in_rows(form: str, asked: Asked, rows: PairRows, robot: Robot | None) -> InRows:
-    law, deepest = asked.law, asked.motion.deepest
-    engine_law = kelvin_voigt(law, asked.motion) if form == "kelvin-voigt" else law
-    warnings = [_FRICTIONLESS, *_about(form, asked, rows)]
-    refusals = _too_narrow(rows, deepest)
-    if robot is not None:
-        warnings += robot.warnings
-        refusals += robot.refusals
-        if not robot.passive and any(row.adhesion for row in rows.rows):
-            refusals += (NOTHING_PASSIVE,)
-    return InRows(
-        form=form,
-        asked=asked,
-        numbers=_numbers(rows),
-        engine_law=engine_law,
-        largest_step=stable_step(engine_law, asked.mass_or_one, deepest),
-        warnings=tuple(warnings),
-        refusals=refusals,
-        rows=rows,
-        robot=robot,
-    )
-
-
 def _numbers(rows: PairRows) -> dict[str, float]:
     """Every number of the pairs by its name in MJCF."""
     found = {"inverse mass": rows.mobility}
@@ -455,16 +425,16 @@ def _shallow(law: GeneralisedHuntCrossley, rows: PairRows, deepest: float) -> fl
     return float(depths[off].max()) if off.any() else 0.0
 
 
-def _too_narrow(rows: PairRows, deepest: float) -> tuple[str, ...]:
+def _too_narrow(rows: PairRows, deepest: float) -> list[str]:
     """Refuse a width within the recording, beyond which the impedance stands still."""
     for row in rows.rows:
         low, high, width = row.solimp[:3]
         if low < high and width + row.inset < deepest:
-            return (
+            return [
                 f"the width of solimp, {1e3 * width:.3g} mm, is less than the recorded depth of "
-                f"{1e3 * deepest:.3g} mm",
-            )
-    return ()
+                f"{1e3 * deepest:.3g} mm"
+            ]
+    return []
 
 
 ENGINE = MuJoCo()

@@ -39,19 +39,14 @@ _ROOM = 1.02
 Solimp = tuple[float, float, float, float, float]
 
 
-def impedance(
-    depth: Floats | float,
-    low: Floats | float,
-    high: Floats | float,
-    width: Floats | float,
-    midpoint: Floats | float,
-    power: Floats | float,
-) -> Floats:
-    """Return d(x): from ``low`` at the surface to ``high`` at the width, along MuJoCo's sigmoid.
+def impedance(depth: Floats | float, *solimp: Floats | float) -> Floats:
+    """Return d(x): from low at the surface to high at the width, along MuJoCo's sigmoid.
 
+    ``solimp`` is low, high, width, midpoint and power.
     y = z^p/m^(p − 1) up to the midpoint m, 1 − (1 − z)^p/(1 − m)^(p − 1) from there, z = x/width;
     d = low + y (high − low). All go together as in NumPy.
     """
+    low, high, width, midpoint, power = solimp
     z = np.clip(np.asarray(depth, dtype=np.float64) / width, 0.0, 1.0)
     m, p = np.asarray(midpoint, dtype=np.float64), np.asarray(power, dtype=np.float64)
     rising = z**p * m ** (1.0 - p)

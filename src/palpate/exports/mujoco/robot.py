@@ -7,7 +7,7 @@ own model, how it moves where it touches; and at the end a scene that an export 
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -77,8 +77,8 @@ class Placement:
         m, and of length 1, out of the material.
     """
 
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
+    normal: tuple[float, ...] = (0.0, 0.0, 1.0)
 
 
 def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, str]:
@@ -130,34 +130,45 @@ def engine_here() -> Any:
     return require_mujoco("a model of MuJoCo needs MuJoCo: pip install 'palpate[exports]'")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class PressableModel:
-    """A model in which a geom can be pressed into surfaces.
+    """A compiled model in its first pose, in which a geom can be pressed into the surfaces.
 
-    Attributes
+    The surfaces are on a body that is moved by hand (mocap); without one they stand in the world,
+    and the first joint moves the tip out of the material.
+
+    Parameters
     ----------
-    mujoco : module
-        The engine.
-    model, data : mujoco.MjModel, mujoco.MjData
-        In the pose in which it touches.
-    tip : int
-        The geom.
-    pads : tuple of int
-        The surfaces.
+    model : mujoco.MjModel
+        With the surfaces in it.
+    geom : str
+        The tip's.
     place : Placement
-        Where they are at first touch.
-    surface : int, optional
-        The body of the surfaces, by its place among those that are moved by hand (mocap); without
-        it they stand in the world, and the first joint moves the tip out of the material.
+        Where the surfaces are at first touch.
     """
 
-    mujoco: Any
-    model: Any
-    data: Any
-    tip: int
-    pads: tuple[int, ...]
-    place: Placement
-    surface: int | None = None
+    def __init__(self, model: Any, geom: str, place: Placement) -> None:
+        self.mujoco = mujoco = engine_here()
+        # Inverse dynamics of the continuous law, whatever the model integrates with.
+        model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
+        self.model, self.data, self.place = model, mujoco.MjData(model), place
+        if model.nkey:
+            mujoco.mj_resetDataKeyframe(model, self.data, 0)
+        self.data.qvel[:] = 0.0
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, _SURFACE)
+        self.surface: int | None = None if body < 0 else int(model.body_mocapid[body])
+        if self.surface is not None:
+            self.data.mocap_pos[self.surface] = model.body_pos[body]
+            self.data.mocap_quat[self.surface] = model.body_quat[body]
+        mujoco.mj_forward(model, self.data)
+        names = {model.geom(k).name: k for k in range(model.ngeom)}
+        self.tip, self.pads = names[geom], [names[pad] for pad in PADS if pad in names]
+
+    def face(self, position: Floats, normal: Floats) -> None:
+        """Move the surfaces to another place."""
+        self.place = Placement(tuple(position.tolist()), tuple(normal.tolist()))
+        self.data.mocap_pos[self.surface] = position
+        self.data.mocap_quat[self.surface] = _turn(normal)
+        self.mujoco.mj_forward(self.model, self.data)
 
     def sink(self, penetration: float) -> None:
         """Put the tip by so much below the surface [m]: raise that, or lower the scene's slide."""
@@ -326,22 +337,23 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
         raise InvalidParameterError(
             f"geom {geom} of {path.name} stands in the world: name one of a body that moves"
         )
-    there = _touching(first, kind)
-    if there is None:
+    if not _touches(first, kind):
         raise InvalidParameterError(f"geom {geom} of {path.name} cannot move against a surface")
-    counts = there.counts(deepest * np.array([0.05, 0.25, 0.5, 0.75, 1.0]))
-    mass = there.mass()
+    counts = first.counts(deepest * np.array([0.05, 0.25, 0.5, 0.75, 1.0]))
+    mass = first.mass()
+    # Without springs and dampers MuJoCo leaves out every passive force.
+    both = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
     return Robot(
         path,
         geom,
         mobility,
         mass,
         max(1, *counts) if len(counts) == 1 else 1,
-        there.place,
+        first.place,
         float(model.opt.timestep),
         (spec.meshdir, spec.texturedir),
-        _passive(mujoco, model),
-        (*_warnings(kind, geom, counts), *_felt_otherwise(mass, mobility)),
+        int(model.opt.disableflags) & both != both,
+        _warnings(kind, geom, counts, mass, mobility),
         _refusals(mujoco, model, kind, geom, counts),
     )
 
@@ -399,45 +411,25 @@ def pressed(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) ->
         raise InvalidParameterError(
             f"model: {path.name}: MuJoCo cannot compile it: {error}"
         ) from None
-    return compiled(mujoco, model, geom, max(len(rows), 1), place)
+    return PressableModel(model, geom, place)
 
 
-def compiled(mujoco: Any, model: Any, geom: str, count: int, place: Placement) -> PressableModel:
-    """Return a compiled model in its first pose, ready to be pressed."""
-    # Inverse dynamics of the continuous law, whatever the model integrates with.
-    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
-    data = mujoco.MjData(model)
-    if model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-    data.qvel[:] = 0.0
-    surface = None
-    if model.nmocap and _SURFACE in [model.body(k).name for k in range(model.nbody)]:
-        body = model.body(_SURFACE).id
-        surface = int(model.body_mocapid[body])
-        data.mocap_pos[surface], data.mocap_quat[surface] = (
-            model.body_pos[body],
-            model.body_quat[body],
-        )
-    mujoco.mj_forward(model, data)
-    pads = tuple(model.geom(pad).id for pad in PADS[:count])
-    return PressableModel(mujoco, model, data, model.geom(geom).id, pads, place, surface)
-
-
-def _touching(pressed: PressableModel, kind: str) -> PressableModel | None:
+def _touches(pressed: PressableModel, kind: str) -> bool:
     """Put the surface where it touches the geom, facing as far up as the geom can move against it.
 
-    None where the geom moves against none.
+    False where the geom moves against none.
     """
-    centre = np.array(pressed.data.geom_xpos[pressed.tip])
+    centre, line = np.array(pressed.data.geom_xpos[pressed.tip]), np.zeros(6)
     for normal in _normals(kind, pressed.data.geom_xmat[pressed.tip].reshape(3, 3)):
-        far = _faced(pressed, Placement(_triple(centre - _FAR * normal), _triple(normal)))
-        pads, line = far.pads[0], np.zeros(6)
-        gap = far.mujoco.mj_geomDistance(far.model, far.data, pads, far.tip, 2.0 * _FAR, line)
-        there = _faced(far, Placement(_triple(centre + (gap - _FAR) * normal), _triple(normal)))
-        out = there.along()
+        pressed.face(centre - _FAR * normal, normal)
+        gap = pressed.mujoco.mj_geomDistance(
+            pressed.model, pressed.data, pressed.pads[0], pressed.tip, 2.0 * _FAR, line
+        )
+        pressed.face(centre + (gap - _FAR) * normal, normal)
+        out = pressed.along()
         if np.isfinite(out).all() and float(out @ out) < _STUCK**-2:
-            return there
-    return None
+            return True
+    return False
 
 
 def _normals(kind: str, turned: Floats) -> Floats:
@@ -449,19 +441,6 @@ def _normals(kind: str, turned: Floats) -> Floats:
     return np.concatenate([each[np.argsort(-each[:, 2], kind="stable")] for each in both])
 
 
-def _faced(pressed: PressableModel, place: Placement) -> PressableModel:
-    """Move the surface to another place."""
-    pressed.data.mocap_pos[pressed.surface] = place.position
-    pressed.data.mocap_quat[pressed.surface] = _turn(np.asarray(place.normal))
-    pressed.mujoco.mj_forward(pressed.model, pressed.data)
-    return replace(pressed, place=place)
-
-
-def _triple(values: Floats) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return x, y, z
-
-
 def _turn(normal: Floats) -> Floats:
     """The quaternion that turns z to a normal."""
     if normal[2] < -1.0 + 1e-12:
@@ -470,36 +449,28 @@ def _turn(normal: Floats) -> Floats:
     return np.asarray(quaternion / np.linalg.norm(quaternion))
 
 
-def _passive(mujoco: Any, model: Any) -> bool:
-    """Whether any passive force is computed: without springs and dampers MuJoCo leaves out all."""
-    both = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
-    return int(model.opt.disableflags) & both != both
-
-
-def _felt_otherwise(mass: float, mobility: float) -> tuple[str, ...]:
-    """A word on a model that is another mass to an impact than MuJoCo scales its numbers by."""
-    if math.isclose(mass * mobility, 1.0, rel_tol=0.01):
-        return ()
-    return (
-        f"an impact feels {mass:.4g} kg of the model in its first pose, and another mass in "
-        "another pose: restitution and the largest time step are those of this one; scene.xml has "
-        f"the {1.0 / mobility:.4g} kg that the numbers are for",
-    )
-
-
-def _warnings(kind: str, geom: str, counts: set[int]) -> tuple[str, ...]:
+def _warnings(
+    kind: str, geom: str, counts: set[int], mass: float, mobility: float
+) -> tuple[str, ...]:
+    found = []
     if kind == "CAPSULE" and counts == {1}:
-        return (
+        found.append(
             f"{geom} is a capsule, which touches with its end here: lying on its side it has two "
-            "contacts, and twice the force",
+            "contacts, and twice the force"
         )
-    if len(counts) > 1 or max(counts) <= 1:
-        return ()
-    [count] = counts
-    return (
-        f"{geom} is a {kind.lower()} that touches with {count} contacts as long as it lies flat: "
-        "its numbers are those of one of them, and on an edge or a corner the force is less",
-    )
+    elif len(counts) == 1 and max(counts) > 1:
+        found.append(
+            f"{geom} is a {kind.lower()} that touches with {max(counts)} contacts as long as it "
+            "lies flat: its numbers are those of one of them, and on an edge or a corner the force "
+            "is less"
+        )
+    if not math.isclose(mass * mobility, 1.0, rel_tol=0.01):
+        found.append(
+            f"an impact feels {mass:.4g} kg of the model in its first pose, and another mass in "
+            "another pose: restitution and the largest time step are those of this one; scene.xml "
+            f"has the {1.0 / mobility:.4g} kg that the numbers are for"
+        )
+    return tuple(found)
 
 
 def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -> tuple[str, ...]:
@@ -541,22 +512,14 @@ class Scene(InAnEngine):
     """
 
     def __init__(self, path: str | Path) -> None:
-        self._path = Path(path)
-        self.name = f"{self._path.parent.name or 'a'} scene of MuJoCo".removeprefix(".")
-        self._scene = _read(self._path)
-
-    def pushed(self, motion: ProbeMotion) -> Floats:
-        """Force of the scene's contact [N], shape (k,)."""
-        return self._scene.along_motion(motion)
-
-    def describe(self) -> dict[str, Any]:
-        """Return the law that was exported, where a statement beside the scene says it."""
-        beside = self._path.with_name(STATEMENT[0])
+        path = Path(path)
+        name = f"{path.parent.name or 'a'} scene of MuJoCo".removeprefix(".")
         try:
-            law = json.loads(beside.read_bytes())["exported_law"]
-            return {**law, "engine": "mujoco"}
-        except (OSError, ValueError, LookupError, TypeError):
-            return {"kind": "a scene of MuJoCo", "file": self._path.name}
+            law = json.loads(path.with_name(STATEMENT[0]).read_bytes())["exported_law"]
+            truth = {**law, "engine": "mujoco"}
+        except (OSError, ValueError, LookupError, TypeError):  # no statement beside the scene
+            truth = {"kind": "a scene of MuJoCo", "file": path.name}
+        super().__init__(name, _read(path).along_motion, truth)
 
 
 def _read(path: Path) -> PressableModel:
@@ -572,5 +535,4 @@ def _read(path: Path) -> PressableModel:
             f"{path}: no scene that palpate export wrote, with pairs of {TIP} and {PADS[0]}; that "
             "of a callback is pressed in Python, by palpate.exports.Pressed"
         )
-    place = Placement(tuple(np.asarray(model.geom(pads[0]).pos).tolist()))
-    return compiled(mujoco, model, TIP, len(pads), place)
+    return PressableModel(model, TIP, Placement(tuple(model.geom(pads[0]).pos.tolist())))
